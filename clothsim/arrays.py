@@ -1,0 +1,69 @@
+"""Shape and dtype checks at the borders of the package; each error names the array and the offending index."""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from clothsim.errors import InputError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def as_vector(name: str, values: ArrayLike, length: int = 3) -> Floats:
+    """`values` as a finite float64 vector of `length`; InputError names it otherwise."""
+    vector = _as_floats(name, values)
+    if vector.shape != (length,):
+        raise InputError(f"{name} must be {length} numbers, not an array of shape {vector.shape}.")
+    return _finite(name, vector)
+
+
+def as_points(name: str, values: ArrayLike, dimension: int = 3) -> Floats:
+    """`values` as a finite, C-contiguous (n, dimension) float64 array; InputError names the first bad row."""
+    points = _as_floats(name, values)
+    if points.ndim != 2 or points.shape[1] != dimension:
+        raise InputError(f"{name} must have shape (n, {dimension}), not {points.shape}.")
+    return _finite(name, np.ascontiguousarray(points))
+
+
+def as_triangles(name: str, values: ArrayLike, n_vertices: int) -> Ints:
+    """`values` as an (m, 3) int64 array whose entries lie in 0..n_vertices-1; InputError names the first bad row."""
+    try:
+        raw = np.asarray(values)
+        triangles = np.ascontiguousarray(raw, dtype=np.int64)
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{name} must be whole numbers: {error}.") from error
+    if raw.size and not np.array_equal(raw, triangles):
+        raise InputError(f"{name} must be whole numbers.")
+    if triangles.ndim != 2 or triangles.shape[1] != 3:
+        raise InputError(f"{name} must have shape (m, 3), not {triangles.shape}.")
+    bad = np.flatnonzero(((triangles < 0) | (triangles >= n_vertices)).any(axis=1))
+    if bad.size:
+        row = bad[0]
+        raise InputError(f"{name}[{row}] = {triangles[row].tolist()} names a vertex outside 0..{n_vertices - 1}.")
+    return triangles
+
+
+def as_positive(name: str, value: float, zero: bool = False) -> float:
+    """`value` as a finite float above zero (or at zero, where `zero` allows it)."""
+    try:
+        number = float(value)
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{name} must be a number, not {value!r}.") from error
+    if not np.isfinite(number) or number < 0 or (number == 0 and not zero):
+        raise InputError(f"{name} must be {'at least' if zero else 'above'} 0, not {value!r}.")
+    return number
+
+
+def _as_floats(name: str, values: ArrayLike) -> Floats:
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{name} must be numbers: {error}.") from error
+
+
+def _finite(name: str, values: Floats) -> Floats:
+    bad = np.argwhere(~np.isfinite(values))
+    if len(bad):
+        index = ", ".join(str(i) for i in bad[0])
+        raise InputError(f"{name}[{index}] is {values[tuple(bad[0])]}, not a finite number.")
+    return values

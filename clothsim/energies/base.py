@@ -1,0 +1,96 @@
+"""What an Energy is, what a step tells it, and how its Hessian comes out."""
+
+import abc
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from scipy import sparse
+
+from clothsim.arrays import Floats, Ints
+
+
+@dataclass(frozen=True)
+class Step:
+    """What an Energy may know when it is bound to a step of the integrator.
+
+    time: start of the step [s]; dt: its length [s]; positions, velocities: (N, 3) at its start [m], [m/s], in the
+    world's order (cloth, bodies, ghosts); load: the share of the loads that acts, 1 except in a quasi-static ramp;
+    gradient: (N, 3) sum of the gradients of the other energies at the start [N]: given to those that `begin_last`.
+    """
+
+    time: float
+    dt: float
+    positions: Floats
+    velocities: Floats
+    load: float
+    gradient: Floats
+
+
+@dataclass(frozen=True)
+class ElementHessian:
+    """Second derivatives as dense blocks: `blocks (m, 3k, 3k)` [N/m] over the vertices `elements (m, k)`.
+
+    Rows of vertices that are not unknowns (bodies, ghosts) may be there; the assembler drops them.
+    """
+
+    elements: Ints
+    blocks: Floats
+
+    def to_sparse(self, n_vertices: int) -> sparse.csr_array:
+        """The (3 n, 3 n) matrix, assembled the slow and obvious way (tests, diagnostics)."""
+        dofs = (3 * self.elements[:, :, None] + np.arange(3)).reshape(len(self.elements), -1)
+        rows = np.repeat(dofs, dofs.shape[1], axis=1).ravel()
+        columns = np.tile(dofs, (1, dofs.shape[1])).ravel()
+        shape = (3 * n_vertices, 3 * n_vertices)
+        return sparse.coo_array((self.blocks.ravel(), (rows, columns)), shape=shape).tocsr()
+
+
+class Energy(abc.ABC):
+    """A term of E(x): frozen data with `value`, `gradient` and `hessian`. All positions are (N, 3) [m]."""
+
+    begins_last: bool = False
+    """True where `begin` needs `step.gradient`, the sum of the other energies' gradients."""
+
+    @abc.abstractmethod
+    def value(self, x: Floats) -> float:
+        """E(x) [J]; +inf where x is not admissible, never NaN."""
+
+    @abc.abstractmethod
+    def gradient(self, x: Floats) -> Floats:
+        """dE/dx, (N, 3) [N]; rows of vertices that it does not touch are zero."""
+
+    @abc.abstractmethod
+    def hessian(self, x: Floats, project: bool = True) -> "ElementHessian | sparse.csr_array":
+        """d2E/dx2 [N/m]; `project`: positive semi-definite for the Newton direction, else exact."""
+
+    def begin(self, step: Step) -> Self:
+        """A copy bound to the step (lagged quantities, targets); the energy itself where nothing is lagged."""
+        return self
+
+    def step_limit(self, x: Floats, dx: Floats) -> float:
+        """The largest admissible fraction of dx, in (0, 1]."""
+        return 1.0
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """Vertices whose positions are given: `vertices (k,)` and where they are, `positions (k, 3)` [m]."""
+
+    vertices: Ints
+    positions: Floats
+
+
+class Constraint(abc.ABC):
+    """An effect without energy: it prescribes positions, exactly."""
+
+    @abc.abstractmethod
+    def at(self, time: float) -> Prescribed:
+        """The prescribed vertices and their positions at `time` [s]."""
+
+
+@dataclass(frozen=True)
+class Off:
+    """What an effect's builder returns when the scene names it but it can do nothing: the reason, for `explain`."""
+
+    reason: str

@@ -1,0 +1,90 @@
+"""A cloth: where its vertices start, and the shape in which its material is at rest."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints, as_points, as_triangles
+from clothsim.errors import InputError
+from clothsim.mesh.fabric import Fabric
+
+
+@dataclass(frozen=True)
+class Cloth:
+    """One sheet of one fabric.
+
+    positions: (n, 3) start positions [m]; triangles: (m, 3);
+    material_coordinates: (m, 3, 2) the corners of each triangle at rest in its own plane [m];
+    rest_positions: (n, 3) [m], the shape whose hinge angles are at rest (for a flat pattern: see `flat`);
+    flat: True where the rest shape is the flat pattern, so every rest angle is zero; velocity: (3,) at the start [m/s].
+    """
+
+    name: str
+    positions: Floats
+    triangles: Ints
+    material_coordinates: Floats
+    rest_positions: Floats
+    flat: bool
+    fabric: Fabric
+    velocity: Floats
+
+
+def make_cloth(
+    name: str,
+    rest_positions: Floats,
+    triangles: Ints,
+    fabric: Fabric,
+    positions: Floats | None = None,
+    material_coordinates: Floats | None = None,
+    velocity: Floats | tuple[float, float, float] = (0.0, 0.0, 0.0),
+) -> Cloth:
+    """A cloth whose material is at rest in `rest_positions`, or in `material_coordinates (m, 3, 2)` where given [m].
+
+    `positions` is where it starts (default: the rest positions). InputError names the first bad vertex or triangle,
+    also a triangle whose rest shape has no area.
+    """
+    rest = as_points(f"{name} rest_positions", rest_positions)
+    faces = as_triangles(f"{name} triangles", triangles, len(rest))
+    start = rest if positions is None else as_points(f"{name} positions", positions)
+    if start.shape != rest.shape:
+        raise InputError(f"{name}: positions has {len(start)} vertices, rest_positions {len(rest)}.")
+    flat = material_coordinates is not None
+    material = triangle_planes(rest, faces) if material_coordinates is None else np.asarray(material_coordinates, float)
+    if material.shape != (len(faces), 3, 2) or not np.isfinite(material).all():
+        raise InputError(f"{name}: material_coordinates must be finite numbers of shape ({len(faces)}, 3, 2).")
+    _refuse_no_area(name, material)
+    return Cloth(name, start, faces, material, rest, flat, fabric, np.asarray(velocity, float))
+
+
+def triangle_planes(rest_positions: Floats, triangles: Ints) -> Floats:
+    """The corners of each triangle in its own frame (m, 3, 2) [m]: t1 = e1/|e1|, n = e1 x e2/|.|, t2 = n x t1."""
+    corners = rest_positions[triangles]
+    edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    length = np.linalg.norm(edge1, axis=1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        t1 = edge1 / length[:, None]
+        along = np.einsum("ij,ij->i", edge2, t1)
+        height = np.linalg.norm(np.cross(edge1, edge2), axis=1) / length
+    planes = np.zeros((len(triangles), 3, 2))
+    planes[:, 1, 0] = length
+    planes[:, 2, 0] = along
+    planes[:, 2, 1] = height
+    return planes
+
+
+def _refuse_no_area(name: str, material: Floats) -> None:
+    edge1, edge2 = material[:, 1] - material[:, 0], material[:, 2] - material[:, 0]
+    area = 0.5 * (edge1[:, 0] * edge2[:, 1] - edge1[:, 1] * edge2[:, 0])
+    longest = np.maximum((edge1**2).sum(1), (edge2**2).sum(1))
+    bad = np.flatnonzero(~(np.abs(area) > 1e-14 * longest))
+    if bad.size:
+        raise InputError(
+            f"{name}: triangle {bad[0]} has no area at rest ({bad.size} such triangles).",
+            "Remove it or merge its vertices.",
+        )
+    mirrored = np.flatnonzero(area < 0)
+    if mirrored.size and mirrored.size < len(area):
+        raise InputError(
+            f"{name}: triangle {mirrored[0]} is mirrored in the material plane ({mirrored.size} of {len(area)} are).",
+            "Give every triangle of the pattern the same winding.",
+        )

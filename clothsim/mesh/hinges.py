@@ -1,0 +1,81 @@
+"""Hinges: the interior edges about which a cloth bends, with their shape at rest."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.mesh.cloth import Cloth
+from clothsim.mesh.topology import interior_edges
+
+
+@dataclass(frozen=True)
+class Hinges:
+    """Interior edges with the two triangles beside them.
+
+    vertices: (h, 4) edge start, edge end, opposite corner in the first and in the second triangle (world numbers);
+    corners: (h, 4, 2) the four at rest in one plane [m], the hinge unfolded: edge along the first axis, the first
+    triangle's corner above it, the second's below; rest_angles: (h,) dihedral angle at rest [rad], 0 where flat;
+    stiffness: (h,) bending stiffness D [N m], the mean of both sides', doubled on a clamp line (VALIDATION A3).
+    """
+
+    vertices: Ints
+    corners: Floats
+    rest_angles: Floats
+    stiffness: Floats
+
+    @property
+    def edge_lengths(self) -> Floats:
+        """|e| at rest, (h,) [m]."""
+        return self.corners[:, 1, 0]
+
+    @property
+    def areas(self) -> Floats:
+        """A1 + A2, the area of both triangles at rest, (h,) [m2]."""
+        return 0.5 * self.edge_lengths * (self.corners[:, 2, 1] - self.corners[:, 3, 1])
+
+
+def cloth_hinges(cloth: Cloth, offset: int = 0) -> Hinges:
+    """The hinges of one cloth whose first vertex is number `offset` of the world."""
+    vertices, pairs = interior_edges(cloth.triangles)
+    corners = np.zeros((len(vertices), 4, 2))
+    for side, sign in ((0, 1.0), (1, -1.0)):
+        length, along, height = _corner_over_edge(cloth, vertices, pairs[:, side], side)
+        corners[:, 1, 0] += 0.5 * length
+        corners[:, 2 + side, 0] = along
+        corners[:, 2 + side, 1] = sign * height
+    angles = np.zeros(len(vertices)) if cloth.flat else dihedral_angles(cloth.rest_positions, vertices)
+    stiffness = np.full(len(vertices), cloth.fabric.bending_stiffness)
+    return Hinges(vertices + offset, corners, angles, stiffness)
+
+
+def join_hinges(parts: Sequence[Hinges]) -> Hinges:
+    """All hinges in one."""
+    return Hinges(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Hinges)))
+
+
+def dihedral_angles(positions: Floats, hinge_vertices: Ints) -> Floats:
+    """Signed angle between the normals of the two triangles of each hinge, (h,) [rad]; 0 where they are coplanar.
+
+    Positive where the cloth folds towards its back: the opposite corners move against the normal.
+    """
+    start, end, first, second = (positions[hinge_vertices[:, k]] for k in range(4))
+    edge = end - start
+    normal1 = np.cross(edge, first - start)
+    normal2 = np.cross(second - start, edge)
+    sine = np.einsum("ij,ij->i", np.cross(normal1, normal2), edge) / np.linalg.norm(edge, axis=1)
+    return np.arctan2(sine, np.einsum("ij,ij->i", normal1, normal2))
+
+
+def _corner_over_edge(cloth: Cloth, hinges: Ints, triangle: Ints, side: int) -> tuple[Floats, Floats, Floats]:
+    """Rest length of the edge, and where the opposite corner lies over it: along (from the edge start) and above [m]."""
+    faces = cloth.triangles[triangle]
+    at = [np.argmax(faces == hinges[:, k : k + 1], axis=1) for k in (0, 1, 2 + side)]
+    start, end, corner = (cloth.material_coordinates[triangle, k] for k in at)
+    edge = end - start
+    length = np.linalg.norm(edge, axis=1)
+    reach = corner - start
+    along = np.einsum("ij,ij->i", reach, edge) / length
+    height = np.abs(edge[:, 0] * reach[:, 1] - edge[:, 1] * reach[:, 0]) / length
+    return length, along, height

@@ -1,0 +1,128 @@
+"""Everything that has a place: cloths and bodies in one array of vertices, with what the energies need of the rest shape.
+
+Rows of x: first the vertices of all cloths (the unknowns), then those of all bodies, then ghosts (see `clamp`).
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.errors import InputError
+from clothsim.mesh.body import Body
+from clothsim.mesh.cloth import Cloth
+from clothsim.mesh.hinges import Hinges, cloth_hinges, join_hinges
+from clothsim.mesh.topology import unique_edges
+
+
+@dataclass(frozen=True)
+class World:
+    """Cloths and bodies, numbered through. `hinges` may hold more than the cloths' own: clamps add theirs."""
+
+    cloths: tuple[Cloth, ...]
+    bodies: tuple[Body, ...]
+    hinges: Hinges
+    ghosts: Floats
+
+    @cached_property
+    def n_cloth(self) -> int:
+        """Number of cloth vertices: rows 0..n_cloth-1 of x are the unknowns."""
+        return sum(len(cloth.positions) for cloth in self.cloths)
+
+    @cached_property
+    def n_vertices(self) -> int:
+        """Number of rows of x: cloth, bodies and ghosts."""
+        return self.n_cloth + sum(len(body.positions) for body in self.bodies) + len(self.ghosts)
+
+    @cached_property
+    def cloth_slices(self) -> tuple[slice, ...]:
+        """The rows of x of each cloth."""
+        return _slices([len(cloth.positions) for cloth in self.cloths], 0)
+
+    @cached_property
+    def body_slices(self) -> tuple[slice, ...]:
+        """The rows of x of each body."""
+        return _slices([len(body.positions) for body in self.bodies], self.n_cloth)
+
+    @cached_property
+    def triangles(self) -> Ints:
+        """All cloth triangles in world numbering, (m, 3)."""
+        offsets = [rows.start for rows in self.cloth_slices]
+        return np.concatenate([cloth.triangles + k for cloth, k in zip(self.cloths, offsets, strict=True)])
+
+    @cached_property
+    def body_triangles(self) -> Ints:
+        """All body triangles in world numbering, (k, 3)."""
+        offsets = [rows.start for rows in self.body_slices]
+        faces = [body.triangles + k for body, k in zip(self.bodies, offsets, strict=True)]
+        return np.concatenate([np.zeros((0, 3), np.int64), *faces])
+
+    @cached_property
+    def edges(self) -> Ints:
+        """All cloth edges, (e, 2)."""
+        return unique_edges(self.triangles)
+
+    @cached_property
+    def rest_shapes(self) -> Floats:
+        """Dm = [e1 e2] of each triangle at rest, (m, 2, 2) [m]; its columns are the reference edges."""
+        corners = np.concatenate([cloth.material_coordinates for cloth in self.cloths])
+        return np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+
+    @cached_property
+    def rest_shape_inverses(self) -> Floats:
+        """Dm^-1, (m, 2, 2) [1/m]."""
+        return np.linalg.inv(self.rest_shapes)
+
+    @cached_property
+    def rest_areas(self) -> Floats:
+        """Reference area of each triangle, (m,) [m2]."""
+        return 0.5 * np.abs(np.linalg.det(self.rest_shapes))
+
+    @cached_property
+    def masses(self) -> Floats:
+        """Lumped masses of the cloth vertices, (n_cloth,) [kg]: a third of each triangle to each corner."""
+        third = np.repeat(self.per_triangle("density") * self.rest_areas / 3, 3)
+        return np.bincount(self.triangles.ravel(), weights=third, minlength=self.n_cloth)
+
+    @cached_property
+    def vertex_areas(self) -> Floats:
+        """Reference area of each cloth vertex, (n_cloth,) [m2]."""
+        return np.bincount(self.triangles.ravel(), weights=np.repeat(self.rest_areas / 3, 3), minlength=self.n_cloth)
+
+    def per_triangle(self, property_name: str) -> Floats:
+        """A number of each triangle's fabric, (m,): "density", "shear_modulus", "lame_modulus", "thickness", ..."""
+        return np.concatenate(
+            [np.full(len(cloth.triangles), getattr(cloth.fabric, property_name)) for cloth in self.cloths]
+        )
+
+    def start(self) -> Floats:
+        """The positions of every vertex at time 0, (N, 3) [m]."""
+        cloth = [c.positions for c in self.cloths]
+        return np.concatenate([*cloth, *(body.at(0.0) for body in self.bodies), self.ghosts])
+
+    def start_velocities(self) -> Floats:
+        """The velocities of every vertex at time 0, (N, 3) [m/s]; bodies and ghosts have none of their own."""
+        velocities = np.zeros((self.n_vertices, 3))
+        for cloth, rows in zip(self.cloths, self.cloth_slices, strict=True):
+            velocities[rows] = cloth.velocity
+        return velocities
+
+
+def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = ()) -> World:
+    """A world of at least one cloth. InputError where there is none or two things share a name."""
+    if not cloths:
+        raise InputError("The scene has no cloth.", "Add a [[cloth]] table with a mesh.")
+    names = [thing.name for thing in (*cloths, *bodies)]
+    twice = next((name for name in names if names.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"Two things are called {twice!r}.", "Give each cloth and body a name of its own.")
+    offsets = np.cumsum([0] + [len(cloth.positions) for cloth in cloths])
+    parts = [cloth_hinges(cloth, offset) for cloth, offset in zip(cloths, offsets[:-1], strict=True)]
+    return World(tuple(cloths), tuple(bodies), join_hinges(parts), np.zeros((0, 3)))
+
+
+def _slices(sizes: Sequence[int], start: int) -> tuple[slice, ...]:
+    ends = start + np.cumsum([0, *sizes])
+    return tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
