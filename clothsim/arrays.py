@@ -9,6 +9,11 @@ Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
+def as_finite(name: str, values: ArrayLike) -> Floats:
+    """`values` as a finite float64 array of any shape; InputError names the first bad index."""
+    return _finite(name, _as_floats(name, values))
+
+
 def as_vector(name: str, values: ArrayLike, length: int = 3) -> Floats:
     """`values` as a finite float64 vector of `length`; InputError names it otherwise."""
     vector = _as_floats(name, values)

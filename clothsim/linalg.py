@@ -1,0 +1,101 @@
+"""Small dense linear algebra on stacks of matrices: 2x2 eigenpairs, Kabsch rotations, 3D affine fits, PSD projection.
+
+Plain NumPy, for diagnostics, pictures and what is bound once a step; the energies have their own kernels.
+"""
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from clothsim.arrays import Floats, Ints, as_finite
+from clothsim.errors import InputError
+
+LINE_TOLERANCE = 1e-12
+"""Points count as collinear where the second singular value of H = P'Q is below this share of the first: where
+(height over the line / length)^2 is, in exact coordinates."""
+
+FLAT_TOLERANCE = 1e-10
+"""Points count as flat where they rise above their plane by less than this share of their extent."""
+
+_NOISE = 8.0  # round-off of one coordinate, in ulps of the largest, that a rank decision must not see
+
+
+def eigen_2x2(matrices: NDArray[np.floating], semidefinite: bool = False) -> tuple[NDArray, NDArray]:
+    """Eigenvalues (..., 2), the larger first, and eigenvectors (..., 2, 2) as columns of symmetric 2x2 matrices.
+
+    [[a, b], [b, c]]: values (a + c)/2 +- hypot((a - c)/2, b), first vector (cos t, sin t), t = atan2(2 b, a - c)/2,
+    second vector its left normal: the columns are a rotation. No division: equal eigenvalues, rank 1 and 0 are clean.
+    Errors are round-off of the larger value; `semidefinite` clamps the values at 0 (for C = F'F). Keeps the dtype.
+    """
+    a, b, c = matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1]
+    half = a.dtype.type(0.5)
+    middle, radius = half * a + half * c, np.hypot(half * a - half * c, b)
+    values = np.stack([middle + radius, middle - radius], axis=-1)
+    angle = half * np.arctan2(2 * b, a - c)
+    cosine, sine = np.cos(angle), np.sin(angle)
+    vectors = np.stack([np.stack([cosine, -sine], axis=-1), np.stack([sine, cosine], axis=-1)], axis=-2)
+    return (np.maximum(values, 0) if semidefinite else values), vectors
+
+
+def kabsch(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
+    """The rotations R that best carry `reference (..., k, 3)` to `deformed (..., k, 3)`, both centred first.
+
+    min_R sum |R p_i - q_i|^2 (Kabsch 1976): H = P'Q = A S B', R = B diag(1, 1, sign det(B A')) A'.
+    Returns R (..., 3, 3) and `determined (...)`: False where the best rotation is not unique, as for collinear or
+    coincident points (s2 + d s3 = 0); R is then one of the best. Flat rings are determined, mirrored ones too.
+    """
+    P, Q, noise = _centred_pair(reference, deformed)
+    A, s, Bt = np.linalg.svd(np.swapaxes(P, -1, -2) @ Q)
+    sign = np.where(np.linalg.det(A) * np.linalg.det(Bt) < 0, -1.0, 1.0)
+    Bt[..., 2, :] *= sign[..., None]
+    rotations = np.swapaxes(A @ Bt, -1, -2)
+    size_p, size_q = np.linalg.norm(P, axis=(-2, -1)), np.linalg.norm(Q, axis=(-2, -1))
+    floor = LINE_TOLERANCE * s[..., 0] + noise[0] * size_q + noise[1] * size_p
+    return rotations, s[..., 1] + sign * s[..., 2] > floor
+
+
+def fit_gradient(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, Ints]:
+    """The 3D deformation gradients F that fit `deformed (..., k, 3)` to `reference (..., k, 3)`, both centred first.
+
+    min_F sum |F p_i - q_i|^2: F = Q' P (P'P)^-1, computed as Q' pinv(P'), so that no condition number is squared.
+    Returns F (..., 3, 3) and the rank (...) of the reference points. 3: F is the fit. 2 (flat): F is right in the
+    plane of the reference and maps its normal to 0. 1 (line): right along the line only.
+    """
+    P, Q, noise = _centred_pair(reference, deformed)
+    A, s, Bt = np.linalg.svd(P, full_matrices=False)
+    kept = s > np.maximum(FLAT_TOLERANCE * s[..., :1], noise[0][..., None])
+    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=kept)
+    gradients = np.swapaxes(Q, -1, -2) @ (A * inverse[..., None, :]) @ Bt
+    return gradients, kept.sum(axis=-1)
+
+
+def project_psd(blocks: ArrayLike) -> Floats:
+    """The nearest positive semi-definite blocks (m, k, k) in the Frobenius norm: negative eigenvalues set to 0.
+
+    Reads the lower triangles. Blocks without a negative eigenvalue come back bit for bit; of the others the
+    eigenvalues are >= 0 to round-off of the largest. Higham, Linear Algebra Appl. 103 (1988), theorem 2.1.
+    """
+    matrices = as_finite("blocks", blocks)
+    values, vectors = np.linalg.eigh(matrices)
+    indefinite = values[..., 0] < 0
+    V = vectors[indefinite]
+    projected = matrices.copy()
+    projected[indefinite] = (V * np.maximum(values[indefinite], 0)[..., None, :]) @ np.swapaxes(V, -1, -2)
+    return projected
+
+
+def _centred_pair(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
+    """Both point sets less their means, and the round-off that their coordinates carry (...) [as the coordinates]."""
+    dtypes = np.asarray(reference).dtype, np.asarray(deformed).dtype
+    points = as_finite("reference", reference), as_finite("deformed", deformed)
+    shape = points[0].shape
+    if len(shape) < 2 or shape[-1] != 3 or shape[-2] == 0 or points[1].shape != shape:
+        raise InputError(
+            f"reference and deformed must both have shape (..., k, 3) with k >= 1, not {shape} and {points[1].shape}."
+        )
+    P, Q = (p - p.mean(axis=-2, keepdims=True) for p in points)
+    noise = [_NOISE * _epsilon(t) * np.abs(p).max(axis=(-2, -1)) for t, p in zip(dtypes, points, strict=True)]
+    return P, Q, (noise[0], noise[1])
+
+
+def _epsilon(dtype: np.dtype) -> float:
+    return float(np.finfo(dtype if np.issubdtype(dtype, np.floating) else np.float64).eps)
