@@ -125,15 +125,15 @@ def _examine_numbers(points: Floats, raw: Floats, notes: _Notes) -> None:
     notes.add_some(
         "not finite", "not finite (NaN or infinite)", "vertex", np.flatnonzero(~finite), "Correct the coordinates."
     )
-    whole = raw == np.trunc(np.where(np.isfinite(raw), raw, 0.5))
+    whole: Flags = np.equal(raw, np.trunc(np.where(np.isfinite(raw), raw, 0.5)))
     negative, beyond = whole & (raw < 0), whole & (raw >= len(points))
     for kind, bad in zip(BAD_INDICES, (~whole, negative, beyond), strict=True):
         rows = np.flatnonzero(bad.any(axis=1))
         notes.add_some(kind, f"{kind} (vertices are 0..{len(points) - 1})", "triangle", rows, "Correct the index.")
     in_range = whole & ~negative & ~beyond
     faces = np.where(in_range, raw, 0).astype(np.int64)
-    sound = in_range.all(axis=1)
-    repeated = sound & np.any(faces == np.roll(faces, 1, axis=1), axis=1)
+    sound: Flags = np.all(in_range, axis=1)
+    repeated: Flags = sound & np.any(faces == np.roll(faces, 1, axis=1), axis=1)
     notes.add_some(
         "repeated corner", "the same vertex twice", "triangle", np.flatnonzero(repeated), "Remove the triangle."
     )
@@ -148,7 +148,7 @@ def _examine_numbers(points: Floats, raw: Floats, notes: _Notes) -> None:
     if len(rows):
         whole_around = np.ones(len(points), bool)  # a triangle left out of a fan would look like a bow-tie
         whole_around[faces[(~sound | repeated)[:, None] & in_range]] = False
-        _examine_surface(points, faces, rows, finite & used, whole_around, notes)
+        _examine_surface(points, faces, rows, finite & used, whole_around=whole_around, notes=notes)
 
 
 def _distinct(faces: Ints, rows: Ints, notes: _Notes) -> Ints:
@@ -161,9 +161,9 @@ def _distinct(faces: Ints, rows: Ints, notes: _Notes) -> Ints:
 
 
 def _examine_surface(
-    points: Floats, faces: Ints, rows: Ints, placed: Flags, whole_around: Flags, notes: _Notes
+    points: Floats, faces: Ints, rows: Ints, placed: Flags, *, whole_around: Flags, notes: _Notes
 ) -> None:
-    """How the triangles `rows` hang together; by vertex: `placed` used and finite, `whole_around` no triangle left out."""
+    """How the triangles `rows` hang together; vertices `placed`: used, finite; `whole_around`: no triangle left out."""
     triangles = faces[rows]
     if len(rows) > 1 and np.bincount(triangles.ravel()).max() == 1:
         remedy = "Merge the vertices at one place (clothsim.mesh.weld.merge_coincident)."

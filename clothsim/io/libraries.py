@@ -1,0 +1,133 @@
+"""The formats that meshio, trimesh and pyvista read, brought to `Polygons`; each is imported only when needed.
+
+Each reader gets the bytes or the path of one local file; nothing that a file names (a texture, a script) is opened.
+"""
+
+import io
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from clothsim.arrays import Ints
+from clothsim.errors import InputError
+from clothsim.io.polygons import Polygons
+from clothsim.mesh.weld import merge_coincident
+
+SURFACES = ("triangle", "quad", "polygon")
+"""The cell types of meshio that are straight faces."""
+
+
+def read_ply(path: Path, content: bytes) -> Polygons:
+    """A PLY file, text or binary."""
+    import meshio.ply
+
+    if b"end_header" not in content:  # meshio would look for it for ever
+        raise InputError(f"{path} has no complete PLY header.")
+    return _of_meshio(path, meshio.ply.read(str(path)))
+
+
+def read_vtk(path: Path, content: bytes) -> Polygons:
+    """A legacy VTK file; meshio reads the unstructured grids, VTK itself the PolyData."""
+    import meshio.vtk
+
+    if b"POLYDATA" not in content[:1024].upper():
+        return _of_meshio(path, meshio.vtk.read(str(path)))
+    import pyvista
+
+    surface = pyvista.read(str(path))
+    return _of_vtk_faces(np.asarray(surface.points, float), np.asarray(surface.faces, np.int64))
+
+
+def read_vtu(path: Path, content: bytes) -> Polygons:
+    """A VTK XML unstructured grid."""
+    import meshio.vtu
+
+    return _of_meshio(path, meshio.vtu.read(str(path)))
+
+
+def read_msh(path: Path, content: bytes) -> Polygons:
+    """A Gmsh file of version 2 or 4."""
+    import meshio.gmsh
+
+    return _of_meshio(path, meshio.gmsh.read(str(path)))
+
+
+def read_stl(path: Path, content: bytes) -> Polygons:
+    """An STL file. It repeats the corners of every triangle, so those at one place are merged."""
+    return _of_trimesh(path, content, "stl")
+
+
+def read_glb(path: Path, content: bytes) -> Polygons:
+    """A binary glTF scene, every node where the scene puts it; vertices that it splits for textures are merged."""
+    return _of_trimesh(path, content, "glb")
+
+
+READERS: dict[str, Callable[[Path, bytes], Polygons]] = {
+    ".ply": read_ply,
+    ".vtk": read_vtk,
+    ".vtu": read_vtu,
+    ".msh": read_msh,
+    ".stl": read_stl,
+    ".glb": read_glb,
+}
+
+
+def _of_meshio(path: Path, mesh) -> Polygons:
+    points = np.asarray(mesh.points, float)
+    messages = []
+    if points.ndim == 2 and points.shape[1] == 2:
+        points = np.column_stack([points, np.zeros(len(points))])
+        messages.append("two coordinates a vertex: z = 0")
+    corners, sizes = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+    for block in mesh.cells:
+        if block.type in SURFACES:
+            corners += [np.asarray(face, np.int64).ravel() for face in block.data]
+            sizes.append(np.array([len(face) for face in block.data], np.int64))
+        else:
+            messages.append(f"{len(block.data)} {block.type} cells ignored")
+    return _polygons(points, np.concatenate(corners), np.concatenate(sizes), tuple(messages))
+
+
+def _of_vtk_faces(points: np.ndarray, faces: Ints) -> Polygons:
+    """`faces` as VTK keeps them: size, corners, size, corners ..."""
+    sizes, corners, place = [], [np.zeros(0, np.int64)], 0
+    while place < len(faces):
+        sizes.append(faces[place])
+        corners.append(faces[place + 1 : place + 1 + faces[place]])
+        place += 1 + faces[place]
+    return _polygons(points, np.concatenate(corners), np.array(sizes, np.int64), ())
+
+
+def _polygons(points: np.ndarray, corners: Ints, sizes: Ints, messages: tuple[str, ...]) -> Polygons:
+    starts = np.concatenate([[0], np.cumsum(sizes)]).astype(np.int64)
+    return Polygons(points, corners, starts, messages=messages)
+
+
+def _of_trimesh(path: Path, content: bytes, file_type: str) -> Polygons:
+    import trimesh
+
+    scene = trimesh.load_scene(io.BytesIO(content), file_type=file_type, process=False)
+    points, triangles, texture, groups, count, faces = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], [], {}, 0, 0
+    for node in scene.graph.nodes_geometry:
+        transform, name = scene.graph[node]
+        part = scene.geometry[name]
+        if not isinstance(part, trimesh.Trimesh):
+            continue
+        points.append(np.asarray(part.vertices, float) @ transform[:3, :3].T + transform[:3, 3])
+        triangles.append(np.asarray(part.faces, np.int64) + count)
+        coordinates = getattr(part.visual, "uv", None)
+        texture.append(None if coordinates is None else np.asarray(coordinates, float)[part.faces].reshape(-1, 2))
+        groups[str(node)] = faces + np.arange(len(part.faces))
+        count, faces = count + len(part.vertices), faces + len(part.faces)
+    merged, number = merge_coincident(np.concatenate(points))
+    corners = number[np.concatenate(triangles)].ravel()
+    known = [coordinates for coordinates in texture if coordinates is not None]
+    return Polygons(
+        merged,
+        corners,
+        3 * np.arange(faces + 1),
+        np.concatenate(known) if known and len(known) == len(texture) else np.zeros((0, 2)),
+        groups,
+        (f"{count - len(merged)} vertices at the place of another merged",) if len(merged) < count else (),
+    )
