@@ -69,6 +69,6 @@ def _as_floats(name: str, values: ArrayLike) -> Floats:
 def _finite(name: str, values: Floats) -> Floats:
     bad = np.argwhere(~np.isfinite(values))
     if len(bad):
-        index = ", ".join(str(i) for i in bad[0])
-        raise InputError(f"{name}[{index}] is {values[tuple(bad[0])]}, not a finite number.")
+        index = f"[{', '.join(str(i) for i in bad[0])}]" if values.ndim else ""
+        raise InputError(f"{name}{index} is {values[tuple(bad[0])]}, not a finite number.")
     return values
