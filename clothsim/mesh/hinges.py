@@ -41,7 +41,7 @@ def cloth_hinges(cloth: Cloth, offset: int = 0) -> Hinges:
     vertices, pairs = interior_edges(cloth.triangles)
     corners = np.zeros((len(vertices), 4, 2))
     for side, sign in ((0, 1.0), (1, -1.0)):
-        length, along, height = _corner_over_edge(cloth, vertices, pairs[:, side], side)
+        length, along, height = corner_over_edge(cloth, vertices, pairs[:, side], side)
         corners[:, 1, 0] += 0.5 * length
         corners[:, 2 + side, 0] = along
         corners[:, 2 + side, 1] = sign * height
@@ -68,8 +68,8 @@ def dihedral_angles(positions: Floats, hinge_vertices: Ints) -> Floats:
     return np.arctan2(sine, np.einsum("ij,ij->i", normal1, normal2))
 
 
-def _corner_over_edge(cloth: Cloth, hinges: Ints, triangle: Ints, side: int) -> tuple[Floats, Floats, Floats]:
-    """Rest length of the edge, and where the opposite corner lies over it: along (from the edge start) and above [m]."""
+def corner_over_edge(cloth: Cloth, hinges: Ints, triangle: Ints, side: int) -> tuple[Floats, Floats, Floats]:
+    """Rest length of the edge, and where the opposite corner lies over it: along (from the start) and above [m]."""
     faces = cloth.triangles[triangle]
     at = [np.argmax(faces == hinges[:, k : k + 1], axis=1) for k in (0, 1, 2 + side)]
     start, end, corner = (cloth.material_coordinates[triangle, k] for k in at)

@@ -1,0 +1,48 @@
+"""Bending, by the model that the scene names."""
+
+from collections.abc import Callable
+from dataclasses import fields
+from difflib import get_close_matches
+
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.hinge_bending import hinge_bending
+from clothsim.energies.quadratic_bending import quadratic_bending
+from clothsim.errors import InputError
+from clothsim.mesh.hinges import Hinges
+from clothsim.mesh.world import World
+
+MODELS: dict[str, Callable[[Hinges, World], Energy]] = {
+    "hinge": lambda hinges, world: hinge_bending(hinges),
+    "quadratic": lambda hinges, world: quadratic_bending(hinges, world.start()),
+}
+"""A model is its name and what builds its energy for some hinges of a world."""
+
+NOT_BUILT = {"midedge": "hinge"}
+"""Models that are planned, and what to take until they exist."""
+
+
+def bending(world: World, *, model: str = "hinge") -> Energy | Off:
+    """The bending energy of a world: `model` is "hinge" (angle springs) or "quadratic" (constant Hessian).
+
+    Hinges of no stiffness are dropped. InputError where the model is unknown or not built yet.
+    """
+    build = _model(model)
+    hinges = world.hinges
+    if not len(hinges.vertices):
+        return Off("the cloth has no interior edge")
+    stiff = hinges.stiffness > 0
+    if not stiff.any():
+        return Off("bending stiffness is zero")
+    kept = Hinges(*(getattr(hinges, field.name)[stiff] for field in fields(hinges)))
+    return build(kept, world)
+
+
+def _model(name: str) -> Callable[[Hinges, World], Energy]:
+    if name in NOT_BUILT:
+        raise InputError(f"The bending model {name!r} is not built yet.", f"Take model = {NOT_BUILT[name]!r}.")
+    if name not in MODELS:
+        nearest = get_close_matches(str(name), MODELS, n=1, cutoff=0.0)[0]
+        raise InputError(
+            f"There is no bending model {name!r}.", f"Did you mean {nearest!r}? Models: {', '.join(MODELS)}."
+        )
+    return MODELS[name]
