@@ -121,7 +121,7 @@ class _Notes:
 
 
 def _examine_numbers(points: Floats, raw: Floats, notes: _Notes) -> None:
-    finite = np.isfinite(points).all(axis=1)
+    finite: Flags = np.all(np.isfinite(points), axis=1)
     notes.add_some(
         "not finite", "not finite (NaN or infinite)", "vertex", np.flatnonzero(~finite), "Correct the coordinates."
     )
@@ -133,7 +133,7 @@ def _examine_numbers(points: Floats, raw: Floats, notes: _Notes) -> None:
     in_range = whole & ~negative & ~beyond
     faces = np.where(in_range, raw, 0).astype(np.int64)
     sound: Flags = np.all(in_range, axis=1)
-    repeated: Flags = sound & np.any(faces == np.roll(faces, 1, axis=1), axis=1)
+    repeated: Flags = sound & np.any(np.equal(faces, np.roll(faces, 1, axis=1)), axis=1)
     notes.add_some(
         "repeated corner", "the same vertex twice", "triangle", np.flatnonzero(repeated), "Remove the triangle."
     )
@@ -142,7 +142,7 @@ def _examine_numbers(points: Floats, raw: Floats, notes: _Notes) -> None:
     remedy = "Remove it, or read one part of the file (component = 0)."
     notes.add_some("isolated vertex", "in no triangle", "vertex", np.flatnonzero(~used), remedy)
     rows = _distinct(faces, np.flatnonzero(sound & ~repeated), notes)
-    measurable = rows[finite[faces[rows]].all(axis=1)]
+    measurable = rows[np.all(finite[faces[rows]], axis=1)]
     flat = measurable[flat_triangles(points, faces[measurable])]
     notes.add_some("no area", "no area (corners collinear or at one place)", "triangle", flat, "Remove or repair it.")
     if len(rows):
