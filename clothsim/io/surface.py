@@ -1,0 +1,70 @@
+"""What a trajectory is made of: the surfaces of a world, as rows of x and triangles."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from clothsim.arrays import Ints
+from clothsim.errors import InputError
+from clothsim.mesh.world import World
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A cloth or body: its `rows` of x, its `triangles (m, 3)` in world numbering, and whether it ever moves."""
+
+    name: str
+    role: Literal["cloth", "body"]
+    rows: slice
+    triangles: Ints
+    moving: bool
+
+    @property
+    def n_vertices(self) -> int:
+        """Number of vertices."""
+        return self.rows.stop - self.rows.start
+
+    @property
+    def own_triangles(self) -> Ints:
+        """The triangles counted from the surface's own first vertex, (m, 3)."""
+        return self.triangles - self.rows.start
+
+
+def world_surfaces(world: World) -> tuple[Surface, ...]:
+    """The surfaces of a world, cloths first, as its rows of x are ordered."""
+    cloths = [
+        Surface(cloth.name, "cloth", rows, cloth.triangles + rows.start, True)
+        for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
+    ]
+    bodies = [
+        Surface(body.name, "body", rows, body.triangles + rows.start, not body.motion.still)
+        for body, rows in zip(world.bodies, world.body_slices, strict=True)
+    ]
+    return (*cloths, *bodies)
+
+
+def check_surfaces(surfaces: Sequence[Surface]) -> None:
+    """InputError unless at least one cloth, then the bodies, follow one another in x from row 0 without a gap."""
+    roles = [surface.role for surface in surfaces]
+    if "cloth" not in roles:
+        raise InputError("A trajectory needs at least one cloth.")
+    if roles != sorted(roles, reverse=True):
+        raise InputError("The cloths of a trajectory come before its bodies.")
+    end = 0
+    for surface in surfaces:
+        if surface.rows.start != end or surface.rows.stop < end:
+            raise InputError(f"{surface.name} has rows {surface.rows.start}..{surface.rows.stop} of x, not from {end}.")
+        end = surface.rows.stop
+
+
+def same_surfaces(one: Sequence[Surface], other: Sequence[Surface]) -> bool:
+    """True where both have the same names, rows, triangles and motions in the same order."""
+
+    def key(surface: Surface) -> tuple[object, ...]:
+        return surface.name, surface.role, surface.rows.start, surface.rows.stop, surface.moving
+
+    return [key(s) for s in one] == [key(s) for s in other] and all(
+        np.array_equal(a.triangles, b.triangles) for a, b in zip(one, other, strict=True)
+    )

@@ -1,0 +1,204 @@
+"""One file a run, `trajectory.vtkhdf`: every cloth and body at every frame, for viewers and for reading back."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from clothsim.arrays import Floats, Ints, as_points
+from clothsim.errors import InputError
+from clothsim.io.surface import Surface, check_surfaces, same_surfaces
+from clothsim.io.vtkhdf import STRETCHES, announce, blocks, cut, grow_tables, has_stretches, lay_out, write_frame
+
+TRAJECTORY_NAME = "trajectory.vtkhdf"
+
+
+class TrajectoryWriter:
+    """Appends frames to a trajectory; after each of them the file on disk is complete, whatever happens next."""
+
+    def __init__(
+        self, path: str | Path, surfaces: Sequence[Surface], resume_at: int | None = None, stretches: bool = True
+    ) -> None:
+        """Start the file at `path` anew, or go on from its first `resume_at` frames (those behind are dropped).
+
+        surfaces: cloths, then bodies, as they follow one another in x; stretches: whether each frame holds the
+        principal stretches of the cloths' triangles. InputError where the file cannot be written, or the one to go on
+        from has fewer frames or other surfaces.
+        """
+        check_surfaces(surfaces)
+        self.surfaces = tuple(surfaces)
+        self.stretches = stretches
+        start = _create if resume_at is None else _resume
+        self._file = start(Path(path), self.surfaces, stretches, resume_at or 0)
+
+    def __enter__(self) -> "TrajectoryWriter":
+        """The writer itself; the file is closed at the end of the `with` block."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the file; an error goes on."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file. All frames appended so far are in it already."""
+        self._file.close()
+
+    @property
+    def n_frames(self) -> int:
+        """How many frames the file holds."""
+        return int(self._file["VTKHDF/Steps"].attrs["NSteps"])
+
+    def append(self, time: float, positions: ArrayLike, principal_stretches: ArrayLike | None = None) -> None:
+        """Write one frame: `time` [s], later than the last; `positions (N, 3)` of x [m]; `principal_stretches (m, 2)`.
+
+        Rows of x behind the last surface (ghosts) are not written. InputError names a position that is not finite.
+        """
+        x = as_points("positions", positions)
+        if len(x) < self.surfaces[-1].rows.stop:
+            raise InputError(f"positions has {len(x)} rows, the surfaces have {self.surfaces[-1].rows.stop}.")
+        frame = self.n_frames
+        if not np.isfinite(time) or (frame and time <= self._file["VTKHDF/Steps/Values"][frame - 1]):
+            raise InputError(f"Frame {frame} is at {time!r} s, which is not later than the frame before it.")
+        stretches = self._per_cloth(principal_stretches)
+        grow_tables(self._file, frame)
+        for surface, block in zip(self.surfaces, blocks(self._file), strict=True):
+            if surface.moving or frame == 0:
+                write_frame(block, "Points", frame, x[surface.rows])
+            if surface.name in stretches:
+                write_frame(block, f"CellData/{STRETCHES}", frame, stretches[surface.name])
+        # First the frame, then the number that announces it: a frame cut short is never announced.
+        self._file.flush()
+        announce(self._file, frame + 1, float(time))
+        self._file.flush()
+
+    def _per_cloth(self, principal_stretches: ArrayLike | None) -> dict[str, NDArray[np.float32]]:
+        if (principal_stretches is not None) != self.stretches:
+            raise InputError(f"This trajectory is written {'with' if self.stretches else 'without'} {STRETCHES}.")
+        if principal_stretches is None:
+            return {}
+        values = np.asarray(principal_stretches, dtype=np.float32)
+        cloths = [surface for surface in self.surfaces if surface.role == "cloth"]
+        ends = np.cumsum([len(cloth.triangles) for cloth in cloths])
+        if values.shape != (ends[-1], 2):
+            raise InputError(f"{STRETCHES} must have shape ({ends[-1]}, 2), not {values.shape}.")
+        return {cloth.name: part for cloth, part in zip(cloths, np.split(values, ends[:-1]), strict=True)}
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """The frames of a run, read when asked for: `times (k,)` [s] and the `surfaces`, cloths first."""
+
+    path: Path
+    times: Floats
+    surfaces: tuple[Surface, ...]
+
+    @property
+    def cloth_names(self) -> tuple[str, ...]:
+        """The names of the cloths, in the order of their vertices."""
+        return tuple(surface.name for surface in self.surfaces if surface.role == "cloth")
+
+    @cached_property
+    def triangles(self) -> Ints:
+        """The triangles of all cloths, (m, 3)."""
+        return np.concatenate([surface.triangles for surface in self.surfaces if surface.role == "cloth"])
+
+    def positions(self, frame: int) -> Floats:
+        """The vertices of all cloths in a frame, (n, 3) [m]; negative frames count from the end."""
+        return np.concatenate([points for surface, points in self._points(frame, "cloth")])
+
+    def bodies(self, frame: int) -> list[tuple[str, Floats, Ints]]:
+        """Each body in a frame: name, vertices (n, 3) [m], triangles (m, 3) of its own vertices."""
+        return [(body.name, points, body.own_triangles) for body, points in self._points(frame, "body")]
+
+    def stretches(self, frame: int) -> NDArray[np.float32]:
+        """The principal stretches of the cloths' triangles in a frame, (m, 2); InputError where none were written."""
+        i = self._number(frame)
+        with _opened(self.path) as file:
+            parts = [
+                block[f"CellData/{STRETCHES}"][i * len(surface.triangles) : (i + 1) * len(surface.triangles)]
+                for surface, block in zip(self.surfaces, blocks(file), strict=True)
+                if has_stretches(block)
+            ]
+        if not parts:
+            raise InputError(f"{self.path} holds no {STRETCHES}.")
+        return np.concatenate(parts)
+
+    def _points(self, frame: int, role: str) -> list[tuple[Surface, Floats]]:
+        i, points = self._number(frame), []
+        with _opened(self.path) as file:
+            for surface, block in zip(self.surfaces, blocks(file), strict=True):
+                if surface.role == role:
+                    first = i * surface.n_vertices if surface.moving else 0
+                    points.append((surface, block["Points"][first : first + surface.n_vertices]))
+        return points
+
+    def _number(self, frame: int) -> int:
+        k = len(self.times)
+        if not -k <= frame < k:
+            raise InputError(f"There is no frame {frame}: {self.path} holds {k} frames.")
+        return int(frame) % k
+
+
+def read_trajectory(path: str | Path) -> Trajectory:
+    """The trajectory in a file of `TrajectoryWriter`, also in one that is being written or was cut short.
+
+    InputError where the file is missing, broken or another program's.
+    """
+    with _opened(Path(path)) as file:
+        steps = file["VTKHDF/Steps"]
+        return Trajectory(Path(path), steps["Values"][: int(steps.attrs["NSteps"])], _read_surfaces(file))
+
+
+def _read_surfaces(file: h5py.File) -> tuple[Surface, ...]:
+    surfaces: list[Surface] = []
+    start = 0
+    for block in blocks(file):
+        stop = start + int(block["NumberOfPoints"][0])
+        triangles = block["Polygons/Connectivity"][:].reshape(-1, 3) + start
+        name, role, moving = (block.attrs[key] for key in ("Name", "Role", "Moving"))
+        surfaces.append(Surface(name, role, slice(start, stop), triangles, bool(moving)))
+        start = stop
+    return tuple(surfaces)
+
+
+def _create(path: Path, surfaces: tuple[Surface, ...], stretches: bool, frames: int) -> h5py.File:
+    try:
+        # Without a lock, so that a viewer may look at a run while it goes on.
+        file = h5py.File(path, "w", locking=False)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error}).") from error
+    lay_out(file, surfaces, stretches)
+    file.flush()
+    return file
+
+
+def _resume(path: Path, surfaces: tuple[Surface, ...], stretches: bool, frames: int) -> h5py.File:
+    trajectory = read_trajectory(path)
+    if not 0 <= frames <= len(trajectory.times):
+        raise InputError(f"{path} holds {len(trajectory.times)} frames, so no run can go on from frame {frames}.")
+    with _opened(path) as file:
+        stored = any(has_stretches(block) for block in blocks(file))
+    if stored != stretches or not same_surfaces(trajectory.surfaces, surfaces):
+        raise InputError(f"{path} holds other surfaces than this run.", "Write to another directory.")
+    file = h5py.File(path, "r+", locking=False)
+    cut(file, frames)
+    return file
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[h5py.File]:
+    if not path.is_file():
+        raise InputError(f"There is no file {path}.")
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            yield file
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+        raise InputError(f"{path} is broken or not the trajectory of a run ({error}).") from error

@@ -1,0 +1,154 @@
+"""How a trajectory lies in an HDF5 file, so that ParaView and pyvista open it (VTKHDF, a MultiBlockDataSet).
+
+    VTKHDF/surface0, surface1, ...   PolyData: Points of all frames one below the other, triangles once
+    VTKHDF/surface<k>/Steps          NSteps, and where in Points each frame begins (a still surface: always at 0)
+    VTKHDF/Assembly/<name>           links that give the blocks their names and their order
+    VTKHDF/Steps                     NSteps, the times [s], and the tables that are the same for all surfaces
+
+Source: docs.vtk.org, "VTKHDF format specification", version 2.2. VTK 9.5 to 9.7 (ParaView 6) read every frame of it.
+VTK 9.7 needs VTKHDF/Steps, which the specification does not ask for, or it shows the first frame for ever. In a
+PartitionedDataSetCollection that group would show as an empty block. VTK before 9.5 reads no such file.
+
+`Values` is exactly as long as NSteps says (VTK copies all of it); all other tables may run ahead.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.arrays import Ints
+from clothsim.io.surface import Surface
+
+STRETCHES = "principal_stretches"
+_TABLE_ROWS = 256
+
+
+def lay_out(file: h5py.File, surfaces: Sequence[Surface], stretches: bool) -> None:
+    """Write everything that does not change from frame to frame into the empty `file`."""
+    root = file.create_group("VTKHDF", track_order=True)
+    _mark(root, "MultiBlockDataSet")
+    steps = root.create_group("Steps")
+    steps.attrs["NSteps"] = 0
+    steps.create_dataset("Values", (0,), "f8", maxshape=(None,), chunks=(_TABLE_ROWS,))
+    _create_table(steps, "PartOffsets")
+    _create_table(steps, "NumberOfParts", fill=1)
+    _create_table(steps, "CellOffsets", columns=(4,))
+    assembly = root.create_group("Assembly", track_order=True)
+    for k, surface in enumerate(surfaces):
+        _create_block(root.create_group(f"surface{k}"), surface, steps, stretches)
+        assembly[_link_name(surface.name, list(assembly))] = h5py.SoftLink(f"/VTKHDF/surface{k}")
+
+
+def announce(file: h5py.File, frames: int, last_time: float | None) -> None:
+    """Tell readers that there are `frames`; `last_time` [s] of the last one where it is new."""
+    steps = file["VTKHDF/Steps"]
+    steps["Values"].resize(frames, axis=0)
+    if last_time is not None:
+        steps["Values"][frames - 1] = last_time
+    for block in (file["VTKHDF"], *blocks(file)):
+        block["Steps"].attrs.modify("NSteps", frames)
+
+
+def write_frame(block: h5py.Group, name: str, frame: int, values: ArrayLike) -> None:
+    """Put the rows of one frame behind those of the frames before it."""
+    rows, dataset = np.asarray(values), block[name]
+    first = frame * len(rows)
+    dataset.resize(first + len(rows), axis=0)
+    dataset[first:] = rows
+
+
+def grow_tables(file: h5py.File, frame: int) -> None:
+    """Make room in the tables of Steps for `frame` and the next few hundred; all their entries are known beforehand."""
+    rows = frame // _TABLE_ROWS * _TABLE_ROWS + _TABLE_ROWS
+    shared = file["VTKHDF/Steps"]
+    if len(shared["PartOffsets"]) >= rows:
+        return
+    for name in ("PartOffsets", "NumberOfParts", "CellOffsets"):
+        shared[name].resize(rows, axis=0)
+    for block in blocks(file):
+        if block.attrs["Moving"]:
+            _count_by(block["Steps/PointOffsets"], rows, block["NumberOfPoints"][0])
+        if has_stretches(block):
+            _count_by(block[f"Steps/CellDataOffsets/{STRETCHES}"], rows, block["Polygons/NumberOfCells"][0])
+
+
+def cut(file: h5py.File, frames: int) -> None:
+    """Drop the frames from number `frames` on, and what a frame cut short has left behind."""
+    announce(file, frames, None)
+    file.flush()
+    for block in blocks(file):
+        n, m = int(block["NumberOfPoints"][0]), int(block["Polygons/NumberOfCells"][0])
+        block["Points"].resize(n * (frames if block.attrs["Moving"] else min(frames, 1)), axis=0)
+        if has_stretches(block):
+            block[f"CellData/{STRETCHES}"].resize(frames * m, axis=0)
+    file.flush()
+
+
+def blocks(file: h5py.File) -> Iterator[h5py.Group]:
+    """The group of each surface, in order."""
+    root = file["VTKHDF"]
+    return (root[f"surface{k}"] for k in range(len(root["Assembly"])))
+
+
+def has_stretches(block: h5py.Group) -> bool:
+    """True where the block holds the principal stretches of its triangles."""
+    return f"CellData/{STRETCHES}" in block
+
+
+def _create_block(block: h5py.Group, surface: Surface, shared: h5py.Group, stretches: bool) -> None:
+    triangles = surface.own_triangles
+    _mark(block, "PolyData")
+    block.attrs.update({"Name": surface.name, "Role": surface.role, "Moving": int(surface.moving)})
+    block["NumberOfPoints"] = np.array([surface.n_vertices])
+    _create_frames(block, "Points", surface.n_vertices, 3, "f8")
+    _create_cells(block.create_group("Polygons"), triangles)
+    _create_cells(block.create_group("Vertices"), triangles[:0])
+    block["Lines"] = block["Strips"] = block["Vertices"]
+    steps = block.create_group("Steps")
+    steps.attrs["NSteps"] = 0
+    for name in ("Values", "PartOffsets", "NumberOfParts", "CellOffsets"):
+        steps[name] = shared[name]
+    steps["ConnectivityIdOffsets"] = shared["CellOffsets"]
+    if surface.moving:
+        _create_table(steps, "PointOffsets")
+    else:
+        steps["PointOffsets"] = shared["PartOffsets"]
+    if stretches and surface.role == "cloth":
+        _create_frames(block, f"CellData/{STRETCHES}", len(triangles), 2, "f4")
+        _create_table(steps.create_group("CellDataOffsets"), STRETCHES)
+
+
+def _create_frames(block: h5py.Group, name: str, rows: int, columns: int, kind: str) -> None:
+    chunks = (max(rows, 1), columns)
+    pack = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
+    block.create_dataset(name, (0, columns), kind, maxshape=(None, columns), chunks=chunks, **pack)
+
+
+def _create_table(steps: h5py.Group, name: str, columns: tuple[int, ...] = (), fill: int = 0) -> None:
+    chunks = (_TABLE_ROWS, *columns)
+    steps.create_dataset(name, (0, *columns), "i8", maxshape=(None, *columns), chunks=chunks, fillvalue=fill)
+
+
+def _create_cells(group: h5py.Group, triangles: Ints) -> None:
+    group["NumberOfCells"] = np.array([len(triangles)])
+    group["NumberOfConnectivityIds"] = np.array([triangles.size])
+    group["Offsets"] = 3 * np.arange(len(triangles) + 1)
+    group["Connectivity"] = triangles.ravel()
+
+
+def _count_by(table: h5py.Dataset, rows: int, size: int) -> None:
+    table.resize(rows, axis=0)
+    table[:] = size * np.arange(rows)
+
+
+def _mark(group: h5py.Group, kind: str) -> None:
+    group.attrs["Version"] = np.array([2, 2])
+    group.attrs.create("Type", np.bytes_(kind))
+
+
+def _link_name(name: str, taken: Sequence[str]) -> str:
+    """`name` without what HDF5 reads as a path, and unlike those `taken`."""
+    plain = name.replace("/", "_").replace("\0", "_").strip(".") or "surface"
+    return plain if plain not in taken else _link_name(f"{plain}_", taken)
