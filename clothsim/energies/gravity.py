@@ -1,0 +1,52 @@
+"""The effect `gravity`: weight in a uniform field."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.arrays import Floats, as_vector
+from clothsim.energies.base import ElementHessian, Energy, Off, Step
+from clothsim.energies.inertia import diagonal_hessian
+from clothsim.mesh.world import World
+
+
+@dataclass(frozen=True)
+class Gravity(Energy):
+    """E = -sum m g . (x - origin). masses (n,) [kg]; acceleration g (3,) [m/s2].
+
+    Heights are taken from `origin (3,)` [m], so that the value stays small and a difference of two values stays exact.
+    """
+
+    masses: Floats
+    acceleration: Floats
+    origin: Floats
+    load: float = 1.0
+
+    def begin(self, step: Step) -> Self:
+        """Bound to the share of the load that acts."""
+        return replace(self, load=step.load)
+
+    def value(self, x: Floats) -> float:
+        """Potential energy over the origin [J]."""
+        moment = self.masses @ (x[: len(self.masses)] - self.origin)
+        return float(-self.load * (moment @ self.acceleration))
+
+    def gradient(self, x: Floats) -> Floats:
+        """-m g, (N, 3) [N]."""
+        out = np.zeros_like(x)
+        out[: len(self.masses)] = -self.load * self.masses[:, None] * self.acceleration
+        return out
+
+    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+        """Nothing: the energy is linear."""
+        return diagonal_hessian(np.zeros(0))
+
+
+def gravity(world: World, *, acceleration: ArrayLike = (0.0, 0.0, -9.81)) -> Energy | Off:
+    """The weight of all cloths; off where the acceleration is zero."""
+    vector = as_vector("effects.gravity.acceleration", acceleration)
+    if not vector.any():
+        return Off("acceleration is zero")
+    return Gravity(world.masses, vector, world.start()[: world.n_cloth].mean(axis=0))

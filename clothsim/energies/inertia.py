@@ -1,0 +1,61 @@
+"""The effect `inertia`: the term that turns a sum of potentials into a time step of backward Euler."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.mesh.world import World
+
+
+@dataclass(frozen=True)
+class Inertia(Energy):
+    """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n (FORMULAS 2).
+
+    Gravity is an Energy of its own and no part of x~. masses (n,) [kg]; target x~ (n, 3) [m] and dt h [s] of the step.
+    """
+
+    masses: Floats
+    target: Floats
+    dt: float
+
+    def begin(self, step: Step) -> Self:
+        """Bound to x~ and h of the step."""
+        n = len(self.masses)
+        return replace(self, target=step.positions[:n] + step.dt * step.velocities[:n], dt=step.dt)
+
+    def value(self, x: Floats) -> float:
+        """Incremental kinetic energy [J]."""
+        return weighted_square(self.masses, x, self.target) / (2 * self.dt**2)
+
+    def gradient(self, x: Floats) -> Floats:
+        """m (x - x~) / h^2, (N, 3) [N]."""
+        return weighted_difference(self.masses / self.dt**2, x, self.target)
+
+    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+        """m / h^2 on the diagonal [N/m]."""
+        return diagonal_hessian(self.masses / self.dt**2)
+
+
+def inertia(world: World) -> Energy:
+    """The inertia of all cloth vertices; bound to its step by `begin`."""
+    return Inertia(world.masses, world.start()[: world.n_cloth], 1.0)
+
+
+def weighted_square(weights: Floats, x: Floats, target: Floats) -> float:
+    """sum w |x - target|^2 over the first n rows of x."""
+    return float(np.dot(weights, ((x[: len(weights)] - target) ** 2).sum(axis=1)))
+
+
+def weighted_difference(weights: Floats, x: Floats, target: Floats) -> Floats:
+    """w (x - target) in the first n rows, 0 in the others, (N, 3)."""
+    out = np.zeros_like(x)
+    out[: len(weights)] = weights[:, None] * (x[: len(weights)] - target)
+    return out
+
+
+def diagonal_hessian(weights: Floats) -> ElementHessian:
+    """w I (3x3) for each of the first n vertices."""
+    return ElementHessian(np.arange(len(weights))[:, None], weights[:, None, None] * np.eye(3))

@@ -1,0 +1,139 @@
+"""The effect `pins`: vertices that are held, or carried along a scripted rigid motion."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints, as_points
+from clothsim.energies.base import Constraint, Off, Prescribed
+from clothsim.errors import InputError
+from clothsim.mesh.body import RigidMotion, rigid_motion
+from clothsim.mesh.clamp import clamped
+from clothsim.mesh.topology import border_vertices
+from clothsim.mesh.world import World
+
+NAMED = ("corners", "left", "right", "top", "bottom", "boundary")
+
+
+@dataclass(frozen=True)
+class PinGroup:
+    """Vertices that move together: rows of x `vertices (k,)`, where they start `start (k, 3)` [m], and their motion."""
+
+    vertices: Ints
+    start: Floats
+    motion: RigidMotion
+
+
+@dataclass(frozen=True)
+class Pins(Constraint):
+    """Prescribes the positions of its groups, and of the ghosts that hold the direction at a clamped edge."""
+
+    groups: tuple[PinGroup, ...]
+
+    def at(self, time: float) -> Prescribed:
+        """The pinned vertices and where they are at `time` [s]."""
+        return Prescribed(
+            np.concatenate([group.vertices for group in self.groups]),
+            np.concatenate([group.motion.apply(group.start, time) for group in self.groups]),
+        )
+
+
+def pins(
+    world: World,
+    *,
+    select: str | Sequence[int] | Mapping[str, Sequence[Sequence[float]]] = (),
+    clamp: bool = False,
+    motion: Mapping[str, Sequence[float]] | None = None,
+    group: Sequence[Mapping[str, object]] = (),
+) -> tuple[World, Constraint] | Off:
+    """Pins from a scene's keys: one selection, or several groups each with select, clamp and its own motion.
+
+    Returns the world, which clamps enlarge by ghosts, and the constraint; Off where nothing is selected.
+    """
+    specs: list[Mapping[str, object]] = [{"select": select, "clamp": clamp, "motion": motion or {}}, *group]
+    chosen = [(_selection(world, spec.get("select", ())), spec) for spec in specs]
+    chosen = [(vertices, spec) for vertices, spec in chosen if len(vertices)]
+    if not chosen:
+        return Off("no vertex is selected")
+    _refuse_shared([vertices for vertices, _ in chosen])
+    none = np.zeros(0, np.int64)
+    world, ghosts = clamped(world, [vertices if spec.get("clamp") else none for vertices, spec in chosen])
+    start = world.start()
+    groups = []
+    for (vertices, spec), extra in zip(chosen, ghosts, strict=True):
+        rows = np.concatenate([vertices, extra])
+        keys = dict(spec.get("motion") or {})  # type: ignore[call-overload]
+        keys.setdefault("centre", start[vertices].mean(axis=0))
+        groups.append(PinGroup(rows, start[rows], _motion(keys)))
+    return world, Pins(tuple(groups))
+
+
+def _motion(keys: Mapping[str, Sequence[float]]) -> RigidMotion:
+    try:
+        return rigid_motion(**keys)  # type: ignore[arg-type]
+    except TypeError as error:
+        known = "velocity, rotate_degrees_per_second, centre"
+        raise InputError(f"effects.pins.motion has an unknown key: {error}.", f"Known: {known}.") from error
+
+
+def _selection(world: World, select: object) -> Ints:
+    """Rows of x that `select` names."""
+    if isinstance(select, str):
+        if select not in NAMED:
+            raise InputError(
+                f"effects.pins.select is {select!r}.", f"Known: {', '.join(NAMED)}, [indices], {{ box = [lo, hi] }}."
+            )
+        parts = [
+            _named(select, cloth.rest_positions, cloth.triangles) + rows.start
+            for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
+        ]
+        return np.concatenate(parts)
+    if isinstance(select, Mapping):
+        if set(select) != {"box"}:
+            raise InputError(f"effects.pins.select has the keys {sorted(select)}.", "It takes { box = [lo, hi] }.")
+        low, high = as_points("effects.pins.select.box", select["box"])
+        start = world.start()[: world.n_cloth]
+        found = np.flatnonzero(((start >= low) & (start <= high)).all(axis=1))
+        if not len(found):
+            raise InputError("effects.pins.select.box holds no cloth vertex.", "Move or enlarge it.")
+        return found
+    indices = np.asarray(select)
+    if indices.size == 0:
+        return np.zeros(0, np.int64)
+    if indices.ndim != 1 or not np.issubdtype(indices.dtype, np.integer):
+        raise InputError(f"effects.pins.select must be vertex numbers, not {select!r}.")
+    bad = np.flatnonzero((indices < 0) | (indices >= world.n_cloth))
+    if bad.size:
+        raise InputError(
+            f"effects.pins.select[{bad[0]}] = {indices[bad[0]]} is no cloth vertex.",
+            f"The cloth has the vertices 0..{world.n_cloth - 1}.",
+        )
+    return np.unique(indices).astype(np.int64)
+
+
+def _named(name: str, rest: Floats, triangles: Ints) -> Ints:
+    """A named selection in the mesh's own frame: left and right along its x, bottom and top along its y."""
+    border = border_vertices(triangles)
+    if name == "boundary":
+        return border
+    x, y = rest[:, 0], rest[:, 1]
+    near = 1e-6 * max(np.ptp(x), np.ptp(y))
+    sides = {
+        "left": x <= x.min() + near,
+        "right": x >= x.max() - near,
+        "bottom": y <= y.min() + near,
+        "top": y >= y.max() - near,
+    }
+    if name in sides:
+        return np.flatnonzero(sides[name])
+    corners = [(a, b) for a in (x.min(), x.max()) for b in (y.min(), y.max())]
+    return np.unique([border[np.hypot(x[border] - a, y[border] - b).argmin()] for a, b in corners])
+
+
+def _refuse_shared(groups: Sequence[Ints]) -> None:
+    vertices, counts = np.unique(np.concatenate(groups), return_counts=True)
+    if (counts > 1).any():
+        raise InputError(
+            f"effects.pins: vertex {vertices[counts > 1][0]} is in two groups.", "Give each vertex one motion."
+        )

@@ -1,0 +1,26 @@
+"""Armijo backtracking below the largest admissible step."""
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.solve.potential import Potential
+
+SUFFICIENT_DECREASE = 1e-4
+MAX_HALVINGS = 50
+ROUND_OFF = 32 * np.finfo(float).eps
+
+
+def armijo(potential: Potential, x: Floats, dx: Floats, slope: float, limit: float) -> float:
+    """The first fraction a = limit, limit/2, ... with E(x + a dx) <= E(x) + 1e-4 a slope, or 0 if there is none.
+
+    slope = gradient . dx [J] < 0. The sum of energies is known to its round-off only, so a rise below that is no rise:
+    without this a converged step would be refused for the last bits of E.
+    """
+    values = potential.values(x)
+    start, noise = sum(values), ROUND_OFF * sum(abs(value) for value in values)
+    fraction = limit
+    for _ in range(MAX_HALVINGS):
+        if potential.value(x + fraction * dx) <= start + SUFFICIENT_DECREASE * fraction * slope + noise:
+            return fraction
+        fraction *= 0.5
+    return 0.0

@@ -1,0 +1,183 @@
+"""Projected Newton on the sum of energies, with prescribed vertices carried to their places first.
+
+Every loop is bounded and every end has a name (`outcome.Ending`).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.energies.base import Prescribed
+from clothsim.solve import pattern as assembly
+from clothsim.solve.line_search import armijo
+from clothsim.solve.linear import LinearSolver, NotPositiveDefiniteError
+from clothsim.solve.outcome import Ending, Outcome, outcome
+from clothsim.solve.pattern import Pattern
+from clothsim.solve.potential import Potential
+
+SMALLEST_FRACTION = 1e-12
+MAX_SHIFTS = 12
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """tolerance on |dx|_inf / dt [m/s]; bounds on the Newton iterations and on those that carry prescribed vertices."""
+
+    tolerance: float = 1e-3
+    max_iterations: int = 100
+    max_carries: int = 60
+
+
+@dataclass(frozen=True)
+class NewtonResult:
+    """Where a solve ended: x (N, 3), its outcome, iterations that moved, last speed |dx|_inf/dt [m/s], residual [N]."""
+
+    x: Floats
+    outcome: Outcome
+    iterations: int
+    speed: float
+    residual: float
+
+
+@dataclass(frozen=True)
+class Newton:
+    """What one solve needs: the bound potential, the pattern of its matrix and the solver made for that pattern."""
+
+    potential: Potential
+    pattern: Pattern
+    solver: LinearSolver
+    settings: NewtonSettings
+    dt: float
+
+    def minimise(self, x: Floats, target: Prescribed) -> NewtonResult:
+        """The minimiser of E from x, with the target's vertices at their positions.
+
+        First the prescribed vertices are carried there, as far as contact allows at each iteration, while the free ones
+        follow; then E decreases monotonically with the prescribed ones held.
+        """
+        fixed = np.zeros(self.pattern.n_vertices, bool)
+        fixed[target.vertices[target.vertices < self.pattern.n_vertices]] = True
+        x, carried, iterations = self._carry(x.copy(), target, fixed)
+        if not carried.converged:
+            return NewtonResult(x, carried, iterations, np.inf, np.inf)
+        return self._descend(x, fixed, iterations)
+
+    def _carry(self, x: Floats, target: Prescribed, fixed: np.ndarray) -> tuple[Floats, Outcome, int]:
+        """Move the prescribed vertices to their places; returns x, whether they arrived, iterations taken."""
+        left = 0.0
+        for iteration in range(self.settings.max_carries):
+            way = np.zeros_like(x)
+            way[target.vertices] = target.positions - x[target.vertices]
+            if not way.any():
+                return x, outcome(Ending.CONVERGED), iteration
+            dx, end, _ = self._direction(x, way, fixed)
+            if end is not None:
+                return x, end, iteration
+            fraction = self._finite_fraction(x, dx, self._limit(x, dx))
+            if fraction < SMALLEST_FRACTION:
+                return x, self._no_room(x, dx, fraction), iteration
+            x = x + fraction * dx
+            if fraction == 1.0:
+                x[target.vertices] = target.positions
+            left = (1.0 - fraction) * float(np.abs(way).max())
+        worst = int(np.abs(way).max(axis=1).argmax())
+        return x, outcome(Ending.BLOCKED, vertex=worst, place=_place(x, worst), left=left), self.settings.max_carries
+
+    def _descend(self, x: Floats, fixed: np.ndarray, iterations: int) -> NewtonResult:
+        """Newton with the prescribed vertices held, until a step that nothing clipped is below the tolerance."""
+        settings = self.settings
+        still = np.zeros_like(x)
+        speed, residual = np.inf, np.inf
+        for count in range(iterations, iterations + settings.max_iterations):
+            dx, end, gradient = self._direction(x, still, fixed)
+            residual = float(np.abs(gradient[: self.pattern.n_vertices][~fixed]).max(initial=0.0))
+            if end is not None:
+                return NewtonResult(x, end, count, speed, residual)
+            speed = float(np.abs(dx).max(initial=0.0)) / self.dt
+            if speed == 0.0:
+                return NewtonResult(x, outcome(Ending.CONVERGED), count, speed, residual)
+            limit = self._limit(x, dx)
+            if limit < SMALLEST_FRACTION:
+                return NewtonResult(x, self._no_room(x, dx, limit), count, speed, residual)
+            with self.potential.ledger.phase("line search"):
+                slope = float(np.vdot(gradient, dx))
+                fraction = armijo(self.potential, x, dx, slope, limit)
+                close = speed < settings.tolerance and limit == 1.0
+                done = close and (fraction == 1.0 or self._below_noise(x + dx, dx, slope, speed))
+            if done or fraction > 0.0:
+                x = x + fraction * dx
+            if done:
+                return NewtonResult(x, outcome(Ending.CONVERGED), count + 1, speed, residual)
+            if fraction == 0.0:
+                return NewtonResult(x, outcome(Ending.LINE_SEARCH, speed=speed), count, speed, residual)
+        end = outcome(Ending.ITERATION_LIMIT, tolerance=settings.tolerance, limit=settings.max_iterations, speed=speed)
+        return NewtonResult(x, end, iterations + settings.max_iterations, speed, residual)
+
+    def _direction(self, x: Floats, way: Floats, fixed: np.ndarray) -> tuple[Floats, Outcome | None, Floats]:
+        """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere; an Outcome where there is none; the gradient."""
+        ledger = self.potential.ledger
+        n = self.pattern.n_vertices
+        gradient = self.potential.gradient(x)
+        hessians = self.potential.hessians(x)
+        with ledger.phase("assembly"):
+            data = self.pattern.assemble(hessians)
+            right = -gradient
+            if way.any():
+                right -= assembly.times(hessians, way)
+            right = right[:n]
+            right[fixed] = 0.0
+            self.pattern.fix(data, fixed)
+        if not (np.isfinite(right).all() and np.isfinite(data).all()):
+            vertex = int(np.argmax(~np.isfinite(right).all(axis=1)))
+            return way, outcome(Ending.NOT_FINITE, vertex=vertex, place=_place(x, vertex)), gradient
+        solution = self._solve(data, right.ravel())
+        if solution is None:
+            return way, outcome(Ending.SINGULAR), gradient
+        dx = way.copy()
+        dx[:n][~fixed] = solution.reshape(-1, 3)[~fixed]
+        return dx, None, gradient
+
+    def _solve(self, data: Floats, b: Floats) -> Floats | None:
+        """The solution, with a growing shift of the diagonal where the matrix is not positive definite."""
+        ledger = self.potential.ledger
+        diagonal = self.pattern.diagonal(data)
+        shift = 1e-10 * max(float(diagonal.max(initial=0.0)), np.finfo(float).tiny)
+        for attempt in range(MAX_SHIFTS):
+            with ledger.phase("linear solve"):
+                ledger.linear_solves += 1
+                try:
+                    shifted = self.pattern.shift(data, np.full(len(diagonal), shift)) if attempt else data
+                    solution = self.solver.solve(shifted, b)
+                except NotPositiveDefiniteError:
+                    shift *= 10.0 if attempt else 1.0
+                    continue
+            if np.isfinite(solution).all() and np.dot(solution, b) >= 0.0:
+                return solution
+            shift *= 10.0 if attempt else 1.0
+        return None
+
+    def _below_noise(self, x: Floats, dx: Floats, slope: float, speed: float) -> bool:
+        """True where the full step was refused for the round-off of E alone.
+
+        Near the minimum E no longer tells x from x + dx, but its derivative does: along a good Newton step it falls to
+        near zero (Hager & Zhang 2005, approximate Wolfe conditions). A step of a millionth of the tolerance is noise.
+        """
+        return speed < 1e-6 * self.settings.tolerance or abs(np.vdot(self.potential.gradient(x), dx)) <= -0.5 * slope
+
+    def _limit(self, x: Floats, dx: Floats) -> float:
+        return self.potential.step_limit(x, dx)
+
+    def _finite_fraction(self, x: Floats, dx: Floats, fraction: float) -> float:
+        """`fraction`, halved until the energy is finite: carrying may raise E, but never to infinity."""
+        while fraction >= SMALLEST_FRACTION and not np.isfinite(self.potential.value(x + fraction * dx)):
+            fraction *= 0.5
+        return fraction
+
+    def _no_room(self, x: Floats, dx: Floats, fraction: float) -> Outcome:
+        vertex = int(np.abs(dx).max(axis=1).argmax())
+        return outcome(Ending.NO_ROOM, vertex=vertex, place=_place(x, vertex), fraction=fraction)
+
+
+def _place(x: Floats, vertex: int) -> str:
+    return "(" + ", ".join(f"{c:.4g}" for c in x[vertex]) + ") m"

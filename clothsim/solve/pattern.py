@@ -1,0 +1,183 @@
+"""The fixed sparsity of the Newton matrix, and assembly straight into it.
+
+The matrix is stored as the upper triangle of a CSR matrix, 3x3 block by block. Energies hand over element blocks; each
+(element, corner, corner) is looked up once, when the pattern is made or when an element list is new.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy import sparse
+
+from clothsim.arrays import Floats, Ints
+from clothsim.energies.base import ElementHessian
+
+Hessian = ElementHessian | sparse.csr_array
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Upper triangle of a symmetric matrix over n vertices, 3x3 blocks.
+
+    starts (n + 1,), columns: the block pattern, diagonal first in each row; indptr, indices: the scalar CSR pattern.
+    """
+
+    n_vertices: int
+    starts: Ints
+    columns: Ints
+    indptr: Ints
+    indices: Ints
+
+    def assemble(self, hessians: list[Hessian]) -> Floats:
+        """The sum of the Hessians as the data of the upper CSR matrix; rows beyond n_vertices are dropped."""
+        data = np.zeros(len(self.indices))
+        for hessian in hessians:
+            if isinstance(hessian, ElementHessian):
+                if len(hessian.elements):
+                    _add_blocks(data, self.starts, self.columns, hessian.elements, hessian.blocks)
+            elif hessian.nnz:
+                matrix = hessian.tocsr()
+                outside = _add_csr(
+                    data, self.starts, self.columns, matrix.indptr, matrix.indices, matrix.data, self.n_vertices
+                )
+                if outside:
+                    raise ValueError(f"{outside} entries of a contact Hessian lie outside the elastic pattern")
+        return data
+
+    def upper(self, data: Floats) -> sparse.csr_matrix:
+        """The upper triangle as a scipy matrix."""
+        size = 3 * self.n_vertices
+        return sparse.csr_matrix((data, self.indices, self.indptr), shape=(size, size))
+
+    def fix(self, data: Floats, fixed: np.ndarray) -> None:
+        """Cut the rows and columns of `fixed` vertices ((n,) booleans) out of `data` in place; 1 on their diagonal."""
+        _fix(data, self.indptr, self.indices, fixed)
+
+    def diagonal(self, data: Floats) -> Floats:
+        """The diagonal, (3 n,): the first entry of each row."""
+        return data[self.indptr[:-1]]
+
+    def shift(self, data: Floats, amount: Floats) -> Floats:
+        """A copy of `data` with `amount (3 n,)` added to the diagonal."""
+        shifted = data.copy()
+        shifted[self.indptr[:-1]] += amount
+        return shifted
+
+
+def make_pattern(n_vertices: int, hessians: list[Hessian]) -> Pattern:
+    """The pattern of all element lists among `hessians`, and the diagonal."""
+    keys = [np.arange(n_vertices, dtype=np.int64) * (n_vertices + 1)]
+    for hessian in hessians:
+        if isinstance(hessian, ElementHessian):
+            elements = hessian.elements
+            for a in range(elements.shape[1]):
+                for b in range(elements.shape[1]):
+                    i, j = elements[:, a], elements[:, b]
+                    upper = (i < j) & (j < n_vertices)
+                    keys.append(i[upper] * n_vertices + j[upper])
+    key = np.unique(np.concatenate(keys))
+    rows, columns = key // n_vertices, key % n_vertices
+    starts = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n_vertices))])
+    indptr, indices = _scalar_pattern(starts, columns)
+    return Pattern(n_vertices, starts, columns, indptr, indices)
+
+
+def times(hessians: list[Hessian], vector: Floats) -> Floats:
+    """(sum of Hessians) vector, (N, 3), over all rows: also those of bodies and ghosts."""
+    product = np.zeros_like(vector)
+    for hessian in hessians:
+        if isinstance(hessian, ElementHessian):
+            local = vector[hessian.elements].reshape(len(hessian.elements), -1)
+            result = np.einsum("mij,mj->mi", hessian.blocks, local).reshape(-1, 3)
+            np.add.at(product, hessian.elements.ravel(), result)
+        else:
+            product += (hessian @ vector.ravel()).reshape(-1, 3)
+    return product
+
+
+def _scalar_pattern(starts: Ints, columns: Ints) -> tuple[Ints, Ints]:
+    """indptr and indices (int32, as the direct solvers take them) of the scalar upper triangle."""
+    degree = np.diff(starts)
+    row_lengths = (3 * degree[:, None] - np.arange(3)).ravel()
+    indptr = np.concatenate([[0], np.cumsum(row_lengths)]).astype(np.int32)
+    indices = np.empty(indptr[-1], np.int32)
+    _fill_indices(indices, indptr, starts, columns)
+    return indptr, indices
+
+
+@njit(cache=True)
+def _fill_indices(indices, indptr, starts, columns):
+    for i in range(len(starts) - 1):
+        for p in range(3):
+            at = indptr[3 * i + p]
+            for k in range(starts[i], starts[i + 1]):
+                for q in range(p if k == starts[i] else 0, 3):
+                    indices[at] = 3 * columns[k] + q
+                    at += 1
+
+
+@njit(cache=True, inline="always")
+def _rank(starts, columns, i, j):
+    """Where block (i, j) stands in block row i, or -1 (binary search)."""
+    low, high = starts[i], starts[i + 1]
+    while low < high:
+        middle = (low + high) // 2
+        if columns[middle] < j:
+            low = middle + 1
+        else:
+            high = middle
+    return low - starts[i] if low < starts[i + 1] and columns[low] == j else -1
+
+
+@njit(cache=True, inline="always")
+def _place(starts, i, p, rank, q):
+    """Where entry (3 i + p, 3 j + q) stands in the data, j the block of that rank: row lengths are 3 degree - p."""
+    degree = starts[i + 1] - starts[i]
+    row = 9 * starts[i] - 3 * i + p * 3 * degree - (p * (p - 1)) // 2
+    return row + 3 * rank + q - p
+
+
+@njit(cache=True)
+def _add_blocks(data, starts, columns, elements, blocks):
+    n = len(starts) - 1
+    for e in range(len(elements)):
+        for a in range(elements.shape[1]):
+            i = elements[e, a]
+            if i >= n:
+                continue
+            for b in range(elements.shape[1]):
+                j = elements[e, b]
+                if j < i or j >= n:
+                    continue
+                rank = _rank(starts, columns, i, j)
+                for p in range(3):
+                    for q in range(p if i == j else 0, 3):
+                        data[_place(starts, i, p, rank, q)] += blocks[e, 3 * a + p, 3 * b + q]
+
+
+@njit(cache=True)
+def _add_csr(data, starts, columns, indptr, indices, values, n):
+    outside = 0
+    for i in range(n):
+        for p in range(3):
+            for k in range(indptr[3 * i + p], indptr[3 * i + p + 1]):
+                column = indices[k]
+                j, q = column // 3, column % 3
+                if j < i or j >= n or (i == j and q < p):
+                    continue
+                rank = _rank(starts, columns, i, j)
+                if rank < 0:
+                    outside += values[k] != 0.0
+                else:
+                    data[_place(starts, i, p, rank, q)] += values[k]
+    return outside
+
+
+@njit(cache=True)
+def _fix(data, indptr, indices, fixed):
+    for row in range(len(indptr) - 1):
+        row_fixed = fixed[row // 3]
+        for k in range(indptr[row], indptr[row + 1]):
+            if row_fixed or fixed[indices[k] // 3]:
+                data[k] = 1.0 if indices[k] == row else 0.0

@@ -1,0 +1,75 @@
+"""E(x) = sum of energies, bound to a step."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from scipy import sparse
+
+from clothsim.arrays import Floats
+from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.solve.ledger import Ledger
+
+
+@dataclass(frozen=True)
+class Potential:
+    """The named energies of a scene and the ledger that counts their calls."""
+
+    energies: Mapping[str, Energy]
+    ledger: Ledger
+
+    def begin(self, step: Step) -> Self:
+        """Bound to the step: first the energies that stand alone, then those that need the others' gradient."""
+        bound: dict[str, Energy] = {}
+        gradient = np.zeros_like(step.positions)
+        for name, energy in self.energies.items():
+            if not energy.begins_last:
+                with self.ledger.effect(name, ""):
+                    bound[name] = energy.begin(step)
+                    gradient += bound[name].gradient(step.positions)
+        informed = replace(step, gradient=gradient)
+        for name, energy in self.energies.items():
+            if energy.begins_last:
+                with self.ledger.effect(name, ""):
+                    bound[name] = energy.begin(informed)
+        return replace(self, energies={name: bound[name] for name in self.energies})
+
+    def value(self, x: Floats) -> float:
+        """E(x) [J]; +inf where any energy refuses x."""
+        return sum(self.values(x))
+
+    def values(self, x: Floats) -> list[float]:
+        """The energies one by one [J]; the list ends at the first that refuses x."""
+        values = []
+        for name, energy in self.energies.items():
+            with self.ledger.effect(name, "evaluations"):
+                values.append(energy.value(x))
+            if not np.isfinite(values[-1]):
+                return [*values[:-1], np.inf]
+        return values
+
+    def gradient(self, x: Floats) -> Floats:
+        """dE/dx, (N, 3) [N]."""
+        total = np.zeros_like(x)
+        for name, energy in self.energies.items():
+            with self.ledger.effect(name, "gradients"):
+                total += energy.gradient(x)
+        return total
+
+    def hessians(self, x: Floats, project: bool = True) -> "list[ElementHessian | sparse.csr_array]":
+        """The Hessian of each energy [N/m], in the order of the energies."""
+        hessians = []
+        for name, energy in self.energies.items():
+            with self.ledger.effect(name, "hessians"):
+                hessians.append(energy.hessian(x, project))
+        return hessians
+
+    def step_limit(self, x: Floats, dx: Floats) -> float:
+        """The smallest of the energies' step limits, in (0, 1]."""
+        limit = 1.0
+        for name, energy in self.energies.items():
+            if type(energy).step_limit is not Energy.step_limit:
+                with self.ledger.effect(name, ""):
+                    limit = min(limit, energy.step_limit(x, dx))
+        return limit
