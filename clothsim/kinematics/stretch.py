@@ -86,15 +86,16 @@ def _stretches(F: NDArray[np.floating], V: NDArray[np.floating]) -> NDArray[np.f
 
 
 def _orthonormal(FV: NDArray[np.floating], l1: NDArray[np.floating]) -> NDArray[np.floating]:
-    """W (..., 3, 2) from F V = W diag(l1, l2), by Gram-Schmidt twice; where a column vanishes, some unit vector."""
+    """W (..., 3, 2) from F V = W diag(l1, l2); where a column vanishes, some unit vector.
+
+    V has made the columns orthogonal to round-off of l1; one Gram-Schmidt pass makes them so to round-off of l2.
+    """
     axis_x = np.zeros_like(FV[..., 0])
     axis_x[..., 0] = 1
     w1 = _unit(np.where(l1[..., None] > 0, FV[..., 0], axis_x))
     second = FV[..., 1] - _dot(FV[..., 1], w1) * w1
     lost = np.linalg.norm(second, axis=-1) <= _RANK_1 * np.finfo(FV.dtype).eps * l1
-    second = np.where(lost[..., None], _perpendicular(w1), second)
-    second = _unit(second)
-    return np.stack([w1, _unit(second - _dot(second, w1) * w1)], axis=-1)
+    return np.stack([w1, _unit(np.where(lost[..., None], _perpendicular(w1), second))], axis=-1)
 
 
 def _perpendicular(w: NDArray[np.floating]) -> NDArray[np.floating]:
