@@ -1,0 +1,25 @@
+"""Files that are whole or not there: written beside their place and moved into it."""
+
+import os
+from pathlib import Path
+
+from clothsim.errors import InputError
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Put `content` at `path`; a reader, and a run killed at any moment, sees the old file or the new one.
+
+    InputError where the file cannot be written.
+    """
+    beside = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        try:
+            with beside.open("wb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error.strerror}).") from error

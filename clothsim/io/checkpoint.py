@@ -1,0 +1,90 @@
+"""The state of a run between two steps, to the last bit, so that it can go on as if it had never stopped."""
+
+import json
+import zipfile
+import zlib
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.errors import InputError
+from clothsim.io.atomic import write_atomically
+
+CHECKPOINT_NAME = "checkpoint.npz"
+_FORMAT = "clothsim checkpoint 1"
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A run between two steps.
+
+    time [s]; dt: length of the next step [s]; frame, step: how many are done; positions (N, 3) [m] and velocities
+    (N, 3) [m/s] of all rows of x; stiffness of the contact barrier; scene_text: the scene; counters: what the summary
+    adds up, as JSON knows it.
+    """
+
+    time: float
+    dt: float
+    frame: int
+    step: int
+    positions: Floats
+    velocities: Floats
+    stiffness: float
+    scene_text: str
+    counters: dict[str, Any]
+
+
+def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
+    """Write `checkpoint` as a NumPy archive; the file is whole or not there. InputError where it cannot be written."""
+    counters = json.dumps(checkpoint.counters, default=lambda number: number.tolist())
+    archive = BytesIO()
+    np.savez(
+        archive,
+        format=_text(_FORMAT),
+        times=np.array([checkpoint.time, checkpoint.dt]),
+        counts=np.array([checkpoint.frame, checkpoint.step], np.int64),
+        positions=np.asarray(checkpoint.positions, np.float64),
+        velocities=np.asarray(checkpoint.velocities, np.float64),
+        stiffness=np.array([checkpoint.stiffness]),
+        scene_text=_text(checkpoint.scene_text),
+        counters=_text(counters),
+    )
+    write_atomically(Path(path), archive.getvalue())
+
+
+def read_checkpoint(path: str | Path) -> Checkpoint:
+    """The checkpoint in a file; InputError where it is missing, broken or another program's."""
+    if not Path(path).is_file():
+        raise InputError(f"There is no checkpoint {path}.")
+    try:
+        content = BytesIO(Path(path).read_bytes())
+        if not zipfile.is_zipfile(content):
+            raise ValueError("it is no NumPy archive, or not all of one")
+        with np.load(content, allow_pickle=False) as arrays:
+            return _from_arrays(arrays)
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+        raise InputError(f"{path} is broken or not a checkpoint ({error}).", "Start the run anew.") from error
+
+
+def _from_arrays(arrays: Any) -> Checkpoint:
+    if _string(arrays["format"]) != _FORMAT:
+        raise ValueError(f"its format is not {_FORMAT!r}")
+    positions, velocities = arrays["positions"], arrays["velocities"]
+    if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != velocities.shape:
+        raise ValueError(f"positions {positions.shape} and velocities {velocities.shape} are not (N, 3)")
+    (time, dt), (frame, step), (stiffness,) = (arrays[key].tolist() for key in ("times", "counts", "stiffness"))
+    scene_text, counters = _string(arrays["scene_text"]), json.loads(_string(arrays["counters"]))
+    return Checkpoint(time, dt, frame, step, positions, velocities, stiffness, scene_text, counters)
+
+
+def _text(text: str) -> np.ndarray:
+    """UTF-8 bytes: NumPy's own strings lose a NUL at the end."""
+    return np.frombuffer(text.encode(), np.uint8)
+
+
+def _string(array: np.ndarray) -> str:
+    return array.astype(np.uint8).tobytes().decode()

@@ -1,0 +1,112 @@
+"""What a run says about itself: `record.jsonl`, a line a step, and `summary.json`, written once at the end."""
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+
+from clothsim.errors import InputError
+from clothsim.io.atomic import write_atomically
+
+RECORD_NAME = "record.jsonl"
+SUMMARY_NAME = "summary.json"
+
+
+class RecordWriter:
+    """Appends one JSON object a line; each line is in the file before `append` returns."""
+
+    def __init__(self, path: str | Path, resume_at: int | None = None) -> None:
+        """Start the file at `path` anew, or go on behind its first `resume_at` lines (those behind are dropped).
+
+        InputError where the file cannot be written or has fewer lines.
+        """
+        kept = b"" if resume_at is None else _first_lines(Path(path), resume_at)
+        write_atomically(Path(path), kept)
+        self._file = Path(path).open("ab")  # noqa: SIM115  closed by `close`
+
+    def __enter__(self) -> "RecordWriter":
+        """The writer itself; the file is closed at the end of the `with` block."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the file; an error goes on."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def append(self, entry: Mapping[str, Any]) -> None:
+        """Write `entry` as one line (numbers as in `to_json`)."""
+        self._file.write(to_json(entry).encode() + b"\n")
+        self._file.flush()
+
+
+def read_record(path: str | Path) -> list[dict[str, Any]]:
+    """The entries of a record; a last line cut short is left out. InputError names any other broken line."""
+    text, entries = _read(Path(path)), []
+    # A whole line ends with a line break: what stands behind the last one was cut short.
+    for number, line in enumerate(text.split(b"\n")[:-1], start=1):
+        entry = _parse(line)
+        if entry is None:
+            raise InputError(f"{path}, line {number}, is not a JSON object.")
+        entries.append(entry)
+    return entries
+
+
+def write_summary(path: str | Path, summary: Mapping[str, Any]) -> None:
+    """Write a summary as JSON that people can read too, keys sorted; the file is whole or not there."""
+    write_atomically(Path(path), (to_json(summary, indent=2) + "\n").encode())
+
+
+def read_summary(path: str | Path) -> dict[str, Any]:
+    """The summary in a file; InputError where it is missing or no JSON object."""
+    summary = _parse(_read(Path(path)))
+    if summary is None:
+        raise InputError(f"{path} is not a JSON object.")
+    return summary
+
+
+def to_json(value: Any, indent: int | None = None) -> str:
+    """`value` as JSON: NumPy numbers and arrays as numbers and lists, null for inf and nan (JSON knows neither)."""
+    return json.dumps(_plain(value), indent=indent, sort_keys=indent is not None, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, Path):
+        return str(value)
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _parse(text: bytes) -> dict[str, Any] | None:
+    try:
+        value = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return value if isinstance(value, dict) else None
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}).") from error
+
+
+def _first_lines(path: Path, count: int) -> bytes:
+    lines = _read(path).split(b"\n")[:-1]
+    if not 0 <= count <= len(lines):
+        raise InputError(f"{path} has {len(lines)} lines, so no run can go on from line {count}.")
+    return b"".join(line + b"\n" for line in lines[:count])
