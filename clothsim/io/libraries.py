@@ -1,4 +1,4 @@
-"""The formats that meshio, trimesh and pyvista read, brought to `Polygons`; each is imported only when needed.
+"""The formats that meshio and trimesh read, brought to `Polygons`; each is imported only when needed.
 
 Each reader gets the bytes or the path of one local file; nothing that a file names (a texture, a script) is opened.
 """
@@ -27,18 +27,6 @@ def read_ply(path: Path, content: bytes) -> Polygons:
     return _of_meshio(path, meshio.ply.read(str(path)))
 
 
-def read_vtk(path: Path, content: bytes) -> Polygons:
-    """A legacy VTK file; meshio reads the unstructured grids, VTK itself the PolyData."""
-    import meshio.vtk
-
-    if b"POLYDATA" not in content[:1024].upper():
-        return _of_meshio(path, meshio.vtk.read(str(path)))
-    import pyvista
-
-    surface = pyvista.read(str(path))
-    return _of_vtk_faces(np.asarray(surface.points, float), np.asarray(surface.faces, np.int64))
-
-
 def read_vtu(path: Path, content: bytes) -> Polygons:
     """A VTK XML unstructured grid."""
     import meshio.vtu
@@ -63,9 +51,8 @@ def read_glb(path: Path, content: bytes) -> Polygons:
     return _of_trimesh(path, content, "glb")
 
 
-READERS: dict[str, Callable[[Path, bytes], Polygons]] = {
+LIBRARY_READERS: dict[str, Callable[[Path, bytes], Polygons]] = {
     ".ply": read_ply,
-    ".vtk": read_vtk,
     ".vtu": read_vtu,
     ".msh": read_msh,
     ".stl": read_stl,
@@ -87,16 +74,6 @@ def _of_meshio(path: Path, mesh) -> Polygons:
         else:
             messages.append(f"{len(block.data)} {block.type} cells ignored")
     return _polygons(points, np.concatenate(corners), np.concatenate(sizes), tuple(messages))
-
-
-def _of_vtk_faces(points: np.ndarray, faces: Ints) -> Polygons:
-    """`faces` as VTK keeps them: size, corners, size, corners ..."""
-    sizes, corners, place = [], [np.zeros(0, np.int64)], 0
-    while place < len(faces):
-        sizes.append(faces[place])
-        corners.append(faces[place + 1 : place + 1 + faces[place]])
-        place += 1 + faces[place]
-    return _polygons(points, np.concatenate(corners), np.array(sizes, np.int64), ())
 
 
 def _polygons(points: np.ndarray, corners: Ints, sizes: Ints, messages: tuple[str, ...]) -> Polygons:

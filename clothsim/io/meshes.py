@@ -12,15 +12,16 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
-from clothsim.io.libraries import READERS
+from clothsim.io.libraries import LIBRARY_READERS
 from clothsim.io.obj import read_obj
 from clothsim.io.off import read_off
 from clothsim.io.polygons import Polygons, cut_polygons
+from clothsim.io.vtk_legacy import read_vtk
 from clothsim.mesh.arguments import as_count
 from clothsim.mesh.topology import components
 
 TEXT_READERS = {".obj": read_obj, ".off": read_off}
-ENDINGS = (*TEXT_READERS, *READERS)
+ENDINGS = (*TEXT_READERS, ".vtk", *LIBRARY_READERS)
 
 
 @dataclass(frozen=True)
@@ -87,6 +88,8 @@ def _read(file: Path) -> Polygons:
         if b"\0" in content:
             raise InputError(f"{file} is a binary file, not {ending[1:]} text.")
         return TEXT_READERS[ending](file, content.decode("utf-8", errors="replace"))
+    if ending == ".vtk":
+        return read_vtk(file, content)
     return _read_with_library(file, ending, content)
 
 
@@ -95,7 +98,7 @@ def _read_with_library(file: Path, ending: str, content: bytes) -> Polygons:
     try:
         with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
             warnings.simplefilter("ignore")
-            return READERS[ending](file, content)
+            return LIBRARY_READERS[ending](file, content)
     except (InputError, ImportError):
         raise
     except (Exception, SystemExit) as error:

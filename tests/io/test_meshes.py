@@ -171,14 +171,17 @@ def test_every_ending_is_tried():
     assert {f".{writer.split(',')[0]}" for writer in WRITERS} == set(ENDINGS)
 
 
+@pytest.mark.parametrize("grid", [False, True])
 @pytest.mark.parametrize("binary", [True, False])
 @pytest.mark.skipif(importlib.util.find_spec("pyvista") is None, reason="pyvista is not installed")
-def test_vtk_poly_data(tmp_path, binary):
+def test_vtk_as_vtk_writes_it(tmp_path, binary, grid):
     import pyvista
 
     positions, triangles = irregular_grid()
-    faces = np.concatenate([np.column_stack([np.full(len(triangles), 3), triangles]).ravel()])
-    pyvista.PolyData(positions, faces).save(tmp_path / "sheet.vtk", binary=binary)
+    faces = np.column_stack([np.full(len(triangles), 3), triangles]).ravel()
+    surface = pyvista.PolyData(positions, faces).compute_normals(split_vertices=False)
+    surface.field_data["TimeValue"] = [0.5]
+    (surface.cast_to_unstructured_grid() if grid else surface).save(tmp_path / "sheet.vtk", binary=binary)
     mesh = read_mesh(tmp_path / "sheet.vtk")
     np.testing.assert_allclose(mesh.positions, positions, rtol=1e-6, atol=1e-7)
     np.testing.assert_array_equal(mesh.triangles, triangles)
