@@ -1,0 +1,39 @@
+"""clothsim: finite-element cloth with intersection-free contact.
+
+    import clothsim
+    run = clothsim.simulate(clothsim.load_scene("scenes/sphere.toml"), output="drape")
+    run.positions(-1)      # (n, 3) [m]
+
+Names are loaded when they are used, so that `import clothsim` costs nothing.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from clothsim.drape import resume, simulate
+    from clothsim.errors import ClothsimError, InputError
+    from clothsim.io.run import Run, open_run
+    from clothsim.scene.scene import Scene
+    from clothsim.scene.toml import load_scene
+
+__version__ = "0.1.0"
+
+_HOMES = {
+    "ClothsimError": "clothsim.errors",
+    "InputError": "clothsim.errors",
+    "Run": "clothsim.io.run",
+    "Scene": "clothsim.scene.scene",
+    "load_scene": "clothsim.scene.toml",
+    "open_run": "clothsim.io.run",
+    "resume": "clothsim.drape",
+    "simulate": "clothsim.drape",
+}
+
+__all__ = ["ClothsimError", "InputError", "Run", "Scene", "load_scene", "open_run", "resume", "simulate"]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'clothsim' has no attribute {name!r}")
+    return getattr(importlib.import_module(_HOMES[name]), name)

@@ -86,6 +86,16 @@ class Barrier(Energy):
         # ipctk returns the squared distance
         return float(np.sqrt(collisions.compute_minimum_distance(surface.mesh, surface.rows(x))))
 
+    def choices(self) -> tuple[str, ...]:
+        """d_hat, and how the stiffness is set."""
+        stiffness = "set anew at each step" if self.adaptive else f"{self.stiffness:g} Pa"
+        return (f"d_hat = {self.d_hat:g} m, stiffness {stiffness}",)
+
+    def counts(self) -> dict[str, float]:
+        """Pairs closer than d_hat at the last position, CCD calls, and the seconds of both searches."""
+        searches = self.candidates
+        return {"pairs": searches.pairs, "ccd_calls": searches.ccd_calls, **searches.seconds}
+
     @property
     def _potential(self) -> ipctk.BarrierPotential:
         return ipctk.BarrierPotential(self.d_hat, self.stiffness, True)

@@ -2,7 +2,7 @@
 
 import abc
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 from scipy import sparse
@@ -49,8 +49,11 @@ class ElementHessian:
 class Energy(abc.ABC):
     """A term of E(x): frozen data with `value`, `gradient` and `hessian`. All positions are (N, 3) [m]."""
 
-    begins_last: bool = False
+    begins_last: ClassVar[bool] = False
     """True where `begin` needs `step.gradient`, the sum of the other energies' gradients."""
+
+    incremental: ClassVar[bool] = False
+    """True where the value belongs to the step (inertia, dissipation) and is no energy of the state."""
 
     @abc.abstractmethod
     def value(self, x: Floats) -> float:
@@ -71,6 +74,18 @@ class Energy(abc.ABC):
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The largest admissible fraction of dx, in (0, 1]."""
         return 1.0
+
+    def minimum_gap(self, x: Floats) -> float:
+        """The smallest distance that it keeps [m], inf where it keeps none."""
+        return float("inf")
+
+    def choices(self) -> tuple[str, ...]:
+        """What it chose where the scene was silent, for the user to read."""
+        return ()
+
+    def counts(self) -> dict[str, float]:
+        """Work that only it can count, by the names of the ledger (pairs, ccd_calls) and of its phases (seconds)."""
+        return {}
 
 
 @dataclass(frozen=True)

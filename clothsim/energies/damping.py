@@ -21,6 +21,8 @@ class MassDamping(Energy):
     start: Floats
     dt: float
 
+    incremental = True
+
     def begin(self, step: Step) -> Self:
         """Bound to x_n and h of the step."""
         return replace(self, start=step.positions[: len(self.masses)], dt=step.dt)

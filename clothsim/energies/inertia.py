@@ -21,6 +21,8 @@ class Inertia(Energy):
     target: Floats
     dt: float
 
+    incremental = True
+
     def begin(self, step: Step) -> Self:
         """Bound to x~ and h of the step."""
         n = len(self.masses)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from time import perf_counter
 
 
@@ -49,7 +49,3 @@ class Ledger:
             yield
         finally:
             self.phases[name] = self.phases.get(name, 0.0) + perf_counter() - start
-
-    def as_dict(self) -> dict[str, dict[str, float]]:
-        """The accounts of the effects, as the summary keeps them."""
-        return {name: asdict(account) for name, account in self.effects.items()}

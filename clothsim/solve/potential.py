@@ -1,7 +1,7 @@
 """E(x) = sum of energies, bound to a step."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -9,7 +9,7 @@ from scipy import sparse
 
 from clothsim.arrays import Floats
 from clothsim.energies.base import ElementHessian, Energy, Step
-from clothsim.solve.ledger import Ledger
+from clothsim.solve.ledger import Account, Ledger
 
 
 @dataclass(frozen=True)
@@ -73,3 +73,22 @@ class Potential:
                 with self.ledger.effect(name, ""):
                     limit = min(limit, energy.step_limit(x, dx))
         return limit
+
+    def accounts(self) -> dict[str, dict[str, float]]:
+        """The receipt of each effect: seconds, evaluations, gradients, hessians, pairs, ccd_calls."""
+        accounts = {}
+        for name, energy in self.energies.items():
+            account = asdict(self.ledger.effects[name])
+            counts = energy.counts()
+            account.update({key: account[key] + counts[key] for key in account if key in counts})
+            accounts[name] = account
+        return accounts
+
+    def phases(self) -> dict[str, float]:
+        """Seconds of the phases that belong to no effect, and of those inside effects (candidates, CCD)."""
+        phases = dict(self.ledger.phases)
+        for energy in self.energies.values():
+            for key, seconds in energy.counts().items():
+                if key not in Account.__dataclass_fields__:
+                    phases[key] = phases.get(key, 0.0) + seconds
+        return phases

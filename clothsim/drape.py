@@ -1,0 +1,290 @@
+"""The main job: a scene becomes frames, a record, a summary and a checkpoint in a directory."""
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from clothsim.errors import InputError
+from clothsim.io.checkpoint import CHECKPOINT_NAME, Checkpoint, read_checkpoint, write_checkpoint
+from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
+from clothsim.io.run import Run, open_run
+from clothsim.io.surface import world_surfaces
+from clothsim.io.trajectory import TRAJECTORY_NAME, TrajectoryWriter
+from clothsim.mesh.world import World
+from clothsim.scene.build import Built, build
+from clothsim.scene.scene import Scene, scene_from_text
+from clothsim.sim.certificate import Certificate, certificate_from, world_stretches
+from clothsim.sim.motion import prescribed
+from clothsim.sim.simulator import steps
+from clothsim.sim.state import State, first_state
+from clothsim.sim.stepping import Integrator, StepReport
+from clothsim.solve.ledger import Account, Ledger
+from clothsim.solve.linear import make_solver, slowness
+from clothsim.solve.newton import NewtonSettings
+from clothsim.solve.pattern import make_pattern
+from clothsim.solve.potential import Potential
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a caller may show after each step: simulated time and duration [s], the step, Newton iterations, gap [m].
+
+    verdict: "moving", "settled" (no vertex faster than ten times the tolerance) or "stalled" (dt below an eighth).
+    """
+
+    time: float
+    duration: float
+    step: int
+    newton_iterations: int
+    minimum_gap: float
+    fastest: float
+    verdict: str
+    seconds: float
+
+
+Listener = Callable[[Progress], None]
+"""Called after each step."""
+
+
+def simulate(scene: Scene, output: str | Path | None = None, progress: Listener | None = None) -> Run:
+    """Simulate `scene`; leave trajectory, record, summary and checkpoint in `output` (a fresh temporary folder if None).
+
+    A run that cannot go on ends with status "failed" and a sentence, and keeps its frames. InputError for bad input.
+    """
+    directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
+    started = perf_counter()
+    session = _prepare(scene, build(scene))
+    _make_directory(directory)
+    state = first_state(session.built.world, session.integrator.dt)
+    return _run(session, state, Certificate(), directory, started, progress, resumed=False)
+
+
+def resume(directory: str | Path, progress: Listener | None = None) -> Run:
+    """Go on from the checkpoint in `directory`; with threads = 1 the frames are those of a run never stopped, to the bit."""
+    folder = Path(directory)
+    started = perf_counter()
+    saved = read_checkpoint(folder / CHECKPOINT_NAME)
+    scene = scene_from_text(saved.scene_text)
+    session = _prepare(scene, build(scene))
+    if len(saved.positions) != session.built.world.n_vertices:
+        raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
+    state = State(saved.time, saved.dt, saved.step, saved.frame, saved.positions, saved.velocities)
+    _restore(session.integrator.potential.ledger, saved.counters)
+    certificate = certificate_from(saved.counters["certificate"])
+    return _run(session, state, certificate, folder, started, progress, resumed=True)
+
+
+@dataclass(frozen=True)
+class _Session:
+    scene: Scene
+    built: Built
+    integrator: Integrator
+    notes: tuple[str, ...]
+
+
+def _prepare(scene: Scene, built: Built) -> _Session:
+    """Pattern, solver and integrator of a built scene."""
+    settings, run = scene.solver_settings(), scene.run_settings()
+    _set_threads(settings.threads)
+    ledger = Ledger(effects={name: Account() for name in built.energies})
+    potential = Potential(built.energies, ledger)
+    start = built.world.start()
+    pattern = make_pattern(built.world.n_cloth, [energy.hessian(start) for energy in built.energies.values()])
+    solver = make_solver(settings.linear, pattern, settings.threads)
+    newton = NewtonSettings(settings.tolerance, settings.max_iterations)
+    ramp = 0.0 if "inertia" in built.energies else run.duration
+    integrator = Integrator(
+        built.world, potential, built.constraints, pattern, solver, newton, min(settings.dt, run.duration), ramp
+    )
+    notes = (*built.notes, *filter(None, [slowness(solver)]))
+    return _Session(scene, built, integrator, notes)
+
+
+def _run(
+    session: _Session,
+    state: State,
+    certificate: Certificate,
+    directory: Path,
+    started: float,
+    progress: Listener | None,
+    resumed: bool,
+) -> Run:
+    """Step to the end of the scene, writing as it goes; whatever stops it, the frames so far are on disk."""
+    world, run = session.built.world, session.scene.run_settings()
+    certificate = replace(certificate, moved_by_script=_scripted(session.built))
+    (directory / SUMMARY_NAME).unlink(missing_ok=True)
+    reason = ""
+    with (
+        TrajectoryWriter(
+            directory / TRAJECTORY_NAME, world_surfaces(world), resume_at=state.frame + 1 if resumed else None
+        ) as trajectory,
+        RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed else None) as record,
+    ):
+        if not resumed:
+            trajectory.append(0.0, state.positions, world_stretches(world, state.positions))
+        warm = perf_counter() - started
+        for report in steps(session.integrator, state, run.duration, run.frames_per_second):
+            state = report.state
+            if not report.converged:
+                reason = f"At {state.time:.4g} s: {report.result.outcome.sentence} dt fell to {report.dt:.2g} s."
+                break
+            certificate = certificate.after(world, report)
+            record.append(_entry(report, certificate))
+            if progress is not None:
+                progress(_progress(report, session, certificate, perf_counter() - started))
+            if report.frame_done:
+                trajectory.append(state.time, state.positions, world_stretches(world, state.positions))
+                certificate = _judged(certificate, world, state)
+                if certificate.intersecting_frames and "body_contact" in session.built.energies:
+                    reason = f"At {state.time:.4g} s the cloth intersects a body."
+                    break
+                write_checkpoint(directory / CHECKPOINT_NAME, _checkpoint(session, state, certificate))
+    seconds = perf_counter() - started
+    write_summary(directory / SUMMARY_NAME, _summary(session, state, certificate, reason, seconds, warm, directory))
+    return open_run(directory)
+
+
+def _judged(certificate: Certificate, world: World, state: State) -> Certificate:
+    """The certificate with the verdict on the newest frame: does a cloth edge cross a body triangle or the reverse?"""
+    if not world.bodies:
+        return certificate
+    from clothsim.contact.surface import cloth_body_surface
+
+    if not cloth_body_surface(world).intersects(state.positions):
+        return certificate
+    return replace(certificate, intersecting_frames=(*certificate.intersecting_frames, state.frame))
+
+
+def _scripted(built: Built) -> bool:
+    """True where a body or a pin moves."""
+    now, later = (prescribed(built.world, built.constraints.values(), time).positions for time in (0.0, 1e-3))
+    return not np.array_equal(now, later)
+
+
+def _entry(report: StepReport, certificate: Certificate) -> dict[str, Any]:
+    """A line of the record."""
+    return {
+        "step": report.state.step,
+        "time": report.state.time,
+        "dt": report.dt,
+        "newton_iterations": report.result.iterations,
+        "speed": report.result.speed,
+        "residual": report.result.residual,
+        "energy": certificate.energy,
+        "minimum_gap": report.minimum_gap,
+        "fastest": report.fastest,
+        "failures": list(report.failures),
+    }
+
+
+def _progress(report: StepReport, session: _Session, certificate: Certificate, seconds: float) -> Progress:
+    run, integrator = session.scene.run_settings(), session.integrator
+    verdict = "moving"
+    if report.dt < integrator.dt / 8:
+        verdict = "stalled"
+    elif report.fastest < 10 * integrator.settings.tolerance:
+        verdict = "settled"
+    return Progress(
+        report.state.time,
+        run.duration,
+        report.state.step,
+        report.result.iterations,
+        report.minimum_gap,
+        report.fastest,
+        verdict,
+        seconds,
+    )
+
+
+def _summary(
+    session: _Session,
+    state: State,
+    certificate: Certificate,
+    reason: str,
+    seconds: float,
+    warm: float,
+    directory: Path,
+) -> dict[str, Any]:
+    """What DESIGN's contract asks of summary.json, and the notes that were printed."""
+    world, potential = session.built.world, session.integrator.potential
+    record = read_record(directory / RECORD_NAME)
+    return {
+        "status": "failed" if reason else "completed",
+        "reason": reason or f"{state.time:g} s were simulated.",
+        "stages": ["start", *("simulated" for _ in range(state.frame))],
+        "wall_seconds": seconds,
+        "warmup_seconds": warm,
+        "steps": state.step,
+        "newton_iterations": sum(entry["newton_iterations"] for entry in record),
+        "linear_solves": potential.ledger.linear_solves,
+        "peak_memory_bytes": _peak_memory(),
+        "vertices": world.n_cloth,
+        "triangles": len(world.triangles),
+        "solver": session.integrator.solver.name,
+        "notes": list(session.notes),
+        "effects": potential.accounts(),
+        "off": session.built.off,
+        "phases": potential.phases(),
+        "certificate": certificate.as_dict(judged=bool(world.bodies)),
+    }
+
+
+def _checkpoint(session: _Session, state: State, certificate: Certificate) -> Checkpoint:
+    potential = session.integrator.potential
+    counters = {
+        "certificate": certificate.as_json(),
+        "effects": potential.accounts(),
+        "phases": potential.ledger.phases,
+        "linear_solves": potential.ledger.linear_solves,
+    }
+    return Checkpoint(
+        time=state.time,
+        dt=state.dt,
+        frame=state.frame,
+        step=state.step,
+        positions=state.positions,
+        velocities=state.velocities,
+        stiffness=0.0,  # set anew from the state at each step: nothing to keep
+        scene_text=session.scene.to_text(),
+        counters=counters,
+    )
+
+
+def _restore(ledger: Ledger, counters: dict[str, Any]) -> None:
+    """Go on counting where the stopped run was."""
+    for name, account in counters["effects"].items():
+        ledger.effects[name] = Account(**account)
+    ledger.phases.update(counters["phases"])
+    ledger.linear_solves = counters["linear_solves"]
+
+
+def _set_threads(threads: int) -> None:
+    """Threads of ipctk, where a scene has loaded it; the linear solver is told when it is made."""
+    if "ipctk" in sys.modules:
+        sys.modules["ipctk"].set_num_threads(threads or os.cpu_count() or 1)
+
+
+def _peak_memory() -> int:
+    """The largest resident memory of this process so far [bytes]; 0 where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def _make_directory(directory: Path) -> None:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{directory} cannot be made a directory: {error.strerror}.", "Choose another with -o."
+        ) from error

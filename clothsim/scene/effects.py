@@ -1,0 +1,51 @@
+"""THE table of effects: a name in a scene, and the function that builds it. A new effect is one file and one line here.
+
+A builder takes the world and, by keyword, what the scene's table of that effect says: its keywords are the scene's keys.
+It returns an Energy; or Off with the reason why there is nothing to do; or, where it holds vertices, the world and a
+Constraint. A module is imported only when a scene names its effect.
+"""
+
+import importlib
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from clothsim.errors import InputError
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Where an effect's builder is ("module:function") and what it does, in a few words."""
+
+    builder: str
+    says: str
+
+    def load(self) -> Callable[..., Any]:
+        """Import the builder."""
+        module, function = self.builder.split(":")
+        return getattr(importlib.import_module(module), function)
+
+    def keys(self) -> dict[str, Any]:
+        """The keys that a scene may give, with their defaults."""
+        parameters = inspect.signature(self.load()).parameters.values()
+        return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+
+
+EFFECTS = {
+    "pins": Effect("clothsim.energies.pins:pins", "vertices held or carried"),
+    "inertia": Effect("clothsim.energies.inertia:inertia", "mass times acceleration"),
+    "membrane": Effect("clothsim.energies.membrane:membrane", "stretch and shear"),
+    "bending": Effect("clothsim.energies.bending:bending", "resistance to folding"),
+    "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
+    "damping": Effect("clothsim.energies.damping:damping", "mass-proportional drag"),
+    "body_contact": Effect("clothsim.contact.body_contact:body_contact", "cloth against bodies"),
+}
+
+NOT_BUILT = ("self_contact", "friction", "air", "pressure", "seams", "strain_limit", "fibres")
+
+
+def refuse_not_built(name: str) -> None:
+    """InputError for an effect that is planned but not there."""
+    if name in NOT_BUILT:
+        raise InputError(f"The effect {name!r} is not built yet.", f"Built: {', '.join(EFFECTS)}.")

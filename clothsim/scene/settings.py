@@ -1,0 +1,62 @@
+"""The sections of a scene that are plain numbers and names, with their defaults."""
+
+from dataclasses import dataclass
+
+from clothsim.errors import InputError
+
+
+@dataclass(frozen=True)
+class Solver:
+    """dt [s]; tolerance on |dx|_inf/dt [m/s]; integrator; linear solver; threads (0: all cores, 1: repeatable bits)."""
+
+    dt: float = 0.01
+    tolerance: float = 1e-3
+    integrator: str = "backward_euler"
+    linear: str = "auto"
+    threads: int = 0
+    max_iterations: int = 100
+
+    def __post_init__(self) -> None:
+        if self.integrator == "bdf2":
+            raise InputError('solver.integrator "bdf2" is not built yet.', 'Use "backward_euler".')
+        if self.integrator != "backward_euler":
+            raise InputError(f"solver.integrator is {self.integrator!r}.", 'Known: "backward_euler".')
+        if self.max_iterations == 0:
+            raise InputError("solver.max_iterations must be at least 1.")
+
+
+@dataclass(frozen=True)
+class Contact:
+    """backend: "auto" or "ipctk"."""
+
+    backend: str = "auto"
+
+    def __post_init__(self) -> None:
+        if self.backend == "numba":
+            raise InputError('contact.backend "numba" is not built yet.', 'Use "auto" or "ipctk".')
+        if self.backend not in ("auto", "ipctk"):
+            raise InputError(f"contact.backend is {self.backend!r}.", 'Known: "auto", "ipctk".')
+
+
+@dataclass(frozen=True)
+class RunSettings:
+    """duration [s]; frames_per_second: how often a frame is kept."""
+
+    duration: float = 2.0
+    frames_per_second: float = 25.0
+
+
+@dataclass(frozen=True)
+class Seed:
+    """Where the cloth starts: from its rest shape as placed, or from the vertices of a `file`."""
+
+    from_: str = "rest"
+    file: str = ""
+
+    def __post_init__(self) -> None:
+        if self.from_ == "transfer":
+            raise InputError('seed.from "transfer" is not built yet.', 'Use "rest" or "file".')
+        if self.from_ not in ("rest", "file"):
+            raise InputError(f"seed.from is {self.from_!r}.", 'Known: "rest", "file".')
+        if (self.from_ == "file") != bool(self.file):
+            raise InputError('seed needs from = "file" and a file together.')

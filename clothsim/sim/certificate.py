@@ -1,0 +1,90 @@
+"""What is known of a result: intersections, gap, stretches, residual, energy. Gathered as the run goes."""
+
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.kinematics.stretch import principal_stretches
+from clothsim.kinematics.triangle import deformation_gradients
+from clothsim.mesh.world import World
+from clothsim.sim.stepping import StepReport
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Extremes over all steps so far.
+
+    intersecting_frames: numbers of the frames in which a cloth met a body; gap [m]: the smallest distance of cloth and
+    body that was below d_hat, else inf; stretch_min, stretch_max; residual: the last step's largest force [N];
+    energy: kinetic and potential now [J]; energy_rise: the most that one step added [J]; moved_by_script: whether
+    bodies or pins did work on the cloth, so that a rise is no error.
+    """
+
+    intersecting_frames: tuple[int, ...] = ()
+    gap: float = np.inf
+    stretch_min: float = np.inf
+    stretch_max: float = 0.0
+    residual: float = 0.0
+    energy: float = np.nan
+    energy_rise: float = 0.0
+    energy_scale: float = 0.0
+    moved_by_script: bool = False
+
+    def after(self, world: World, report: StepReport) -> Self:
+        """The certificate after one more step."""
+        x = report.state.positions
+        stretches = world_stretches(world, x)
+        energy, scale = _energy(world, report)
+        rise = 0.0 if np.isnan(self.energy) else max(energy - self.energy, 0.0)
+        return replace(
+            self,
+            gap=min(self.gap, report.minimum_gap),
+            stretch_min=min(self.stretch_min, float(stretches[:, 1].min())),
+            stretch_max=max(self.stretch_max, float(stretches[:, 0].max())),
+            residual=report.result.residual,
+            energy=energy,
+            energy_rise=max(self.energy_rise, rise),
+            energy_scale=max(self.energy_scale, scale),
+        )
+
+    def as_dict(self, judged: bool) -> dict[str, Any]:
+        """As the summary keeps it. judged: whether frames were tested for intersections of cloth and body."""
+        drift = self.energy_rise / self.energy_scale if self.energy_scale else 0.0
+        return {
+            "intersection_free": not self.intersecting_frames,
+            "cloth_body": "no body" if not judged else "tested at every frame",
+            "cloth_cloth": "not requested",
+            "intersecting_frames": list(self.intersecting_frames),
+            "minimum_gap": self.gap,
+            "stretch_min": self.stretch_min,
+            "stretch_max": self.stretch_max,
+            "residual": self.residual,
+            "energy_drift": "bodies or pins do work" if self.moved_by_script else drift,
+        }
+
+    def as_json(self) -> dict[str, Any]:
+        """Every field, for the checkpoint."""
+        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+
+
+def certificate_from(fields: dict[str, Any]) -> Certificate:
+    """The certificate that `as_json` wrote."""
+    return Certificate(**{**fields, "intersecting_frames": tuple(fields["intersecting_frames"])})
+
+
+def world_stretches(world: World, x: Floats) -> Floats:
+    """The principal stretches of all cloth triangles, (m, 2)."""
+    return principal_stretches(deformation_gradients(x[: world.n_cloth], world.triangles, world.rest_shape_inverses))
+
+
+def _energy(world: World, report: StepReport) -> tuple[float, float]:
+    """Kinetic energy plus the energies of the state, and the largest of them as a scale [J]."""
+    velocities = report.state.velocities[: world.n_cloth]
+    energies = report.potential.energies
+    dynamic = any(energy.incremental for energy in energies.values())
+    kinetic = 0.5 * float(world.masses @ (velocities**2).sum(axis=1)) if dynamic else 0.0
+    parts = [kinetic]
+    parts.extend(energy.value(report.state.positions) for energy in energies.values() if not energy.incremental)
+    return sum(parts), max(abs(part) for part in parts)

@@ -1,0 +1,23 @@
+"""Where the vertices are that nobody solves for: bodies on their motions, pins and ghosts on their scripts."""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from clothsim.energies.base import Constraint, Prescribed
+from clothsim.mesh.world import World
+
+
+def prescribed(world: World, constraints: Iterable[Constraint], time: float) -> Prescribed:
+    """All prescribed rows of x at `time` [s]: bodies that move, then what the constraints hold."""
+    parts = [
+        Prescribed(np.arange(rows.start, rows.stop), body.at(time))
+        for body, rows in zip(world.bodies, world.body_slices, strict=True)
+        if not body.motion.still
+    ]
+    parts.extend(constraint.at(time) for constraint in constraints)
+    none = Prescribed(np.zeros(0, np.int64), np.zeros((0, 3)))
+    return Prescribed(
+        np.concatenate([none.vertices, *(part.vertices for part in parts)]),
+        np.concatenate([none.positions, *(part.positions for part in parts)]),
+    )

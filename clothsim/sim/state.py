@@ -1,0 +1,23 @@
+"""What a run is between two steps. A step is a function of this and of the scene, so a run can be resumed from it."""
+
+from dataclasses import dataclass
+
+from clothsim.arrays import Floats
+from clothsim.mesh.world import World
+
+
+@dataclass(frozen=True)
+class State:
+    """time [s]; dt: length of the next step [s]; step, frame: how many are done; positions, velocities (N, 3) of x."""
+
+    time: float
+    dt: float
+    step: int
+    frame: int
+    positions: Floats
+    velocities: Floats
+
+
+def first_state(world: World, dt: float) -> State:
+    """The world at its start."""
+    return State(0.0, dt, 0, 0, world.start(), world.start_velocities())
