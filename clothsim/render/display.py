@@ -1,0 +1,59 @@
+"""Whether VTK can draw here, found out without loading it into this process: where it cannot, it ends the process."""
+
+import os
+import subprocess
+import sys
+from functools import cache
+from importlib.util import find_spec
+
+_PROBE = """
+from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
+import vtkmodules.vtkRenderingOpenGL2
+window = vtkRenderWindow()
+window.SetOffScreenRendering(1)
+window.SetSize(8, 8)
+window.AddRenderer(vtkRenderer())
+window.Render()
+raise SystemExit(0 if window.SupportsOpenGL() else 1)
+"""
+
+
+@cache
+def why_not_vtk() -> str:
+    """Why VTK cannot draw on this machine, and which package would change that; empty where it can.
+
+    On Linux the graphics libraries are looked for first; where some are present, a second Python draws one tiny
+    picture (1-3 s), as only that tells whether they work. The answer holds for the life of this process.
+    """
+    if find_spec("pyvista") is None or find_spec("vtkmodules") is None:
+        return "pyvista is not installed; `pip install pyvista` would give the better picture"
+    if sys.platform.startswith("linux"):
+        remedy = "`apt install libegl1` (Debian, Ubuntu) or mesa-libEGL (Fedora) would give the better picture"
+        if not _any_library():
+            return f"there is neither EGL, OSMesa nor a display; {remedy}"
+        if not _probe():
+            return f"VTK found no working EGL, OSMesa or display; {remedy}"
+        return ""
+    return "" if _probe() else "VTK found no working OpenGL; a graphics driver would give the better picture"
+
+
+def _any_library() -> bool:
+    """True where one of the libraries through which VTK reaches OpenGL can be loaded."""
+    import ctypes
+
+    names = ["libEGL.so.1", "libOSMesa.so", "libOSMesa.so.8", "libOSMesa.so.6"]
+    for name in [*names, *(["libGL.so.1"] if os.environ.get("DISPLAY") else [])]:
+        try:
+            ctypes.CDLL(name)
+        except OSError:
+            continue
+        return True
+    return False
+
+
+def _probe() -> bool:
+    try:
+        done = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, timeout=60, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return done.returncode == 0

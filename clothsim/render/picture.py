@@ -1,0 +1,155 @@
+"""A PNG of cloths and bodies at one time."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.arrays import Floats, as_points, as_triangles, as_vector
+from clothsim.errors import InputError
+from clothsim.render.camera import Camera, extreme_points, frame, three_quarter_view
+from clothsim.render.colour import colour_range, log_stretch
+from clothsim.render.legend import add_legend, margins
+from clothsim.render.mesh_look import Surface, looks
+
+_UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+_SMALLEST = 32
+
+
+@dataclass(frozen=True)
+class Shot:
+    """How a picture is taken: the same for every frame of a movie.
+
+    size: (width, height) in pixels; half_range: of the colours in log l, 0 where the cloth is plain;
+    up: (3,); renderer: "vtk" or "ray"; samples: per pixel and direction; note: one line that says what drew it.
+    """
+
+    camera: Camera
+    size: tuple[int, int]
+    half_range: float
+    up: Floats
+    title: str
+    renderer: str
+    samples: int
+    note: str
+
+
+def draw(
+    path: str | Path,
+    surfaces: Sequence[Surface],
+    *,
+    size: tuple[int, int] = (1280, 960),
+    colour: str = "stretch",
+    up: ArrayLike | str = "z",
+    view: ArrayLike | str = "auto",
+    title: str = "",
+    renderer: str = "auto",
+) -> str:
+    """Write a PNG of `surfaces` and return one line that says which renderer drew it, and how to get the better one.
+
+    size: (width, height) in pixels; colour: "stretch" (the principal stretch farthest from 1, with a scalar bar) or
+    "plain"; up: (3,) or "x", "y", "z"; view: the direction from the scene to the camera (3,), or "auto";
+    renderer: "vtk", "ray", or "auto": what the environment variable CLOTHSIM_RENDERER says, else VTK where it works.
+    InputError for a bad argument, MissingPackageError where the renderer's package is not installed.
+    """
+    from PIL import Image
+
+    shot = take_aim([surfaces], size=size, colour=colour, up=up, view=view, title=title, renderer=renderer)
+    Image.fromarray(expose(shot, surfaces)).save(path, format="PNG")
+    return shot.note
+
+
+def take_aim(
+    frames: Sequence[Sequence[Surface]],
+    *,
+    size: tuple[int, int],
+    colour: str,
+    up: ArrayLike | str,
+    view: ArrayLike | str,
+    title: str,
+    renderer: str,
+    samples: int = 2,
+) -> Shot:
+    """The one camera, colour range and renderer that suit all `frames`; arguments as in `draw`."""
+    if not len(frames):
+        raise InputError("There is no frame to draw.")
+    if colour not in ("stretch", "plain"):
+        raise InputError(f'colour must be "stretch" or "plain", not {colour!r}.')
+    pixels = (int(size[0]), int(size[1]))
+    if min(pixels) < _SMALLEST:
+        raise InputError(f"A picture needs at least {_SMALLEST} x {_SMALLEST} pixels, not {pixels[0]} x {pixels[1]}.")
+    for surface in (s for surfaces in frames for s in surfaces):
+        _check(surface)
+    upright = _direction("up", _UP.get(up, up) if isinstance(up, str) else up)
+    chosen, note = choose_renderer(renderer)
+    logs = [log_stretch(s.principal_stretches) for surfaces in frames for s in surfaces if s.role == "cloth"]
+    half_range = colour_range(logs) if colour == "stretch" and any(len(part) for part in logs) else 0.0
+    everything = np.concatenate([extreme_points(s.positions) for surfaces in frames for s in surfaces])
+    cloths = [s for surfaces in frames for s in surfaces if s.role == "cloth"]
+    cloth = np.concatenate([np.zeros((0, 3)), *(extreme_points(s.positions) for s in cloths)])
+    if isinstance(view, str):
+        if view != "auto":
+            raise InputError(f'view must be a direction or "auto", not {view!r}.')
+        last = [s for s in frames[-1] if s.role == "cloth"] or list(frames[-1])
+        backward = three_quarter_view(np.concatenate([s.positions[s.triangles] for s in last]), upright)
+    else:
+        backward = _direction("view", view)
+    room = margins(half_range > 0, title)
+    camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
+    return Shot(camera, pixels, half_range, upright, title, chosen, samples, note)
+
+
+def expose(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
+    """The picture of one frame, (height, width, 3) uint8."""
+    from clothsim.render.backdrop import backdrop
+
+    if shot.renderer == "vtk":
+        from clothsim.render.vtk_scene import render
+    else:
+        from clothsim.render.ray import render
+    made = looks(surfaces, shot.half_range)
+    seen = render(made, shot.camera, shot.size, shot.up, shot.samples)
+    image = seen[:, :, :3] + (1 - seen[:, :, 3:]) * backdrop(made, shot.camera, shot.size, shot.up)
+    return add_legend(image, shot.half_range, shot.title)
+
+
+def choose_renderer(renderer: str) -> tuple[str, str]:
+    """ "vtk" or "ray", and one line that says so; VTK is only tried where it is known to work, or asked for by name."""
+    from clothsim.render.display import why_not_vtk
+
+    wanted = os.environ.get("CLOTHSIM_RENDERER", "auto") if renderer == "auto" else renderer
+    if wanted not in ("auto", "vtk", "ray"):
+        raise InputError(f'The renderer must be "auto", "vtk" or "ray", not {wanted!r}.')
+    if wanted == "ray":
+        return "ray", "Drawn by ray casting, as asked."
+    missing = why_not_vtk()
+    if not missing:
+        return "vtk", "Drawn by VTK."
+    if wanted == "vtk":
+        raise InputError(f"VTK cannot draw here: {missing}.", 'Or use the renderer "ray".')
+    return "ray", f"Drawn by ray casting, as {missing}."
+
+
+def _check(surface: Surface) -> None:
+    name = surface.name
+    as_points(f"{name} positions", surface.positions)
+    as_triangles(f"{name} triangles", surface.triangles, len(surface.positions))
+    if not len(surface.triangles):
+        raise InputError(f"{name} has no triangles to draw.")
+    if surface.role not in ("cloth", "body"):
+        raise InputError(f'{name}: role must be "cloth" or "body", not {surface.role!r}.')
+    stretches = as_points(f"{name} principal_stretches", surface.principal_stretches, 2)
+    if len(stretches) not in (0, len(surface.triangles)):
+        raise InputError(f"{name}: {len(stretches)} principal_stretches for {len(surface.triangles)} triangles.")
+
+
+def _direction(name: str, values: ArrayLike | str) -> Floats:
+    if isinstance(values, str):
+        raise InputError(f'{name} must be a direction, "x", "y" or "z", not {values!r}.')
+    vector = as_vector(name, values)
+    if not vector.any():
+        raise InputError(f"{name} must not be zero.")
+    return vector / np.linalg.norm(vector)

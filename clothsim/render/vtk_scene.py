@@ -1,0 +1,75 @@
+"""The picture by VTK through pyvista: three lights, ambient occlusion in screen space. Needs EGL, OSMesa or a display.
+
+Ask `display.why_not_vtk` first: where VTK cannot draw it ends the whole process.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.render.camera import Camera
+from clothsim.render.mesh_look import Look
+
+_AMBIENT, _DIFFUSE = 0.50, 0.56
+_LIGHTS = (((-0.70, 0.85, 0.40), 0.78), ((0.80, 0.15, 0.60), 0.22), ((0.10, 0.90, -0.40), 0.12))
+"""Direction towards the light (right, up, backward of the camera) and intensity: key, fill and rim."""
+
+
+def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floats, samples: int = 2) -> Floats:
+    """What the camera sees, (height, width, 4): sRGB times coverage, and the coverage."""
+    import pyvista
+    from vtkmodules.vtkCommonCore import vtkLogger
+
+    vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # it warns of a missing X server before it takes EGL
+    corners = np.concatenate([look.corners for look in made]).reshape(-1, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    scale = 1.0 / (float((high - low).max()) or 1.0)
+    centre = 0.5 * (low + high)
+    plotter = pyvista.Plotter(off_screen=True, window_size=[size[0] * samples, size[1] * samples], lighting="none")
+    try:
+        plotter.set_background("white")
+        for look in made:
+            _add_two_sided(plotter, look, centre, scale)
+        _aim(plotter, camera, (camera.position - centre) * scale, up)
+        plotter.enable_ssao(radius=0.10, bias=0.010, kernel_size=32, blur=True)
+        plotter.show(auto_close=False)
+        image = plotter.screenshot(return_img=True)[:, :, :3] / 255.0
+        covered = np.isfinite(plotter.get_image_depth(fill_value=np.nan))[:, :, None]
+    finally:
+        plotter.close()
+    both = np.concatenate([image * covered, covered], axis=2)
+    return both.reshape(size[1], samples, size[0], samples, 4).mean(axis=(1, 3))
+
+
+def _add_two_sided(plotter: Any, look: Look, centre: Floats, scale: float) -> None:
+    """One actor for each side, as VTK gives both sides of an actor the same colours."""
+    import pyvista
+
+    points = ((look.corners - centre) * scale).reshape(-1, 3)
+    for hidden, paint in (("back", look.front), ("front", look.back)):
+        mesh = pyvista.PolyData.from_regular_faces(points, np.arange(len(points)).reshape(-1, 3))
+        mesh.point_data["colour"] = np.round(255 * np.reshape(paint, (-1, 3))).astype(np.uint8)
+        mesh.point_data.active_normals = look.normals.reshape(-1, 3)
+        actor = plotter.add_mesh(
+            mesh, scalars="colour", rgb=True, culling=hidden, ambient=_AMBIENT, diffuse=_DIFFUSE, specular=0.0
+        )
+        actor.prop.interpolation = "Phong"
+
+
+def _aim(plotter: Any, camera: Camera, eye: Floats, up: Floats) -> None:
+    import pyvista
+
+    right, picture_up, backward = camera.axes
+    plotter.camera.position = eye
+    plotter.camera.focal_point = eye - backward
+    plotter.camera.up = picture_up
+    plotter.camera.view_angle = np.degrees(2 * np.arctan(camera.tangents[1]))
+    plotter.reset_camera_clipping_range()
+    vertical = up / np.linalg.norm(up)
+    for (along_right, along_up, along_backward), intensity in _LIGHTS:
+        towards = along_right * right + along_up * vertical + along_backward * backward
+        light = pyvista.Light(position=tuple(10 * towards), focal_point=(0, 0, 0), intensity=intensity)
+        light.positional = False
+        plotter.add_light(light)
