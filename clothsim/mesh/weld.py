@@ -4,20 +4,20 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_points, as_positive, as_triangles
 from clothsim.errors import InputError
-from clothsim.mesh.check import some
 from clothsim.mesh.degenerate import coincidence
-from clothsim.mesh.topology import border_vertices
+from clothsim.mesh.topology import border_vertices, vertex_rings
 
 MOST_PAIRS = 200
 """Close neighbours a border vertex may have on average: beyond it `distance` is no seam, and would fill the memory."""
 
 
 def weld(positions: Floats, triangles: Ints, distance: float) -> tuple[Floats, Ints, Ints]:
-    """Merge the border vertices that are closer than `distance` [m], and those joined through such pairs.
+    """Merge border vertices that are closer than `distance` [m], the closest pairs first.
 
     Returns the positions (k, 3), each merged vertex at the mean of its parts, the triangles (m, 3) in the same order,
     so that arrays per triangle and corner stay valid, and the new number of every old vertex (n,). Inner vertices
-    never move. InputError where a triangle would lose a corner, or `distance` takes in far more than a seam.
+    never move, and vertices that an edge joins are never merged, so no triangle collapses. Panels in three layers make
+    fins, which the doctor finds afterwards. InputError where `distance` takes in far more than a seam.
     """
     points = as_points("positions", positions)
     faces = as_triangles("triangles", triangles, len(points))
@@ -25,20 +25,13 @@ def weld(positions: Floats, triangles: Ints, distance: float) -> tuple[Floats, I
     border = border_vertices(faces)
     label = np.arange(len(points))
     if reach > 0 and len(border):
-        label[border] = border[_clusters(points[border], reach)]
+        label = _sewn(border[_close_pairs(points[border], reach)], faces, len(points))
     number = _renumber(label)
-    welded = number[faces]
-    lost = np.flatnonzero((welded == np.roll(welded, 1, axis=1)).any(axis=1))
-    if len(lost):
-        raise InputError(
-            f"weld = {reach:g} m would collapse {some('triangle', lost)}.",
-            "Choose it below the shortest edge on the border.",
-        )
     count = np.bincount(number)
     merged = np.stack([np.bincount(number, weights=column) / count for column in points.T], axis=1)
     alone = count[number] == 1
     merged[number[alone]] = points[alone]
-    return merged, welded, number
+    return merged, number[faces], number
 
 
 def merge_coincident(positions: Floats) -> tuple[Floats, Ints]:
@@ -51,10 +44,8 @@ def merge_coincident(positions: Floats) -> tuple[Floats, Ints]:
     return merged, number
 
 
-def _clusters(points: Floats, distance: float) -> Ints:
-    """For each point the first of those it is joined to by steps below `distance`, (b,)."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
+def _close_pairs(points: Floats, distance: float) -> Ints:
+    """The pairs of points closer than `distance`, the closest first, (p, 2)."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(points)
@@ -64,10 +55,23 @@ def _clusters(points: Floats, distance: float) -> Ints:
             "Choose it smaller.",
         )
     pairs = tree.query_pairs(distance, output_type="ndarray")
-    graph = coo_array((np.ones(len(pairs), np.int8), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
-    cluster = connected_components(graph, directed=False)[1]
-    _, first, back = np.unique(cluster, return_index=True, return_inverse=True)
-    return first[back]
+    return pairs[np.argsort(np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1), kind="stable")]
+
+
+def _sewn(pairs: Ints, triangles: Ints, n_vertices: int) -> Ints:
+    """The group of each vertex, named by its first member, after joining `pairs` in turn unless an edge joins them."""
+    starts, neighbours = vertex_rings(triangles, n_vertices)
+    label = np.arange(n_vertices)
+    members = {int(v): {int(v)} for v in np.unique(pairs)}
+    rings = {v: set(neighbours[starts[v] : starts[v + 1]].tolist()) for v in members}
+    for one, two in pairs.tolist():
+        kept, gone = sorted((int(label[one]), int(label[two])))
+        if kept == gone or rings[kept] & members[gone]:
+            continue
+        label[list(members[gone])] = kept
+        members[kept] |= members.pop(gone)
+        rings[kept] |= rings.pop(gone)
+    return label
 
 
 def _renumber(label: Ints) -> Ints:

@@ -45,10 +45,24 @@ def test_inner_vertices_are_never_merged():
     assert len(weld(points, faces, 1e-3)[0]) == len(points)
 
 
-def test_a_distance_that_collapses_triangles_is_refused_by_name():
+@pytest.mark.parametrize("distance", [0.26, 0.3])
+def test_a_distance_beyond_the_edges_still_sews_the_seam_and_collapses_nothing(distance):
     points, faces = two_panels(gap=2e-3)
-    with pytest.raises(InputError, match=r"weld = 0\.3 m would collapse triangles \d+, .*\(\d+ in all\)"):
-        weld(points, faces, 0.3)
+    welded, triangles, number = weld(points, faces, distance)
+    np.testing.assert_array_equal(number[20:25], number[25:30])
+    corners = np.sort(triangles, axis=1)
+    assert (np.diff(corners, axis=1) > 0).all()
+    assert len(welded) == len(points) - 5
+
+
+@pytest.mark.parametrize("gap", [0.0, 1e-4])
+def test_four_panels_that_meet_in_a_corner_share_one_vertex(gap):
+    points, faces = grid(2, 2)
+    shifts = [np.array([i * (1 + gap), j * (1 + gap), 0.0]) for i in (0, 1) for j in (0, 1)]
+    panels = np.vstack([points + shift for shift in shifts])
+    welded, triangles, _ = weld(panels, np.vstack([faces + 9 * k for k in range(4)]), 2e-4)
+    assert len(welded) == 25
+    assert examine("sewn", welded, triangles).findings == ()
 
 
 def test_a_distance_that_takes_in_everything_is_refused():
