@@ -54,7 +54,7 @@ Listener = Callable[[Progress], None]
 
 
 def simulate(scene: Scene, output: str | Path | None = None, progress: Listener | None = None) -> Run:
-    """Simulate `scene`; leave trajectory, record, summary and checkpoint in `output` (a fresh temporary folder if None).
+    """Simulate `scene`; leave trajectory, record, summary and checkpoint in `output` (None: a fresh temporary folder).
 
     A run that cannot go on ends with status "failed" and a sentence, and keeps its frames. InputError for bad input.
     """
@@ -67,7 +67,7 @@ def simulate(scene: Scene, output: str | Path | None = None, progress: Listener 
 
 
 def resume(directory: str | Path, progress: Listener | None = None) -> Run:
-    """Go on from the checkpoint in `directory`; with threads = 1 the frames are those of a run never stopped, to the bit."""
+    """Go on from the checkpoint in `directory`; with threads = 1 the frames are to the bit those of a run never stopped."""
     folder = Path(directory)
     started = perf_counter()
     saved = read_checkpoint(folder / CHECKPOINT_NAME)

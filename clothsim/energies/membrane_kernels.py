@@ -10,7 +10,7 @@ from clothsim.energies.neo_hookean import density, inverse_factor, other_modes, 
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def _load_F(x, triangle, B, F):
+def _deformation_gradient(x, triangle, B, F):
     """F[:, 0] = e1 B00 + e2 B10, F[:, 1] = e1 B01 + e2 B11, with B = Dm^-1."""
     for k in range(3):
         e1 = x[triangle[1], k] - x[triangle[0], k]
@@ -37,7 +37,7 @@ def value(x, triangles, inverses, areas, mu, lam):
     F, n = np.empty((3, 2)), np.empty(3)
     total = 0.0
     for t in range(len(triangles)):
-        _load_F(x, triangles[t], inverses[t], F)
+        _deformation_gradient(x, triangles[t], inverses[t], F)
         trace = 0.0
         for k in range(3):
             trace += F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1]
@@ -52,7 +52,7 @@ def gradient(x, triangles, inverses, areas, mu, lam):
     F, n = np.empty((3, 2)), np.empty(3)
     for t in range(len(triangles)):
         B = inverses[t]
-        _load_F(x, triangles[t], B, F)
+        _deformation_gradient(x, triangles[t], B, F)
         J = _normal(F, n)
         b = inverse_factor(mu[t], lam[t], J) / (J * J)
         c11 = c12 = c22 = 0.0
@@ -83,7 +83,7 @@ def hessian(x, triangles, inverses, areas, mu, lam, project):
     alpha, beta = np.empty(3), np.empty(3)
     for t in range(len(triangles)):
         B = inverses[t]
-        _load_F(x, triangles[t], B, F)
+        _deformation_gradient(x, triangles[t], B, F)
         s1, s2 = _principal(F, n, _normal(F, n), V, W)
         for k in range(2):
             alpha[k + 1] = B[k, 0] * V[0, 0] + B[k, 1] * V[1, 0]
@@ -122,7 +122,7 @@ def _project_2x2(a, b, c):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _principal(F, n, J, V, W):
-    """F = W' diag(s1, s2) V' with s1 >= s2 (the rows of W are w1, w2); the angle of V from C = F'F, s2 = J/s1 without cancellation."""
+    """F = W' diag(s1, s2) V', s1 >= s2, the rows of W being w1, w2; V's angle from C = F'F, s2 = J/s1: no cancellation."""
     c11 = c12 = c22 = 0.0
     for k in range(3):
         c11 += F[k, 0] * F[k, 0]

@@ -33,7 +33,7 @@ def interior_edges(triangles: Ints) -> tuple[Ints, Ints]:
 
 
 def border_edges(triangles: Ints) -> tuple[Ints, Ints]:
-    """The directed edges of exactly one triangle: `edges (b, 2)` and the half-edge index `3 t + corner (b,)` of each."""
+    """The directed edges of exactly one triangle, `edges (b, 2)`, and the half-edge `3 t + corner (b,)` of each."""
     directed = half_edges(triangles)
     _, group, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
     half = np.flatnonzero(count[group.ravel()] == 1)

@@ -1,4 +1,4 @@
-"""Everything that has a place: cloths and bodies in one array of vertices, with what the energies need of the rest shape.
+"""Everything that has a place: cloths and bodies in one array of vertices, and what the energies need of the rest.
 
 Rows of x: first the vertices of all cloths (the unknowns), then those of all bodies, then ghosts (see `clamp`).
 """

@@ -1,6 +1,6 @@
-"""THE table of effects: a name in a scene, and the function that builds it. A new effect is one file and one line here.
+"""THE table of effects: a name in a scene and the function that builds it. A new effect is one file and one line here.
 
-A builder takes the world and, by keyword, what the scene's table of that effect says: its keywords are the scene's keys.
+A builder takes the world and, by keyword, what the scene says of that effect: its keywords are the scene's keys.
 It returns an Energy; or Off with the reason why there is nothing to do; or, where it holds vertices, the world and a
 Constraint. A module is imported only when a scene names its effect.
 """

@@ -10,7 +10,7 @@ from clothsim.sim.stepping import Integrator, StepReport, advance
 
 
 def steps(integrator: Integrator, state: State, duration: float, frames_per_second: float) -> Iterator[StepReport]:
-    """The steps from `state` to `duration` [s]; each frame falls on the end of a step. The last may be one not taken."""
+    """The steps from `state` to `duration` [s]; a frame falls on the end of a step. The last may be one not taken."""
     frames = max(1, int(np.ceil(duration * frames_per_second - 1e-9)))
     while state.frame < frames:
         until = min((state.frame + 1) / frames_per_second, duration)

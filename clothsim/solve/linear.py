@@ -23,7 +23,7 @@ class LinearSolver(abc.ABC):
 
     @abc.abstractmethod
     def solve(self, data: Floats, b: Floats) -> Floats:
-        """x of the matrix whose upper triangle has these `data` in the pattern; NotPositiveDefiniteError if it is not."""
+        """x of the matrix whose upper triangle is `data` in the pattern; NotPositiveDefiniteError if it is not."""
 
 
 class Pardiso(LinearSolver):
@@ -128,9 +128,9 @@ def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
     InputError for an unknown name, MissingPackageError for one that is not installed. threads 0: all cores.
     """
     if name == "auto":
-        for candidate in SOLVERS:
+        for kind in SOLVERS.values():
             try:
-                return SOLVERS[candidate](pattern, threads)
+                return kind(pattern, threads)
             except (ImportError, OSError):
                 continue
     if name not in SOLVERS:
@@ -149,8 +149,8 @@ def slowness(solver: LinearSolver) -> str:
     if solver.name != "superlu":
         return ""
     return (
-        f"The linear solver is SuperLU, about ten times slower than PARDISO, which does not exist for {sys.platform} on "
-        "this processor or is not installed; scikit-sparse (CHOLMOD) helps."
+        f"The linear solver is SuperLU, about ten times slower than PARDISO, which does not exist for {sys.platform} "
+        "on this processor or is not installed; scikit-sparse (CHOLMOD) helps."
     )
 
 
