@@ -67,7 +67,7 @@ def simulate(scene: Scene, output: str | Path | None = None, progress: Listener 
 
 
 def resume(directory: str | Path, progress: Listener | None = None) -> Run:
-    """Go on from the checkpoint in `directory`; with threads = 1 the frames are to the bit those of a run never stopped."""
+    """Go on from the checkpoint in `directory`; with threads = 1 the frames are bit for bit those of an unstopped run."""
     folder = Path(directory)
     started = perf_counter()
     saved = read_checkpoint(folder / CHECKPOINT_NAME)

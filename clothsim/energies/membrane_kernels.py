@@ -122,7 +122,7 @@ def _project_2x2(a, b, c):
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _principal(F, n, J, V, W):
-    """F = W' diag(s1, s2) V', s1 >= s2, the rows of W being w1, w2; V's angle from C = F'F, s2 = J/s1: no cancellation."""
+    """F = W' diag(s1, s2) V', s1 >= s2, the rows of W being w1, w2; V from the angle of C = F'F, s2 = J/s1."""
     c11 = c12 = c22 = 0.0
     for k in range(3):
         c11 += F[k, 0] * F[k, 0]

@@ -78,24 +78,28 @@ class World:
     @cached_property
     def rest_areas(self) -> Floats:
         """Reference area of each triangle, (m,) [m2]."""
-        return 0.5 * np.abs(np.linalg.det(self.rest_shapes))
+        return np.asarray(0.5 * np.abs(np.linalg.det(self.rest_shapes)), np.float64)
 
     @cached_property
     def masses(self) -> Floats:
         """Lumped masses of the cloth vertices, (n_cloth,) [kg]: a third of each triangle to each corner."""
-        third = np.repeat(self.per_triangle("density") * self.rest_areas / 3, 3)
-        return np.bincount(self.triangles.ravel(), weights=third, minlength=self.n_cloth)
+        return self._to_vertices(self.per_triangle("density") * self.rest_areas)
 
     @cached_property
     def vertex_areas(self) -> Floats:
         """Reference area of each cloth vertex, (n_cloth,) [m2]."""
-        return np.bincount(self.triangles.ravel(), weights=np.repeat(self.rest_areas / 3, 3), minlength=self.n_cloth)
+        return self._to_vertices(self.rest_areas)
 
     def per_triangle(self, property_name: str) -> Floats:
         """A number of each triangle's fabric, (m,): "density", "shear_modulus", "lame_modulus", "thickness", ..."""
         return np.concatenate(
             [np.full(len(cloth.triangles), getattr(cloth.fabric, property_name)) for cloth in self.cloths]
         )
+
+    def _to_vertices(self, amounts: Floats) -> Floats:
+        """A third of each triangle's amount to each of its corners, (n_cloth,)."""
+        thirds = np.repeat(amounts / 3, 3)
+        return np.bincount(self.triangles.ravel(), weights=thirds, minlength=self.n_cloth).astype(np.float64)
 
     def start(self) -> Floats:
         """The positions of every vertex at time 0, (N, 3) [m]."""
@@ -114,7 +118,7 @@ def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = ()) -> World:
     """A world of at least one cloth. InputError where there is none or two things share a name."""
     if not cloths:
         raise InputError("The scene has no cloth.", "Add a [[cloth]] table with a mesh.")
-    names = [thing.name for thing in (*cloths, *bodies)]
+    names = [cloth.name for cloth in cloths] + [body.name for body in bodies]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"Two things are called {twice!r}.", "Give each cloth and body a name of its own.")

@@ -132,6 +132,6 @@ def _fabric(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
     if name not in FABRICS:
         raise InputError(f"{where}.fabric is {name!r}.", f"Known: {', '.join(FABRICS)}.")
     own = {key: float(as_positive(f"{where}.{key}", keys[key], zero=True)) for key in FABRIC if key in keys}
-    fabric = replace(FABRICS[name], **own)
+    fabric = replace(FABRICS[name], **own)  # type: ignore[arg-type]
     changed = f" with its own {', '.join(own)}" if own else ""
     return fabric, f"{keys.get('name', where)}: fabric {name}{changed}."

@@ -76,7 +76,8 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
 
 def world_stretches(world: World, x: Floats) -> Floats:
     """The principal stretches of all cloth triangles, (m, 2)."""
-    return principal_stretches(deformation_gradients(x[: world.n_cloth], world.triangles, world.rest_shape_inverses))
+    F = deformation_gradients(x[: world.n_cloth], world.triangles, world.rest_shape_inverses)
+    return np.asarray(principal_stretches(F), np.float64)
 
 
 def _energy(world: World, report: StepReport) -> tuple[float, float]:

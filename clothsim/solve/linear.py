@@ -22,6 +22,10 @@ class LinearSolver(abc.ABC):
     name: str
 
     @abc.abstractmethod
+    def __init__(self, pattern: Pattern, threads: int) -> None:
+        """Analyse the pattern; threads 0: all cores."""
+
+    @abc.abstractmethod
     def solve(self, data: Floats, b: Floats) -> Floats:
         """x of the matrix whose upper triangle is `data` in the pattern; NotPositiveDefiniteError if it is not."""
 

@@ -163,7 +163,9 @@ class Newton:
         Near the minimum E no longer tells x from x + dx, but its derivative does: along a good Newton step it falls to
         near zero (Hager & Zhang 2005, approximate Wolfe conditions). A step of a millionth of the tolerance is noise.
         """
-        return speed < 1e-6 * self.settings.tolerance or abs(np.vdot(self.potential.gradient(x), dx)) <= -0.5 * slope
+        if speed < 1e-6 * self.settings.tolerance:
+            return True
+        return abs(float(np.vdot(self.potential.gradient(x), dx))) <= -0.5 * slope
 
     def _limit(self, x: Floats, dx: Floats) -> float:
         return self.potential.step_limit(x, dx)

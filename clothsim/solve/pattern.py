@@ -5,15 +5,17 @@ The matrix is stored as the upper triangle of a CSR matrix, 3x3 block by block. 
 """
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ElementHessian
 
-Hessian = ElementHessian | sparse.csr_array
+Hessian: TypeAlias = ElementHessian | sparse.csr_array
 
 
 @dataclass(frozen=True)
@@ -26,8 +28,8 @@ class Pattern:
     n_vertices: int
     starts: Ints
     columns: Ints
-    indptr: Ints
-    indices: Ints
+    indptr: NDArray[np.int32]
+    indices: NDArray[np.int32]
 
     def assemble(self, hessians: list[Hessian]) -> Floats:
         """The sum of the Hessians as the data of the upper CSR matrix; rows beyond n_vertices are dropped."""
@@ -96,7 +98,7 @@ def times(hessians: list[Hessian], vector: Floats) -> Floats:
     return product
 
 
-def _scalar_pattern(starts: Ints, columns: Ints) -> tuple[Ints, Ints]:
+def _scalar_pattern(starts: Ints, columns: Ints) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """indptr and indices (int32, as the direct solvers take them) of the scalar upper triangle."""
     degree = np.diff(starts)
     row_lengths = (3 * degree[:, None] - np.arange(3)).ravel()
