@@ -49,47 +49,61 @@ class Progress:
     seconds: float
 
 
-Listener = Callable[[Progress], None]
-"""Called after each step."""
-
-
-def simulate(scene: Scene, output: str | Path | None = None, progress: Listener | None = None) -> Run:
-    """Simulate `scene`; leave trajectory, record, summary and checkpoint in `output` (None: a fresh temporary folder).
-
-    A run that cannot go on ends with status "failed" and a sentence, and keeps its frames. InputError for bad input.
-    """
-    directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
-    started = perf_counter()
-    session = _prepare(scene, build(scene))
-    _make_directory(directory)
-    state = first_state(session.built.world, session.integrator.dt)
-    return _run(session, state, Certificate(), directory, started, progress, resumed=False)
-
-
-def resume(directory: str | Path, progress: Listener | None = None) -> Run:
-    """Go on from the checkpoint in `directory`; with threads = 1 the frames are bit for bit those of an unstopped run."""
-    folder = Path(directory)
-    started = perf_counter()
-    saved = read_checkpoint(folder / CHECKPOINT_NAME)
-    scene = scene_from_text(saved.scene_text)
-    session = _prepare(scene, build(scene))
-    if len(saved.positions) != session.built.world.n_vertices:
-        raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
-    state = State(saved.time, saved.dt, saved.step, saved.frame, saved.positions, saved.velocities)
-    _restore(session.integrator.potential.ledger, saved.counters)
-    certificate = certificate_from(saved.counters["certificate"])
-    return _run(session, state, certificate, folder, started, progress, resumed=True)
-
-
 @dataclass(frozen=True)
-class _Session:
+class Session:
+    """A scene made ready to step; notes: what was chosen for the user and what the meshes had."""
+
     scene: Scene
     built: Built
     integrator: Integrator
     notes: tuple[str, ...]
 
 
-def _prepare(scene: Scene, built: Built) -> _Session:
+Listener = Callable[[Progress], None]
+"""Called after each step."""
+
+Announcement = Callable[[Session], None]
+"""Called once, when the scene is ready and before the first step."""
+
+
+def simulate(
+    scene: Scene,
+    output: str | Path | None = None,
+    progress: Listener | None = None,
+    announce: Announcement | None = None,
+) -> Run:
+    """Simulate `scene`; leave trajectory, record, summary and checkpoint in `output` (None: a fresh temporary folder).
+
+    A run that cannot go on ends with status "failed" and a sentence, and keeps its frames. InputError for bad input.
+    """
+    directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
+    started = perf_counter()
+    session = prepare(scene, build(scene))
+    _make_directory(directory)
+    if announce is not None:
+        announce(session)
+    state = first_state(session.built.world, session.integrator.dt)
+    return _run(session, state, Certificate(), directory, started, progress, resumed=False)
+
+
+def resume(directory: str | Path, progress: Listener | None = None, announce: Announcement | None = None) -> Run:
+    """Go on from the checkpoint in `directory`; with threads = 1 the frames equal an unstopped run's, bit for bit."""
+    folder = Path(directory)
+    started = perf_counter()
+    saved = read_checkpoint(folder / CHECKPOINT_NAME)
+    scene = scene_from_text(saved.scene_text)
+    session = prepare(scene, build(scene))
+    if len(saved.positions) != session.built.world.n_vertices:
+        raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
+    state = State(saved.time, saved.dt, saved.step, saved.frame, saved.positions, saved.velocities)
+    _restore(session.integrator.potential.ledger, saved.counters)
+    if announce is not None:
+        announce(session)
+    certificate = certificate_from(saved.counters["certificate"])
+    return _run(session, state, certificate, folder, started, progress, resumed=True)
+
+
+def prepare(scene: Scene, built: Built) -> Session:
     """Pattern, solver and integrator of a built scene."""
     settings, run = scene.solver_settings(), scene.run_settings()
     _set_threads(settings.threads)
@@ -104,11 +118,11 @@ def _prepare(scene: Scene, built: Built) -> _Session:
         built.world, potential, built.constraints, pattern, solver, newton, min(settings.dt, run.duration), ramp
     )
     notes = (*built.notes, *filter(None, [slowness(solver)]))
-    return _Session(scene, built, integrator, notes)
+    return Session(scene, built, integrator, notes)
 
 
 def _run(
-    session: _Session,
+    session: Session,
     state: State,
     certificate: Certificate,
     directory: Path,
@@ -118,6 +132,7 @@ def _run(
 ) -> Run:
     """Step to the end of the scene, writing as it goes; whatever stops it, the frames so far are on disk."""
     world, run = session.built.world, session.scene.run_settings()
+    ledger = session.integrator.potential.ledger
     certificate = replace(certificate, moved_by_script=_scripted(session.built))
     (directory / SUMMARY_NAME).unlink(missing_ok=True)
     reason = ""
@@ -129,23 +144,29 @@ def _run(
     ):
         if not resumed:
             trajectory.append(0.0, state.positions, world_stretches(world, state.positions))
+            write_checkpoint(directory / CHECKPOINT_NAME, _checkpoint(session, state, certificate))
         warm = perf_counter() - started
         for report in steps(session.integrator, state, run.duration, run.frames_per_second):
             state = report.state
             if not report.converged:
                 reason = f"At {state.time:.4g} s: {report.result.outcome.sentence} dt fell to {report.dt:.2g} s."
                 break
-            certificate = certificate.after(world, report)
-            record.append(_entry(report, certificate))
+            with ledger.phase("certificate"):
+                certificate = certificate.after(world, report)
+            with ledger.phase("output"):
+                record.append(_entry(report, certificate))
             if progress is not None:
                 progress(_progress(report, session, certificate, perf_counter() - started))
             if report.frame_done:
-                trajectory.append(state.time, state.positions, world_stretches(world, state.positions))
-                certificate = _judged(certificate, world, state)
+                with ledger.phase("output"):
+                    trajectory.append(state.time, state.positions, world_stretches(world, state.positions))
+                with ledger.phase("certificate"):
+                    certificate = _judged(certificate, world, state)
                 if certificate.intersecting_frames and "body_contact" in session.built.energies:
                     reason = f"At {state.time:.4g} s the cloth intersects a body."
                     break
-                write_checkpoint(directory / CHECKPOINT_NAME, _checkpoint(session, state, certificate))
+                with ledger.phase("output"):
+                    write_checkpoint(directory / CHECKPOINT_NAME, _checkpoint(session, state, certificate))
     seconds = perf_counter() - started
     write_summary(directory / SUMMARY_NAME, _summary(session, state, certificate, reason, seconds, warm, directory))
     return open_run(directory)
@@ -184,7 +205,7 @@ def _entry(report: StepReport, certificate: Certificate) -> dict[str, Any]:
     }
 
 
-def _progress(report: StepReport, session: _Session, certificate: Certificate, seconds: float) -> Progress:
+def _progress(report: StepReport, session: Session, certificate: Certificate, seconds: float) -> Progress:
     run, integrator = session.scene.run_settings(), session.integrator
     verdict = "moving"
     if report.dt < integrator.dt / 8:
@@ -204,7 +225,7 @@ def _progress(report: StepReport, session: _Session, certificate: Certificate, s
 
 
 def _summary(
-    session: _Session,
+    session: Session,
     state: State,
     certificate: Certificate,
     reason: str,
@@ -224,19 +245,19 @@ def _summary(
         "steps": state.step,
         "newton_iterations": sum(entry["newton_iterations"] for entry in record),
         "linear_solves": potential.ledger.linear_solves,
-        "peak_memory_bytes": _peak_memory(),
+        "peak_memory_bytes": peak_memory(),
         "vertices": world.n_cloth,
         "triangles": len(world.triangles),
         "solver": session.integrator.solver.name,
         "notes": list(session.notes),
         "effects": potential.accounts(),
         "off": session.built.off,
-        "phases": potential.phases(),
+        "phases": potential.ledger.phases,
         "certificate": certificate.as_dict(judged=bool(world.bodies)),
     }
 
 
-def _checkpoint(session: _Session, state: State, certificate: Certificate) -> Checkpoint:
+def _checkpoint(session: Session, state: State, certificate: Certificate) -> Checkpoint:
     potential = session.integrator.potential
     counters = {
         "certificate": certificate.as_json(),
@@ -271,7 +292,7 @@ def _set_threads(threads: int) -> None:
         sys.modules["ipctk"].set_num_threads(threads or os.cpu_count() or 1)
 
 
-def _peak_memory() -> int:
+def peak_memory() -> int:
     """The largest resident memory of this process so far [bytes]; 0 where the system does not tell."""
     try:
         import resource

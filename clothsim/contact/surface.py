@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import ipctk
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, Ints
 from clothsim.mesh.world import World
 
 
@@ -42,10 +42,18 @@ def cloth_body_surface(world: World) -> ContactSurface:
         corners = body.positions[body.triangles]
         area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
         rest[rows] = body.positions * np.sqrt(min(1.0, cloth_area / area.mean()))
-    faces = np.concatenate([world.triangles, world.body_triangles]).astype(np.int32)
+    return surface_of(rest, np.concatenate([world.triangles, world.body_triangles]), world.n_cloth)
+
+
+def surface_of(rest_positions: Floats, triangles: Ints, n_cloth: int) -> ContactSurface:
+    """The surface of `rest_positions (n, 3)` [m] and `triangles (m, 3)`: the first n_cloth vertices against the others.
+
+    Only the weights of the pairs need the rest positions; whether surfaces intersect does not.
+    """
+    faces = triangles.astype(np.int32)
     edges = ipctk.edges(np.asfortranarray(faces))
-    mesh = ipctk.CollisionMesh(np.asfortranarray(rest), np.asfortranarray(edges), np.asfortranarray(faces))
-    labels = np.zeros(n_surface, np.int32)
-    labels[world.n_cloth :] = 1
+    mesh = ipctk.CollisionMesh(np.asfortranarray(rest_positions), np.asfortranarray(edges), np.asfortranarray(faces))
+    labels = np.zeros(len(rest_positions), np.int32)
+    labels[n_cloth:] = 1
     mesh.can_collide = ipctk.make_vertex_patches_filter(labels)
-    return ContactSurface(mesh, world.n_cloth, n_surface)
+    return ContactSurface(mesh, n_cloth, len(rest_positions))

@@ -64,6 +64,11 @@ def advance(integrator: Integrator, state: State, until: float) -> StepReport:
     Steps share the way to `until` evenly, so that none is left over as a splinter. A failed solve is tried again from
     the same state with half the dt, at most MAX_HALVINGS times; the last report is then of a step not taken.
     """
+    with integrator.potential.ledger.phase("step control"):
+        return _advance(integrator, state, until)
+
+
+def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
     left = until - state.time
     failures: list[str] = []
     dt = state.dt
@@ -99,7 +104,6 @@ def _after(integrator: Integrator, state: State, result: NewtonResult, h: float,
 def _report(
     integrator: Integrator, state: State, h: float, result: NewtonResult, bound: Potential, failures: list[str]
 ) -> StepReport:
-    gaps = [energy.minimum_gap(state.positions) for energy in bound.energies.values()]
     velocities = state.velocities[: integrator.world.n_cloth]
     fastest = float(np.linalg.norm(velocities, axis=1).max())
-    return StepReport(state, h, result, bound, tuple(failures), min(gaps), fastest)
+    return StepReport(state, h, result, bound, tuple(failures), bound.minimum_gap(state.positions), fastest)

@@ -8,7 +8,10 @@ from time import perf_counter
 
 @dataclass
 class Account:
-    """Counters of one effect, or seconds of one phase."""
+    """Counters of one effect. seconds: all of its time; parts: those of them that went into named searches.
+
+    pairs: how many it acts on now; hessian_nonzeros: numbers in the Hessian that it handed over last.
+    """
 
     seconds: float = 0.0
     evaluations: int = 0
@@ -16,36 +19,53 @@ class Account:
     hessians: int = 0
     pairs: int = 0
     ccd_calls: int = 0
+    hessian_nonzeros: int = 0
+    parts: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass
 class Ledger:
     """Accounts by name. `effects`: what the scene named; `phases`: assembly, linear solve, ...; both in seconds.
 
-    It only counts: nothing computed may depend on it.
+    Every second is booked once: a phase that calls effects (the line search) is charged for what it does itself, so
+    effects and phases add up to the time measured. It only counts: nothing computed may depend on it.
     """
 
     effects: dict[str, Account] = field(default_factory=dict)
     phases: dict[str, float] = field(default_factory=dict)
     linear_solves: int = 0
+    _inside: list[float] = field(default_factory=list, repr=False)
+    """For each open measurement the seconds that others inside it have booked."""
 
     @contextmanager
     def effect(self, name: str, counter: str) -> Iterator[Account]:
         """Time one call of an effect and count it under `counter`."""
         account = self.effects.setdefault(name, Account())
-        start = perf_counter()
+        start = self._open()
         try:
             yield account
         finally:
-            account.seconds += perf_counter() - start
+            account.seconds += self._close(start)
             if counter:
                 setattr(account, counter, getattr(account, counter) + 1)
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:
         """Time a phase that belongs to no effect."""
-        start = perf_counter()
+        start = self._open()
         try:
             yield
         finally:
-            self.phases[name] = self.phases.get(name, 0.0) + perf_counter() - start
+            self.phases[name] = self.phases.get(name, 0.0) + self._close(start)
+
+    def _open(self) -> float:
+        self._inside.append(0.0)
+        return perf_counter()
+
+    def _close(self, start: float) -> float:
+        """The seconds since `start`, less those that were booked inside."""
+        elapsed = perf_counter() - start
+        own = elapsed - self._inside.pop()
+        if self._inside:
+            self._inside[-1] += elapsed
+        return own

@@ -2,14 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats
 from clothsim.energies.base import ElementHessian, Energy, Step
-from clothsim.solve.ledger import Account, Ledger
+from clothsim.solve.ledger import Ledger
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,12 @@ class Potential:
         """The Hessian of each energy [N/m], in the order of the energies."""
         hessians = []
         for name, energy in self.energies.items():
-            with self.ledger.effect(name, "hessians"):
-                hessians.append(energy.hessian(x, project))
+            with self.ledger.effect(name, "hessians") as account:
+                hessian = energy.hessian(x, project)
+                hessians.append(hessian)
+                account.hessian_nonzeros = (
+                    hessian.blocks.size if isinstance(hessian, ElementHessian) else int(hessian.nnz)
+                )
         return hessians
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
@@ -74,21 +78,26 @@ class Potential:
                     limit = min(limit, energy.step_limit(x, dx))
         return limit
 
-    def accounts(self) -> dict[str, dict[str, float]]:
-        """The receipt of each effect: seconds, evaluations, gradients, hessians, pairs, ccd_calls."""
+    def minimum_gap(self, x: Floats) -> float:
+        """The smallest distance that any energy keeps [m], inf where none keeps one."""
+        gap = np.inf
+        for name, energy in self.energies.items():
+            if type(energy).minimum_gap is not Energy.minimum_gap:
+                with self.ledger.effect(name, ""):
+                    gap = min(gap, energy.minimum_gap(x))
+        return gap
+
+    def accounts(self) -> dict[str, dict[str, Any]]:
+        """The receipt of each effect: the fields of `Account`."""
         accounts = {}
         for name, energy in self.energies.items():
             account = asdict(self.ledger.effects[name])
-            counts = energy.counts()
-            account.update({key: account[key] + counts[key] for key in account if key in counts})
+            for key, count in energy.counts().items():
+                if key == "pairs":
+                    account[key] = count
+                elif key in account:
+                    account[key] += count
+                else:
+                    account["parts"][key] = account["parts"].get(key, 0.0) + count
             accounts[name] = account
         return accounts
-
-    def phases(self) -> dict[str, float]:
-        """Seconds of the phases that belong to no effect, and of those inside effects (candidates, CCD)."""
-        phases = dict(self.ledger.phases)
-        for energy in self.energies.values():
-            for key, seconds in energy.counts().items():
-                if key not in Account.__dataclass_fields__:
-                    phases[key] = phases.get(key, 0.0) + seconds
-        return phases
