@@ -13,6 +13,7 @@ from clothsim.mesh.clamp import clamped
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World
 
+GROUP = ("select", "clamp", "motion")
 NAMED = ("corners", "left", "right", "top", "bottom", "boundary")
 
 
@@ -51,6 +52,7 @@ def pins(
 
     Returns the world, which clamps enlarge by ghosts, and the constraint; Off where nothing is selected.
     """
+    _check_groups(group)
     specs: list[Mapping[str, object]] = [{"select": select, "clamp": clamp, "motion": motion or {}}, *group]
     chosen = [(_selection(world, spec.get("select", ())), spec) for spec in specs]
     chosen = [(vertices, spec) for vertices, spec in chosen if len(vertices)]
@@ -63,10 +65,22 @@ def pins(
     groups = []
     for (vertices, spec), extra in zip(chosen, ghosts, strict=True):
         rows = np.concatenate([vertices, extra])
-        keys = dict(spec.get("motion") or {})  # type: ignore[call-overload]
+        given = spec.get("motion") or {}
+        if not isinstance(given, Mapping):
+            raise InputError(f"effects.pins.motion must be a table of keys, not {given!r}.")
+        keys = dict(given)
         keys.setdefault("centre", start[vertices].mean(axis=0))
         groups.append(PinGroup(rows, start[rows], _motion(keys)))
     return world, Pins(tuple(groups))
+
+
+def _check_groups(groups: Sequence[Mapping[str, object]]) -> None:
+    for number, spec in enumerate(groups):
+        unknown = sorted(set(spec) - set(GROUP))
+        if unknown:
+            raise InputError(f"effects.pins.group[{number}] has no key {unknown[0]!r}.", f"Known: {', '.join(GROUP)}.")
+        if "select" not in spec:
+            raise InputError(f"effects.pins.group[{number}] has no select.", f"Known: {', '.join(NAMED)}, [indices].")
 
 
 def _motion(keys: Mapping[str, Sequence[float]]) -> RigidMotion:
@@ -92,7 +106,10 @@ def _selection(world: World, select: object) -> Ints:
     if isinstance(select, Mapping):
         if set(select) != {"box"}:
             raise InputError(f"effects.pins.select has the keys {sorted(select)}.", "It takes { box = [lo, hi] }.")
-        low, high = as_points("effects.pins.select.box", select["box"])
+        box = as_points("effects.pins.select.box", select["box"])
+        if len(box) != 2:
+            raise InputError(f"effects.pins.select.box has {len(box)} corners.", "Give two: [lo, hi].")
+        low, high = box
         start = world.start()[: world.n_cloth]
         found = np.flatnonzero(((start >= low) & (start <= high)).all(axis=1))
         if not len(found):

@@ -1,0 +1,203 @@
+"""Every entry of THE table of effects: derivatives, types, definiteness and balance, so that none is left out.
+
+A new effect is tested by being in the table. What it needs to have something to do goes into KEYS; one that does not
+keep its energy under rigid motions of everything goes into EXTERNAL.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from differences import dense_hessian, gradient_error, hessian_error, numeric_hessian, taylor_slopes
+from meshes import cloth, deformed, irregular_grid, random_rotation
+from scipy import sparse
+
+from clothsim.energies.base import Constraint, ElementHessian, Energy, Step
+from clothsim.mesh.body import make_body
+from clothsim.mesh.world import make_world
+from clothsim.scene.effects import EFFECTS
+
+KEYS = {
+    "pins": {"select": "corners", "motion": {"velocity": (1.0, 2.0, 3.0), "rotate_degrees_per_second": (0, 90, 0)}},
+    "gravity": {"acceleration": (0.3, -0.4, -1.2)},
+    "body_contact": {"d_hat": 0.5, "stiffness": 2.0},
+}
+EXTERNAL = ("inertia", "gravity", "damping")
+
+
+def table_world():
+    """A bent cloth at 0.25 m over one large triangle, all numbers of order one."""
+    positions, triangles = irregular_grid(0)
+    positions[:, 2] = 0.2 * np.sin(2 * positions[:, 0]) + 0.1 * positions[:, 1] ** 2
+    sheet = cloth(positions, triangles)
+    sheet = replace(sheet, positions=positions + np.array([0.0, 0.0, 0.25]))
+    floor = make_body("floor", np.array([[-1.0, -1, 0], [3, -1, 0], [-1, 3, 0]]), np.array([[0, 1, 2]]))
+    return make_world([sheet], [floor])
+
+
+def made(name):
+    """The effect on the table world: the energy bound to a step of order one or the constraint, and the world."""
+    world = table_world()
+    thing = EFFECTS[name].load()(world, **KEYS.get(name, {}))
+    if isinstance(thing, tuple):
+        return thing[1], thing[0]
+    assert isinstance(thing, Energy), f"{name} is {thing}: give it something to do in KEYS"
+    return thing.begin(step(world, world.start())), world
+
+
+def step(world, x, load=0.6):
+    rng = np.random.default_rng(7)
+    velocities, gradient = rng.standard_normal((2, *x.shape))
+    return Step(time=0.3, dt=0.7, positions=x, velocities=velocities, load=load, gradient=gradient)
+
+
+def position(world):
+    return deformed(world, seed=3, amplitude=0.04)
+
+
+def is_constraint(name):
+    return isinstance(made(name)[0], Constraint)
+
+
+ENERGIES = [name for name in EFFECTS if not is_constraint(name)]
+CONSTRAINTS = [name for name in EFFECTS if is_constraint(name)]
+
+every_energy = pytest.mark.parametrize("name", ENERGIES)
+
+
+def test_the_table_holds_energies_and_constraints():
+    assert len(ENERGIES) >= 6
+    assert CONSTRAINTS
+    assert set(KEYS) | set(EXTERNAL) <= set(EFFECTS)
+
+
+@every_energy
+def test_gradient_is_the_derivative_of_the_value(name):
+    energy, world = made(name)
+    assert gradient_error(energy, position(world)) < 1e-7
+
+
+@every_energy
+def test_hessian_is_the_derivative_of_the_gradient(name):
+    """An energy whose gradient does not change is linear: then its Hessian must be zero, and that is a test too."""
+    energy, world = made(name)
+    x = position(world)
+    if np.abs(numeric_hessian(energy, x, 1e-3)).max() < 1e-10 * np.abs(energy.gradient(x)).max():
+        assert not dense_hessian(energy, x).any()
+        assert taylor_slopes(energy, x)[0] == np.inf
+    else:
+        assert hessian_error(energy, x) < 1e-6
+
+
+def test_few_energies_are_linear():
+    linear = [name for name in ENERGIES if not dense_hessian(made(name)[0], position(table_world())).any()]
+    assert linear == ["gravity"]
+
+
+@every_energy
+def test_taylor_remainders_fall_with_their_order(name):
+    energy, world = made(name)
+    first, second = taylor_slopes(energy, position(world))
+    assert first == np.inf or abs(first - 2) < 0.2
+    assert second > 2.8
+
+
+@every_energy
+def test_types_and_shapes(name):
+    energy, world = made(name)
+    x = position(world)
+    assert type(energy.value(x)) is float
+    gradient = energy.gradient(x)
+    assert gradient.dtype == np.float64
+    assert gradient.shape == x.shape
+    for project in (True, False):
+        hessian = energy.hessian(x, project)
+        if isinstance(hessian, ElementHessian):
+            m, k = hessian.elements.shape
+            assert hessian.elements.dtype == np.int64
+            assert hessian.blocks.dtype == np.float64
+            assert hessian.blocks.shape == (m, 3 * k, 3 * k)
+        else:
+            assert isinstance(hessian, sparse.csr_array)
+            assert hessian.dtype == np.float64
+            assert hessian.shape == (x.size, x.size)
+        dense = dense_hessian(energy, x, project)
+        assert np.abs(dense - dense.T).max() <= 1e-12 * np.abs(dense).max()
+
+
+@every_energy
+@pytest.mark.parametrize("seed", range(4))
+def test_projected_hessian_is_positive_semi_definite(name, seed):
+    energy, world = made(name)
+    dense = dense_hessian(energy, deformed(world, seed, amplitude=0.08), project=True)
+    assert np.linalg.eigvalsh(dense)[0] >= -1e-12 * np.abs(dense).max()
+
+
+@every_energy
+def test_value_and_derivatives_leave_their_input_alone(name):
+    energy, world = made(name)
+    x = position(world)
+    before = x.copy()
+    first = energy.value(x), energy.gradient(x), dense_hessian(energy, x)
+    again = energy.value(x), energy.gradient(x), dense_hessian(energy, x)
+    assert np.array_equal(x, before)
+    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+
+
+@pytest.mark.parametrize("name", [name for name in ENERGIES if name not in EXTERNAL])
+class TestRigidMotion:
+    """Cloth, bodies and everything moved as one."""
+
+    @pytest.mark.parametrize("seed", range(3))
+    def test_value_stays_and_force_turns_along(self, name, seed):
+        energy, world = made(name)
+        x, turn = position(world), random_rotation(seed)
+        moved = x @ turn.T + [3.0, -2.0, 1.0]
+        here, there = energy.begin(step(world, x)), energy.begin(step(world, moved))
+        assert abs(here.value(x)) > 1e-4
+        assert there.value(moved) == pytest.approx(here.value(x), rel=1e-11)
+        force = here.gradient(x)
+        assert np.abs(there.gradient(moved) - force @ turn.T).max() < 1e-11 * np.abs(force).max()
+
+    def test_force_and_torque_balance(self, name):
+        energy, world = made(name)
+        x = position(world)
+        force = energy.begin(step(world, x)).gradient(x)
+        largest = np.abs(force).max()
+        assert largest > 1e-3
+        assert np.abs(force.sum(axis=0)).max() < 1e-12 * largest
+        assert np.abs(np.cross(x, force).sum(axis=0)).max() < 1e-12 * largest
+
+
+@every_energy
+def test_body_rows_of_the_gradient_are_there_where_the_body_matters_and_only_there(name):
+    energy, world = made(name)
+    x = position(world)
+    moved = x.copy()
+    moved[world.n_cloth :] += [0.01, 0.02, 0.05]
+    matters = energy.value(moved) != energy.value(x)
+    assert matters == (type(energy).step_limit is not Energy.step_limit)
+    assert energy.gradient(x)[world.n_cloth :].any() == matters
+    assert np.isfinite(energy.minimum_gap(x)) == matters
+
+
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_constraints_prescribe_rows_of_x(name):
+    constraint, world = made(name)
+    start = world.start()
+    for time in (0.0, 0.5, 2.0):
+        prescribed = constraint.at(time)
+        assert prescribed.vertices.dtype == np.int64
+        assert prescribed.positions.dtype == np.float64
+        assert prescribed.positions.shape == (len(prescribed.vertices), 3)
+        assert len(prescribed.vertices) == len(np.unique(prescribed.vertices)) > 0
+        assert prescribed.vertices.max() < len(start)
+        assert np.isfinite(prescribed.positions).all()
+        moved = np.abs(prescribed.positions - start[prescribed.vertices]).max()
+        assert moved < 1e-14 if time == 0 else moved > 0.1
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_each_entry_says_what_it_does_and_has_defaults(name):
+    assert EFFECTS[name].says
+    assert all(default is not None or name == "pins" for default in EFFECTS[name].keys().values())

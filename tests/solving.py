@@ -1,0 +1,42 @@
+"""The package's own Newton on a world and some energies, for tests that need an equilibrium or a step."""
+
+import numpy as np
+
+from clothsim.energies.base import Prescribed, Step
+from clothsim.solve.ledger import Ledger
+from clothsim.solve.linear import make_solver
+from clothsim.solve.newton import Newton, NewtonSettings
+from clothsim.solve.pattern import make_pattern
+from clothsim.solve.potential import Potential
+
+NOTHING = Prescribed(np.zeros(0, np.int64), np.zeros((0, 3)))
+
+
+def step_at(x, velocities=None, dt=1.0, load=1.0):
+    zero = np.zeros_like(x)
+    return Step(0.0, dt, x, zero if velocities is None else velocities, load, zero)
+
+
+def held(x, vertices):
+    """The vertices of x held where they are."""
+    return Prescribed(np.asarray(vertices, np.int64), x[vertices])
+
+
+def newton_of(world, energies, dt=1.0, velocities=None, positions=None, linear="superlu", **settings):
+    """A Newton bound to one step from the world's start (or `positions`)."""
+    x = world.start() if positions is None else positions
+    pattern = make_pattern(world.n_cloth, [energy.hessian(x) for energy in energies.values()])
+    potential = Potential(energies, Ledger()).begin(step_at(x, velocities, dt))
+    return Newton(potential, pattern, make_solver(linear, pattern), NewtonSettings(**settings), dt)
+
+
+def solve(world, energies, x, target=NOTHING, **keywords):
+    """The result of `minimise` from x; with dt = 1 and no inertia: the equilibrium to `tolerance` metres."""
+    return newton_of(world, energies, positions=x, **keywords).minimise(x, target)
+
+
+def equilibrium(world, energies, x, target=NOTHING, tolerance=1e-12, **keywords):
+    """The positions of the equilibrium; it must be found."""
+    result = solve(world, energies, x, target, tolerance=tolerance, **keywords)
+    assert result.outcome.converged, result.outcome.sentence
+    return result.x
