@@ -1,0 +1,75 @@
+"""The command `clothsim`: run, resume, render, check, explain."""
+
+import contextlib
+import os
+import sys
+from collections.abc import Sequence
+
+from clothsim.cli import check, explain, render, run
+from clothsim.cli.arguments import Parser, join_vectors
+from clothsim.errors import ClothsimError
+
+BAD_INPUT, UNEXPECTED, INTERRUPTED = 2, 1, 130
+
+_DESCRIPTION = """\
+Finite-element cloth with intersection-free contact.
+
+  clothsim run scenes/sphere.toml -o drape
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; returns the exit code.
+
+    0: done, all well; 1: the run failed or `check` found a fault; 2: bad input; 130: stopped by Ctrl-C.
+    """
+    words = join_vectors(sys.argv[1:] if argv is None else argv)
+    try:
+        return _dispatch(words)
+    except ClothsimError as error:
+        if "--debug" in words:
+            raise
+        _two_lines(*_short(error))
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("Stopped.", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # `clothsim explain | head`: nobody reads on, and nothing is to be said
+        with contextlib.suppress(OSError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return UNEXPECTED
+    except Exception as error:
+        if "--debug" in words:
+            raise
+        _two_lines(f"{type(error).__name__}: {error}", "This is a fault of clothsim; --debug shows where.")
+        return UNEXPECTED
+
+
+def _dispatch(words: Sequence[str]) -> int:
+    parser = Parser(prog="clothsim", description=_DESCRIPTION)
+    parser.add_argument("--version", action="store_true", help="print the version and stop")
+    commands = parser.add_subparsers(metavar="COMMAND", title="commands", dest="command", parser_class=Parser)
+    for module in (run, render, check, explain):
+        module.add_to(commands)
+    arguments = parser.parse_args(words)
+    if arguments.version:
+        from clothsim import __version__
+
+        print(f"clothsim {__version__}")
+        return 0
+    if arguments.command is None:
+        parser.print_help()
+        return BAD_INPUT
+    return int(arguments.handler(arguments))
+
+
+def _short(error: ClothsimError) -> tuple[str, str]:
+    """The sentence and the remedy, a line each: of many sentences the first, and how many more there are."""
+    first, *more = error.sentence.splitlines() or [""]
+    if more:
+        first = f"{first} ({len(more)} more: `clothsim check` lists them)"
+    return first, " ".join(error.remedy.split()) or "`clothsim --help` shows how to go on."
+
+
+def _two_lines(sentence: str, remedy: str) -> None:
+    print(f"{' '.join(sentence.split())}\n{remedy}", file=sys.stderr)

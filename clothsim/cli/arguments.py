@@ -1,0 +1,70 @@
+"""What the commands share in reading their arguments."""
+
+import argparse
+import re
+from collections.abc import Sequence
+from typing import NoReturn
+
+from clothsim.errors import InputError
+
+VECTORS = ("--view", "--up")
+
+
+class Parser(argparse.ArgumentParser):
+    """An ArgumentParser whose errors are InputErrors, so that all bad input ends alike."""
+
+    def __init__(self, **keywords: object) -> None:
+        settings = {"formatter_class": argparse.RawDescriptionHelpFormatter, "allow_abbrev": False, **keywords}
+        super().__init__(**settings)  # type: ignore[arg-type]
+
+    def error(self, message: str) -> NoReturn:
+        """Raise InputError with argparse's message as a sentence."""
+        raise InputError(f"{message[:1].upper()}{message[1:]}.", f"See `{self.prog} --help`.")
+
+
+def join_vectors(words: Sequence[str]) -> list[str]:
+    """`--view -1,0,0` as `--view=-1,0,0`: argparse would take the value for an option."""
+    joined: list[str] = []
+    for word in words:
+        if joined and joined[-1] in VECTORS and re.match(r"-[\d.]", word):
+            joined[-1] = f"{joined[-1]}={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+def as_size(text: str) -> tuple[int, int]:
+    """ "1280x960" as (1280, 960)."""
+    found = re.fullmatch(r"(\d{1,5})[x,](\d{1,5})", text.strip().lower())
+    if not found:
+        raise InputError(f"--size is {text!r}.", "Give WIDTHxHEIGHT in pixels, such as 1280x960.")
+    return int(found[1]), int(found[2])
+
+
+def as_direction(option: str, text: str) -> tuple[float, ...] | str:
+    """ "1,0,2" as three numbers; "x", "y", "z" and "auto" as they are."""
+    if text in ("x", "y", "z", "auto"):
+        return text
+    try:
+        x, y, z = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise InputError(f"{option} is {text!r}.", "Give three numbers, such as 1,-2,0.5.") from error
+    return x, y, z
+
+
+def as_positive_number(option: str, text: str) -> float:
+    """A positive finite number."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0.0
+    if not 0 < number < float("inf"):
+        raise InputError(f"{option} is {text!r}.", "Give a positive number.")
+    return number
+
+
+def as_count(option: str, text: str) -> int:
+    """A whole number from 1."""
+    if not re.fullmatch(r"\d{1,9}", text) or int(text) == 0:
+        raise InputError(f"{option} is {text!r}.", "Give a whole number from 1.")
+    return int(text)

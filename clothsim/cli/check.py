@@ -1,0 +1,156 @@
+"""`clothsim check`: what is wrong with a mesh, a scene or a run, all at once."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from clothsim.cli.arguments import as_count, as_positive_number
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim.arrays import Floats, Ints
+
+_DESCRIPTION = """\
+Examine a mesh file, build a scene, or test every frame of a run for intersections.
+Exit code 1 if something is wrong.
+
+  clothsim check shirt.obj
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    check = commands.add_parser("check", help="examine a mesh, a scene or a run", description=_DESCRIPTION)
+    check.add_argument("target", type=Path, metavar="MESH|SCENE|DIR", help="a mesh file, a .toml, or a run")
+    mesh = check.add_argument_group("for a mesh file, as in a scene")
+    mesh.add_argument("--body", action="store_true", help="judge it as a body, which may have more faults than a cloth")
+    mesh.add_argument("--scale", metavar="S", help="its numbers times S are metres")
+    mesh.add_argument("--group", metavar="NAME", help="only this group of the file")
+    mesh.add_argument("--component", metavar="N", help="only this piece, 0 the largest")
+    check.add_argument("--debug", action="store_true", help="show tracebacks")
+    check.set_defaults(handler=_check)
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    target = arguments.target
+    if not target.exists():
+        raise InputError(f"There is no {target}.", "Name a mesh file, a scene (.toml) or the directory of a run.")
+    mesh_options = arguments.body or arguments.scale or arguments.group or arguments.component
+    if mesh_options and (target.is_dir() or target.suffix == ".toml"):
+        raise InputError(
+            f"{target} is no mesh file.", "--body, --scale, --group and --component are for mesh files only."
+        )
+    if target.is_dir():
+        return _check_run(target)
+    return _check_scene(target) if target.suffix == ".toml" else _check_mesh(target, arguments)
+
+
+def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
+    from clothsim.io.meshes import read_mesh
+    from clothsim.mesh.check import examine
+
+    part: dict[str, Any] = {"group": arguments.group}
+    if arguments.scale is not None:
+        part["scale"] = as_positive_number("--scale", arguments.scale)
+    if arguments.component is not None:
+        part["component"] = 0 if arguments.component == "0" else as_count("--component", arguments.component)
+    mesh = read_mesh(path, **part)
+    report = examine(path.name, mesh.positions, mesh.triangles, "body" if arguments.body else "cloth")
+    print(f"{path}, as a {'body' if arguments.body else 'cloth'}")
+    for line in (*_sizes(mesh.positions, mesh.triangles), *mesh.messages):
+        print(f"  {line}")
+    for finding in sorted(report.findings, key=lambda finding: finding.severity):
+        print(f"  {finding.severity}: {finding.sentence}\n    {finding.remedy}")
+    print(_result(len(report.errors), len(report.warnings)))
+    return 1 if report.errors else 0
+
+
+def _check_scene(path: Path) -> int:
+    from clothsim.scene.build import build
+    from clothsim.scene.toml import load_scene
+
+    print(path)
+    try:
+        built = build(load_scene(path))
+    except InputError as error:
+        for sentence in error.sentence.splitlines():
+            print(f"  error: {sentence}")
+        if error.remedy:
+            print(f"    {error.remedy}")
+        print(_result(len(error.sentence.splitlines()), 0))
+        return 1
+    world = built.world
+    for cloth in world.cloths:
+        print(f"  {cloth.name}, cloth: {'; '.join(_sizes(cloth.positions, cloth.triangles))}")
+    for body in world.bodies:
+        print(f"  {body.name}, body: {'; '.join(_sizes(body.positions, body.triangles))}")
+    for note in built.notes:
+        print(f"  {note}")
+    for name, reason in built.off.items():
+        print(f"  {name} is off: {reason}.")
+    if not world.bodies:
+        print("  no body, so nothing to intersect")
+        return _ended(0)
+    from clothsim.contact.surface import cloth_body_surface
+
+    crossed = cloth_body_surface(world).intersects(world.start())
+    print("  error: cloth and body intersect at the start" if crossed else "  cloth and body do not intersect")
+    return _ended(int(crossed))
+
+
+def _check_run(directory: Path) -> int:
+    from clothsim.io.run import open_run
+
+    run = open_run(directory)
+    print(f"{directory}: {run.status}, {len(run.times)} frames. {run.reason}")
+    failed = run.status == "failed"
+    if not len(run.times) or not run.bodies(0):
+        print("  no body, so nothing to intersect" if len(run.times) else "  no frame")
+        return _ended(int(failed))
+    crossed = intersecting_frames(run)
+    for frame in crossed:
+        print(f"  error: cloth and body intersect in frame {frame} at {run.times[frame]:g} s")
+    if not crossed:
+        print(f"  cloth and body do not intersect in any of {len(run.times)} frames")
+    return _ended(len(crossed) + failed)
+
+
+def intersecting_frames(run: Any) -> list[int]:
+    """The frames in which a cloth edge crosses a body triangle or the reverse, by ipctk's test on what was written."""
+    import numpy as np
+
+    from clothsim.contact.surface import surface_of
+
+    def everything(frame: int) -> "Floats":
+        return np.concatenate([run.positions(frame), *(points for _, points, _ in run.bodies(frame))])
+
+    start = everything(0)
+    triangles = np.concatenate([surface.triangles for surface in run.trajectory.surfaces])
+    surface = surface_of(start, triangles, len(run.positions(0)))
+    return [frame for frame in range(len(run.times)) if surface.intersects(everything(frame))]
+
+
+def _sizes(positions: "Floats", triangles: "Ints") -> list[str]:
+    """Counts and lengths; of arrays that a mesh file gave, whatever their faults."""
+    import numpy as np
+
+    corners = positions[triangles]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    box = " x ".join(f"{side:.3g}" for side in np.ptp(positions, axis=0))
+    return [
+        f"{len(positions):,} vertices, {len(triangles):,} triangles",
+        f"box {box} m",
+        f"edges {1e3 * edges.min():.3g} to {1e3 * edges.max():.3g} mm, median {1e3 * np.median(edges):.3g} mm",
+    ]
+
+
+def _ended(errors: int) -> int:
+    print(_result(errors, 0))
+    return 1 if errors else 0
+
+
+def _result(errors: int, warnings: int) -> str:
+    if not errors and not warnings:
+        return "Nothing is wrong."
+    parts = [f"{n} {what}{'' if n == 1 else 's'}" for n, what in ((errors, "error"), (warnings, "warning")) if n]
+    return f"{' and '.join(parts)}."

@@ -1,0 +1,99 @@
+"""How far a run is: a bar on a terminal, a plain line every few seconds elsewhere. Both on stderr."""
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from clothsim.drape import Progress
+
+SECONDS_BETWEEN_LINES = 5.0
+
+
+@contextmanager
+def shown(quiet: bool) -> "Iterator[Callable[[Progress], None]]":
+    """A listener for `simulate` that shows each step on stderr."""
+    if quiet:
+        yield lambda progress: None
+    elif sys.stderr.isatty():
+        with _bar() as listener:
+            yield listener
+    else:
+        yield Lines()
+
+
+class Lines:
+    """Prints the first step, the last, and one every few seconds between them."""
+
+    def __init__(self) -> None:
+        self._last = -SECONDS_BETWEEN_LINES
+        self._start: tuple[float, float] | None = None
+
+    def __call__(self, progress: "Progress") -> None:
+        """Print the step if it is its turn."""
+        now = perf_counter()
+        self._start = self._start or (now, progress.time)
+        if progress.time < progress.duration and now - self._last < SECONDS_BETWEEN_LINES:
+            return
+        self._last = now
+        begun, first = self._start
+        done = progress.time - first
+        left = (progress.duration - progress.time) * (now - begun) / done if done > 0 else None
+        ahead = "" if left is None else f", {clock(left)} left"
+        print(f"{where(progress)} ({clock(progress.seconds)}{ahead}): {state(progress)}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _bar() -> "Iterator[Callable[[Progress], None]]":
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bar
+
+    columns = (
+        TextColumn("{task.fields[where]}"),
+        BarColumn(bar_width=24),
+        TimeRemainingColumn(compact=True),
+        TextColumn("{task.fields[state]}"),
+    )
+    bar = Bar(*columns, console=Console(stderr=True), redirect_stdout=False)
+    task = bar.add_task("", total=None, where="", state="")
+
+    def listener(progress: "Progress") -> None:
+        completed, total = progress.time, progress.duration
+        bar.update(task, completed=completed, total=total, where=where(progress), state=state(progress))
+        bar.start()  # with the first step: before it the settings are printed
+
+    try:
+        yield listener
+    finally:
+        bar.stop()
+
+
+def where(progress: "Progress") -> str:
+    """Simulated time of how much."""
+    return f"{progress.time:.3f} of {progress.duration:g} s"
+
+
+def state(progress: "Progress") -> str:
+    """Iterations of the step, gap and verdict."""
+    gap = length(progress.minimum_gap) if progress.minimum_gap < float("inf") else "-"
+    return f"{progress.newton_iterations} Newton, gap {gap}, {progress.verdict}"
+
+
+def length(metres: float) -> str:
+    """A small length in the unit that suits it."""
+    if metres >= 1e-3:
+        return f"{1e3 * metres:.3g} mm"
+    return f"{1e6 * metres:.3g} um"
+
+
+def clock(seconds: float) -> str:
+    """'3.2 s', '4:05 min', '2:03:10 h'."""
+    if seconds < 60:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 60:
+        return f"{minutes}:{rest:02d} min"
+    return f"{minutes // 60}:{minutes % 60:02d}:{rest:02d} h"

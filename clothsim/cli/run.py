@@ -1,0 +1,116 @@
+"""`clothsim run` and `clothsim resume`."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from clothsim.cli.arguments import as_positive_number
+
+if TYPE_CHECKING:
+    from clothsim.io.run import Run
+
+PICTURE_NAME, MOVIE_NAME = "picture.png", "movie.mp4"
+
+_RUN = """\
+Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture of the last frame.
+
+  clothsim run scenes/sphere.toml -o drape --movie
+"""
+_RESUME = """\
+Go on with a run that was stopped, from its last frame.
+
+  clothsim resume drape
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add both commands to the parser."""
+    run = commands.add_parser("run", help="simulate a scene", description=_RUN)
+    run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML)")
+    run.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the scene's name)")
+    run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
+    run.set_defaults(handler=_run)
+    resume = commands.add_parser("resume", help="go on with a stopped run", description=_RESUME)
+    resume.add_argument("directory", type=Path, metavar="DIR", help="what `clothsim run` left")
+    resume.set_defaults(handler=_resume)
+    for command in (run, resume):
+        command.add_argument("--no-picture", action="store_true", help=f"leave no {PICTURE_NAME}")
+        command.add_argument("--movie", action="store_true", help=f"leave {MOVIE_NAME} too")
+        command.add_argument("--quiet", action="store_true", help="print the end only")
+        command.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
+        command.add_argument("--debug", action="store_true", help="show tracebacks")
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from clothsim.drape import simulate
+    from clothsim.scene.toml import load_scene
+
+    scene = load_scene(arguments.scene)
+    if arguments.frames_per_second is not None:
+        rate = as_positive_number("--frames-per-second", arguments.frames_per_second)
+        scene = replace(scene, run={**scene.run, "frames_per_second": rate})
+    directory = arguments.output or Path(arguments.scene.stem)
+    return _execute(arguments, directory, lambda **listeners: simulate(scene, directory, **listeners))
+
+
+def _resume(arguments: argparse.Namespace) -> int:
+    from clothsim.drape import resume
+
+    directory = arguments.directory
+    return _execute(arguments, directory, lambda **listeners: resume(directory, **listeners))
+
+
+def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[..., Run]") -> int:
+    """Run `job` with its listeners, draw what was asked for, and tell how it ended."""
+    from clothsim import __version__
+    from clothsim.cli import progress, say
+
+    subject = arguments.scene if arguments.command == "run" else directory
+    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
+    if not arguments.quiet:
+        print(f"clothsim {__version__}: {arguments.command} {subject}", file=talk, flush=True)
+    before = say.what_is_there(directory) if arguments.command == "run" else say.what_goes_on(directory)
+
+    def announce(session: Any) -> None:
+        if not arguments.quiet:
+            print(say.settings(session, directory, before), file=talk, flush=True)
+
+    try:
+        with progress.shown(arguments.quiet) as listener:
+            run = job(progress=listener, announce=announce)
+        pictures = _pictures(arguments, run)
+    except KeyboardInterrupt:
+        print(say.stopped(directory), file=sys.stderr)
+        return 130
+    if arguments.json:
+        from clothsim.io.record import to_json
+
+        print(to_json(run.summary))
+    print(say.verdict(run, pictures), file=talk)
+    return 0 if run.status == "completed" else 1
+
+
+def _pictures(arguments: argparse.Namespace, run: "Run") -> list[str]:
+    """Draw picture and movie; returns a line for each that could not be drawn, as a run is none the worse for that."""
+    from clothsim.cli.render import draw_frame, draw_movie, upright
+    from clothsim.errors import ClothsimError
+
+    for name in (PICTURE_NAME, MOVIE_NAME, "movie.gif"):
+        (run.directory / name).unlink(missing_ok=True)
+    up, trouble = upright(run), []
+    jobs: list[tuple[str, Callable[[], Any]]] = []
+    if not arguments.no_picture:
+        jobs.append((PICTURE_NAME, lambda: draw_frame(run, run.directory / PICTURE_NAME, up=up)))
+    if arguments.movie:
+        jobs.append((MOVIE_NAME, lambda: draw_movie(run, run.directory / MOVIE_NAME, up=up, quiet=arguments.quiet)))
+    for name, job in jobs:
+        if not arguments.quiet:
+            print(f"drawing {name}", file=sys.stderr, flush=True)
+        try:
+            job()
+        except (ClothsimError, OSError, ImportError) as error:
+            trouble.append(f"No {name}: {error}")
+    return trouble

@@ -1,0 +1,86 @@
+"""What each effect of a scene does and costs: the receipt of a run, or of a scene's first steps."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from clothsim.errors import InputError
+from clothsim.scene.effects import EFFECTS
+from clothsim.scene.scene import Scene, scene_from_text
+from clothsim.solve.ledger import Account
+
+
+@dataclass(frozen=True)
+class Receipt:
+    """effects: every name of the table with on, reason and its counters; phases: seconds that belong to no effect.
+
+    seconds: measured in all; step_seconds: those of them in steps. source: what was measured, in words.
+    """
+
+    effects: dict[str, dict[str, Any]]
+    phases: dict[str, float]
+    seconds: float
+    source: str
+
+    @property
+    def booked(self) -> float:
+        """The seconds of effects and named phases; `step control` is what is left of the steps."""
+        effects = sum(entry["seconds"] for entry in self.effects.values())
+        return effects + sum(seconds for name, seconds in self.phases.items() if name != "step control")
+
+
+def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
+    """The receipt of the first `steps` of a scene. A step before them, on a copy, loads and compiles what they need."""
+    from clothsim.drape import prepare
+    from clothsim.scene.build import build
+    from clothsim.sim.simulator import steps as run_steps
+    from clothsim.sim.state import first_state
+
+    duration = scene.run_settings().duration
+    taken, reason = 0, ""
+    for count in (1, steps):
+        session = prepare(scene, build(scene))
+        state = first_state(session.built.world, session.integrator.dt)
+        frequency = scene.run_settings().frames_per_second
+        for taken, report in enumerate(run_steps(session.integrator, state, duration, frequency), start=1):
+            reason = "" if report.converged else f" {report.result.outcome.sentence}"
+            if taken == count:
+                break
+    potential = session.integrator.potential
+    source = f"the first {taken} step{'' if taken == 1 else 's'} of the scene.{reason}"
+    return _receipt(scene.effects, session.built.off, potential.accounts(), potential.ledger.phases, source)
+
+
+def explain_run(directory: Path) -> Receipt:
+    """The receipt that a run left: of all its steps, or of those up to the last checkpoint of one that was stopped."""
+    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.io.run import open_run
+
+    run = open_run(directory)
+    saved = read_checkpoint(directory / CHECKPOINT_NAME)
+    told = run.summary or saved.counters
+    if "effects" not in told or "phases" not in told:
+        raise InputError(f"The summary in {directory} has no receipt.", "Run the scene with this version.")
+    named = scene_from_text(saved.scene_text).effects
+    steps = run.summary.get("steps", saved.step)
+    source = f"{steps} steps of a run that is {run.status}, with the time to load and compile what they needed."
+    return _receipt(named, told.get("off", {}), told["effects"], told["phases"], source)
+
+
+def _receipt(
+    named: Collection[str],
+    off: Mapping[str, str],
+    accounts: Mapping[str, Mapping[str, Any]],
+    phases: Mapping[str, float],
+    source: str,
+) -> Receipt:
+    seconds = sum(account["seconds"] for account in accounts.values()) + sum(phases.values())
+    effects = {}
+    for name in EFFECTS:
+        on = name in named and name not in off
+        reason = "named in the scene" if on else off.get(name, "not named in the scene")
+        account = {**asdict(Account()), **accounts.get(name, {})}
+        share = account["seconds"] / seconds if seconds else 0.0
+        effects[name] = {"on": on, "reason": reason, **account, "share": share}
+    return Receipt(effects, dict(phases), seconds, source)

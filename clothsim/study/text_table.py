@@ -1,0 +1,24 @@
+"""A table of text with aligned columns."""
+
+from collections.abc import Sequence
+
+
+def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Lines of columns two spaces apart: text to the left, columns of numbers (and blanks) to the right."""
+    columns = list(zip(header, *rows, strict=True))
+    widths = [max(len(cell) for cell in column) for column in columns]
+    right = [any(cell for cell in column[1:]) and all(_number(cell) for cell in column[1:]) for column in columns]
+    lines = [
+        "  ".join(
+            cell.rjust(width) if numeric else cell.ljust(width)
+            for cell, width, numeric in zip(row, widths, right, strict=True)
+        ).rstrip()
+        for row in (header, *rows)
+    ]
+    return "\n".join([lines[0], "-" * max(len(line) for line in lines), *lines[1:]])
+
+
+def _number(cell: str) -> bool:
+    """True for a number, with thousands separated or with a percent sign, and for nothing."""
+    text = cell.replace(",", "").rstrip("% ").strip()
+    return not text or text == "-" or text.replace(".", "", 1).replace("e-", "", 1).replace("-", "", 1).isdigit()
