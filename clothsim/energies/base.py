@@ -39,7 +39,7 @@ class ElementHessian:
 
     def to_sparse(self, n_vertices: int) -> sparse.csr_array:
         """The (3 n, 3 n) matrix, assembled the slow and obvious way (tests, diagnostics)."""
-        dofs = (3 * self.elements[:, :, None] + np.arange(3)).reshape(self.blocks.shape[:2])
+        dofs = (3 * self.elements[:, :, None] + np.arange(3)).reshape(len(self.elements), 3 * self.elements.shape[1])
         rows = np.repeat(dofs, dofs.shape[1], axis=1).ravel()
         columns = np.tile(dofs, (1, dofs.shape[1])).ravel()
         shape = (3 * n_vertices, 3 * n_vertices)

@@ -38,10 +38,12 @@ def value(x, triangles, inverses, areas, mu, lam):
     total = 0.0
     for t in range(len(triangles)):
         _deformation_gradient(x, triangles[t], inverses[t], F)
-        trace = 0.0
+        e11, e12, e22 = -1.0, 0.0, -1.0
         for k in range(3):
-            trace += F[k, 0] * F[k, 0] + F[k, 1] * F[k, 1]
-        total += areas[t] * density(mu[t], lam[t], trace, _normal(F, n))
+            e11 += F[k, 0] * F[k, 0]
+            e12 += F[k, 0] * F[k, 1]
+            e22 += F[k, 1] * F[k, 1]
+        total += areas[t] * density(mu[t], lam[t], e11, e12, e22, _normal(F, n))
     return total
 
 

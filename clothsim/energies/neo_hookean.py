@@ -14,12 +14,19 @@ TWIST, FLIP, OUT_1, OUT_2 = 0, 1, 2, 3
 
 
 @njit(cache=True, error_model="numpy", inline="always")
-def density(mu, lam, trace, J):
-    """psi [J/m2] from trace = F:F and J; +inf where the triangle has no area."""
+def density(mu, lam, e11, e12, e22, J):
+    """psi [J/m2] from E = C - 1 and J; +inf where the triangle has no area.
+
+    I1 - 2 = tr E and 2 ln J = ln(1 + tr E + det E): from the same E, so that near rest, where both nearly cancel, the
+    round-off of E is not amplified. Taken from F:F and J, psi would have an error of mu eps, far above its own value.
+    """
     if not J > 0.0:
         return np.inf
-    log_J = np.log(J)
-    return 0.5 * mu * (trace - 2.0 - 2.0 * log_J) + 0.5 * lam * log_J * log_J
+    if max(abs(e11), abs(e12), abs(e22)) < 0.5:
+        log_J = 0.5 * np.log1p(e11 + e22 + (e11 * e22 - e12 * e12))
+    else:
+        log_J = np.log(J)
+    return 0.5 * mu * (e11 + e22 - 2.0 * log_J) + 0.5 * lam * log_J * log_J
 
 
 @njit(cache=True, error_model="numpy", inline="always")

@@ -120,6 +120,15 @@ def test_small_strain_has_the_fabric_s_youngs_modulus_and_poisson_ratio():
     assert (1 - l2) / strain == pytest.approx(NU, rel=1e-5)
 
 
+@pytest.mark.parametrize("strain", [1e-3, 1e-5, 1e-7])
+def test_the_value_near_rest_is_no_difference_of_large_numbers(strain):
+    """psi = mu e:e + lam/2 (tr e)^2 to first order in e: relative accuracy even where psi is below eps mu."""
+    e = strain * np.array([[1.0, 0.3], [0.3, -0.5]])
+    F = np.vstack([np.eye(2) + e, [0, 0]])
+    linear = MU * (e**2).sum() + LAM / 2 * np.trace(e) ** 2
+    assert measured(F)[0] == pytest.approx(linear, rel=3 * strain + 1e-7)
+
+
 MOTIONS = {
     "none": np.eye(3),
     "random": random_rotation(3),

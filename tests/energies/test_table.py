@@ -141,7 +141,8 @@ def test_value_and_derivatives_leave_their_input_alone(name):
     first = energy.value(x), energy.gradient(x), dense_hessian(energy, x)
     again = energy.value(x), energy.gradient(x), dense_hessian(energy, x)
     assert np.array_equal(x, before)
-    assert all(np.array_equal(a, b) for a, b in zip(first, again, strict=True))
+    for a, b in zip(first, again, strict=True):  # several threads may add in another order
+        assert np.abs(np.subtract(a, b)).max() <= 1e-13 * np.abs(a).max()
 
 
 @pytest.mark.parametrize("name", [name for name in ENERGIES if name not in EXTERNAL])
