@@ -26,8 +26,17 @@ class LinearSolver(abc.ABC):
         """Analyse the pattern; threads 0: all cores."""
 
     @abc.abstractmethod
+    def factorise(self, data: Floats) -> None:
+        """Factorise the matrix whose upper triangle is `data` in the pattern; NotPositiveDefiniteError if it is not."""
+
+    @abc.abstractmethod
+    def back_solve(self, b: Floats) -> Floats:
+        """x of the matrix last factorised."""
+
     def solve(self, data: Floats, b: Floats) -> Floats:
-        """x of the matrix whose upper triangle is `data` in the pattern; NotPositiveDefiniteError if it is not."""
+        """Factorise, then solve."""
+        self.factorise(data)
+        return self.back_solve(b)
 
 
 class Pardiso(LinearSolver):
@@ -46,11 +55,14 @@ class Pardiso(LinearSolver):
             self._solver.libmkl.MKL_Set_Num_Threads(threads)
         self._call(11, self._template(), np.zeros(3 * pattern.n_vertices))
 
-    def solve(self, data: Floats, b: Floats) -> Floats:
-        """Phase 22 (factorise), then 33 (solve)."""
-        matrix = self._pattern.upper(data)
-        self._call(22, matrix, b)
-        return self._call(33, matrix, b)
+    def factorise(self, data: Floats) -> None:
+        """Phase 22."""
+        self._matrix = self._pattern.upper(data)
+        self._call(22, self._matrix, np.zeros(3 * self._pattern.n_vertices))
+
+    def back_solve(self, b: Floats) -> Floats:
+        """Phase 33."""
+        return self._call(33, self._matrix, b)
 
     def close(self) -> None:
         """Give back MKL's memory; the solver is of no use after."""
@@ -87,14 +99,17 @@ class Cholmod(LinearSolver):
         self._pattern = pattern
         self._factor = analyze(_full(pattern, ones), ordering_method="amd")
 
-    def solve(self, data: Floats, b: Floats) -> Floats:
-        """Numeric factorisation with the kept analysis, then the solve."""
+    def factorise(self, data: Floats) -> None:
+        """Numeric factorisation with the kept analysis."""
         from sksparse.cholmod import CholmodNotPositiveDefiniteError
 
         try:
             self._factor.cholesky_inplace(_full(self._pattern, data))
         except CholmodNotPositiveDefiniteError as error:
             raise NotPositiveDefiniteError from error
+
+    def back_solve(self, b: Floats) -> Floats:
+        """Both triangles."""
         return self._factor(b)
 
 
@@ -106,10 +121,10 @@ class SuperLU(LinearSolver):
     def __init__(self, pattern: Pattern, threads: int) -> None:
         self._pattern = pattern
 
-    def solve(self, data: Floats, b: Floats) -> Floats:
-        """Factorise with diagonal pivots; a negative pivot says that the matrix is not positive definite."""
+    def factorise(self, data: Floats) -> None:
+        """With diagonal pivots; a negative pivot says that the matrix is not positive definite."""
         try:
-            factor = linalg.splu(
+            self._factor = linalg.splu(
                 _full(self._pattern, data),
                 permc_spec="MMD_AT_PLUS_A",
                 diag_pivot_thresh=0.0,
@@ -117,9 +132,12 @@ class SuperLU(LinearSolver):
             )
         except RuntimeError as error:  # "Factor is exactly singular"
             raise NotPositiveDefiniteError from error
-        if not (factor.U.diagonal() > 0).all():
+        if not (self._factor.U.diagonal() > 0).all():
             raise NotPositiveDefiniteError
-        return factor.solve(b)
+
+    def back_solve(self, b: Floats) -> Floats:
+        """Both triangles."""
+        return self._factor.solve(b)
 
 
 SOLVERS: dict[str, type[LinearSolver]] = {"pardiso": Pardiso, "cholmod": Cholmod, "superlu": SuperLU}

@@ -10,6 +10,7 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.energies.base import Prescribed
 from clothsim.solve import pattern as assembly
+from clothsim.solve.conjugate import truncated_solve
 from clothsim.solve.line_search import armijo
 from clothsim.solve.linear import LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.outcome import Ending, Outcome, outcome
@@ -90,7 +91,7 @@ class Newton:
         still = np.zeros_like(x)
         speed, residual = np.inf, np.inf
         for count in range(iterations, iterations + settings.max_iterations):
-            dx, end, gradient = self._direction(x, still, fixed)
+            dx, end, gradient = self._direction(x, still, fixed, exact=count > iterations)
             residual = float(np.abs(gradient[: self.pattern.n_vertices][~fixed]).max(initial=0.0))
             if end is not None:
                 return NewtonResult(x, end, count, speed, residual)
@@ -114,29 +115,42 @@ class Newton:
         end = outcome(Ending.ITERATION_LIMIT, tolerance=settings.tolerance, limit=settings.max_iterations, speed=speed)
         return NewtonResult(x, end, iterations + settings.max_iterations, speed, residual)
 
-    def _direction(self, x: Floats, way: Floats, fixed: np.ndarray) -> tuple[Floats, Outcome | None, Floats]:
-        """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere; an Outcome where there is none; the gradient."""
-        ledger = self.potential.ledger
+    def _direction(
+        self, x: Floats, way: Floats, fixed: np.ndarray, exact: bool = False
+    ) -> tuple[Floats, Outcome | None, Floats]:
+        """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere; an Outcome where there is none; the gradient.
+
+        H is the projected Hessian; with `exact` the unprojected one, as far as it curves upward.
+        """
         n = self.pattern.n_vertices
         gradient = self.potential.gradient(x)
         hessians = self.potential.hessians(x)
-        with ledger.phase("assembly"):
-            data = self.pattern.assemble(hessians)
-            right = -gradient
-            if way.any():
-                right -= assembly.times(hessians, way)
-            right = right[:n]
-            right[fixed] = 0.0
-            self.pattern.fix(data, fixed)
+        right = -gradient
+        if way.any():
+            right -= assembly.times(hessians, way)
+        right = right[:n]
+        right[fixed] = 0.0
+        data = self._assembled(hessians, fixed)
         if not (np.isfinite(right).all() and np.isfinite(data).all()):
             vertex = int(np.argmax(~np.isfinite(right).all(axis=1)))
             return way, outcome(Ending.NOT_FINITE, vertex=vertex, place=_place(x, vertex)), gradient
         solution = self._solve(data, right.ravel())
         if solution is None:
             return way, outcome(Ending.SINGULAR), gradient
+        if exact:
+            curved = self._assembled(self.potential.hessians(x, project=False), fixed)
+            with self.potential.ledger.phase("linear solve"):
+                times = self.pattern.times(curved)
+                solution = truncated_solve(times, self.solver.back_solve, right.ravel())
         dx = way.copy()
         dx[:n][~fixed] = solution.reshape(-1, 3)[~fixed]
         return dx, None, gradient
+
+    def _assembled(self, hessians: list[assembly.Hessian], fixed: np.ndarray) -> Floats:
+        with self.potential.ledger.phase("assembly"):
+            data = self.pattern.assemble(hessians)
+            self.pattern.fix(data, fixed)
+        return data
 
     def _solve(self, data: Floats, b: Floats) -> Floats | None:
         """The solution, with a growing shift of the diagonal where the matrix is not positive definite."""

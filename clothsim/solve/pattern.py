@@ -4,6 +4,7 @@ The matrix is stored as the upper triangle of a CSR matrix, 3x3 block by block. 
 (element, corner, corner) is looked up once, when the pattern is made or when an element list is new.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -51,6 +52,12 @@ class Pattern:
         """The upper triangle as a scipy matrix."""
         size = 3 * self.n_vertices
         return sparse.csr_matrix((data, self.indices, self.indptr), shape=(size, size))
+
+    def times(self, data: Floats) -> Callable[[Floats], Floats]:
+        """v -> A v for the symmetric matrix whose upper triangle is `data`."""
+        upper, diagonal = self.upper(data), self.diagonal(data)
+        lower = upper.T
+        return lambda v: upper @ v + lower @ v - diagonal * v
 
     def fix(self, data: Floats, fixed: np.ndarray) -> None:
         """Cut the rows and columns of `fixed` vertices ((n,) booleans) out of `data` in place; 1 on their diagonal."""
