@@ -8,7 +8,7 @@ from clothsim.arrays import Floats
 from clothsim.render.camera import Camera
 from clothsim.render.mesh_look import Look
 
-_TOP, _BOTTOM = np.array([1.0, 1.0, 1.0]), np.array([0.915, 0.92, 0.93])
+_TOP, _BOTTOM = np.array([0.975, 0.977, 0.98]), np.array([0.90, 0.905, 0.915])
 _TEXELS = 320
 _PAD = 0.55
 _BANDS = ((0.0, 0.06, 0.012, 0.34), (0.06, 0.2, 0.03, 0.28), (0.2, 0.5, 0.06, 0.20), (0.5, np.inf, 0.11, 0.14))

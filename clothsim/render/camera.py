@@ -81,7 +81,9 @@ def three_quarter_view(cloth_corners: Floats, up: Floats) -> Floats:
     would be seen almost edge on. The front is +z where y is up, -y where z is up.
     """
     towards = np.array([0.0, -1.0, 0.0]) if abs(up[2]) > 0.7 * np.linalg.norm(up) else np.array([0.0, 0.0, 1.0])
-    right, vertical, front = _axes(up, towards)
+    vertical = up / np.linalg.norm(up)
+    right = _axes(vertical, towards)[0]
+    front = np.cross(right, vertical)
     level = [np.cos(turn) * front + np.sin(turn) * right for turn in _AZIMUTHS]
     views = np.array([np.cos(_ELEVATION) * side + np.sin(_ELEVATION) * vertical for side in level])
     normals = np.cross(cloth_corners[:, 1] - cloth_corners[:, 0], cloth_corners[:, 2] - cloth_corners[:, 0])
@@ -97,6 +99,18 @@ def extreme_points(points: Floats, count: int = 128) -> Floats:
     polar, turn = np.arccos(1 - 2 * k / count), np.pi * (1 + 5**0.5) * k
     directions = np.array([np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)])
     return points[np.unique(np.argmax((points - points.mean(0)) @ directions, axis=0))]
+
+
+def seen_box(points: Floats, camera: Camera) -> tuple[Floats, Floats]:
+    """Lowest and highest corner of those `points (n, 3)` that are in the picture (of all, where none is), (3,) each.
+
+    Its size is the scale on which light is blocked: a wide ground must not set it.
+    """
+    inside = (points - camera.position) @ camera.axes[2] < 0
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inside &= (np.abs(camera.project(points)) <= 1).all(axis=1)
+    seen = points[inside] if inside.any() else points
+    return seen.min(axis=0), seen.max(axis=0)
 
 
 def _axes(up: Floats, backward: Floats) -> Floats:

@@ -22,13 +22,14 @@ raise SystemExit(0 if window.SupportsOpenGL() else 1)
 def why_not_vtk() -> str:
     """Why VTK cannot draw on this machine, and which package would change that; empty where it can.
 
-    On Linux the graphics libraries are looked for first; where some are present, a second Python draws one tiny
-    picture (1-3 s), as only that tells whether they work. The answer holds for the life of this process.
+    VTK tries X, then EGL, then OSMesa, and ends in a segmentation fault where all fail. On Linux their libraries are
+    looked for first; where some are present, a second Python draws one tiny picture (1-3 s), as only that tells whether
+    they work. The answer holds for the life of this process.
     """
     if find_spec("pyvista") is None or find_spec("vtkmodules") is None:
         return "pyvista is not installed; `pip install pyvista` would give the better picture"
     if sys.platform.startswith("linux"):
-        remedy = "`apt install libegl1` (Debian, Ubuntu) or mesa-libEGL (Fedora) would give the better picture"
+        remedy = "`apt install libegl1 libgl1-mesa-dri` (Debian, Ubuntu) would give the better picture"
         if not _any_library():
             return f"there is neither EGL, OSMesa nor a display; {remedy}"
         if not _probe():

@@ -9,9 +9,10 @@ from clothsim.render.colour import stretch_colours, ticks
 _INK = (72, 74, 80)
 
 
-def margins(with_bar: bool, title: str) -> Margins:
-    """The room that the legend takes from the picture."""
-    return Margins(right=0.25 if with_bar else 0.08, top=0.14 if title else 0.08)
+def margins(size: tuple[int, int], with_bar: bool, title: str) -> Margins:
+    """The room that the legend takes from a picture of `size` (width, height) pixels."""
+    em, (width, height) = _em(size), size
+    return Margins(right=14 * em / width if with_bar else 0.08, top=max(0.08, 7 * em / height) if title else 0.08)
 
 
 def add_legend(image: Floats, half_range: float, title: str) -> np.ndarray:
@@ -21,7 +22,7 @@ def add_legend(image: Floats, half_range: float, title: str) -> np.ndarray:
     height, width = image.shape[:2]
     canvas = Image.fromarray(np.round(np.clip(image, 0, 1) * 255).astype(np.uint8))
     pen = ImageDraw.Draw(canvas)
-    em = max(9.0, min(width, height) / 48)
+    em = _em((width, height))
     if title:
         pen.text((1.6 * em, 1.3 * em), title, fill=_INK, font=_font(1.25 * em), anchor="la")
     if half_range > 0:
@@ -46,6 +47,11 @@ def _bar(canvas, half_range: float, em: float) -> None:
         pen.text((left + wide + 0.8 * em, y), f"{stretch:g}", fill=_INK, font=font, anchor="lm")
     pen.text((left + 1.1 * em, top - 2.5 * em), "principal", fill=_INK, font=font, anchor="ma")
     pen.text((left + 1.1 * em, top - 1.35 * em), "stretch", fill=_INK, font=font, anchor="ma")
+
+
+def _em(size: tuple[int, int]) -> float:
+    """The height of the letters in pixels."""
+    return max(9.0, min(size) / 48)
 
 
 def _font(pixels: float):

@@ -75,7 +75,7 @@ def _ffmpeg() -> bool:
 
 
 def _write_mp4(target: Path, pictures: Iterator[np.ndarray], rate: float, size: tuple[int, int]) -> None:
-    import imageio_ffmpeg  # type: ignore[import-untyped]
+    import imageio_ffmpeg
 
     writer = imageio_ffmpeg.write_frames(str(target), size, fps=rate, quality=8, macro_block_size=2)
     writer.send(None)

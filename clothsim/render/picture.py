@@ -16,7 +16,7 @@ from clothsim.render.legend import add_legend, margins
 from clothsim.render.mesh_look import Surface, looks
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-_SMALLEST = 32
+_SMALLEST = 64
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def take_aim(
         backward = three_quarter_view(np.concatenate([s.positions[s.triangles] for s in last]), upright)
     else:
         backward = _direction("view", view)
-    room = margins(half_range > 0, title)
+    room = margins(pixels, half_range > 0, title)
     camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
     return Shot(camera, pixels, half_range, upright, title, chosen, samples, note)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import MissingPackageError
-from clothsim.render.camera import Camera
+from clothsim.render.camera import Camera, seen_box
 from clothsim.render.mesh_look import Look
 from clothsim.render.shade import (
     SKY_RAYS,
@@ -32,7 +32,7 @@ _SKY_REACH = 0.5
 
 @dataclass(frozen=True)
 class _Stage:
-    """All triangles, scaled to size 1 about the origin, the ray caster over them, and where eye and lights are.
+    """All triangles, scaled so that what is seen has size 1, the ray caster over them, and where eye and lights are.
 
     to_key: (3, 3) towards the key light and two directions across it; directions: up, to the key, to the fill light.
     """
@@ -50,9 +50,7 @@ def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floa
     """What the camera sees, (height, width, 4): sRGB times coverage, and the coverage."""
     width, height = size
     stage = _stage(made, camera, up)
-    seen = camera.project(np.concatenate([look.corners for look in made]).reshape(-1, 3))
-    low = np.clip(np.floor((seen.min(axis=0) + 1) / 2 * size).astype(int) - 1, 0, size)
-    high = np.clip(np.ceil((seen.max(axis=0) + 1) / 2 * size).astype(int) + 1, 0, size)
+    low, high = _pixel_box(np.concatenate([look.corners for look in made]).reshape(-1, 3), camera, size)
     image = np.zeros((height, width, 4))
     columns = slice(int(low[0]), int(high[0]))
     for top in range(height - int(high[1]), height - int(low[1]), _BAND):
@@ -62,14 +60,23 @@ def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floa
     return image
 
 
+def _pixel_box(points: Floats, camera: Camera, size: tuple[int, int]) -> tuple[Ints, Ints]:
+    """First and last + 1 pixel, right and upwards, that the points can cover; all where some are behind the camera."""
+    if ((points - camera.position) @ camera.axes[2] >= 0).any():
+        return np.zeros(2, np.int64), np.array(size)
+    pixels = (np.clip(camera.project(points), -2, 2) + 1) / 2 * size
+    low, high = np.floor(pixels.min(axis=0)) - 1, np.ceil(pixels.max(axis=0)) + 1
+    return np.clip(low, 0, size).astype(np.int64), np.clip(high, 0, size).astype(np.int64)
+
+
 def _stage(made: Sequence[Look], camera: Camera, up: Floats) -> _Stage:
     try:
         from embreex.mesh_construction import TriangleMesh
         from embreex.rtcore_scene import EmbreeScene
     except ImportError as error:
-        raise MissingPackageError("Ray casting needs embreex.", "pip install embreex") from error
+        raise MissingPackageError("Drawing by ray casting needs embreex.", "Run: pip install embreex") from error
     joined = Look(*(np.concatenate([getattr(look, field.name) for look in made]) for field in fields(Look)))
-    low, high = joined.corners.min(axis=(0, 1)), joined.corners.max(axis=(0, 1))
+    low, high = seen_box(joined.corners.reshape(-1, 3), camera)
     scale = 1.0 / (float((high - low).max()) or 1.0)
     corners = (joined.corners - 0.5 * (low + high)) * scale
     caster = EmbreeScene()

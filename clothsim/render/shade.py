@@ -9,7 +9,7 @@ from numba import njit
 SKY_RAYS = 2
 _SUN_RADIUS = 0.12
 _OFFSET = 3e-4
-_KEY = (0.86, 0.83, 0.79)
+_KEY = (0.82, 0.79, 0.75)
 _FILL = (0.12, 0.13, 0.15)
 _SKY = (0.40, 0.41, 0.43)
 _GROUND = (0.22, 0.215, 0.21)
@@ -57,7 +57,7 @@ def _unit(a):
 
 
 @njit(cache=True, error_model="numpy")
-def camera_rays(axes, tangents, width, height, left, right, top, bottom):  # noqa: PLR0917 - a kernel's arrays
+def camera_rays(axes, tangents, width, height, left, right, top, bottom):
     """Unit directions through the samples of columns left..right-1 and rows top..bottom-1, (rows * columns, 3)."""
     out = np.empty(((bottom - top) * (right - left), 3), np.float32)
     row = 0
@@ -73,7 +73,7 @@ def camera_rays(axes, tangents, width, height, left, right, top, bottom):  # noq
 
 
 @njit(cache=True, error_model="numpy")
-def surface_at(hits, triangle, u, v, rays, corners, normals, front, back):  # noqa: PLR0917 - a kernel's arrays
+def surface_at(hits, triangle, u, v, rays, corners, normals, front, back):
     """Where light rays start, the interpolated normal facing the camera, and the sRGB of the side seen, each (k, 3).
 
     They start above the triangle, on the curved surface that its corner normals n_i suggest, or the facets would shade
@@ -148,7 +148,7 @@ def mean_of_alike(light, guide):
 
 
 @njit(cache=True, error_model="numpy")
-def shaded(hits, light, smooth, paint, rays, up, to_key, to_fill):  # noqa: PLR0917 - a kernel's arrays
+def shaded(hits, light, smooth, paint, rays, up, to_key, to_fill):
     """sRGB of each hit, (k, 3): colour x (key light in soft shadow + weak fill + sky and ground under occlusion).
 
     light: (samples, 2) the share of the key light and of the sky that is free; up, to_key, to_fill: three numbers

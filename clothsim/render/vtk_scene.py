@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.render.camera import Camera
+from clothsim.render.camera import Camera, seen_box
 from clothsim.render.mesh_look import Look
 
 _AMBIENT, _DIFFUSE = 0.50, 0.56
-_LIGHTS = (((-0.70, 0.85, 0.40), 0.78), ((0.80, 0.15, 0.60), 0.22), ((0.10, 0.90, -0.40), 0.12))
+_LIGHTS = (((-0.70, 0.85, 0.40), 0.88), ((0.80, 0.15, 0.60), 0.22), ((0.10, 0.90, -0.40), 0.12))
 """Direction towards the light (right, up, backward of the camera) and intensity: key, fill and rim."""
 
 
@@ -23,8 +23,7 @@ def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floa
     from vtkmodules.vtkCommonCore import vtkLogger
 
     vtkLogger.SetStderrVerbosity(vtkLogger.VERBOSITY_ERROR)  # it warns of a missing X server before it takes EGL
-    corners = np.concatenate([look.corners for look in made]).reshape(-1, 3)
-    low, high = corners.min(axis=0), corners.max(axis=0)
+    low, high = seen_box(np.concatenate([look.corners for look in made]).reshape(-1, 3), camera)
     scale = 1.0 / (float((high - low).max()) or 1.0)
     centre = 0.5 * (low + high)
     plotter = pyvista.Plotter(off_screen=True, window_size=[size[0] * samples, size[1] * samples], lighting="none")

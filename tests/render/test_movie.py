@@ -1,0 +1,65 @@
+import numpy as np
+import pytest
+from PIL import Image
+from render_scenes import ball, sheet
+
+from clothsim.errors import InputError
+from clothsim.render import movie as movie_module
+from clothsim.render.movie import movie
+
+SETTINGS = {"size": (97, 72), "renderer": "ray", "samples": 1}
+
+
+def falling(n=4):
+    return [[sheet(n=6, lift=0.1 * (n - k), stretch=1 + 0.02 * k), ball(n=8)] for k in range(n)]
+
+
+def test_a_gif_has_every_frame_and_reports_progress(tmp_path):
+    seen = []
+    movie(
+        tmp_path / "run.gif",
+        falling(),
+        frames_per_second=10,
+        progress=lambda done, total: seen.append((done, total)),
+        **SETTINGS,
+    )
+    with Image.open(tmp_path / "run.gif") as picture:
+        assert picture.n_frames == 4
+        assert picture.size == (96, 72)
+        assert picture.info["duration"] == 100
+    assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def test_a_generator_of_frames_works_and_the_camera_stands_still(tmp_path):
+    movie(tmp_path / "run.gif", (frame for frame in falling(2)), **SETTINGS)
+    with Image.open(tmp_path / "run.gif") as picture:
+        frames = []
+        for k in range(2):
+            picture.seek(k)
+            frames.append(np.asarray(picture.convert("RGB")).astype(float))
+    moved = np.abs(frames[0] - frames[1]).max(axis=2)
+    assert moved[:40].max() > 30
+    assert moved[-3:, :3].max() < 8  # the backdrop and the scalar bar do not move
+    assert moved[20:60, -14:].max() < 8
+
+
+def test_an_mp4_has_every_frame(tmp_path):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg")
+    movie(tmp_path / "run.mp4", falling(), frames_per_second=8, **SETTINGS)
+    count, seconds = ffmpeg.count_frames_and_secs(str(tmp_path / "run.mp4"))
+    assert count == 4
+    assert seconds == pytest.approx(0.5, abs=0.02)
+
+
+def test_without_ffmpeg_an_mp4_becomes_a_gif(tmp_path, monkeypatch):
+    monkeypatch.setattr(movie_module, "_ffmpeg", lambda: False)
+    note = movie(tmp_path / "run.mp4", falling(2), **SETTINGS)
+    assert "run.gif" in note
+    with Image.open(tmp_path / "run.gif") as picture:
+        assert picture.n_frames == 2
+
+
+@pytest.mark.parametrize(("name", "frames", "rate"), [("run.avi", 2, 10), ("run.gif", 0, 10), ("run.gif", 2, 0)])
+def test_bad_arguments_are_refused(tmp_path, name, frames, rate):
+    with pytest.raises(InputError):
+        movie(tmp_path / name, falling(frames), frames_per_second=rate, **SETTINGS)
