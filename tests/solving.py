@@ -3,6 +3,9 @@
 import numpy as np
 
 from clothsim.energies.base import Prescribed, Step
+from clothsim.sim.simulator import steps
+from clothsim.sim.state import first_state
+from clothsim.sim.stepping import Integrator
 from clothsim.solve.ledger import Ledger
 from clothsim.solve.linear import make_solver
 from clothsim.solve.newton import Newton, NewtonSettings
@@ -40,3 +43,19 @@ def equilibrium(world, energies, x, target=NOTHING, tolerance=1e-12, **keywords)
     result = solve(world, energies, x, target, tolerance=tolerance, **keywords)
     assert result.outcome.converged, result.outcome.sentence
     return result.x
+
+
+def integrator_of(world, energies, dt, constraints=None, ramp=0.0, linear="superlu", **settings):
+    """The package's integrator for some energies of a world."""
+    pattern = make_pattern(world.n_cloth, [energy.hessian(world.start()) for energy in energies.values()])
+    solver = make_solver(linear, pattern)
+    potential = Potential(energies, Ledger())
+    return Integrator(world, potential, constraints or {}, pattern, solver, NewtonSettings(**settings), dt, ramp)
+
+
+def run_of(integrator, duration, frames_per_second=None):
+    """All step reports of a run; every step must be taken. One frame unless frames_per_second says otherwise."""
+    start = first_state(integrator.world, integrator.dt)
+    reports = list(steps(integrator, start, duration, frames_per_second or 1 / duration))
+    assert all(report.converged for report in reports), reports[-1].failures
+    return reports

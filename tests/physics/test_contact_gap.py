@@ -1,0 +1,69 @@
+"""The gap of a sheet that lies on a slab, and the force that the slab gives back (VALIDATION A5)."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meshes import UNIT, cloth, irregular_grid
+from scipy.optimize import brentq
+from solving import equilibrium
+
+from clothsim.contact.body_contact import body_contact
+from clothsim.contact.stiffness import barrier_stiffness
+from clothsim.energies.gravity import gravity
+from clothsim.energies.membrane import membrane
+from clothsim.mesh.body import make_body
+from clothsim.mesh.world import make_world
+
+G = 9.81
+SLAB = np.array([[-50.0, -50, 0], [50, -50, 0], [50, 50, 0], [-50, 50, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def slope(ratio):
+    """|b'| of b(d) = -(d^2 - dh^2)^2 ln(d^2/dh^2) / dh^3 at d = ratio dh."""
+    square = ratio**2 - 1
+    return 4 * ratio * square * np.log(ratio**2) + 2 * square**2 / ratio
+
+
+def gap_ratio(force):
+    """d/dh where |b'| = force."""
+    return brentq(lambda ratio: slope(ratio) - force, 1e-6, 1 - 1e-12, xtol=1e-15)
+
+
+def test_the_reference_has_the_digits_of_the_table():
+    assert gap_ratio(1.0) == pytest.approx(0.78004076, abs=6e-9)
+    assert slope(0.53) == pytest.approx(3.85, rel=0.02)
+
+
+def resting(d_hat, stiffness, height):
+    """A sheet over one triangle of a slab of two, away from the diagonal between them."""
+    positions, triangles = irregular_grid()
+    sheet = replace(cloth(positions, triangles), positions=positions + np.array([20.0, -20.0, height]))
+    world = make_world([sheet], [make_body("slab", *SLAB)])
+    contact = body_contact(world, d_hat=d_hat, stiffness=stiffness)
+    energies = {"membrane": membrane(world), "gravity": gravity(world), "body_contact": contact}
+    return world, energies
+
+
+@pytest.mark.parametrize(("d_hat", "stiffness"), [(0.1, 50.0), (0.01, 50.0), (0.01, 5e3), (0.001, 2.0)])
+def test_gap_and_reaction_of_a_sheet_at_rest(d_hat, stiffness):
+    """ipctk weighs a vertex and a face by a quarter of the vertex's area: kappa A/4 |b'| = m g at every vertex."""
+    expected = gap_ratio(4 * UNIT.density * G / stiffness)
+    world, energies = resting(d_hat, stiffness, height=0.9 * d_hat)
+    x = equilibrium(world, energies, world.start(), tolerance=1e-12, max_iterations=200)
+    n = world.n_cloth
+    assert np.abs(x[:n, 2] / d_hat - expected).max() < 1e-8
+    weight = world.masses.sum() * G
+    reaction = energies["body_contact"].gradient(x)
+    assert reaction[n:, 2].sum() == pytest.approx(weight, rel=1e-8)
+    assert np.abs(-reaction[:n, 2] - world.masses * G).max() < 1e-8 * weight
+    assert np.abs(reaction[:, :2]).max() < 1e-9 * weight
+    assert energies["body_contact"].minimum_gap(x) == pytest.approx(expected * d_hat, rel=1e-7)
+
+
+def test_the_adaptive_stiffness_holds_the_weight_at_about_half_of_d_hat():
+    world, energies = resting(0.01, "auto", height=0.009)
+    load = energies["gravity"].gradient(world.start())[: world.n_cloth]
+    stiffness = barrier_stiffness(load, world.vertex_areas, world.masses, 0.01, dt=1e3)
+    assert stiffness == pytest.approx(UNIT.density * G)
+    assert gap_ratio(4 * UNIT.density * G / stiffness) == pytest.approx(0.53, abs=0.01)
