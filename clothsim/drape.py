@@ -135,7 +135,7 @@ def _run(
     ledger = session.integrator.potential.ledger
     certificate = replace(certificate, moved_by_script=_scripted(session.built))
     (directory / SUMMARY_NAME).unlink(missing_ok=True)
-    reason = ""
+    reason, intersects = "", _judge(world)
     with (
         TrajectoryWriter(
             directory / TRAJECTORY_NAME, world_surfaces(world), resume_at=state.frame + 1 if resumed else None
@@ -161,7 +161,10 @@ def _run(
                 with ledger.phase("output"):
                     trajectory.append(state.time, state.positions, world_stretches(world, state.positions))
                 with ledger.phase("certificate"):
-                    certificate = _judged(certificate, world, state)
+                    if intersects(state):
+                        certificate = replace(
+                            certificate, intersecting_frames=(*certificate.intersecting_frames, state.frame)
+                        )
                 if certificate.intersecting_frames and "body_contact" in session.built.energies:
                     reason = f"At {state.time:.4g} s the cloth intersects a body."
                     break
@@ -172,15 +175,14 @@ def _run(
     return open_run(directory)
 
 
-def _judged(certificate: Certificate, world: World, state: State) -> Certificate:
-    """The certificate with the verdict on the newest frame: does a cloth edge cross a body triangle or the reverse?"""
+def _judge(world: World) -> Callable[[State], bool]:
+    """The test of a frame: does a cloth edge cross a body triangle or the reverse? Made once for all frames."""
     if not world.bodies:
-        return certificate
+        return lambda state: False
     from clothsim.contact.surface import cloth_body_surface
 
-    if not cloth_body_surface(world).intersects(state.positions):
-        return certificate
-    return replace(certificate, intersecting_frames=(*certificate.intersecting_frames, state.frame))
+    surface = cloth_body_surface(world)
+    return lambda state: surface.intersects(state.positions)
 
 
 def _scripted(built: Built) -> bool:
