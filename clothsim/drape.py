@@ -110,7 +110,8 @@ def prepare(scene: Scene, built: Built) -> Session:
     ledger = Ledger(effects={name: Account() for name in built.energies})
     potential = Potential(built.energies, ledger)
     start = built.world.start()
-    pattern = make_pattern(built.world.n_cloth, [energy.hessian(start) for energy in built.energies.values()])
+    hessians = [energy.hessian(start) for energy in built.energies.values()]
+    pattern = make_pattern(built.world.n_cloth, built.world.triangles, hessians)
     solver = make_solver(settings.linear, pattern, settings.threads)
     newton = NewtonSettings(settings.tolerance, settings.max_iterations)
     ramp = 0.0 if "inertia" in built.energies else run.duration

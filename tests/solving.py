@@ -25,10 +25,14 @@ def held(x, vertices):
     return Prescribed(np.asarray(vertices, np.int64), x[vertices])
 
 
+def pattern_of(world, energies, x):
+    return make_pattern(world.n_cloth, world.triangles, [energy.hessian(x) for energy in energies.values()])
+
+
 def newton_of(world, energies, dt=1.0, velocities=None, positions=None, linear="superlu", **settings):
     """A Newton bound to one step from the world's start (or `positions`)."""
     x = world.start() if positions is None else positions
-    pattern = make_pattern(world.n_cloth, [energy.hessian(x) for energy in energies.values()])
+    pattern = pattern_of(world, energies, x)
     potential = Potential(energies, Ledger()).begin(step_at(x, velocities, dt))
     return Newton(potential, pattern, make_solver(linear, pattern), NewtonSettings(**settings), dt)
 
@@ -47,7 +51,7 @@ def equilibrium(world, energies, x, target=NOTHING, tolerance=1e-12, **keywords)
 
 def integrator_of(world, energies, dt, constraints=None, ramp=0.0, linear="superlu", **settings):
     """The package's integrator for some energies of a world."""
-    pattern = make_pattern(world.n_cloth, [energy.hessian(world.start()) for energy in energies.values()])
+    pattern = pattern_of(world, energies, world.start())
     solver = make_solver(linear, pattern)
     potential = Potential(energies, Ledger())
     return Integrator(world, potential, constraints or {}, pattern, solver, NewtonSettings(**settings), dt, ramp)

@@ -74,17 +74,18 @@ class Pattern:
         return shifted
 
 
-def make_pattern(n_vertices: int, hessians: list[Hessian]) -> Pattern:
-    """The pattern of all element lists among `hessians`, and the diagonal."""
+def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Hessian]) -> Pattern:
+    """The pattern of all element lists among `hessians`, of the cloth's `triangles (m, 3)`, and the diagonal.
+
+    The triangles are in it whether or not they are elastic: contact couples the corners of the one that it touches.
+    """
     keys = [np.arange(n_vertices, dtype=np.int64) * (n_vertices + 1)]
-    for hessian in hessians:
-        if isinstance(hessian, ElementHessian):
-            elements = hessian.elements
-            for a in range(elements.shape[1]):
-                for b in range(elements.shape[1]):
-                    i, j = elements[:, a], elements[:, b]
-                    upper = (i < j) & (j < n_vertices)
-                    keys.append(i[upper] * n_vertices + j[upper])
+    for elements in (triangles, *(hessian.elements for hessian in hessians if isinstance(hessian, ElementHessian))):
+        for a in range(elements.shape[1]):
+            for b in range(elements.shape[1]):
+                i, j = elements[:, a], elements[:, b]
+                upper = (i < j) & (j < n_vertices)
+                keys.append(i[upper] * n_vertices + j[upper])
     key = np.unique(np.concatenate(keys))
     rows, columns = key // n_vertices, key % n_vertices
     starts = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n_vertices))])
