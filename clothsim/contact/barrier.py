@@ -37,10 +37,17 @@ class Barrier(Energy):
         if not self.adaptive:
             return self
         n = len(self.areas)
-        return replace(
-            self,
-            stiffness=barrier_stiffness(step.gradient[:n], self.areas, self.masses, self.d_hat, step.dt),
+        touching = self.gradient(step.positions)[:n].any(axis=1)
+        loads = np.linalg.norm(step.gradient[:n], axis=1) / self.areas
+        speeds = np.linalg.norm(step.velocities[:n], axis=1)
+        stiffness = barrier_stiffness(
+            float(loads[touching].max(initial=0.0)),
+            float(self.masses.sum() / self.areas.sum()),
+            float(speeds.max(initial=0.0)),
+            self.d_hat,
+            step.dt,
         )
+        return replace(self, stiffness=stiffness)
 
     def value(self, x: Floats) -> float:
         """Barrier energy [J]; +inf where a pair touches."""

@@ -12,14 +12,12 @@ def default_d_hat(edge_lengths: Floats) -> float:
     return round(length, digits)
 
 
-def barrier_stiffness(gradient: Floats, areas: Floats, masses: Floats, d_hat: float, dt: float) -> float:
-    """kappa [Pa] for a step, from the state at its start alone.
+def barrier_stiffness(pressure: float, area_density: float, speed: float, d_hat: float, dt: float) -> float:
+    """kappa [Pa] for a step, from the state at its start alone; the largest of three pressures.
 
-    Contact must carry the other forces, at most |g_i| / A_i per area (g: gradient of all other energies, weight, stress
-    and the inertia of the step). kappa = max |g_i| / A_i puts the gap of the most loaded vertex at about half of d_hat
-    (F/(kappa w) = 3.85 at .53 for w = A/4). Never below the pressure that moves the cloth's mass through d_hat in one
-    step, m d_hat / (A dt^2): softer, the barrier would let the cloth sink before it answers.
+    pressure [Pa]: what contact must carry now, the most that the other forces put on the area of a touching vertex:
+    kappa = pressure puts its gap at about half of d_hat (F/(kappa w) = 3.85 at .53, for w = A/4). rho_A v / dt: what
+    stops the fastest vertex in one step, for those that are yet to touch. rho_A d_hat / dt^2: what moves the cloth
+    through d_hat in one step; softer, the barrier would let it sink before it answers.
     """
-    pressure = float((np.linalg.norm(gradient, axis=1) / areas).max(initial=0.0))
-    inertial = float((masses / areas).mean()) * d_hat / dt**2
-    return max(pressure, inertial)
+    return max(pressure, area_density * speed / dt, area_density * d_hat / dt**2)

@@ -10,6 +10,7 @@ from solving import equilibrium
 
 from clothsim.contact.body_contact import body_contact
 from clothsim.contact.stiffness import barrier_stiffness
+from clothsim.energies.base import Step
 from clothsim.energies.gravity import gravity
 from clothsim.energies.membrane import membrane
 from clothsim.mesh.body import make_body
@@ -63,7 +64,23 @@ def test_gap_and_reaction_of_a_sheet_at_rest(d_hat, stiffness):
 
 def test_the_adaptive_stiffness_holds_the_weight_at_about_half_of_d_hat():
     world, energies = resting(0.01, "auto", height=0.009)
-    load = energies["gravity"].gradient(world.start())[: world.n_cloth]
-    stiffness = barrier_stiffness(load, world.vertex_areas, world.masses, 0.01, dt=1e3)
+    x = world.start()
+    load = energies["gravity"].gradient(x)
+    step = Step(0.0, 1e3, x, np.zeros_like(x), 1.0, load)
+    stiffness = energies["body_contact"].begin(step).stiffness
     assert stiffness == pytest.approx(UNIT.density * G)
     assert gap_ratio(4 * UNIT.density * G / stiffness) == pytest.approx(0.53, abs=0.01)
+
+
+def test_what_pulls_at_a_pin_out_of_reach_does_not_stiffen_contact():
+    world, energies = resting(0.01, "auto", height=0.5)
+    x = world.start()
+    pulled = np.zeros_like(x)
+    pulled[0, 2] = 1e6
+    begun = energies["body_contact"].begin(Step(0.0, 0.1, x, np.zeros_like(x), 1.0, pulled))
+    assert begun.stiffness == pytest.approx(UNIT.density * 0.01 / 0.1**2)
+
+
+def test_a_fast_sheet_is_stopped_within_the_step():
+    speed, dt = 30.0, 0.01
+    assert barrier_stiffness(0.0, 1.3, speed, 0.001, dt) == pytest.approx(1.3 * speed / dt)
