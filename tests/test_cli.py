@@ -1,0 +1,452 @@
+"""The command line, run in this process: exit codes, what is printed where, what is left behind."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from clothsim.cli import main
+from clothsim.cli.progress import Lines, clock
+from clothsim.drape import Progress
+from clothsim.explain import explain_run, explain_scene
+from clothsim.io.checkpoint import read_checkpoint
+from clothsim.io.record import read_summary
+from clothsim.io.run import open_run
+from clothsim.io.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
+from clothsim.scene.effects import EFFECTS
+from clothsim.scene.toml import load_scene
+
+SHEET = """
+[cloth]
+mesh = "rectangle"
+cells = [4, 4]
+position = [0.0, 0.0, 0.31]
+[[body]]
+name = "ball"
+mesh = "sphere"
+radius = 0.3
+[effects.inertia]
+[effects.membrane]
+[effects.gravity]
+[effects.damping]
+rate = 0.0
+[effects.body_contact]
+[solver]
+linear = "superlu"
+threads = 1
+[run]
+duration = 0.04
+"""
+FREE = """
+[cloth]
+mesh = "rectangle"
+cells = [4, 4]
+[effects.inertia]
+[effects.gravity]
+acceleration = [0.0, -9.81, 0.0]
+[solver]
+linear = "superlu"
+dt = 0.005
+[run]
+duration = 0.04
+frames_per_second = 100
+"""
+COUNTERS = ("evaluations", "gradients", "hessians", "pairs", "ccd_calls", "seconds", "hessian_nonzeros")
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")
+    (tmp_path / "sheet.toml").write_text(SHEET)
+    (tmp_path / "free.toml").write_text(FREE)
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A run of SHEET."""
+    folder = tmp_path_factory.mktemp("finished")
+    (folder / "sheet.toml").write_text(SHEET)
+    code = main(["run", str(folder / "sheet.toml"), "-o", str(folder / "out"), "--no-picture", "--quiet"])
+    assert code == 0
+    return folder / "out"
+
+
+@pytest.fixture(scope="module")
+def free(tmp_path_factory):
+    """A run of FREE."""
+    folder = tmp_path_factory.mktemp("free")
+    (folder / "free.toml").write_text(FREE)
+    assert main(["run", str(folder / "free.toml"), "-o", str(folder / "out"), "--no-picture", "--quiet"]) == 0
+    return folder / "out"
+
+
+def refused(capsys, *words):
+    """The two lines of bad input."""
+    assert main(list(words)) == 2
+    out, err = capsys.readouterr()
+    assert "Traceback" not in out + err
+    lines = err.splitlines()
+    assert len(lines) == 2
+    assert all(lines)
+    return lines
+
+
+def test_run_prints_settings_progress_and_verdict(capsys, tmp_path):
+    assert main(["run", "sheet.toml", "--no-picture"]) == 0
+    out, err = capsys.readouterr()
+    assert "effects  inertia, membrane, gravity, body_contact" in out
+    assert "off      damping: " in out
+    assert "d_hat = 0.025 m" in out
+    assert "25 vertices and 32 triangles of cloth" in out
+    assert "steps of 0.01 s" in out
+    assert "Newton to 0.001 m/s" in out
+    assert "completed: 0.04 s were simulated." in out
+    assert re.search(r"cloth and body do not intersect in any frame, smallest gap 23 mm", out)
+    assert re.search(r"principal stretches 0\.\d+ to 1\.\d+", out)
+    assert "0.040 of 0.04 s" in err.splitlines()[-1]
+    assert "Newton, gap " in err
+    assert "\x1b" not in err
+    left = {path.name for path in (tmp_path / "sheet").iterdir()}
+    assert left == {"checkpoint.npz", "record.jsonl", "summary.json", "trajectory.vtkhdf"}
+
+
+def test_json_is_the_summary_and_nothing_else_is_on_stdout(capsys, tmp_path):
+    assert main(["run", "free.toml", "-o", "made/here", "--json", "--no-picture"]) == 0
+    out, err = capsys.readouterr()
+    assert json.loads(out) == read_summary(tmp_path / "made/here/summary.json")
+    assert "effects  inertia, gravity" in err
+
+
+def test_quiet_prints_the_end_only(capsys):
+    assert main(["run", "free.toml", "--quiet", "--no-picture"]) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("completed: ")
+    assert not err
+
+
+def test_frames_per_second_replaces_the_scenes(finished, tmp_path):
+    main(["run", "free.toml", "--frames-per-second", "50", "--quiet", "--no-picture"])
+    assert open_run(tmp_path / "free").times == pytest.approx([0.0, 0.02, 0.04])
+
+
+def test_picture_and_movie_are_left(capsys, tmp_path, monkeypatch):
+    from clothsim.cli import render
+
+    small = {"size": (64, 64)}
+    monkeypatch.setattr(render, "draw_frame", _with(render.draw_frame, small))
+    monkeypatch.setattr(render, "draw_movie", _with(render.draw_movie, small))
+    assert main(["run", "free.toml", "--movie", "--frames-per-second", "25"]) == 0
+    assert (tmp_path / "free/picture.png").read_bytes().startswith(b"\x89PNG")
+    assert list((tmp_path / "free").glob("movie.*"))
+    assert "picture.png" in capsys.readouterr().out
+
+
+def _with(function, settings):
+    return lambda *arguments, **keywords: function(*arguments, **{**keywords, **settings})
+
+
+def test_a_picture_that_fails_is_told_and_leaves_the_run_completed(capsys, monkeypatch):
+    monkeypatch.setenv("CLOTHSIM_RENDERER", "crayon")
+    assert main(["run", "free.toml"]) == 0
+    assert "No picture.png: The renderer must be" in capsys.readouterr().out
+
+
+def test_an_earlier_run_is_replaced_and_other_files_stay(capsys, tmp_path):
+    (tmp_path / "free").mkdir()
+    (tmp_path / "free/thesis.txt").write_text("all my work")
+    (tmp_path / "free/picture.png").write_text("of something else")
+    main(["run", "free.toml", "--no-picture"])
+    assert "free holds other files. They stay" in capsys.readouterr().out
+    assert not (tmp_path / "free/picture.png").exists()
+    main(["run", "free.toml", "--no-picture", "--frames-per-second", "25"])
+    assert "free holds an earlier run, which is replaced." in capsys.readouterr().out
+    assert len(open_run(tmp_path / "free").times) == 2
+    assert (tmp_path / "free/thesis.txt").read_text() == "all my work"
+
+
+def test_a_failed_run_ends_with_1_and_its_last_good_state(capsys, tmp_path):
+    scene = FREE.replace(
+        "[solver]", "[effects.membrane]\n[effects.pins]\nselect = 'left'\n[solver]\nmax_iterations = 1"
+    )
+    (tmp_path / "hard.toml").write_text(scene)
+    assert main(["run", "hard.toml", "--no-picture"]) == 1
+    out = capsys.readouterr().out
+    assert "failed: At 0" in out
+    assert "The last good state is frame 0 at 0 s" in out
+    assert read_summary(tmp_path / "hard/summary.json")["status"] == "failed"
+
+
+def test_stopped_by_hand_then_resumed_gives_the_same_frames(capsys, tmp_path, monkeypatch, free):
+    def interrupt(self, progress):
+        if progress.step == 5:
+            raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Lines, "__call__", interrupt)
+        assert main(["run", "free.toml", "--no-picture"]) == 130
+    assert capsys.readouterr().err.splitlines()[-1] == "Stopped. Go on with: clothsim resume free"
+    assert read_checkpoint(tmp_path / "free/checkpoint.npz").frame == 2
+    assert main(["resume", "free", "--no-picture"]) == 0
+    assert "Going on at 0.02 s, behind frame 2." in capsys.readouterr().out
+    again, whole = open_run(tmp_path / "free"), open_run(free)
+    np.testing.assert_array_equal(again.times, whole.times)
+    np.testing.assert_array_equal(again.positions(-1), whole.positions(-1))
+    counts = [
+        [run.summary["effects"]["gravity"][key] for key in COUNTERS if key != "seconds"] for run in (again, whole)
+    ]
+    assert counts[0] == counts[1]
+
+
+def test_render_a_frame_and_a_movie(capsys, tmp_path, free):
+    assert main(["render", str(free), "-o", "a.png", "--size", "64x80", "--view", "-1,-1,0.5", "--frame", "0"]) == 0
+    assert "a.png: Drawn by ray casting" in capsys.readouterr().out
+    from PIL import Image
+
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.size == (64, 80)
+    assert main(["render", str(free), "-o", "a.gif", "--size", "64x64", "--colour", "plain", "--quiet"]) == 0
+    with Image.open(tmp_path / "a.gif") as image:
+        assert image.n_frames == 5
+
+
+def test_up_is_against_gravity_where_it_is_known(free, finished, tmp_path):
+    from clothsim.cli.render import upright
+
+    assert upright(open_run(free)) == pytest.approx((0, 9.81, 0))
+    assert upright(open_run(finished)) == (0, 0, 1)
+    shutil.copytree(free, tmp_path / "bare")
+    (tmp_path / "bare/checkpoint.npz").unlink()
+    assert upright(open_run(tmp_path / "bare")) == "z"
+
+
+def test_check_lists_all_faults_of_a_mesh_at_once(capsys, tmp_path):
+    (tmp_path / "bad.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 5 5 5\nf 1 2 3\nf 1 2 3\nf 2 3 4\n"  # twice, wound the other way, loose
+    )
+    assert main(["check", "bad.obj"]) == 1
+    out = capsys.readouterr().out
+    assert "given twice: triangle 1." in out
+    assert "in no triangle: vertex 4." in out
+    assert "wound against their neighbours" in out
+    assert out.endswith("3 errors.\n")
+    assert main(["check", "bad.obj", "--body"]) == 0
+    assert "3 warnings." in capsys.readouterr().out
+
+
+def test_check_a_sound_mesh_and_a_part_of_it(capsys, tmp_path):
+    (tmp_path / "two.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 5 0 0\nv 6 0 0\nv 5 1 0\nf 1 2 3\nf 3 2 4\nf 5 6 7\n"
+    )
+    assert main(["check", "two.obj"]) == 0
+    assert "7 vertices, 3 triangles" in capsys.readouterr().out
+    assert main(["check", "two.obj", "--component", "0", "--scale", "0.1"]) == 0
+    out = capsys.readouterr().out
+    assert "4 vertices, 2 triangles" in out
+    assert "box 0.1 x 0.1 x 0 m" in out
+
+
+def test_check_a_scene(capsys, tmp_path):
+    assert main(["check", "sheet.toml"]) == 0
+    out = capsys.readouterr().out
+    assert "d_hat = 0.025 m" in out
+    assert "cloth and body do not intersect" in out
+    assert main(["check", "free.toml"]) == 0
+    inside = SHEET.replace("0.31]", "0.2]")
+    (tmp_path / "inside.toml").write_text(inside)
+    assert main(["check", "inside.toml"]) == 1
+    assert "error: The cloth intersects a body at the start." in capsys.readouterr().out
+    (tmp_path / "loose.toml").write_text(inside.replace("[effects.body_contact]", ""))
+    assert main(["check", "loose.toml"]) == 1
+    assert "error: cloth and body intersect at the start" in capsys.readouterr().out
+
+
+def test_check_a_run_finds_the_frame_that_was_pushed_into_the_body(capsys, tmp_path, finished):
+    assert main(["check", str(finished)]) == 0
+    assert "do not intersect in any of 2 frames" in capsys.readouterr().out
+    shutil.copytree(finished, tmp_path / "pushed")
+    trajectory = read_trajectory(finished / TRAJECTORY_NAME)
+    everything = np.concatenate([trajectory.positions(1), trajectory.bodies(1)[0][1]])
+    everything[:25, 2] -= 0.1
+    with TrajectoryWriter(tmp_path / "pushed" / TRAJECTORY_NAME, trajectory.surfaces, resume_at=2) as writer:
+        writer.append(0.05, everything, trajectory.stretches(1))
+    assert main(["check", "pushed"]) == 1
+    out = capsys.readouterr().out
+    assert "error: cloth and body intersect in frame 2 at 0.05 s" in out
+    assert out.endswith("1 error.\n")
+
+
+def test_explain_tells_every_effect_of_the_table(capsys):
+    assert main(["explain", "sheet.toml", "--steps", "2", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert list(told) == sorted(EFFECTS)
+    assert {name for name, entry in told.items() if entry["on"]} == {"inertia", "membrane", "gravity", "body_contact"}
+    assert told["bending"]["reason"] == "not named in the scene"
+    assert told["damping"]["reason"] not in ("not named in the scene", "named in the scene")
+    for entry in told.values():
+        assert all(entry[key] >= 0 for key in COUNTERS)
+        assert (entry["seconds"] > 0) == entry["on"]
+    assert told["membrane"]["hessian_nonzeros"] == 32 * 81
+    assert told["membrane"]["evaluations"] > 0
+    assert told["body_contact"]["ccd_calls"] > 0
+    assert set(told["body_contact"]["parts"]) == {"candidates", "CCD"}
+
+
+def test_explain_prints_a_table_that_adds_up(capsys, finished):
+    assert main(["explain", str(finished)]) == 0
+    out = capsys.readouterr().out
+    assert "(linear solve)" in out
+    assert "of it CCD" in out
+    shares = {
+        line.split("  ")[0]: float(found[1])
+        for line in out.splitlines()
+        if (found := re.search(r" ([\d.]+) %", line)) and not line.startswith("  of it")
+    }
+    assert shares.pop("all") == 100.0
+    assert sum(shares.values()) == pytest.approx(100.0, abs=1.0)
+    receipt = explain_run(finished)
+    assert receipt.seconds <= open_run(finished).summary["wall_seconds"]
+
+
+def test_explain_a_run_that_was_stopped(capsys, tmp_path, finished):
+    shutil.copytree(finished, tmp_path / "stopped")
+    (tmp_path / "stopped/summary.json").unlink()
+    assert main(["explain", "stopped", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["membrane"]["gradients"] > 0
+
+
+def test_explain_counts_only_the_steps_that_were_asked_for():
+    scene = load_scene("free.toml")
+    one, three = (explain_scene(scene, steps).effects["gravity"]["hessians"] for steps in (1, 3))
+    assert three > one > 0
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["run", "missing.toml"], "There is no scene file missing.toml."),
+        (["run"], "The following arguments are required: SCENE."),
+        (["walk"], "Argument COMMAND: invalid choice: 'walk'"),
+        (["run", "free.toml", "--fast"], "Unrecognized arguments: --fast."),
+        (["run", "free.toml", "--frames-per-second", "-3"], "--frames-per-second is '-3'."),
+        (["run", "free.toml", "-o", "free.toml"], "free.toml cannot be made a directory"),
+        (["run", "broken.toml"], "broken.toml is not a TOML file"),
+        (["run", "typo.toml"], "The scene has no key 'efects'."),
+        (["run", "wrong.toml"], "effects.gravity.acceleration"),
+        (["run", "future.toml"], "The effect 'self_contact' is not built yet."),
+        (["run", "inside.toml"], "The cloth intersects a body at the start."),
+        (["run", "faults.toml"], "bad: "),
+        (["resume", "nowhere"], "There is no checkpoint nowhere"),
+        (["render", "nowhere"], "There is no run directory nowhere."),
+        (["render", "RUN", "-o", "a.jpg"], "a.jpg is neither a picture nor a movie."),
+        (["render", "RUN", "-o", "no/a.png"], "There is no directory no."),
+        (["render", "RUN", "--frame", "9"], "There is no frame 9."),
+        (["render", "RUN", "--frame", "first"], "--frame is 'first'."),
+        (["render", "RUN", "--size", "big"], "--size is 'big'."),
+        (["render", "RUN", "--size", "2x2"], "A picture needs at least"),
+        (["render", "RUN", "--view", "up"], "--view is 'up'."),
+        (["render", "RUN", "--up", "0,0,0"], "up must not be zero."),
+        (["render", "RUN", "--colour", "red"], "Argument --colour: invalid choice: 'red'"),
+        (["render", "RUN", "-o", "a.gif", "--frame", "1"], "--frame is for pictures."),
+        (["render", "RUN", "-o", "a.png", "--frames-per-second", "9"], "--frames-per-second is for movies."),
+        (["render", "."], "holds no trajectory.vtkhdf"),
+        (["check", "nowhere"], "There is no nowhere."),
+        (["check", "notes.txt"], "notes.txt"),
+        (["check", "free.toml", "--body"], "free.toml is no mesh file."),
+        (["check", "bad.obj", "--component", "x"], "--component is 'x'."),
+        (["explain", "nowhere.toml"], "There is no scene file nowhere.toml."),
+        (["explain", "free.toml", "--steps", "0"], "--steps is '0'."),
+        (["explain", "RUN", "--steps", "2"], "--steps is for scenes."),
+    ],
+)
+def test_bad_input_is_a_sentence_and_a_remedy(capsys, tmp_path, free, words, sentence):
+    (tmp_path / "broken.toml").write_text("[cloth\n")
+    (tmp_path / "typo.toml").write_text(FREE.replace("[effects.inertia]", "[efects.inertia]"))
+    (tmp_path / "wrong.toml").write_text(FREE.replace("[0.0, -9.81, 0.0]", '"down"'))
+    (tmp_path / "future.toml").write_text(FREE + "[effects.self_contact]\n")
+    (tmp_path / "inside.toml").write_text(SHEET.replace("0.31]", "0.2]"))
+    (tmp_path / "bad.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 5 5 5\nf 1 2 3\nf 1 2 3\nf 2 3 4\n")
+    (tmp_path / "faults.toml").write_text(
+        FREE.replace('mesh = "rectangle"\ncells = [4, 4]', 'mesh = "bad.obj"\nname = "bad"')
+    )
+    (tmp_path / "notes.txt").write_text("hello")
+    lines = refused(capsys, *(str(free) if word == "RUN" else word for word in words))
+    assert sentence in lines[0]
+    assert not (tmp_path / "inside").exists()
+
+
+def test_many_faults_of_a_mesh_are_two_lines_that_say_where_all_are(capsys, tmp_path):
+    (tmp_path / "bad.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 5 5 5\nf 1 2 3\nf 1 2 3\nf 2 3 4\n")
+    (tmp_path / "faults.toml").write_text(
+        FREE.replace('mesh = "rectangle"\ncells = [4, 4]', 'mesh = "bad.obj"\nname = "bad"')
+    )
+    first, _ = refused(capsys, "run", "faults.toml")
+    assert first.endswith("(2 more: `clothsim check` lists them)")
+
+
+def test_debug_shows_the_traceback():
+    from clothsim.errors import InputError
+
+    with pytest.raises(InputError):
+        main(["run", "missing.toml", "--debug"])
+
+
+def test_a_fault_of_the_program_is_two_lines_too(capsys, monkeypatch):
+    def fails(*arguments, **keywords):
+        raise ZeroDivisionError("a fault")
+
+    monkeypatch.setattr("clothsim.drape.simulate", fails)
+    assert main(["run", "free.toml"]) == 1
+    assert capsys.readouterr().err.splitlines()[-2:] == [
+        "ZeroDivisionError: a fault",
+        "This is a fault of clothsim; --debug shows where.",
+    ]
+
+
+@pytest.mark.parametrize("command", ["run", "resume", "render", "check", "explain"])
+def test_help_is_short_and_has_an_example(capsys, command):
+    with pytest.raises(SystemExit) as end:
+        main([command, "--help"])
+    assert end.value.code == 0
+    out = capsys.readouterr().out
+    assert f"\n  clothsim {command} " in out
+    assert len(out.splitlines()) < 32
+
+
+def test_version_and_no_command(capsys):
+    from clothsim import __version__
+
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"clothsim {__version__}\n"
+    assert main([]) == 2
+    assert "usage: clothsim" in capsys.readouterr().out
+
+
+def test_python_m_clothsim_loads_nothing_heavy_to_show_its_version():
+    code = (
+        "import sys, runpy; sys.argv = ['clothsim', '--version']\n"
+        "try: runpy.run_module('clothsim', run_name='__main__')\n"
+        "except SystemExit as end: assert end.code == 0\n"
+        "print([name for name in ('numpy', 'numba', 'h5py', 'ipctk') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[1] == "[]"
+
+
+def test_lines_come_at_the_first_step_the_last_and_seldom_between(capsys):
+    lines = Lines()
+    for step in range(1, 101):
+        lines(Progress(0.01 * step, 1.0, step, 4, 2e-3, 0.5, "moving", 0.1))
+    err = capsys.readouterr().err.splitlines()
+    assert err[0].startswith("0.010 of 1 s (0.1 s): 4 Newton, gap 2 mm, moving")
+    assert err[-1].startswith("1.000 of 1 s")
+    assert len(err) < 10
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(3.21, "3.2 s"), (245, "4:05 min"), (7390, "2:03:10 h")])
+def test_clock(seconds, text):
+    assert clock(seconds) == text
