@@ -6,7 +6,7 @@ from clothsim.arrays import Floats
 from clothsim.solve.potential import Potential
 
 SUFFICIENT_DECREASE = 1e-4
-MAX_HALVINGS = 50
+MAX_HALVINGS = 30
 ROUND_OFF = 32 * np.finfo(float).eps
 
 

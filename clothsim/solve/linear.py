@@ -68,7 +68,9 @@ class Pardiso(LinearSolver):
         """Give back MKL's memory; the solver is of no use after."""
         self._solver.free_memory(everything=True)
 
-    __del__ = close
+    def __del__(self) -> None:
+        if hasattr(self, "_solver"):  # not where pypardiso is missing
+            self.close()
 
     def _template(self) -> sparse.csr_matrix:
         data = np.zeros(len(self._pattern.indices))

@@ -66,7 +66,6 @@ class Newton:
 
     def _carry(self, x: Floats, target: Prescribed, fixed: np.ndarray) -> tuple[Floats, Outcome, int]:
         """Move the prescribed vertices to their places; returns x, whether they arrived, iterations taken."""
-        left = 0.0
         for iteration in range(self.settings.max_carries):
             way = np.zeros_like(x)
             way[target.vertices] = target.positions - x[target.vertices]
@@ -77,13 +76,11 @@ class Newton:
                 return x, end, iteration
             fraction = self._finite_fraction(x, dx, self._limit(x, dx))
             if fraction < SMALLEST_FRACTION:
-                return x, self._no_room(x, dx, fraction), iteration
+                return x, _blocked(x, target), iteration
             x = x + fraction * dx
             if fraction == 1.0:
                 x[target.vertices] = target.positions
-            left = (1.0 - fraction) * float(np.abs(way).max())
-        worst = int(np.abs(way).max(axis=1).argmax())
-        return x, outcome(Ending.BLOCKED, vertex=worst, place=_place(x, worst), left=left), self.settings.max_carries
+        return x, _blocked(x, target), self.settings.max_carries
 
     def _descend(self, x: Floats, fixed: np.ndarray, iterations: int) -> NewtonResult:
         """Newton with the prescribed vertices held, until a step that nothing clipped is below the tolerance."""
@@ -166,7 +163,9 @@ class Newton:
                 except NotPositiveDefiniteError:
                     shift *= 10.0 if attempt else 1.0
                     continue
-            if np.isfinite(solution).all() and np.dot(solution, b) >= 0.0:
+            with np.errstate(over="ignore", invalid="ignore"):
+                descent = float(np.dot(solution, b))
+            if np.isfinite(solution).all() and 0.0 <= descent < np.inf:
                 return solution
             shift *= 10.0 if attempt else 1.0
         return None
@@ -193,6 +192,12 @@ class Newton:
     def _no_room(self, x: Floats, dx: Floats, fraction: float) -> Outcome:
         vertex = int(np.abs(dx).max(axis=1).argmax())
         return outcome(Ending.NO_ROOM, vertex=vertex, place=_place(x, vertex), fraction=fraction)
+
+
+def _blocked(x: Floats, target: Prescribed) -> Outcome:
+    left = np.linalg.norm(target.positions - x[target.vertices], axis=1)
+    worst = int(target.vertices[left.argmax()])
+    return outcome(Ending.BLOCKED, vertex=worst, place=_place(x, worst), left=float(left.max()))
 
 
 def _place(x: Floats, vertex: int) -> str:

@@ -98,7 +98,7 @@ def times(hessians: list[Hessian], vector: Floats) -> Floats:
     product = np.zeros_like(vector)
     for hessian in hessians:
         if isinstance(hessian, ElementHessian):
-            local = vector[hessian.elements].reshape(len(hessian.elements), -1)
+            local = vector[hessian.elements].reshape(len(hessian.elements), 3 * hessian.elements.shape[1])
             result = np.einsum("mij,mj->mi", hessian.blocks, local).reshape(-1, 3)
             np.add.at(product, hessian.elements.ravel(), result)
         else:

@@ -1,0 +1,52 @@
+"""The receipt counts every call once and books every second once."""
+
+from time import perf_counter, sleep
+
+import pytest
+from meshes import small_world
+
+from clothsim.energies.gravity import gravity
+from clothsim.energies.membrane import membrane
+from clothsim.solve.ledger import Ledger
+from clothsim.solve.potential import Potential
+
+
+def test_calls_are_counted_by_effect_and_kind():
+    world = small_world()
+    x = world.start()
+    potential = Potential({"membrane": membrane(world), "gravity": gravity(world)}, Ledger())
+    potential.value(x)
+    potential.value(x)
+    potential.gradient(x)
+    potential.hessians(x)
+    account = potential.accounts()["membrane"]
+    assert (account["evaluations"], account["gradients"], account["hessians"]) == (2, 1, 1)
+    assert account["hessian_nonzeros"] == 81 * len(world.triangles)
+    assert potential.accounts()["gravity"]["hessian_nonzeros"] == 0
+    assert account["seconds"] > 0
+
+
+def test_seconds_inside_a_phase_are_booked_once():
+    ledger = Ledger()
+    start = perf_counter()
+    with ledger.phase("outer"):
+        sleep(0.01)
+        with ledger.effect("inner", "evaluations"):
+            sleep(0.02)
+        with ledger.phase("other"):
+            sleep(0.01)
+    elapsed = perf_counter() - start
+    booked = [ledger.phases["outer"], ledger.phases["other"], ledger.effects["inner"].seconds]
+    assert sum(booked) == pytest.approx(elapsed, rel=0.05)
+    assert ledger.effects["inner"].seconds >= 0.02
+    assert ledger.phases["outer"] >= 0.01
+
+
+def test_an_error_inside_is_booked_and_passed_on():
+    ledger = Ledger()
+    with pytest.raises(ZeroDivisionError), ledger.phase("outer"), ledger.effect("inner", "gradients"):
+        1 / 0  # noqa: B018
+    assert ledger.effects["inner"].gradients == 1
+    with ledger.phase("after"):
+        pass
+    assert set(ledger.phases) == {"outer", "after"}

@@ -1,0 +1,62 @@
+"""Backtracking: the fraction satisfies the Armijo condition and respects its limit."""
+
+import numpy as np
+import pytest
+from differences import numeric_gradient
+from meshes import deformed, small_world
+
+from clothsim.energies.membrane import membrane
+from clothsim.solve.ledger import Ledger
+from clothsim.solve.line_search import MAX_HALVINGS, SUFFICIENT_DECREASE, armijo
+from clothsim.solve.potential import Potential
+
+
+def sheet():
+    world = small_world()
+    x = deformed(world)
+    potential = Potential({"membrane": membrane(world)}, Ledger())
+    return potential, x, -potential.gradient(x)
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 30.0])
+@pytest.mark.parametrize("limit", [1.0, 0.3])
+def test_the_step_lowers_the_energy_enough_and_its_double_does_not(scale, limit):
+    potential, x, downhill = sheet()
+    dx = scale * downhill
+    slope = float(np.vdot(potential.gradient(x), dx))
+    fraction = armijo(potential, x, dx, slope, limit)
+    start = potential.value(x)
+
+    def enough(a):
+        return potential.value(x + a * dx) <= start + SUFFICIENT_DECREASE * a * slope
+
+    assert 0 < fraction <= limit
+    assert enough(fraction)
+    halvings = np.log2(limit / fraction)
+    assert halvings == int(halvings)
+    assert fraction == limit or not enough(2 * fraction)
+
+
+def test_a_direction_that_climbs_gives_nothing_after_a_bounded_number_of_tries():
+    potential, x, downhill = sheet()
+    assert np.abs(numeric_gradient(membrane(small_world()), x) + downhill).max() < 1e-6
+    assert armijo(potential, x, -downhill, -1.0, 1.0) == 0.0
+    assert potential.ledger.effects["membrane"].evaluations == MAX_HALVINGS + 1
+
+
+def test_infinite_energies_are_stepped_back_from():
+    potential, x, downhill = sheet()
+    world = small_world()
+    collapse = x[world.triangles[0, 0]] - x  # at fraction 1 all vertices meet in one point
+    assert potential.value(x + collapse) == np.inf
+    slope = float(np.vdot(-downhill, collapse))
+    fraction = armijo(potential, x, collapse, -abs(slope), 1.0)
+    assert fraction < 1
+    assert np.isfinite(potential.value(x + fraction * collapse))
+
+
+def test_a_rise_within_round_off_is_no_rise():
+    world = small_world()
+    potential = Potential({"membrane": membrane(world)}, Ledger())
+    x = world.start() * 1.2
+    assert armijo(potential, x, np.zeros_like(x), -1e-30, 1.0) == 1.0

@@ -1,0 +1,101 @@
+"""All direct solvers that are installed give the same answer and refuse the same matrices."""
+
+import builtins
+
+import numpy as np
+import pytest
+from meshes import deformed, small_world
+
+from clothsim.energies.membrane import membrane
+from clothsim.errors import InputError, MissingPackageError
+from clothsim.solve.linear import SOLVERS, NotPositiveDefiniteError, make_solver, slowness
+from clothsim.solve.pattern import make_pattern
+
+
+def newton_matrix():
+    """A positive definite matrix of a small sheet, as data in its pattern, and dense."""
+    world = small_world()
+    hessian = membrane(world).hessian(deformed(world))
+    pattern = make_pattern(world.n_cloth, world.triangles, [hessian])
+    data = pattern.shift(pattern.assemble([hessian]), np.full(3 * world.n_cloth, 0.1))
+    upper = pattern.upper(data).toarray()
+    return pattern, data, upper + np.triu(upper, 1).T
+
+
+@pytest.fixture(params=SOLVERS)
+def solver(request):
+    pattern, _, _ = newton_matrix()
+    try:
+        return make_solver(request.param, pattern, threads=1)
+    except MissingPackageError as error:
+        pytest.skip(str(error))
+
+
+def test_solution(solver):
+    _, data, dense = newton_matrix()
+    b = np.random.default_rng(0).standard_normal(len(dense))
+    exact = np.linalg.solve(dense, b)
+    assert np.abs(solver.solve(data, b) - exact).max() < 1e-11 * np.abs(exact).max()
+
+
+def test_one_analysis_serves_many_matrices(solver):
+    pattern, data, dense = newton_matrix()
+    rng = np.random.default_rng(1)
+    for _ in range(3):
+        amount, b = rng.uniform(0, 1, len(dense)), rng.standard_normal(len(dense))
+        exact = np.linalg.solve(dense + np.diag(amount), b)
+        assert np.abs(solver.solve(pattern.shift(data, amount), b) - exact).max() < 1e-11 * np.abs(exact).max()
+
+
+def test_a_matrix_that_is_not_positive_definite_is_refused_and_the_next_one_solved(solver):
+    pattern, data, dense = newton_matrix()
+    b = np.ones(len(dense))
+    lowest = np.linalg.eigvalsh(dense)[0]
+    for amount in (-1.5 * lowest, -10.0):
+        with pytest.raises(NotPositiveDefiniteError):
+            solver.solve(pattern.shift(data, np.full(len(dense), amount)), b)
+    assert np.abs(dense @ solver.solve(data, b) - b).max() < 1e-11
+
+
+def test_auto_is_the_first_that_is_installed():
+    pattern, data, dense = newton_matrix()
+    solver = make_solver("auto", pattern, threads=1)
+    assert solver.name in SOLVERS
+    assert np.abs(dense @ solver.solve(data, np.ones(len(dense))) - 1).max() < 1e-11
+
+
+def test_auto_falls_back_and_says_so(monkeypatch):
+    missing_packages(monkeypatch)
+    solver = make_solver("auto", newton_matrix()[0])
+    assert solver.name == "superlu"
+    assert "ten times slower" in slowness(solver)
+
+
+@pytest.mark.parametrize(("name", "package"), [("pardiso", "pypardiso"), ("cholmod", "sksparse")])
+def test_a_missing_package_is_named(monkeypatch, name, package):
+    missing_packages(monkeypatch)
+    with pytest.raises(MissingPackageError, match=f"{package}, which is not installed"):
+        make_solver(name, newton_matrix()[0])
+
+
+def missing_packages(monkeypatch):
+    real = builtins.__import__
+
+    def importing(name, *args, **keywords):
+        if name.split(".")[0] in ("pypardiso", "sksparse"):
+            raise ImportError(name)
+        return real(name, *args, **keywords)
+
+    monkeypatch.setattr(builtins, "__import__", importing)
+
+
+def test_an_unknown_solver_is_refused_by_name():
+    with pytest.raises(InputError, match=r"'paradiso'.*pardiso, cholmod, superlu"):
+        make_solver("paradiso", newton_matrix()[0])
+
+
+def test_only_superlu_is_slow():
+    pattern = newton_matrix()[0]
+    assert slowness(make_solver("superlu", pattern)) != ""
+    solver = make_solver("auto", pattern)
+    assert (slowness(solver) == "") == (solver.name != "superlu")

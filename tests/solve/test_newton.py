@@ -1,0 +1,263 @@
+"""Newton: it finds minima, never climbs, shifts what is not positive definite, and every end has its name."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meshes import cloth, deformed, grid, small_world
+from solving import NOTHING, equilibrium, held, newton_of, solve
+
+from clothsim.contact.body_contact import body_contact
+from clothsim.energies.base import ElementHessian, Energy, Prescribed
+from clothsim.energies.bending import bending
+from clothsim.energies.gravity import gravity
+from clothsim.energies.inertia import inertia
+from clothsim.energies.membrane import membrane
+from clothsim.mesh.body import make_body
+from clothsim.mesh.topology import border_vertices
+from clothsim.mesh.world import make_world
+from clothsim.solve.outcome import Ending, outcome
+
+
+class Toy(Energy):
+    """sum f(x_i) with given f, f', f'' over every coordinate; `limit`: its step limit."""
+
+    def __init__(self, f, slope, curvature, limit=1.0):
+        self.f, self.slope, self.curvature, self.limit = f, slope, curvature, limit
+        self.seen = []
+
+    def value(self, x):
+        return float(self.f(x).sum())
+
+    def gradient(self, x):
+        self.seen.append(self.value(x))
+        return self.slope(x)
+
+    def hessian(self, x, project=True):
+        blocks = self.curvature(x)[:, :, None] * np.eye(3)
+        return ElementHessian(np.arange(len(x))[:, None], blocks)
+
+    def step_limit(self, x, dx):
+        return self.limit
+
+
+def quadratic(**changes):
+    parts = {"f": lambda x: x**2 / 2, "slope": lambda x: x, "curvature": np.ones_like} | changes
+    return Toy(**parts)
+
+
+def double_well():
+    """Minima at +-1, and not convex between: its Hessian is not projected."""
+    return Toy(lambda x: (x**2 - 1) ** 2, lambda x: 4 * x * (x**2 - 1), lambda x: 12 * x**2 - 4)
+
+
+def stiffening():
+    """Full Newton steps overshoot: sqrt(1 + x^2)."""
+    return Toy(lambda x: np.sqrt(1 + x**2), lambda x: x / np.sqrt(1 + x**2), lambda x: (1 + x**2) ** -1.5)
+
+
+# --- minima ---------------------------------------------------------------------------------------------------------
+
+
+def test_a_quadratic_takes_one_iteration_that_moves():
+    world = small_world()
+    energy = quadratic()
+    result = solve(world, {"toy": energy}, deformed(world), tolerance=1e-9)
+    assert result.outcome.converged
+    assert np.abs(result.x).max() < 1e-15
+    assert len(energy.seen) <= 3
+
+
+def test_newton_never_climbs_where_full_steps_would():
+    world = small_world()
+    energy = stiffening()
+    result = solve(world, {"toy": energy}, deformed(world) + 3.0, tolerance=1e-9)
+    assert result.outcome.converged
+    assert np.abs(result.x).max() < 1e-9
+    assert (np.diff(energy.seen) <= 1e-12).all()
+    assert len(energy.seen) > 3
+
+
+def test_what_is_not_positive_definite_is_shifted_and_counted():
+    world = small_world()
+    x = 0.2 + 0.02 * deformed(world)
+    x[0] = 1.5
+    energy = double_well()
+    assert (energy.curvature(x)[1:] < 0).all()
+    newton = newton_of(world, {"toy": energy}, positions=x, tolerance=1e-10)
+    result = newton.minimise(x, NOTHING)
+    assert result.outcome.converged
+    assert np.abs(np.abs(result.x) - 1).max() < 1e-9
+    assert newton.potential.ledger.linear_solves > result.iterations + 5
+    assert (np.diff(energy.seen) <= 1e-12).all()
+
+
+@pytest.mark.parametrize("linear", ["auto", "superlu"])
+def test_a_strained_sheet_goes_back_to_rest(linear):
+    world = small_world()
+    energies = {"membrane": membrane(world), "bending": bending(world)}
+    x = equilibrium(world, energies, deformed(world, amplitude=0.05), tolerance=1e-9, linear=linear)
+    assert sum(energy.value(x) for energy in energies.values()) < 1e-16
+
+
+def test_residual_speed_and_iterations_are_told():
+    world = small_world()
+    energies = {"membrane": membrane(world), "inertia": inertia(world)}
+    start = deformed(world)
+    newton = newton_of(world, energies, positions=start, dt=0.5, tolerance=1e-8)
+    result = newton.minimise(start, NOTHING)
+    force = newton.potential.gradient(result.x)
+    assert result.outcome.converged
+    assert result.speed < 1e-8
+    assert result.iterations >= 3
+    assert np.abs(force).max() < 1e-8
+    assert result.residual < 1e-6
+
+
+def test_a_tighter_tolerance_comes_closer():
+    world = small_world()
+    energies = {"membrane": membrane(world)}
+    start = deformed(world)
+    target = held(start, border_vertices(world.triangles))
+    exact = equilibrium(world, energies, start, target, tolerance=1e-12)
+    for tolerance in (1e-3, 1e-6):
+        x = solve(world, energies, start, target, tolerance=tolerance).x
+        assert np.abs(x - exact).max() < 10 * tolerance
+
+
+# --- prescribed vertices --------------------------------------------------------------------------------------------
+
+
+def test_prescribed_vertices_arrive_to_the_bit_and_the_rest_follows():
+    world = small_world()
+    x = world.start()
+    border = border_vertices(world.triangles)
+    target = Prescribed(border, 1.3 * x[border] + np.array([0.1, 0.2, 0.3]))
+    result = equilibrium(world, {"membrane": membrane(world)}, x, target)
+    assert np.array_equal(result[border], target.positions)
+    assert np.abs(result - 1.3 * x - [0.1, 0.2, 0.3]).max() < 1e-10
+
+
+def test_rows_beyond_the_cloth_are_carried_too():
+    positions, triangles = grid(2, 2)
+    floor = make_body("floor", np.array([[0.0, 0, -1], [1, 0, -1], [0, 1, -1]]), np.array([[0, 1, 2]]))
+    world = make_world([cloth(positions, triangles)], [floor])
+    x = world.start()
+    rows = np.arange(world.n_cloth, world.n_vertices)
+    target = Prescribed(rows, x[rows] + 0.25)
+    result = equilibrium(world, {"inertia": inertia(world)}, x, target)
+    assert np.array_equal(result[rows], target.positions)
+    assert np.array_equal(result[: world.n_cloth], x[: world.n_cloth])
+
+
+def test_a_fold_across_the_sheet_is_carried_in_parts_when_it_would_invert():
+    """Pins that cross over the sheet's own middle in one step: the value may rise, but it stays finite."""
+    positions, triangles = grid(4, 1)
+    world = make_world([cloth(positions, triangles)])
+    x = world.start()
+    left, right = np.flatnonzero(positions[:, 0] == 0), np.flatnonzero(positions[:, 0] == 1)
+    pinned = np.concatenate([left, right])
+    places = x[pinned].copy()
+    places[: len(left), 0] += 0.9
+    energies = {"membrane": membrane(world), "inertia": inertia(world)}
+    result = solve(world, energies, x, Prescribed(pinned, places), dt=0.1, tolerance=1e-4)
+    assert result.outcome.converged, result.outcome.sentence
+    assert np.array_equal(result.x[pinned], places)
+
+
+# --- endings --------------------------------------------------------------------------------------------------------
+
+
+def over_a_floor(height=0.5):
+    positions, triangles = grid(2, 2)
+    floor = make_body("floor", np.array([[-9.0, -9, 0], [9, -9, 0], [0, 18, 0]]), np.array([[0, 1, 2]]))
+    sheet = replace(cloth(positions, triangles), positions=positions + np.array([0.0, 0.0, height]))
+    return make_world([sheet], [floor])
+
+
+def iteration_limit():
+    world = small_world()
+    return solve(world, {"membrane": membrane(world)}, deformed(world), tolerance=1e-12, max_iterations=2)
+
+
+def blocked():
+    """Pins driven through a floor."""
+    world = over_a_floor()
+    energies = {
+        "membrane": membrane(world),
+        "inertia": inertia(world),
+        "body_contact": body_contact(world, d_hat=0.05, stiffness=100.0),
+    }
+    x = world.start()
+    corner = np.array([0, 2])
+    return solve(world, energies, x, Prescribed(corner, x[corner] - np.array([0.0, 0.0, 1.0])), dt=0.1)
+
+
+def no_room():
+    world = small_world()
+    return solve(world, {"toy": quadratic(limit=0.0)}, deformed(world))
+
+
+def blocked_at_once():
+    world = small_world()
+    x = world.start()
+    return solve(world, {"toy": quadratic(limit=1e-13)}, x, Prescribed(np.array([3]), x[[3]] + 1.0))
+
+
+def line_search():
+    """An energy that falls where its gradient says that it rises."""
+    world = small_world()
+    return solve(world, {"toy": quadratic(f=lambda x: -(x**2))}, deformed(world))
+
+
+def not_finite():
+    """A triangle that starts as a point."""
+    world = small_world()
+    x = world.start()
+    x[world.triangles[4]] = x[world.triangles[4, 0]]
+    return solve(world, {"membrane": membrane(world)}, x)
+
+
+def singular():
+    """Weight, and nothing that resists."""
+    world = small_world()
+    return solve(world, {"gravity": gravity(world)}, world.start())
+
+
+ENDS = [
+    (iteration_limit, Ending.ITERATION_LIMIT, "1e-12 m/s in 2 iterations"),
+    (blocked, Ending.BLOCKED, "vertex [02] at .* m from its place"),
+    (no_room, Ending.NO_ROOM, r"vertex \d+ at \(.*\) m no room"),
+    (blocked_at_once, Ending.BLOCKED, "vertex 3 at"),
+    (line_search, Ending.LINE_SEARCH, "no lower energy"),
+    (not_finite, Ending.NOT_FINITE, r"vertex \d+ at"),
+    (singular, Ending.SINGULAR, "positive definite"),
+]
+
+
+@pytest.mark.parametrize(("scene", "ending", "words"), ENDS, ids=lambda value: getattr(value, "__name__", None))
+def test_every_end_has_its_name_and_place(scene, ending, words):
+    result = scene()
+    assert result.outcome.ending is ending, result.outcome.sentence
+    assert not result.outcome.converged
+    assert re.search(words, result.outcome.sentence)
+    assert np.isfinite(result.x).all()
+
+
+def test_no_end_was_forgotten():
+    assert {ending for _, ending, _ in ENDS} | {Ending.CONVERGED} == set(Ending)
+
+
+def test_blocked_pins_stop_above_the_floor():
+    result = blocked()
+    assert 0 < result.x[:9, 2].min() < 0.05
+
+
+@pytest.mark.parametrize("ending", Ending)
+def test_every_sentence_can_be_filled(ending):
+    numbers = {"tolerance": 1.0, "limit": 2, "speed": 3.0, "vertex": 4, "place": "here", "fraction": 0.5, "left": 0.1}
+    filled = outcome(ending, **numbers)
+    assert "{" not in filled.sentence
+    assert filled.sentence.endswith(".")
+    assert filled.converged == (ending is Ending.CONVERGED)

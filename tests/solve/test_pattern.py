@@ -1,0 +1,135 @@
+"""Assembly into the fixed pattern against the dense sum."""
+
+import numpy as np
+import pytest
+from meshes import cloth, grid, small_world
+from scipy import sparse
+
+from clothsim.energies.base import ElementHessian
+from clothsim.solve.pattern import make_pattern, times
+
+
+def random_blocks(elements, seed):
+    k = 3 * elements.shape[1]
+    blocks = np.random.default_rng(seed).standard_normal((len(elements), k, k))
+    return ElementHessian(elements, blocks + np.swapaxes(blocks, 1, 2))
+
+
+def random_elements(count, size, n, seed):
+    rng = np.random.default_rng(seed)
+    return np.array([rng.choice(n, size, replace=False) for _ in range(count)]).astype(np.int64)
+
+
+N, ROWS = 9, 13
+"""Nine unknown vertices; four more rows of x belong to bodies and ghosts."""
+
+TRIANGLES = random_elements(6, 3, N, 0)
+
+
+def contact(seed=5):
+    """A symmetric sparse matrix over all rows whose unknown part lies within the triangles."""
+    blocks = random_blocks(np.column_stack([TRIANGLES, np.arange(6) % 4 + N]), seed)
+    return sparse.csr_array(blocks.to_sparse(ROWS))
+
+
+def hessians():
+    return [
+        random_blocks(TRIANGLES, 1),
+        random_blocks(random_elements(5, 4, ROWS, 2), 2),
+        random_blocks(np.arange(N)[:, None], 3),
+        ElementHessian(np.zeros((0, 1), np.int64), np.zeros((0, 3, 3))),
+        contact(),
+    ]
+
+
+def dense(parts, size=N):
+    matrices = [h.to_sparse(ROWS) if isinstance(h, ElementHessian) else h for h in parts]
+    return sum(matrix.toarray() for matrix in matrices)[: 3 * size, : 3 * size]
+
+
+def full(upper):
+    upper = upper.toarray()
+    return upper + np.triu(upper, 1).T
+
+
+def test_assembly_is_the_dense_sum_of_the_unknown_rows():
+    parts = hessians()
+    pattern = make_pattern(N, TRIANGLES, parts)
+    data = pattern.assemble(parts)
+    expected = dense(parts)
+    assert np.abs(full(pattern.upper(data)) - expected).max() < 1e-13 * np.abs(expected).max()
+    assert np.abs(expected).max() > 1
+
+
+@pytest.mark.parametrize("which", range(5))
+def test_each_kind_of_hessian_alone(which):
+    parts = hessians()
+    pattern = make_pattern(N, TRIANGLES, parts)
+    assembled = full(pattern.upper(pattern.assemble(parts[which : which + 1])))
+    assert np.abs(assembled - dense(parts[which : which + 1])).max() < 1e-13
+
+
+def test_the_upper_triangle_is_canonical_csr_with_the_diagonal_first():
+    pattern = make_pattern(N, TRIANGLES, hessians())
+    upper = pattern.upper(np.arange(1.0, len(pattern.indices) + 1))
+    assert upper.has_canonical_format
+    assert np.array_equal(upper.indices[upper.indptr[:-1]], np.arange(3 * N))
+    assert np.array_equal(pattern.diagonal(upper.data), upper.diagonal())
+    assert sparse.tril(upper, -1).nnz == 0
+    assert pattern.indptr.dtype == pattern.indices.dtype == np.int32
+
+
+def test_the_pattern_of_a_sheet_is_its_one_ring_and_with_hinges_the_two_ring():
+    world = small_world()
+    ring = make_pattern(world.n_cloth, world.triangles, [])
+    assert len(ring.columns) == world.n_cloth + len(world.edges)
+    hinges = ElementHessian(world.hinges.vertices, np.zeros((len(world.hinges.vertices), 12, 12)))
+    wider = make_pattern(world.n_cloth, world.triangles, [hinges])
+    across = np.sort(world.hinges.vertices[:, 2:], axis=1)
+    known = {tuple(edge) for edge in world.edges}
+    assert len(wider.columns) == len(ring.columns) + len({tuple(pair) for pair in across} - known)
+
+
+def test_contact_outside_the_pattern_is_an_error():
+    pattern = make_pattern(N, np.zeros((0, 3), np.int64), [])
+    with pytest.raises(ValueError, match="outside the elastic pattern"):
+        pattern.assemble([contact()])
+
+
+def test_fixed_rows_become_the_identity():
+    parts = hessians()
+    pattern = make_pattern(N, TRIANGLES, parts)
+    data = pattern.assemble(parts)
+    fixed = np.zeros(N, bool)
+    fixed[[0, 4, 5]] = True
+    pattern.fix(data, fixed)
+    expected = dense(parts)
+    rows = np.repeat(fixed, 3)
+    expected[rows] = 0
+    expected[:, rows] = 0
+    expected[rows, rows] = 1
+    assert np.abs(full(pattern.upper(data)) - expected).max() < 1e-13
+
+
+def test_shift_is_added_to_a_copy():
+    parts = hessians()
+    pattern = make_pattern(N, TRIANGLES, parts)
+    data = pattern.assemble(parts)
+    before, amount = data.copy(), np.arange(1.0, 3 * N + 1)
+    shifted = pattern.shift(data, amount)
+    assert np.array_equal(data, before)
+    assert np.allclose(full(pattern.upper(shifted)), full(pattern.upper(data)) + np.diag(amount))
+
+
+def test_times_covers_all_rows():
+    parts = hessians()
+    vector = np.random.default_rng(8).standard_normal((ROWS, 3))
+    expected = dense(parts, ROWS) @ vector.ravel()
+    assert np.abs(times(parts, vector).ravel() - expected).max() < 1e-12 * np.abs(expected).max()
+
+
+def test_a_vertex_without_a_triangle_has_its_diagonal():
+    sheet = cloth(*grid(1, 1))
+    pattern = make_pattern(6, sheet.triangles, [])
+    assert len(pattern.diagonal(pattern.assemble([]))) == 18
+    assert np.array_equal(np.diff(pattern.starts)[4:], [1, 1])

@@ -1,0 +1,89 @@
+"""The sum of the energies: values, gradients, limits, and the order in which energies are bound to a step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from differences import gradient_error
+from meshes import deformed, small_world
+from solving import step_at
+
+from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.energies.bending import bending
+from clothsim.energies.gravity import gravity
+from clothsim.energies.membrane import membrane
+from clothsim.solve.ledger import Ledger
+from clothsim.solve.potential import Potential
+
+
+def energies_of(world):
+    return {"membrane": membrane(world), "bending": bending(world), "gravity": gravity(world)}
+
+
+def test_value_gradient_and_hessian_are_sums():
+    world = small_world()
+    x = deformed(world)
+    energies = energies_of(world)
+    potential = Potential(energies, Ledger())
+    assert potential.value(x) == pytest.approx(sum(e.value(x) for e in energies.values()), rel=1e-14)
+    assert np.allclose(potential.gradient(x), sum(e.gradient(x) for e in energies.values()), atol=1e-14)
+    assert len(potential.hessians(x)) == 3
+    assert gradient_error(potential, x) < 1e-7
+
+
+def test_a_value_that_is_refused_ends_the_sum():
+    world = small_world()
+    x = np.zeros_like(world.start())
+    potential = Potential(energies_of(world), Ledger())
+    assert potential.value(x) == np.inf
+    assert "gravity" not in potential.ledger.effects
+
+
+@dataclass(frozen=True)
+class Limited(Energy):
+    """Keeps a gap and limits steps; `told` is the gradient that it was given at `begin`."""
+
+    limit: float
+    gap: float
+    told: np.ndarray | None = None
+
+    begins_last = True
+
+    def begin(self, step: Step):
+        return Limited(self.limit, self.gap, step.gradient)
+
+    def value(self, x):
+        return 0.0
+
+    def gradient(self, x):
+        return np.ones_like(x)
+
+    def hessian(self, x, project=True):
+        return ElementHessian(np.zeros((0, 1), np.int64), np.zeros((0, 3, 3)))
+
+    def step_limit(self, x, dx):
+        return self.limit
+
+    def minimum_gap(self, x):
+        return self.gap
+
+
+def test_the_smallest_limit_and_gap_count():
+    world = small_world()
+    x = world.start()
+    alone = Potential(energies_of(world), Ledger())
+    assert alone.step_limit(x, x) == 1.0
+    assert alone.minimum_gap(x) == np.inf
+    both = Potential({"a": Limited(0.5, 0.2), **energies_of(world), "b": Limited(0.25, 0.3)}, Ledger())
+    assert both.step_limit(x, x) == 0.25
+    assert both.minimum_gap(x) == 0.2
+
+
+def test_what_begins_last_is_told_the_gradient_of_the_others_and_the_order_stays():
+    world = small_world()
+    x = deformed(world)
+    energies = energies_of(world)
+    potential = Potential({"first": Limited(1.0, 1.0), **energies}, Ledger()).begin(step_at(x, load=0.5))
+    assert list(potential.energies) == ["first", *energies]
+    forces = [energy.begin(step_at(x, load=0.5)).gradient(x) for energy in energies.values()]
+    assert np.allclose(potential.energies["first"].told, sum(forces), atol=1e-14)
