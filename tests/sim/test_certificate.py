@@ -1,0 +1,77 @@
+"""The certificate gathers extremes over steps and survives the checkpoint."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meshes import cloth, deformed, irregular_grid, small_world
+from solving import integrator_of, run_of
+
+from clothsim.energies.bending import bending
+from clothsim.energies.gravity import gravity
+from clothsim.energies.inertia import inertia
+from clothsim.energies.membrane import membrane
+from clothsim.mesh.world import make_world
+from clothsim.sim.certificate import Certificate, certificate_from, world_stretches
+
+
+def flight(*more):
+    """Certificates after each step of a strained sheet, and the reports."""
+    rest = small_world()
+    sheet = replace(cloth(*irregular_grid()), positions=deformed(rest, amplitude=0.05))
+    world = make_world([sheet])
+    energies = {"inertia": inertia(world), "membrane": membrane(world), "bending": bending(world)}
+    energies |= {name: build(world) for name, build in more}
+    reports = run_of(integrator_of(world, energies, 0.05, tolerance=1e-8), 0.5)
+    certificates = [Certificate()]
+    for report in reports:
+        certificates.append(certificates[-1].after(world, report))
+    return world, reports, certificates[1:]
+
+
+def test_stretches_are_the_extremes_over_all_steps():
+    world, reports, certificates = flight()
+    stretches = np.array([world_stretches(world, report.state.positions) for report in reports])
+    assert certificates[-1].stretch_max == stretches[:, :, 0].max()
+    assert certificates[-1].stretch_min == stretches[:, :, 1].min()
+    assert certificates[-1].stretch_max > 1.01
+
+
+def test_energy_is_kinetic_and_potential_and_does_not_rise_in_free_flight():
+    world, reports, certificates = flight()
+    state = reports[-1].state
+    kinetic = 0.5 * world.masses @ (state.velocities**2).sum(axis=1)
+    stored = membrane(world).value(state.positions) + bending(world).value(state.positions)
+    assert certificates[-1].energy == pytest.approx(kinetic + stored, rel=1e-12)
+    energies = [certificate.energy for certificate in certificates]
+    assert (np.diff(energies) < 0).all()
+    assert certificates[-1].energy_rise == 0
+    assert certificates[-1].as_dict(judged=False)["energy_drift"] == 0
+
+
+def test_a_fall_keeps_energy_but_for_the_integrator_s_loss():
+    _, _, certificates = flight(("gravity", gravity))
+    energies = [certificate.energy for certificate in certificates]
+    assert (np.diff(energies) < 0).all()
+    assert certificates[-1].energy_scale > abs(certificates[-1].energy)
+
+
+def test_gap_and_residual():
+    _, reports, certificates = flight()
+    assert certificates[-1].gap == np.inf
+    assert certificates[-1].residual == reports[-1].result.residual
+
+
+def test_it_survives_the_checkpoint():
+    _, _, certificates = flight()
+    text = json.dumps(certificates[-1].as_json())
+    assert certificate_from(json.loads(text)) == certificates[-1]
+
+
+def test_what_was_not_judged_says_so():
+    said = Certificate().as_dict(judged=False)
+    assert said["cloth_body"] == "no body"
+    assert said["cloth_cloth"] == "not requested"
+    assert Certificate(intersecting_frames=(3,)).as_dict(judged=True)["intersection_free"] is False
+    assert Certificate(moved_by_script=True).as_dict(judged=True)["energy_drift"] == "bodies or pins do work"

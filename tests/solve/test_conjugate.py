@@ -1,0 +1,64 @@
+"""Truncated conjugate gradients: the solution where the matrix is definite, a descent direction where it is not."""
+
+import numpy as np
+import pytest
+
+from clothsim.solve.conjugate import MAX_ITERATIONS, RELATIVE_ERROR, truncated_solve
+
+
+def matrix(eigenvalues, seed=0):
+    q, _ = np.linalg.qr(np.random.default_rng(seed).standard_normal((len(eigenvalues),) * 2))
+    return (q * eigenvalues) @ q.T
+
+
+def right(n, seed=1):
+    return np.random.default_rng(seed).standard_normal(n)
+
+
+def test_an_exact_preconditioner_gives_the_solution_at_once():
+    A, b, calls = matrix(np.linspace(1, 50, 30)), right(30), []
+
+    def times(v):
+        calls.append(v)
+        return A @ v
+
+    x = truncated_solve(times, lambda r: np.linalg.solve(A, r), b)
+    assert np.abs(A @ x - b).max() < 1e-11
+    assert len(calls) == 1
+
+
+def test_the_error_is_below_its_bound_in_the_preconditioner_s_norm():
+    A, b = matrix(np.linspace(1, 3, 30)), right(30)
+    preconditioner = np.linalg.inv(matrix(np.linspace(1, 3, 30) + 0.5))
+    residual = b - A @ truncated_solve(lambda v: A @ v, lambda r: preconditioner @ r, b)
+    assert residual @ preconditioner @ residual <= RELATIVE_ERROR * (b @ preconditioner @ b)
+
+
+@pytest.mark.parametrize("lowest", [-1e-3, -1.0, -50.0])
+@pytest.mark.parametrize("seed", range(4))
+def test_an_indefinite_matrix_still_gives_a_descent_direction(lowest, seed):
+    A = matrix(np.concatenate([np.full(5, lowest), np.linspace(1, 9, 25)]), seed)
+    b = right(30, seed)
+    x = truncated_solve(lambda v: A @ v, lambda r: 0.3 * r, b)
+    assert x @ b > 0
+    assert np.isfinite(x).all()
+
+
+def test_negative_curvature_at_once_returns_the_preconditioned_right_hand_side():
+    b = right(6)
+    assert np.array_equal(truncated_solve(lambda v: -v, lambda r: 2 * r, b), 2 * b)
+
+
+def test_iterations_are_bounded():
+    A, calls = matrix(np.logspace(0, 12, 60)), []
+
+    def times(v):
+        calls.append(v)
+        return A @ v
+
+    truncated_solve(times, lambda r: r, right(60))
+    assert len(calls) == MAX_ITERATIONS
+
+
+def test_nothing_to_solve_is_nothing():
+    assert not truncated_solve(lambda v: v, lambda r: r, np.zeros(4)).any()
