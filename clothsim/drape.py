@@ -27,6 +27,7 @@ from clothsim.sim.state import State, first_state
 from clothsim.sim.stepping import Integrator, StepReport
 from clothsim.solve.ledger import Account, Ledger
 from clothsim.solve.linear import make_solver, slowness
+from clothsim.solve.memory import keep_freed_memory
 from clothsim.solve.newton import NewtonSettings
 from clothsim.solve.pattern import make_pattern
 from clothsim.solve.potential import Potential
@@ -107,6 +108,7 @@ def prepare(scene: Scene, built: Built) -> Session:
     """Pattern, solver and integrator of a built scene."""
     settings, run = scene.solver_settings(), scene.run_settings()
     _set_threads(settings.threads)
+    keep_freed_memory()
     ledger = Ledger(effects={name: Account() for name in built.energies})
     potential = Potential(built.energies, ledger)
     start = built.world.start()

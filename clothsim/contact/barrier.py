@@ -30,6 +30,7 @@ class Barrier(Energy):
     adaptive: bool
 
     begins_last = True
+    exact_in_newton = False
 
     def begin(self, step: Step) -> Self:
         """Bound to the step: fresh candidates, and a stiffness that holds the loads at about half of d_hat."""

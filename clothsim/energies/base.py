@@ -55,6 +55,9 @@ class Energy(abc.ABC):
     incremental: ClassVar[bool] = False
     """True where the value belongs to the step (inertia, dissipation) and is no energy of the state."""
 
+    exact_in_newton: ClassVar[bool] = True
+    """False where the projected Hessian serves Newton for both: the exact one would cost more than it saves."""
+
     @abc.abstractmethod
     def value(self, x: Floats) -> float:
         """E(x) [J]; +inf where x is not admissible, never NaN."""

@@ -1,7 +1,9 @@
 """Direct solvers for the symmetric positive definite Newton matrix behind one `solve`; the analysis serves the run."""
 
 import abc
+import os
 import sys
+from importlib import metadata
 
 import numpy as np
 from scipy import sparse
@@ -47,6 +49,7 @@ class Pardiso(LinearSolver):
     def __init__(self, pattern: Pattern, threads: int) -> None:
         from pypardiso import PyPardisoSolver
 
+        _tell_where_mkl_is()
         self._solver = PyPardisoSolver(mtype=2)
         self._solver.set_iparm(1, 1)
         self._solver.set_iparm(2, 0)  # minimum degree: 10 % faster than nested dissection at these sizes
@@ -176,6 +179,18 @@ def slowness(solver: LinearSolver) -> str:
         f"The linear solver is SuperLU, about ten times slower than PARDISO, which does not exist for {sys.platform} "
         "on this processor or is not installed; scikit-sparse (CHOLMOD) helps."
     )
+
+
+def _tell_where_mkl_is() -> None:
+    """Name MKL's library to pypardiso, which else searches every folder of the environment: seconds for each solver."""
+    try:
+        files = metadata.files("mkl") or []
+    except metadata.PackageNotFoundError:
+        return
+    for file in files:
+        if file.name.startswith(("libmkl_rt.so", "mkl_rt.")) and file.suffix != ".lib":
+            os.environ.setdefault("PYPARDISO_MKL_RT", str(file.locate().resolve()))
+            return
 
 
 def _full(pattern: Pattern, data: Floats) -> sparse.csc_matrix:

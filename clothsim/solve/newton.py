@@ -117,7 +117,7 @@ class Newton:
     ) -> tuple[Floats, Outcome | None, Floats]:
         """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere; an Outcome where there is none; the gradient.
 
-        H is the projected Hessian; with `exact` the unprojected one, as far as it curves upward.
+        H is the projected Hessian; with `exact` the unprojected one (but for contact), as far as it curves upward.
         """
         n = self.pattern.n_vertices
         gradient = self.potential.gradient(x)
@@ -135,7 +135,7 @@ class Newton:
         if solution is None:
             return way, outcome(Ending.SINGULAR), gradient
         if exact:
-            curved = self._assembled(self.potential.hessians(x, project=False), fixed)
+            curved = self._assembled(self.potential.exact_hessians(x, hessians), fixed)
             with self.potential.ledger.phase("linear solve"):
                 times = self.pattern.times(curved)
                 solution = truncated_solve(times, self.solver.back_solve, right.ravel())

@@ -57,17 +57,22 @@ class Potential:
                 total += energy.gradient(x)
         return total
 
-    def hessians(self, x: Floats, project: bool = True) -> "list[ElementHessian | sparse.csr_array]":
-        """The Hessian of each energy [N/m], in the order of the energies."""
-        hessians = []
-        for name, energy in self.energies.items():
-            with self.ledger.effect(name, "hessians") as account:
-                hessian = energy.hessian(x, project)
-                hessians.append(hessian)
-                account.hessian_nonzeros = (
-                    hessian.blocks.size if isinstance(hessian, ElementHessian) else int(hessian.nnz)
-                )
-        return hessians
+    def hessians(self, x: Floats) -> "list[ElementHessian | sparse.csr_array]":
+        """The projected Hessian of each energy [N/m], in the order of the energies."""
+        return [self._hessian(name, x, True) for name in self.energies]
+
+    def exact_hessians(
+        self, x: Floats, projected: "list[ElementHessian | sparse.csr_array]"
+    ) -> "list[ElementHessian | sparse.csr_array]":
+        """The exact Hessian of each energy [N/m], or the one `projected` where that serves (contact)."""
+        pairs = zip(self.energies.items(), projected, strict=True)
+        return [self._hessian(name, x, False) if energy.exact_in_newton else known for (name, energy), known in pairs]
+
+    def _hessian(self, name: str, x: Floats, project: bool) -> "ElementHessian | sparse.csr_array":
+        with self.ledger.effect(name, "hessians") as account:
+            hessian = self.energies[name].hessian(x, project)
+            account.hessian_nonzeros = hessian.blocks.size if isinstance(hessian, ElementHessian) else int(hessian.nnz)
+        return hessian
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The smallest of the energies' step limits, in (0, 1]."""
