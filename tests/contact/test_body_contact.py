@@ -1,0 +1,123 @@
+"""The effect body_contact: what it chooses, what it refuses, and the barrier at both ends of its range."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meshes import cloth, grid, small_world
+from solving import step_at
+
+from clothsim.contact.body_contact import body_contact
+from clothsim.contact.stiffness import barrier_stiffness, default_d_hat
+from clothsim.energies.base import Off
+from clothsim.errors import InputError
+from clothsim.mesh.body import make_body
+from clothsim.mesh.generate import GENERATORS
+from clothsim.mesh.world import make_world
+
+
+def world_at(height, cells=4):
+    positions, triangles = grid(cells, cells)
+    sheet = replace(cloth(positions, triangles), positions=positions + np.array([-0.5, -0.5, height]))
+    return make_world([sheet], [make_body("ball", *GENERATORS["sphere"](radius=0.3, subdivisions=2))])
+
+
+def test_without_a_body_it_is_off():
+    assert body_contact(small_world()) == Off("the scene has no body")
+
+
+@pytest.mark.parametrize("height", [0.0, 0.25, -0.2])
+def test_a_cloth_that_starts_in_a_body_is_refused_in_one_sentence(height):
+    with pytest.raises(InputError, match="intersects a body at the start") as refusal:
+        body_contact(world_at(height))
+    assert refusal.value.remedy
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"d_hat": 0}, "body_contact.d_hat must be above 0"),
+        ({"d_hat": -1.0}, "body_contact.d_hat must be above 0"),
+        ({"d_hat": "wide"}, "body_contact.d_hat must be a number, not 'wide'"),
+        ({"stiffness": 0.0}, "body_contact.stiffness must be above 0"),
+        ({"stiffness": float("nan")}, "body_contact.stiffness must be above 0"),
+    ],
+)
+def test_bad_numbers_are_refused_by_name(keys, words):
+    with pytest.raises(InputError, match=words):
+        body_contact(world_at(0.5), **keys)
+
+
+def test_d_hat_is_a_tenth_of_the_median_edge_and_is_told():
+    contact = body_contact(world_at(0.5))
+    assert contact.d_hat == 0.025
+    assert "d_hat = 0.025 m" in contact.choices()[0]
+    assert "set anew" in contact.choices()[0]
+    fixed = body_contact(world_at(0.5), d_hat=0.01, stiffness=30.0)
+    assert (fixed.d_hat, fixed.stiffness) == (0.01, 30.0)
+    assert fixed.begin(step_at(world_at(0.5).start())) is fixed
+    assert "30 Pa" in fixed.choices()[0]
+
+
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
+def test_d_hat_scales_with_the_mesh(scale):
+    lengths = np.array([0.9, 1.0, 1.3]) * scale
+    assert default_d_hat(lengths) == pytest.approx(0.1 * scale, rel=1e-12)
+
+
+def test_beyond_d_hat_there_is_nothing():
+    world = world_at(0.3 + 0.026)
+    contact = body_contact(world, d_hat=0.025, stiffness=100.0)
+    x = world.start()
+    assert contact.value(x) == 0.0
+    assert not contact.gradient(x).any()
+    assert contact.hessian(x).nnz == 0
+    assert contact.hessian(x).shape == (x.size, x.size)
+    assert contact.minimum_gap(x) == np.inf
+    assert contact.counts()["pairs"] == 0
+
+
+def test_within_d_hat_it_pushes_apart_and_more_the_closer():
+    values, gaps = [], []
+    for gap in (0.02, 0.01, 0.001, 1e-5):
+        world = world_at(0.3 + gap)
+        contact = body_contact(world, d_hat=0.025, stiffness=100.0)
+        x = world.start()
+        values.append(contact.value(x))
+        gaps.append(contact.minimum_gap(x))
+        force = contact.gradient(x)
+        assert force[: world.n_cloth, 2].sum() < 0  # the energy falls as the cloth rises
+        assert force.sum(axis=0) == pytest.approx([0, 0, 0], abs=1e-10 * np.abs(force).max())
+        assert contact.counts()["pairs"] > 0
+    assert (np.diff(values) > 0).all()
+    assert gaps == pytest.approx([0.02, 0.01, 0.001, 1e-5], rel=1e-9)
+
+
+def test_contact_is_infinite():
+    world = world_at(0.31)
+    contact = body_contact(world, d_hat=0.025, stiffness=100.0)
+    x = world.start()
+    top = x[world.n_cloth :, 2].argmax() + world.n_cloth
+    x[12] = x[top]  # the vertex in the middle of the sheet
+    assert contact.value(x) == np.inf
+
+
+def test_the_stiffness_of_a_step_depends_on_that_step_alone():
+    world = world_at(0.31)
+    contact = body_contact(world, d_hat=0.025)
+    x = world.start()
+    rng = np.random.default_rng(0)
+    step = replace(step_at(x, 0.1 * rng.standard_normal(x.shape), dt=0.01), gradient=rng.standard_normal(x.shape))
+    first = contact.begin(step)
+    first.value(x)
+    first.step_limit(x, 0.01 * rng.standard_normal(x.shape))
+    assert first.begin(step).stiffness == contact.begin(step).stiffness == first.stiffness
+    assert first.begin(replace(step, dt=0.001)).stiffness > first.stiffness
+
+
+def test_the_stiffness_is_the_largest_of_three_pressures():
+    settings = {"pressure": 3.0, "area_density": 0.2, "speed": 1.0, "d_hat": 1e-3, "dt": 0.1}
+    assert barrier_stiffness(**settings) == 3.0
+    assert barrier_stiffness(**settings | {"speed": 50.0}) == pytest.approx(0.2 * 50 / 0.1)
+    assert barrier_stiffness(**settings | {"d_hat": 0.5, "dt": 0.01}) == pytest.approx(0.2 * 0.5 / 1e-4)
+    assert barrier_stiffness(**settings | {"pressure": 0.0, "speed": 0.0}) > 0
