@@ -4,6 +4,7 @@ import abc
 import os
 import sys
 from importlib import metadata
+from pathlib import Path
 
 import numpy as np
 from scipy import sparse
@@ -189,7 +190,7 @@ def _tell_where_mkl_is() -> None:
         return
     for file in files:
         if file.name.startswith(("libmkl_rt.so", "mkl_rt.")) and file.suffix != ".lib":
-            os.environ.setdefault("PYPARDISO_MKL_RT", str(file.locate().resolve()))
+            os.environ.setdefault("PYPARDISO_MKL_RT", str(Path(file.locate()).resolve()))
             return
 
 
