@@ -15,19 +15,14 @@ from clothsim.solve.ledger import Account
 class Receipt:
     """effects: every name of the table with on, reason and its counters; phases: seconds that belong to no effect.
 
-    seconds: measured in all; step_seconds: those of them in steps. source: what was measured, in words.
+    seconds: of all of them together, which is all of the time that was measured ("step control" is what no other name
+    was charged for); source: what was measured, in words.
     """
 
     effects: dict[str, dict[str, Any]]
     phases: dict[str, float]
     seconds: float
     source: str
-
-    @property
-    def booked(self) -> float:
-        """The seconds of effects and named phases; `step control` is what is left of the steps."""
-        effects = sum(entry["seconds"] for entry in self.effects.values())
-        return effects + sum(seconds for name, seconds in self.phases.items() if name != "step control")
 
 
 def explain_scene(scene: Scene, steps: int = 5) -> Receipt:

@@ -106,7 +106,7 @@ def test_run_prints_settings_progress_and_verdict(capsys, tmp_path):
     assert "steps of 0.01 s" in out
     assert "Newton to 0.001 m/s" in out
     assert "completed: 0.04 s were simulated." in out
-    assert re.search(r"cloth and body do not intersect in any frame, smallest gap 23 mm", out)
+    assert re.search(r"cloth and body intersect in no frame, smallest gap 23 mm", out)
     assert re.search(r"principal stretches 0\.\d+ to 1\.\d+", out)
     assert "0.040 of 0.04 s" in err.splitlines()[-1]
     assert "Newton, gap " in err

@@ -1,6 +1,7 @@
 """What a run prints before it starts and after it has ended."""
 
 import os
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -88,7 +89,7 @@ def stopped(directory: Path) -> str:
     from clothsim.io.checkpoint import CHECKPOINT_NAME
 
     if (directory / CHECKPOINT_NAME).is_file():
-        return f"Stopped. Go on with: {_program()} resume {directory}"
+        return f"Stopped. Go on with: {_program()} resume {shlex.quote(str(directory))}"
     return "Stopped before the first step: there is nothing to resume."
 
 
@@ -99,11 +100,11 @@ def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, 
     """Three lines: intersections and gap; stretches; residual and energy."""
     crossed = certificate["intersecting_frames"]
     if certificate["cloth_body"] == "no body":
-        judged = "cloth and body: no body"
+        judged = "there is no body"
     elif crossed:
-        judged = f"cloth and body INTERSECT in {_many(len(crossed), 'frame')}, first in frame {crossed[0]}"
+        judged = f"cloth and body INTERSECT in {_many(len(crossed), 'frame')}, first in number {crossed[0]}"
     else:
-        judged = "cloth and body do not intersect in any frame"
+        judged = "cloth and body intersect in no frame"
     gap = certificate["minimum_gap"]
     if contact:
         judged += f", smallest gap {length(gap)}" if gap is not None else ", never closer than d_hat"
@@ -113,7 +114,7 @@ def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, 
     if certificate["stretch_min"] is not None:
         stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"
     return [
-        ("contact", f"{judged}; cloth and cloth: {certificate['cloth_cloth']}"),
+        ("contact", f"{judged}; cloth-cloth: {certificate['cloth_cloth']}"),
         ("stretch", f"principal stretches {stretches}"),
         ("balance", f"force left over {certificate['residual']:.1e} N, {energy}"),
     ]
