@@ -1,0 +1,42 @@
+"""Every scene in scenes/ starts, takes its first steps and keeps what its effects promise."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import clothsim
+
+SCENES = sorted((Path(__file__).parents[2] / "scenes").glob("*.toml"))
+
+
+def short(path):
+    """The first two steps of the scene, as it is in the file."""
+    scene = clothsim.load_scene(path)
+    for body in scene.bodies:
+        if "." in body["mesh"] and not (path.parent / body["mesh"]).is_file():
+            pytest.skip(f"{body['mesh']} is not there: the real bodies do not come with the package")
+    dt = scene.solver_settings().dt
+    return replace(scene, run={"duration": 2 * dt, "frames_per_second": 0.5 / dt})
+
+
+def test_there_are_scenes():
+    assert len(SCENES) >= 5
+
+
+@pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
+def test_first_steps_of_a_scene(path, tmp_path):
+    scene = short(path)
+    run = clothsim.simulate(scene, tmp_path / "run")
+    assert run.status == "completed", run.reason
+    certificate = run.summary["certificate"]
+    assert certificate["intersection_free"]
+    assert 0.5 < certificate["stretch_min"] <= certificate["stretch_max"] < 2
+    assert set(run.summary["effects"]) | set(scene.effects) == set(scene.effects)
+    first, last = run.positions(0), run.positions(-1)
+    fallen = (last - first).mean(axis=0) @ np.asarray(scene.effects["gravity"].get("acceleration", (0, 0, -9.81)))
+    assert fallen > 0
+    if "pins" in scene.effects:
+        held = scene.effects["pins"]["select"]
+        assert np.array_equal(last[held], first[held])
