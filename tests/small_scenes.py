@@ -1,0 +1,27 @@
+"""Scenes of a few dozen vertices that run in well under a second."""
+
+from clothsim import Scene
+
+EFFECTS = {
+    "inertia": {},
+    "membrane": {},
+    "bending": {},
+    "gravity": {},
+    "damping": {"rate": 2.0},
+    "body_contact": {},
+}
+
+SHEET = {"mesh": "rectangle", "size": [1.0, 1.0], "cells": [4, 4], "position": [0.0, 0.0, 0.33]}
+BALL = {"name": "ball", "mesh": "sphere", "radius": 0.3, "subdivisions": 1}
+SOLVER = {"dt": 0.02, "threads": 1, "linear": "superlu"}
+RUN = {"duration": 0.16, "frames_per_second": 25}
+
+
+def small_scene(cloth=SHEET, body=BALL, effects=EFFECTS, solver=SOLVER, run=RUN, **sections):
+    """A sheet that falls on a ball for four frames, but for what is given."""
+    return Scene(cloth=cloth, body=body, effects=effects, solver=solver, run=run, **sections)
+
+
+def without(*names):
+    """The effects but for some."""
+    return {name: keys for name, keys in EFFECTS.items() if name not in names}
