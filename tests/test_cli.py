@@ -450,3 +450,9 @@ def test_lines_come_at_the_first_step_the_last_and_seldom_between(capsys):
 @pytest.mark.parametrize(("seconds", "text"), [(3.21, "3.2 s"), (245, "4:05 min"), (7390, "2:03:10 h")])
 def test_clock(seconds, text):
     assert clock(seconds) == text
+
+
+def test_a_key_is_changed_from_the_command_line(capsys, tmp_path):
+    assert main(["run", "free.toml", "--no-picture", "--quiet", "--set", "run.duration=0.02"]) == 0
+    assert open_run(tmp_path / "free").times[-1] == 0.02
+    assert "duration" in refused(capsys, "run", "free.toml", "--set", "run.duratoin=1")[1]

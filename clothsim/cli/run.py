@@ -32,6 +32,7 @@ def add_to(commands: Any) -> None:
     run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML)")
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the scene's name)")
     run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
+    run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key: body.mesh=PATH")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", help="go on with a stopped run", description=_RESUME)
     resume.add_argument("directory", type=Path, metavar="DIR", help="what `clothsim run` left")
@@ -46,9 +47,12 @@ def add_to(commands: Any) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from clothsim.drape import simulate
+    from clothsim.scene.override import override
     from clothsim.scene.toml import load_scene
 
     scene = load_scene(arguments.scene)
+    for assignment in arguments.set:
+        scene = override(scene, assignment)
     if arguments.frames_per_second is not None:
         rate = as_positive_number("--frames-per-second", arguments.frames_per_second)
         scene = replace(scene, run={**scene.run, "frames_per_second": rate})

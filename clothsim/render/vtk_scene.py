@@ -32,7 +32,7 @@ def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floa
         for look in made:
             _add_two_sided(plotter, look, centre, scale)
         _aim(plotter, camera, (camera.position - centre) * scale, up)
-        plotter.enable_ssao(radius=0.10, bias=0.010, kernel_size=32, blur=True)
+        plotter.enable_ssao(radius=0.10, bias=0.010, kernel_size=16, blur=True)
         plotter.show(auto_close=False)
         image = plotter.screenshot(return_img=True)[:, :, :3] / 255.0
         covered = np.isfinite(plotter.get_image_depth(fill_value=np.nan))[:, :, None]
