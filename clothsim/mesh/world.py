@@ -73,7 +73,7 @@ class World:
     @cached_property
     def rest_shape_inverses(self) -> Floats:
         """Dm^-1, (m, 2, 2) [1/m]."""
-        return np.linalg.inv(self.rest_shapes)
+        return np.asarray(np.linalg.inv(self.rest_shapes), np.float64)
 
     @cached_property
     def rest_areas(self) -> Floats:

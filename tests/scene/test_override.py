@@ -18,7 +18,11 @@ SCENE = Scene(
         ("cloth.cells=[4, 5]", "cloth", {"mesh": "rectangle", "cells": [4, 5]}),
         ("cloth.mesh=disk", "cloth", {"mesh": "disk"}),
         ("body.radius = 0.1", "body", [{"mesh": "sphere", "radius": 0.1}, {"name": "floor", "mesh": "slab"}]),
-        ("effects.gravity.acceleration=[0, -9, 0]", "effects", {"membrane": {}, "gravity": {"acceleration": [0, -9, 0]}}),
+        (
+            "effects.gravity.acceleration=[0, -9, 0]",
+            "effects",
+            {"membrane": {}, "gravity": {"acceleration": [0, -9, 0]}},
+        ),
     ],
 )
 def test_one_key_changes(assignment, section, expected):
