@@ -48,12 +48,21 @@ def as_triangles(name: str, values: ArrayLike, n_vertices: int) -> Ints:
     return triangles
 
 
-def as_positive(name: str, value: float, zero: bool = False) -> float:
-    """`value` as a finite float above zero (or at zero, where `zero` allows it)."""
+def as_number(name: str, value: float) -> float:
+    """`value` as a float: no text, no truth value, nothing too large for a float."""
     try:
-        number = float(value)
+        if isinstance(value, str | bytes | bool):
+            raise TypeError
+        return float(value)
     except (ValueError, TypeError) as error:
         raise InputError(f"{name} must be a number, not {value!r}.") from error
+    except OverflowError as error:
+        raise InputError(f"{name} must be a number that a float can hold.") from error
+
+
+def as_positive(name: str, value: float, zero: bool = False) -> float:
+    """`value` as a finite float above zero (or at zero, where `zero` allows it)."""
+    number = as_number(name, value)
     if not np.isfinite(number) or number < 0 or (number == 0 and not zero):
         raise InputError(f"{name} must be {'at least' if zero else 'above'} 0, not {value!r}.")
     return number
@@ -62,7 +71,7 @@ def as_positive(name: str, value: float, zero: bool = False) -> float:
 def _as_floats(name: str, values: ArrayLike) -> Floats:
     try:
         return np.asarray(values, dtype=np.float64)
-    except (ValueError, TypeError) as error:
+    except (ValueError, TypeError, OverflowError) as error:
         raise InputError(f"{name} must be numbers: {error}.") from error
 
 

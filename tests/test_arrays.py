@@ -82,7 +82,7 @@ def test_the_first_number_that_is_not_finite_is_named():
         as_finite("a", values)
 
 
-@pytest.mark.parametrize("value", [1, 0.5, np.float32(2), "3"])
+@pytest.mark.parametrize("value", [1, 0.5, np.float32(2)])
 def test_positive_numbers(value):
     assert as_positive("k", value) == float(value)
 
@@ -93,7 +93,7 @@ def test_zero_only_where_allowed():
         as_positive("k", 0)
 
 
-@pytest.mark.parametrize("value", [-1, np.nan, np.inf, "much", None])
+@pytest.mark.parametrize("value", [-1, np.nan, np.inf, "much", "3", True, 10**400, None])
 def test_bad_positive_numbers(value):
     with pytest.raises(InputError, match="k must be"):
         as_positive("k", value, zero=True)

@@ -38,9 +38,9 @@ def bending(world: World, *, model: str = "hinge") -> Energy | Off:
 
 
 def _model(name: str) -> Callable[[Hinges, World], Energy]:
-    if name in NOT_BUILT:
+    if isinstance(name, str) and name in NOT_BUILT:
         raise InputError(f"The bending model {name!r} is not built yet.", f"Take model = {NOT_BUILT[name]!r}.")
-    if name not in MODELS:
+    if not isinstance(name, str) or name not in MODELS:
         nearest = get_close_matches(str(name), MODELS, n=1, cutoff=0.0)[0]
         raise InputError(
             f"There is no bending model {name!r}.", f"Did you mean {nearest!r}? Models: {', '.join(MODELS)}."

@@ -56,7 +56,7 @@ MATERIALS = {"neo_hookean": NeoHookeanMembrane}
 
 def membrane(world: World, *, material: str = "neo_hookean") -> Energy | Off:
     """The membrane energy of all cloths; off where every fabric has Young's modulus 0."""
-    if material not in MATERIALS:
+    if not isinstance(material, str) or material not in MATERIALS:
         raise InputError(f"effects.membrane.material is {material!r}.", f"Known: {', '.join(MATERIALS)}.")
     energy = MATERIALS[material].of(world)
     return energy if len(energy.triangles) else Off("Young's modulus is 0")

@@ -53,7 +53,10 @@ def pins(
     Returns the world, which clamps enlarge by ghosts, and the constraint; Off where nothing is selected.
     """
     _check_groups(group)
-    specs: list[Mapping[str, object]] = [{"select": select, "clamp": clamp, "motion": motion or {}}, *group]
+    specs: list[Mapping[str, object]] = [{"select": select, "clamp": clamp, "motion": motion}, *group]
+    for spec in specs:
+        if not isinstance(spec.get("clamp", False), bool):
+            raise InputError(f"effects.pins.clamp must be true or false, not {spec['clamp']!r}.")
     chosen = [(_selection(world, spec.get("select", ())), spec) for spec in specs]
     chosen = [(vertices, spec) for vertices, spec in chosen if len(vertices)]
     if not chosen:
@@ -65,7 +68,7 @@ def pins(
     groups = []
     for (vertices, spec), extra in zip(chosen, ghosts, strict=True):
         rows = np.concatenate([vertices, extra])
-        given = spec.get("motion") or {}
+        given = {} if spec.get("motion") is None else spec["motion"]
         if not isinstance(given, Mapping):
             raise InputError(f"effects.pins.motion must be a table of keys, not {given!r}.")
         keys = dict(given)
@@ -76,6 +79,8 @@ def pins(
 
 def _check_groups(groups: Sequence[Mapping[str, object]]) -> None:
     for number, spec in enumerate(groups):
+        if not isinstance(spec, Mapping):
+            raise InputError(f"effects.pins.group[{number}] must be a table of keys, not {spec!r}.")
         unknown = sorted(set(spec) - set(GROUP))
         if unknown:
             raise InputError(f"effects.pins.group[{number}] has no key {unknown[0]!r}.", f"Known: {', '.join(GROUP)}.")

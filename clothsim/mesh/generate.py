@@ -28,7 +28,7 @@ def rectangle(
     """
     lengths = as_lengths("size", size, 2)
     nx, ny = as_counts("cells", cells, 2)
-    if diagonals not in _PATTERNS:
+    if not isinstance(diagonals, str) or diagonals not in _PATTERNS:
         raise InputError(f"diagonals must be one of {', '.join(_PATTERNS)}, not {diagonals!r}.")
     points, triangles = _PATTERNS[diagonals](nx, ny)
     flat = (points / (nx, ny) - 0.5) * lengths

@@ -10,6 +10,9 @@ from clothsim.errors import InputError
 
 T = TypeVar("T")
 
+MOST = 10**6
+"""The largest count that a setting may have."""
+
 
 def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> None:
     """InputError for the first key of `given` that is not `known`, with the nearest known one."""
@@ -50,8 +53,8 @@ def _alike(name: str, value: Any, default: Any) -> Any:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise InputError(f"{name} must be a number, not {value!r}.")
     if isinstance(default, int):
-        if value != int(value) or value < 0:
-            raise InputError(f"{name} must be a whole number from 0, not {value!r}.")
+        if not 0 <= value <= MOST or value != int(value):
+            raise InputError(f"{name} must be a whole number from 0 to {MOST:,}, not {value!r}.")
         return int(value)
     return as_positive(name, value)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints, as_positive, as_vector
+from clothsim.arrays import Floats, Ints, as_number, as_positive, as_vector
 from clothsim.errors import InputError
 from clothsim.mesh.body import Body, make_body, rigid_motion, rotation_matrix
 from clothsim.mesh.check import Role, examine, refuse
@@ -46,7 +46,7 @@ def cloth_of(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Clot
     if rest == "vt" and not len(shape.texture):
         raise InputError(f'{where}.rest is "vt", but the mesh has no texture coordinates.', 'Use rest = "file".')
     cloth = make_cloth(
-        str(keys.get("name", where)),
+        _name(keys, where),
         shape.positions,
         shape.triangles,
         fabric,
@@ -66,7 +66,7 @@ def body_of(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body,
     motion = dict(table(f"{where}.motion", keys.get("motion", {})))
     refuse_unknown(f"{where}.motion", motion, MOTION)
     motion.setdefault("centre", as_vector(f"{where}.position", keys.get("position", (0, 0, 0))))
-    body = make_body(str(keys.get("name", where)), positions, shape.triangles, rigid_motion(**motion))
+    body = make_body(_name(keys, where), positions, shape.triangles, rigid_motion(**motion))
     return body, shape.notes
 
 
@@ -75,7 +75,7 @@ def _shape(keys: Mapping[str, Any], where: str, directory: Path, common: tuple[s
     mesh = keys.get("mesh")
     if not isinstance(mesh, str) or not mesh:
         raise InputError(f"{where} has no mesh.", f"Give one of {', '.join(GENERATORS)}, or a file.")
-    label = str(keys.get("name", where))
+    label = _name(keys, where)
     if mesh in GENERATORS:
         shape = _generated(GENERATORS[mesh], mesh, keys, where, common)
     elif "." not in Path(mesh).name:
@@ -93,6 +93,13 @@ def _shape(keys: Mapping[str, Any], where: str, directory: Path, common: tuple[s
     refuse(report)
     warnings = tuple(finding.sentence for finding in report.warnings)
     return replace(shape, notes=tuple(f"{label}: {note}" for note in (*shape.notes, *warnings)))
+
+
+def _name(keys: Mapping[str, Any], where: str) -> str:
+    name = keys.get("name", where)
+    if not isinstance(name, str) or not name or not name.isprintable():
+        raise InputError(f"{where}.name must be a text that can be printed, not {name!r}.")
+    return name
 
 
 def _generated(
@@ -129,9 +136,9 @@ def _placed(keys: Mapping[str, Any], where: str, positions: Floats) -> Floats:
 def _fabric(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
     """The named fabric with the keys that override it."""
     name = keys.get("fabric", "cotton")
-    if name not in FABRICS:
+    if not isinstance(name, str) or name not in FABRICS:
         raise InputError(f"{where}.fabric is {name!r}.", f"Known: {', '.join(FABRICS)}.")
-    own = {key: float(as_positive(f"{where}.{key}", keys[key], zero=True)) for key in FABRIC if key in keys}
+    own = {key: as_number(f"{where}.{key}", keys[key]) for key in FABRIC if key in keys}
     fabric = replace(FABRICS[name], **own)  # type: ignore[arg-type]
     changed = f" with its own {', '.join(own)}" if own else ""
-    return fabric, f"{keys.get('name', where)}: fabric {name}{changed}."
+    return fabric, f"{_name(keys, where)}: fabric {name}{changed}."
