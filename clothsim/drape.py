@@ -137,16 +137,20 @@ def _run(
     world, run = session.built.world, session.scene.run_settings()
     ledger = session.integrator.potential.ledger
     certificate = replace(certificate, moved_by_script=_scripted(session.built))
-    (directory / SUMMARY_NAME).unlink(missing_ok=True)
     reason, intersects = "", _judge(world)
+    if not resumed:
+        _remove(directory / SUMMARY_NAME)
     with (
         TrajectoryWriter(
             directory / TRAJECTORY_NAME, world_surfaces(world), resume_at=state.frame + 1 if resumed else None
         ) as trajectory,
         RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed else None) as record,
     ):
+        _remove(directory / SUMMARY_NAME)  # of a resumed run only now: one that cannot go on keeps what it has
         if not resumed:
             trajectory.append(0.0, state.positions, world_stretches(world, state.positions))
+            if intersects(state):
+                certificate = replace(certificate, intersecting_frames=(0,))
             write_checkpoint(directory / CHECKPOINT_NAME, _checkpoint(session, state, certificate))
         warm = perf_counter() - started
         for report in steps(session.integrator, state, run.duration, run.frames_per_second):
@@ -305,6 +309,14 @@ def peak_memory() -> int:
         return 0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def _remove(file: Path) -> None:
+    """The summary of an earlier run, which the new one no longer is."""
+    try:
+        file.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{file} cannot be replaced: {error.strerror}.", "Choose another directory.") from error
 
 
 def _make_directory(directory: Path) -> None:
