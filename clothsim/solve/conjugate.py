@@ -14,10 +14,12 @@ from clothsim.arrays import Floats
 
 RELATIVE_ERROR = 1e-2
 MAX_ITERATIONS = 10
+TRUST = 3.0
+"""How many times longer than the first direction x may become: a nearly flat valley says little about its far end."""
 
 
 def truncated_solve(times: Callable[[Floats], Floats], precondition: Callable[[Floats], Floats], b: Floats) -> Floats:
-    """x with A x = b to RELATIVE_ERROR in the preconditioner's norm, or the iterate before negative curvature.
+    """x with A x = b to RELATIVE_ERROR in the preconditioner's norm, or the iterate before it curves downward or leaves trust.
 
     times: v -> A v; precondition: r -> M r, M positive definite. The first direction, M b, is returned where A curves
     downward along it.
@@ -26,12 +28,15 @@ def truncated_solve(times: Callable[[Floats], Floats], precondition: Callable[[F
     direction = preconditioned = precondition(residual)
     x = np.zeros_like(b)
     first = error = float(residual @ preconditioned)
+    radius = TRUST * float(np.linalg.norm(preconditioned))
     for _ in range(MAX_ITERATIONS):
         image = times(direction)
         curvature = float(direction @ image)
         if not curvature > 0.0:
             return x if x.any() else preconditioned
         step = error / curvature
+        if np.linalg.norm(x + step * direction) > radius:
+            return x if x.any() else preconditioned
         x = x + step * direction
         residual = residual - step * image
         preconditioned = precondition(residual)

@@ -69,8 +69,9 @@ class Pardiso(LinearSolver):
         return self._call(33, self._matrix, b)
 
     def close(self) -> None:
-        """Give back MKL's memory; the solver is of no use after."""
-        self._solver.free_memory(everything=True)
+        """Give back MKL's memory; the solver is of no use after. The end of the process does it too."""
+        if not sys.is_finalizing() and hasattr(self, "_solver"):
+            self._solver.free_memory(everything=True)
 
     def __del__(self) -> None:
         if hasattr(self, "_solver"):  # not where pypardiso is missing

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.solve.conjugate import MAX_ITERATIONS, RELATIVE_ERROR, truncated_solve
+from clothsim.solve.conjugate import MAX_ITERATIONS, RELATIVE_ERROR, TRUST, truncated_solve
 
 
 def matrix(eigenvalues, seed=0):
@@ -62,3 +62,11 @@ def test_iterations_are_bounded():
 
 def test_nothing_to_solve_is_nothing():
     assert not truncated_solve(lambda v: v, lambda r: r, np.zeros(4)).any()
+
+
+def test_a_nearly_flat_valley_is_not_followed_to_its_far_end():
+    b = np.array([1.0, 1.0])
+    A = np.diag([1.0, 1e-4])
+    x = truncated_solve(lambda v: A @ v, lambda r: r, b)
+    assert x @ b > 0
+    assert np.linalg.norm(x) <= TRUST * np.linalg.norm(b)
