@@ -117,10 +117,11 @@ def prepare(scene: Scene, built: Built) -> Session:
     solver = make_solver(settings.linear, pattern, settings.threads)
     newton = NewtonSettings(settings.tolerance, settings.max_iterations)
     ramp = 0.0 if "inertia" in built.energies else run.duration
-    integrator = Integrator(
-        built.world, potential, built.constraints, pattern, solver, newton, min(settings.dt, run.duration), ramp
-    )
-    notes = (*built.notes, *filter(None, [slowness(solver)]))
+    frame = 1 / run.frames_per_second
+    dt = min(settings.dt, run.duration, frame)
+    integrator = Integrator(built.world, potential, built.constraints, pattern, solver, newton, dt, ramp)
+    shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if frame < settings.dt else ""
+    notes = (*built.notes, *filter(None, [shorter, slowness(solver)]))
     return Session(scene, built, integrator, notes)
 
 
@@ -157,6 +158,8 @@ def _run(
             state = report.state
             if not report.converged:
                 reason = f"At {state.time:.4g} s: {report.result.outcome.sentence} dt fell to {report.dt:.2g} s."
+                if "inertia" not in session.built.energies:
+                    reason += " Without effects.inertia every cloth must be held, by pins or by a body under it."
                 break
             with ledger.phase("certificate"):
                 certificate = certificate.after(world, report)

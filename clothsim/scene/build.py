@@ -46,7 +46,18 @@ def build(scene: Scene) -> Built:
             world, constraints[name] = made
     if not energies:
         raise InputError("The scene has no effect that is on.", f"Name some: {', '.join(EFFECTS)}.")
-    return Built(world, energies, constraints, off, tuple(notes))
+    return Built(world, energies, constraints, off, (*notes, *_without_effect(world, energies)))
+
+
+def _without_effect(world: World, energies: dict[str, Energy]) -> list[str]:
+    """What the scene says that no effect of it listens to."""
+    unheard = []
+    moving = [cloth.name for cloth in world.cloths if cloth.velocity.any()]
+    if moving and "inertia" not in energies:
+        unheard.append(f"{moving[0]}: velocity does nothing without effects.inertia.")
+    if len(world.ghosts) and "bending" not in energies:
+        unheard.append("pins: clamp does nothing without effects.bending.")
+    return unheard
 
 
 def _world(scene: Scene) -> tuple[World, list[str]]:

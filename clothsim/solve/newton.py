@@ -18,6 +18,10 @@ from clothsim.solve.pattern import Pattern
 from clothsim.solve.potential import Potential
 
 SMALLEST_FRACTION = 1e-12
+BLOCKED_FRACTION = 1e-8
+"""What is carried less far than this share of its way is blocked; closer still, additive CCD may miss a collision."""
+SMALLEST_WAY = 1e-6
+"""Share of a scripted way that may be left when contact still clips it: a target at contact is never quite reached."""
 MAX_SHIFTS = 12
 
 
@@ -66,6 +70,7 @@ class Newton:
 
     def _carry(self, x: Floats, target: Prescribed, fixed: np.ndarray) -> tuple[Floats, Outcome, int]:
         """Move the prescribed vertices to their places; returns x, whether they arrived, iterations taken."""
+        whole = float(np.abs(target.positions - x[target.vertices]).max(initial=0.0))
         for iteration in range(self.settings.max_carries):
             way = np.zeros_like(x)
             way[target.vertices] = target.positions - x[target.vertices]
@@ -75,11 +80,13 @@ class Newton:
             if end is not None:
                 return x, end, iteration
             fraction = self._finite_fraction(x, dx, self._limit(x, dx))
-            if fraction < SMALLEST_FRACTION:
+            if fraction < BLOCKED_FRACTION:
                 return x, _blocked(x, target), iteration
             x = x + fraction * dx
             if fraction == 1.0:
                 x[target.vertices] = target.positions
+            elif np.abs(target.positions - x[target.vertices]).max() < SMALLEST_WAY * whole:
+                return x, _blocked(x, target), iteration
         return x, _blocked(x, target), self.settings.max_carries
 
     def _descend(self, x: Floats, fixed: np.ndarray, iterations: int) -> NewtonResult:
