@@ -87,12 +87,7 @@ class Barrier(Energy):
 
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance between a cloth and a body [m] where it is below d_hat, else inf."""
-        collisions = self.candidates.collisions(x)
-        if not len(collisions):
-            return np.inf
-        surface = self.candidates.surface
-        # ipctk returns the squared distance
-        return float(np.sqrt(collisions.compute_minimum_distance(surface.mesh, surface.rows(x))))
+        return self.candidates.minimum_gap(x)
 
     def choices(self) -> tuple[str, ...]:
         """d_hat, and how the stiffness is set."""

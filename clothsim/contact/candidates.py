@@ -12,6 +12,10 @@ SLACK = 0.9
 """Share of a distance that one step may use up (the conservative rescaling of additive CCD, Li et al. 2021)."""
 
 
+SEPARATION = 1e-6
+"""Share of d_hat below which no step brings a pair. At the size of round-off additive CCD takes millions of steps."""
+
+
 class Candidates:
     """A cache over one surface; what it returns does not depend on what it holds. It also keeps count of its work.
 
@@ -50,8 +54,20 @@ class Candidates:
         self.seconds["candidates"] += perf_counter() - start
         return collisions
 
+    def minimum_gap(self, x: Floats) -> float:
+        """The smallest distance of a pair [m] where it is below d_hat, else inf."""
+        collisions = self.collisions(x)
+        if not len(collisions):
+            return np.inf
+        # ipctk returns the squared distance
+        return float(np.sqrt(collisions.compute_minimum_distance(self.surface.mesh, self.surface.rows(x))))
+
     def step_limit(self, x: Floats, dx: Floats) -> float:
-        """The fraction of dx that is free of collision, by additive CCD over straight paths, in [0, 1]."""
+        """The fraction of dx that is free of collision, by additive CCD over straight paths, in [0, 1].
+
+        It keeps SEPARATION d_hat, or half the present gap where that is already less.
+        """
+        separation = min(SEPARATION * self.d_hat, 0.5 * self.minimum_gap(x))
         start = perf_counter()
         self._cover(x, x + dx)
         searched = perf_counter()
@@ -59,7 +75,7 @@ class Candidates:
             self.surface.mesh,
             self.surface.rows(x),
             self.surface.rows(x + dx),
-            0.0,
+            separation,
             ipctk.AdditiveCCD(conservative_rescaling=SLACK),
         )
         self.ccd_calls += 1

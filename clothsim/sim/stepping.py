@@ -62,7 +62,8 @@ def advance(integrator: Integrator, state: State, until: float) -> StepReport:
     """One step from `state`, no further than `until` [s].
 
     Steps share the way to `until` evenly, so that none is left over as a splinter. A failed solve is tried again from
-    the same state with half the dt, at most MAX_HALVINGS times; the last report is then of a step not taken.
+    the same state with half the dt, down to the longest dt halved MAX_HALVINGS times: below that the run would creep
+    towards what stops it without end. The last report is then of a step not taken.
     """
     with integrator.potential.ledger.phase("step control"):
         return _advance(integrator, state, until)
@@ -72,6 +73,7 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
     left = until - state.time
     failures: list[str] = []
     dt = state.dt
+    smallest = 0.999 * integrator.dt / 2**MAX_HALVINGS
     for _ in range(MAX_HALVINGS + 1):
         pieces = max(1, int(np.ceil(left / dt - 1e-9)))
         h = left / pieces
@@ -82,6 +84,8 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
             return _report(integrator, after, h, result, bound, failures)
         failures.append(f"dt {h:.3g} s: {result.outcome.sentence}")
         dt = 0.5 * h
+        if dt < smallest:
+            break
     return _report(integrator, state, h, result, bound, failures)
 
 
