@@ -32,6 +32,9 @@ from clothsim.solve.newton import NewtonSettings
 from clothsim.solve.pattern import make_pattern
 from clothsim.solve.potential import Potential
 
+LARGEST_TURN = 45.0
+"""How far a body may turn in a step [degrees]: the straight way of a vertex then is 8 % of the radius off its arc."""
+
 
 @dataclass(frozen=True)
 class Progress:
@@ -119,6 +122,8 @@ def prepare(scene: Scene, built: Built) -> Session:
     ramp = 0.0 if "inertia" in built.energies else run.duration
     frame = 1 / run.frames_per_second
     dt = min(settings.dt, run.duration, frame)
+    if "body_contact" in built.energies:
+        _refuse_leaps(built.world, dt)
     integrator = Integrator(built.world, potential, built.constraints, pattern, solver, newton, dt, ramp)
     shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if frame < settings.dt else ""
     notes = (*built.notes, *filter(None, [shorter, slowness(solver)]))
@@ -296,6 +301,17 @@ def _restore(ledger: Ledger, counters: dict[str, Any]) -> None:
         ledger.effects[name] = Account(**account)
     ledger.phases.update(counters["phases"])
     ledger.linear_solves = counters["linear_solves"]
+
+
+def _refuse_leaps(world: World, dt: float) -> None:
+    """InputError for a body that turns so far in a step that its vertices' straight ways are no arcs any more."""
+    for body in world.bodies:
+        turn = float(np.degrees(np.linalg.norm(body.motion.angular_velocity)) * dt)
+        if turn > LARGEST_TURN:
+            raise InputError(
+                f"{body.name} turns {turn:.4g} degrees in a step, and contact follows it on straight ways.",
+                f"Take solver.dt below {dt * LARGEST_TURN / turn:.2g} s.",
+            )
 
 
 def _set_threads(threads: int) -> None:

@@ -1,6 +1,8 @@
 """Keys that no effect of the scene listens to are told, not passed over."""
 
-from clothsim import Scene
+import pytest
+
+from clothsim import InputError, Scene
 from clothsim.drape import prepare
 from clothsim.scene.build import build
 
@@ -28,3 +30,15 @@ def test_a_clamp_without_bending():
 def test_steps_longer_than_a_frame():
     assert "Steps are 0.04 s, not 0.1 s" in notes(solver={"dt": 0.1})
     assert "Steps are" not in notes(solver={"dt": 0.04})
+
+
+def test_a_body_that_leaps_through_the_cloth_is_refused():
+    """Half a turn in a step: on straight ways a blade would pass through its own axis, and never meet the cloth."""
+    cloth = {**CLOTH, "size": [0.1, 0.1], "position": [0, 0, 0.3]}
+    blade = {"name": "blade", "mesh": "slab", "size": [0.02, 0.3, 0.1], "position": [0, 0.3, 0]}
+    blade["motion"] = {"rotate_degrees_per_second": [9000, 0, 0], "centre": [0, 0, 0]}
+    solver = {"dt": 0.02, "linear": "superlu"}
+    scene = Scene(cloth=cloth, body=blade, effects={"inertia": {}, "body_contact": {}}, solver=solver)
+    with pytest.raises(InputError, match="blade turns 180 degrees in a step") as refusal:
+        prepare(scene, build(scene))
+    assert "below 0.005 s" in refusal.value.remedy
