@@ -1,0 +1,180 @@
+"""Only the effects that a scene calls for: absent is the same as a coefficient of zero, and nothing absent is run.
+
+Bit for bit in positions, with one thread (VALIDATION D.2, D.4, D.5).
+"""
+
+import functools
+import importlib
+import inspect
+import pkgutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from small_scenes import BALL, EFFECTS, SHEET, SOLVER, small_scene, without
+
+import clothsim.contact
+from clothsim import simulate
+from clothsim.scene.effects import EFFECTS as TABLE
+
+SHORT = {"duration": 0.08, "frames_per_second": 25}
+PINS = {"pins": {"select": "corners"}}
+
+
+def frames(run):
+    assert run.status == "completed", run.reason
+    return np.array([run.positions(k) for k in range(len(run.times))])
+
+
+def run_of(folder, **sections):
+    return simulate(small_scene(**{"run": SHORT} | sections), folder)
+
+
+# --- a coefficient of zero ------------------------------------------------------------------------------------------
+
+
+ZERO = {
+    "gravity": ({"effects": EFFECTS | {"gravity": {"acceleration": [0, 0, 0]}}}, {"effects": without("gravity")}),
+    "damping": ({"effects": EFFECTS | {"damping": {"rate": 0}}}, {"effects": without("damping")}),
+    "bending": ({"cloth": SHEET | {"bending_stiffness": 0}}, {"effects": without("bending")}),
+    "membrane": ({"cloth": SHEET | {"youngs_modulus": 0}}, {"effects": without("membrane")}),
+    "pins": ({"effects": EFFECTS | {"pins": {"select": []}}}, {}),
+    "body_contact": ({"body": ()}, {"body": (), "effects": without("body_contact")}),
+}
+
+
+@pytest.mark.parametrize("name", ZERO)
+def test_a_coefficient_of_zero_is_absent_bit_for_bit(tmp_path, name):
+    zero, absent = (run_of(tmp_path / str(k), **sections) for k, sections in enumerate(ZERO[name]))
+    assert np.array_equal(frames(zero), frames(absent))
+    assert list(zero.summary["off"]) == [name]
+    assert zero.summary["off"][name]
+    assert name not in zero.summary["effects"]
+    assert absent.summary["off"] == {}
+    assert zero.summary["newton_iterations"] == absent.summary["newton_iterations"]
+
+
+def test_every_effect_has_its_zero():
+    assert set(ZERO) == set(TABLE) - {"inertia"}
+
+
+def test_an_effect_that_acts_changes_the_bits(tmp_path):
+    """The comparison above can fail."""
+    with_all = frames(run_of(tmp_path / "all"))
+    for name in EFFECTS:
+        if name not in {"body_contact", "inertia"}:
+            assert not np.array_equal(frames(run_of(tmp_path / name, effects=without(name))), with_all), name
+
+
+def test_a_body_out_of_reach_is_absent_bit_for_bit(tmp_path):
+    far = run_of(tmp_path / "far", body=BALL | {"position": [0.0, 0.0, -50.0]})
+    none = run_of(tmp_path / "none", body=(), effects=without("body_contact"))
+    assert np.array_equal(frames(far), frames(none))
+    assert far.summary["effects"]["body_contact"]["pairs"] == 0
+    assert far.summary["effects"]["body_contact"]["hessian_nonzeros"] == 0
+
+
+# --- nothing absent is imported or run ------------------------------------------------------------------------------
+
+
+HEAVY = ("ipctk", "pyvista", "vtkmodules", "trimesh", "meshio", "transfer", "torch")
+
+
+def modules_after(code):
+    script = f"{code}\nimport sys\nprint([n for n in {HEAVY!r} if n in sys.modules], 'clothsim.contact' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+def test_a_membrane_scene_imports_nothing_heavy(tmp_path):
+    code = f"""
+import clothsim
+scene = clothsim.Scene(
+    cloth={SHEET!r}, effects={{"inertia": {{}}, "membrane": {{}}}}, solver={SOLVER!r}, run={{"duration": 0.02}}
+)
+assert clothsim.simulate(scene, {str(tmp_path)!r}).status == "completed"
+"""
+    assert modules_after(code) == "[] False"
+
+
+def test_contact_is_what_imports_ipctk(tmp_path):
+    code = f"""
+import clothsim
+scene = clothsim.Scene(
+    cloth={SHEET!r}, body={BALL!r}, effects={{"inertia": {{}}, "body_contact": {{}}}}, solver={SOLVER!r},
+    run={{"duration": 0.02}},
+)
+assert clothsim.simulate(scene, {str(tmp_path)!r}).status == "completed"
+"""
+    assert modules_after(code) == "['ipctk'] True"
+
+
+KERNELS = {
+    "membrane": ["clothsim.energies.membrane_kernels", "clothsim.energies.neo_hookean"],
+    "bending": ["clothsim.energies.hinge_bending", "clothsim.energies.quadratic_bending"],
+    "body_contact": [f"clothsim.contact.{module.name}" for module in pkgutil.iter_modules(clothsim.contact.__path__)],
+}
+"""Modules that serve one effect alone, beside its builder's."""
+
+
+def raising(name):
+    def call(*_, **__):
+        raise AssertionError(f"{name} is absent, and was called")
+
+    return call
+
+
+def poison(monkeypatch, name):
+    """Every function and method in the modules of an effect raises; returns how many do."""
+
+    count = 0
+    for module_name in {TABLE[name].builder.split(":")[0], *KERNELS.get(name, [])}:
+        module = importlib.import_module(module_name)
+        for key, thing in list(vars(module).items()):
+            if getattr(thing, "__module__", None) != module_name:
+                continue
+            if inspect.isclass(thing):
+                for method in ("value", "gradient", "hessian", "begin", "step_limit", "at"):
+                    if method in vars(thing):
+                        monkeypatch.setattr(thing, method, raising(name))
+                        count += 1
+            elif callable(thing):
+                # a builder keeps its signature: the scene is checked against it
+                monkeypatch.setattr(module, key, functools.wraps(thing)(raising(name)))
+                count += 1
+    return count
+
+
+def scene_without(name):
+    """All effects but one; where that is contact, no body either: the frames would be judged."""
+    effects = {key: keys for key, keys in (EFFECTS | PINS).items() if key != name}
+    return {"effects": effects} | ({"body": ()} if name == "body_contact" else {})
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_no_kernel_of_an_absent_effect_is_called(tmp_path, monkeypatch, name):
+    assert poison(monkeypatch, name) >= 2
+    run = run_of(tmp_path, **scene_without(name))
+    assert run.status == "completed", run.reason
+    assert name not in run.summary["effects"]
+
+
+@pytest.mark.parametrize("name", TABLE)
+def test_the_poison_works(tmp_path, monkeypatch, name):
+    poison(monkeypatch, name)
+    with pytest.raises(AssertionError, match=f"{name} is absent"):
+        run_of(tmp_path, effects=EFFECTS | PINS)
+
+
+# --- what is not zero in the matrix ---------------------------------------------------------------------------------
+
+
+def test_hessians_hold_what_their_effect_needs_and_no_more(tmp_path):
+    accounts = run_of(tmp_path, body=BALL | {"position": [0.0, 0.0, -50.0]}).summary["effects"]
+    triangles, vertices, hinges = 32, 25, 32 + 8
+    assert accounts["membrane"]["hessian_nonzeros"] == 81 * triangles
+    assert accounts["bending"]["hessian_nonzeros"] == 144 * hinges
+    assert accounts["inertia"]["hessian_nonzeros"] == accounts["damping"]["hessian_nonzeros"] == 9 * vertices
+    assert accounts["gravity"]["hessian_nonzeros"] == 0
