@@ -160,14 +160,14 @@ def _run(
             write_checkpoint(directory / CHECKPOINT_NAME, _checkpoint(session, state, certificate))
         warm = perf_counter() - started
         for report in steps(session.integrator, state, run.duration, run.frames_per_second):
-            state = report.state
+            before, state = state, report.state
             if not report.converged:
                 reason = f"At {state.time:.4g} s: {report.result.outcome.sentence} dt fell to {report.dt:.2g} s."
                 if "inertia" not in session.built.energies:
                     reason += " Without effects.inertia every cloth must be held, by pins or by a body under it."
                 break
             with ledger.phase("certificate"):
-                certificate = certificate.after(world, report)
+                certificate = certificate.after(world, report, before)
             with ledger.phase("output"):
                 record.append(_entry(report, certificate))
             if progress is not None:

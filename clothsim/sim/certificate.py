@@ -9,6 +9,7 @@ from clothsim.arrays import Floats
 from clothsim.kinematics.stretch import principal_stretches
 from clothsim.kinematics.triangle import deformation_gradients
 from clothsim.mesh.world import World
+from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
 
 
@@ -32,12 +33,15 @@ class Certificate:
     energy_scale: float = 0.0
     moved_by_script: bool = False
 
-    def after(self, world: World, report: StepReport) -> Self:
-        """The certificate after one more step."""
+    def after(self, world: World, report: StepReport, before: State) -> Self:
+        """The certificate after one more step, which started at `before`.
+
+        Both energies are of the potential of this step: a barrier made stiffer between two steps is no rise.
+        """
         x = report.state.positions
         stretches = world_stretches(world, x)
-        energy, scale = _energy(world, report)
-        rise = 0.0 if np.isnan(self.energy) else max(energy - self.energy, 0.0)
+        energy, scale = _energy(world, report, report.state)
+        rise = max(energy - _energy(world, report, before)[0], 0.0)
         return replace(
             self,
             gap=min(self.gap, report.minimum_gap),
@@ -80,12 +84,12 @@ def world_stretches(world: World, x: Floats) -> Floats:
     return np.asarray(principal_stretches(F), np.float64)
 
 
-def _energy(world: World, report: StepReport) -> tuple[float, float]:
-    """Kinetic energy plus the energies of the state, and the largest of them as a scale [J]."""
-    velocities = report.state.velocities[: world.n_cloth]
+def _energy(world: World, report: StepReport, state: State) -> tuple[float, float]:
+    """Kinetic energy plus the energies of a state in the potential of a step, and the largest as a scale [J]."""
+    velocities = state.velocities[: world.n_cloth]
     energies = report.potential.energies
     dynamic = any(energy.incremental for energy in energies.values())
     kinetic = 0.5 * float(world.masses @ (velocities**2).sum(axis=1)) if dynamic else 0.0
     parts = [kinetic]
-    parts.extend(energy.value(report.state.positions) for energy in energies.values() if not energy.incremental)
+    parts.extend(energy.value(state.positions) for energy in energies.values() if not energy.incremental)
     return sum(parts), max(abs(part) for part in parts)

@@ -128,6 +128,9 @@ class Newton:
         """
         n = self.pattern.n_vertices
         gradient = self.potential.gradient(x)
+        if not np.isfinite(gradient).all():
+            vertex = int(np.argmax(~np.isfinite(gradient).all(axis=1)))
+            return way, outcome(Ending.NOT_FINITE, vertex=vertex, place=_place(x, vertex)), gradient
         hessians = self.potential.hessians(x)
         right = -gradient
         if way.any():

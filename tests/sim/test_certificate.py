@@ -14,6 +14,7 @@ from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.mesh.world import make_world
 from clothsim.sim.certificate import Certificate, certificate_from, world_stretches
+from clothsim.sim.state import first_state
 
 
 def flight(*more):
@@ -24,9 +25,10 @@ def flight(*more):
     energies = {"inertia": inertia(world), "membrane": membrane(world), "bending": bending(world)}
     energies |= {name: build(world) for name, build in more}
     reports = run_of(integrator_of(world, energies, 0.05, tolerance=1e-8), 0.5)
-    certificates = [Certificate()]
+    certificates, state = [Certificate()], first_state(world, 0.05)
     for report in reports:
-        certificates.append(certificates[-1].after(world, report))
+        certificates.append(certificates[-1].after(world, report, state))
+        state = report.state
     return world, reports, certificates[1:]
 
 
@@ -55,6 +57,27 @@ def test_a_fall_keeps_energy_but_for_the_integrator_s_loss():
     energies = [certificate.energy for certificate in certificates]
     assert (np.diff(energies) < 0).all()
     assert certificates[-1].energy_scale > abs(certificates[-1].energy)
+
+
+def test_a_rise_is_told():
+    """The last step, had it begun at rest: it would have gained all its kinetic energy and what it stores more."""
+    world, reports, _ = flight()
+    report = reports[-1]
+    before = replace(report.state, velocities=np.zeros_like(report.state.velocities))
+    gained = 0.5 * world.masses @ (report.state.velocities**2).sum(axis=1)
+    assert Certificate().after(world, report, before).energy_rise == pytest.approx(gained, rel=1e-9)
+
+
+def test_a_potential_made_stiffer_between_two_steps_is_no_rise():
+    """As a barrier is: its stiffness is set anew at each step."""
+    world, reports, certificates = flight()
+    report = reports[-1]
+    energies = report.potential.energies
+    stiff = replace(energies["membrane"], mu=9 * energies["membrane"].mu, lam=9 * energies["membrane"].lam)
+    stiffer = replace(report, potential=replace(report.potential, energies={**energies, "membrane": stiff}))
+    after = certificates[-1].after(world, stiffer, report.state)
+    assert after.energy > certificates[-1].energy
+    assert after.energy_rise == 0
 
 
 def test_gap_and_residual():
