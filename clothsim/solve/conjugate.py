@@ -19,7 +19,7 @@ TRUST = 3.0
 
 
 def truncated_solve(times: Callable[[Floats], Floats], precondition: Callable[[Floats], Floats], b: Floats) -> Floats:
-    """x with A x = b to RELATIVE_ERROR in the preconditioner's norm; else the iterate before it curves downward or too far.
+    """x with A x = b to RELATIVE_ERROR in the preconditioner's norm, or the iterate before it curves down or strays.
 
     times: v -> A v; precondition: r -> M r, M positive definite. The first direction, M b, is returned where A curves
     downward along it.
