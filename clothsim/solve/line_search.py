@@ -7,7 +7,7 @@ from clothsim.solve.potential import Potential
 
 SUFFICIENT_DECREASE = 1e-4
 MAX_HALVINGS = 50
-ROUND_OFF = 32 * np.finfo(float).eps
+ROUND_OFF = 32 * float(np.finfo(float).eps)
 RESOLVED = 1e6
 """Multiple of the round-off from which a promised decrease must show: else a wrong direction passes by tiny steps."""
 

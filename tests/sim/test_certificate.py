@@ -15,7 +15,6 @@ from clothsim.energies.membrane import membrane
 from clothsim.mesh.world import make_world
 from clothsim.sim.certificate import Certificate, certificate_from, world_stretches
 from clothsim.sim.state import first_state
-from clothsim.sim.state import first_state
 
 
 def flight(*more):
