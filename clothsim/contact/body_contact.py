@@ -11,6 +11,9 @@ from clothsim.energies.base import Energy, Off
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
+SMALLEST_START = 1e-5
+"""Share of d_hat below which a gap at the start is refused: collision detection would lose itself in round-off."""
+
 
 def body_contact(world: World, *, d_hat: float | str = "auto", stiffness: float | str = "auto") -> Energy | Off:
     """Log-barrier contact between every cloth and every body.
@@ -31,4 +34,10 @@ def body_contact(world: World, *, d_hat: float | str = "auto", stiffness: float 
             "The cloth intersects a body at the start.", "Move the cloth out of the body (position, rotation_degrees)."
         )
     candidates = Candidates(surface, distance, reach=distance)
+    gap = candidates.minimum_gap(world.start())
+    if gap < SMALLEST_START * distance:
+        raise InputError(
+            f"The cloth starts {gap:.2g} m from a body, which is contact to the last digits (d_hat is {distance:g} m).",
+            "Start it further away, or choose a smaller d_hat.",
+        )
     return Barrier(candidates, distance, world.vertex_areas, world.masses, kappa, adaptive)

@@ -22,6 +22,9 @@ BLOCKED_FRACTION = 1e-8
 """What is carried less far than this share of its way is blocked; closer still, additive CCD may miss a collision."""
 SMALLEST_WAY = 1e-6
 """Share of a scripted way that may be left when contact still clips it: a target at contact is never quite reached."""
+SHARE_OF_GAP = 0.1
+"""A step that is longer than this share of the smallest gap is no convergence: close to contact Newton's step on the
+logarithm is about as long as the gap itself, however large the force."""
 MAX_SHIFTS = 12
 
 
@@ -108,7 +111,8 @@ class Newton:
             with self.potential.ledger.phase("line search"):
                 slope = float(np.vdot(gradient, dx))
                 fraction = armijo(self.potential, x, dx, slope, limit)
-                close = speed < settings.tolerance and limit == 1.0
+                near = speed * self.dt > SHARE_OF_GAP * self.potential.minimum_gap(x)
+                close = speed < settings.tolerance and limit == 1.0 and not near
                 done = close and (fraction == 1.0 or self._below_noise(x + dx, dx, slope, speed))
             if done or fraction > 0.0:
                 x = x + fraction * dx

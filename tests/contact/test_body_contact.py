@@ -7,6 +7,7 @@ import pytest
 from meshes import cloth, grid, small_world
 from solving import step_at
 
+import clothsim
 from clothsim.contact.body_contact import body_contact
 from clothsim.contact.stiffness import barrier_stiffness, default_d_hat
 from clothsim.energies.base import Off
@@ -121,3 +122,29 @@ def test_the_stiffness_is_the_largest_of_three_pressures():
     assert barrier_stiffness(**settings | {"speed": 50.0}) == pytest.approx(0.2 * 50 / 0.1)
     assert barrier_stiffness(**settings | {"d_hat": 0.5, "dt": 0.01}) == pytest.approx(0.2 * 0.5 / 1e-4)
     assert barrier_stiffness(**settings | {"pressure": 0.0, "speed": 0.0}) > 0
+
+
+@pytest.mark.parametrize("gap", [1e-3, 1e-4, 1e-6])
+def test_a_start_close_to_contact_converges_to_balance_and_not_to_a_short_step(gap, tmp_path):
+    """Near contact Newton's step is as short as the gap: only the residual tells balance from that."""
+    scene = clothsim.Scene(
+        cloth={"mesh": "rectangle", "size": [0.2, 0.2], "cells": [3, 3], "position": [0, 0, 0.05 + gap]},
+        body={"mesh": "slab", "size": [1, 1, 0.1]},
+        effects={"inertia": {}, "membrane": {}, "gravity": {}, "body_contact": {"d_hat": 5e-3}},
+        solver={"dt": 0.02, "linear": "superlu"},
+        run={"duration": 0.02, "frames_per_second": 50},
+    )
+    run = clothsim.simulate(scene, tmp_path)
+    weight = 0.15 * 0.2**2 * 9.81
+    assert run.status == "completed", run.reason
+    assert run.summary["certificate"]["residual"] < 0.1 * weight
+
+
+def test_a_start_at_contact_to_the_last_digits_is_refused(tmp_path):
+    scene = clothsim.Scene(
+        cloth={"mesh": "rectangle", "size": [0.2, 0.2], "cells": [3, 3], "position": [0, 0, 0.05 + 1e-9]},
+        body={"mesh": "slab", "size": [1, 1, 0.1]},
+        effects={"inertia": {}, "membrane": {}, "gravity": {}, "body_contact": {"d_hat": 5e-3}},
+    )
+    with pytest.raises(InputError, match="from a body"):
+        clothsim.simulate(scene, tmp_path)
