@@ -126,7 +126,8 @@ def prepare(scene: Scene, built: Built) -> Session:
         _refuse_leaps(built.world, dt)
     integrator = Integrator(built.world, potential, built.constraints, pattern, solver, newton, dt, ramp)
     shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if frame < settings.dt else ""
-    notes = (*built.notes, *filter(None, [shorter, slowness(solver)]))
+    slow = slowness(solver) if settings.linear == "auto" else ""
+    notes = (*built.notes, *filter(None, [shorter, slow]))
     return Session(scene, built, integrator, notes)
 
 
