@@ -1,0 +1,78 @@
+"""The words of the command line: help, version, progress lines, and what --debug shows."""
+
+import subprocess
+import sys
+
+import pytest
+
+from clothsim.cli import main
+from clothsim.cli.progress import Lines, clock
+from clothsim.drape import Progress
+
+
+def test_debug_shows_the_traceback():
+    from clothsim.errors import InputError
+
+    with pytest.raises(InputError):
+        main(["run", "missing.toml", "--debug"])
+
+
+@pytest.mark.parametrize("command", ["run", "resume", "render", "check", "explain"])
+def test_help_is_short_and_has_an_example(capsys, command):
+    with pytest.raises(SystemExit) as end:
+        main([command, "--help"])
+    assert end.value.code == 0
+    out = capsys.readouterr().out
+    assert f"\n  clothsim {command} " in out
+    assert len(out.splitlines()) < 32
+
+
+def test_version_and_no_command(capsys):
+    from clothsim import __version__
+
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"clothsim {__version__}\n"
+    assert main([]) == 2
+    assert "usage: clothsim" in capsys.readouterr().out
+
+
+def test_python_m_clothsim_loads_nothing_heavy_to_show_its_version():
+    code = (
+        "import sys, runpy; sys.argv = ['clothsim', '--version']\n"
+        "try: runpy.run_module('clothsim', run_name='__main__')\n"
+        "except SystemExit as end: assert end.code == 0\n"
+        "print([name for name in ('numpy', 'numba', 'h5py', 'ipctk') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[1] == "[]"
+
+
+def test_lines_come_at_the_first_step_the_last_and_seldom_between(capsys):
+    lines = Lines()
+    for step in range(1, 101):
+        lines(Progress(0.01 * step, 1.0, step, 4, 2e-3, 0.5, "moving", 0.1))
+    err = capsys.readouterr().err.splitlines()
+    assert err[0].startswith("0.010 of 1 s (0.1 s): 4 Newton, gap 2 mm, moving")
+    assert err[-1].startswith("1.000 of 1 s")
+    assert len(err) < 10
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(3.21, "3.2 s"), (245, "4:05 min"), (7390, "2:03:10 h")])
+def test_clock(seconds, text):
+    assert clock(seconds) == text
+
+
+def test_a_fault_of_the_program_is_two_lines_too(capsys, monkeypatch, tmp_path):
+    scene = tmp_path / "sheet.toml"
+    scene.write_text('[cloth]\nmesh = "rectangle"\n[effects.gravity]\n')
+    monkeypatch.chdir(tmp_path)
+
+    def fails(*arguments, **keywords):
+        raise ZeroDivisionError("a fault")
+
+    monkeypatch.setattr("clothsim.drape.simulate", fails)
+    assert main(["run", "sheet.toml"]) == 1
+    assert capsys.readouterr().err.splitlines()[-2:] == [
+        "ZeroDivisionError: a fault",
+        "This is a fault of clothsim; --debug shows where.",
+    ]
