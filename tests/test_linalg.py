@@ -7,7 +7,7 @@ from meshes import random_rotation
 
 from clothsim.errors import InputError
 from clothsim.linalg import eigen_2x2, fit_gradient, kabsch, project_psd
-from clothsim.mesh.body import rotation_matrix
+from clothsim.mesh.motion import rotation_matrix
 
 EPS = np.finfo(float).eps
 

@@ -102,6 +102,11 @@ class Prescribed:
 class Constraint(abc.ABC):
     """An effect without energy: it prescribes positions, exactly."""
 
+    @property
+    @abc.abstractmethod
+    def still(self) -> bool:
+        """True where the prescribed positions never change."""
+
     @abc.abstractmethod
     def at(self, time: float) -> Prescribed:
         """The prescribed vertices and their positions at `time` [s]."""

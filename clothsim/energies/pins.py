@@ -8,8 +8,8 @@ import numpy as np
 from clothsim.arrays import Floats, Ints, as_points
 from clothsim.energies.base import Constraint, Off, Prescribed
 from clothsim.errors import InputError
-from clothsim.mesh.body import RigidMotion, rigid_motion
 from clothsim.mesh.clamp import clamped
+from clothsim.mesh.motion import RigidMotion, rigid_motion
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World
 
@@ -31,6 +31,11 @@ class Pins(Constraint):
     """Prescribes the positions of its groups, and of the ghosts that hold the direction at a clamped edge."""
 
     groups: tuple[PinGroup, ...]
+
+    @property
+    def still(self) -> bool:
+        """True where no group ever moves."""
+        return all(group.motion.still for group in self.groups)
 
     def at(self, time: float) -> Prescribed:
         """The pinned vertices and where they are at `time` [s]."""

@@ -51,27 +51,48 @@ def read_mesh(
     keeps the order of its vertices and triangles and drops the vertices it does not use; the whole file keeps them all.
     InputError, one sentence with the path, and in an OBJ the line, for anything that cannot be read.
     """
-    factor = as_positive("scale", scale)
     file = Path(path)
-    polygons = _checked(file, _read(file))
-    places, faces, messages = cut_polygons(polygons)
+    polygons = read_polygons(file)
+    part = Part(scale, group, component, vertices)
+    return choose(file, polygons, cut_polygons(polygons), part)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Which part of a file, in which unit: the keywords of `read_mesh`."""
+
+    scale: float = 1.0
+    group: str | None = None
+    component: int | None = None
+    vertices: Sequence[int] | None = None
+
+
+def read_polygons(file: Path) -> Polygons:
+    """All of a file, uncut: faces of finite vertices that exist. InputError as `read_mesh`."""
+    return _checked(file, _read(file))
+
+
+def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...]], part: Part) -> MeshFile:
+    """The `part` of `polygons` that `cut_polygons` cut as in `cut`; `file` is named in errors."""
+    factor = as_positive("scale", part.scale)
+    places, faces, messages = cut
     messages = (*polygons.messages, *messages)
     triangles = polygons.corners[places]
     texture = polygons.texture[places] if len(polygons.texture) else np.zeros((0, 3, 2))
     whole = MeshFile(polygons.positions, triangles, texture, messages)
-    if sum(part is not None for part in (group, component, vertices)) > 1:
+    if sum(key is not None for key in (part.group, part.component, part.vertices)) > 1:
         raise InputError(f"{file}: give only one of group, component and vertices.")
-    if group is not None:
-        part = _of_group(file, whole, polygons, faces, group)
-    elif component is not None:
-        part = _of_component(file, whole, component)
-    elif vertices is not None:
-        part = _of_range(file, whole, vertices)
+    if part.group is not None:
+        mesh = _of_group(file, whole, polygons, faces, part.group)
+    elif part.component is not None:
+        mesh = _of_component(file, whole, part.component)
+    elif part.vertices is not None:
+        mesh = _of_range(file, whole, part.vertices)
     else:
-        part = _note_unused(whole)
+        mesh = _note_unused(whole)
     if factor == 1:
-        return part
-    return replace(part, positions=factor * part.positions, messages=(*part.messages, f"scaled by {factor:g}"))
+        return mesh
+    return replace(mesh, positions=factor * mesh.positions, messages=(*mesh.messages, f"scaled by {factor:g}"))
 
 
 def _read(file: Path) -> Polygons:

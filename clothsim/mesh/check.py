@@ -13,12 +13,14 @@ from clothsim.mesh.manifold import bow_tie_vertices, fin_edges, joined_half_edge
 from clothsim.mesh.topology import half_edges
 
 Severity = Literal["error", "warning"]
-Role = Literal["cloth", "body"]
+Role = Literal["cloth", "sewn cloth", "body"]
 Flags = NDArray[np.bool_]
 
 BAD_INDICES = ("index not whole", "negative index", "index out of range")
 BODY_ERRORS = ("shape", "empty", "not finite", *BAD_INDICES, "repeated corner", "no area")
 """The kinds that no mesh may have. Real bodies have the others, so for a body those are warnings."""
+OF_SEAMS = ("fin", "bow-tie")
+"""The kinds that sewing makes: where panels lie in three layers, and where seams end in one vertex."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,8 @@ def examine(name: str, positions: ArrayLike, triangles: ArrayLike, role: Role = 
     """All that is wrong with raw arrays `positions` (n, 3) [m] and `triangles` (m, 3); never raises for their content.
 
     For a cloth every finding is an error but a "seam" (border vertices at one place that no triangle joins: panels not
-    sewn); for a body only BODY_ERRORS are. A triangle with a bad index or a repeated corner is left out of the later
+    sewn); for a sewn cloth, whose borders were welded, those of OF_SEAMS are none either; for a body only BODY_ERRORS
+    are. A triangle with a bad index or a repeated corner is left out of the later
     tests, and so is a duplicate, so that one fault is not reported as three.
     """
     notes = _Notes(role)
@@ -96,6 +99,7 @@ class _Notes:
 
     def add(self, kind: str, sentence: str, remedy: str, indices: Ints | None = None) -> None:
         harmless = kind == "seam" or (self.role == "body" and kind not in BODY_ERRORS)
+        harmless |= self.role == "sewn cloth" and kind in OF_SEAMS
         where = np.zeros(0, np.int64) if indices is None else indices
         self.findings.append(Finding("warning" if harmless else "error", kind, sentence, remedy, where))
 
@@ -171,7 +175,8 @@ def _examine_surface(
         return
     joined = joined_half_edges(triangles)
     fins = fin_edges(triangles, joined)
-    notes.add_some("fin", "three or more triangles at one edge", "edge", fins, "Remove the extra triangles.")
+    layers = "a seam of three layers or more" if notes.role == "sewn cloth" else "three or more triangles at one edge"
+    notes.add_some("fin", layers, "edge", fins, "Remove the extra triangles.")
     ties = bow_tie_vertices(triangles, joined, len(points))
     says = "pieces that touch only in a vertex"
     notes.add_some("bow-tie", says, "vertex", ties[whole_around[ties]], "Give each piece its own vertex.")

@@ -20,7 +20,8 @@ def interior_edges(triangles: Ints) -> tuple[Ints, Ints]:
 
     Returns `vertices (h, 4)`: edge start, edge end, and the corners opposite the edge in the first and in the second
     triangle; and `pairs (h, 2)`: those two triangles. The first triangle runs along the edge start -> end.
-    Edges of one triangle are borders; edges of three or more (fins) make no hinge, the mesh doctor refuses them.
+    Edges of one triangle are borders. Edges of three or more (seams of three layers; the mesh doctor refuses others)
+    make no hinge: no three triangles at one edge are flat in pairs, so hinges with rest angle 0 would never be at rest.
     """
     directed = half_edges(triangles)
     opposite = triangles[:, [2, 0, 1]].reshape(-1)

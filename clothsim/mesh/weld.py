@@ -4,7 +4,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_points, as_positive, as_triangles
 from clothsim.errors import InputError
-from clothsim.mesh.degenerate import coincidence
+from clothsim.mesh.degenerate import coincidence, duplicates
 from clothsim.mesh.topology import border_vertices, vertex_rings
 
 MOST_PAIRS = 200
@@ -17,7 +17,8 @@ def weld(positions: Floats, triangles: Ints, distance: float) -> tuple[Floats, I
     Returns the positions (k, 3), each merged vertex at the mean of its parts, the triangles (m, 3) in the same order,
     so that arrays per triangle and corner stay valid, and the new number of every old vertex (n,). Inner vertices
     never move, and vertices that an edge joins are never merged, so no triangle collapses. Panels in three layers make
-    fins, which the doctor finds afterwards. InputError where `distance` takes in far more than a seam.
+    fins, which the doctor finds afterwards; two corners sewn on all sides make flaps, see `flaps`. InputError where
+    `distance` takes in far more than a seam.
     """
     points = as_points("positions", positions)
     faces = as_triangles("triangles", triangles, len(points))
@@ -27,11 +28,30 @@ def weld(positions: Floats, triangles: Ints, distance: float) -> tuple[Floats, I
     if reach > 0 and len(border):
         label = _sewn(border[_close_pairs(points[border], reach)], faces, len(points))
     number = _renumber(label)
+    return mean_of_parts(points, number), number[faces], number
+
+
+def mean_of_parts(points: Floats, number: Ints) -> Floats:
+    """The mean of the rows of `points (n, 3)` that have the same `number (n,)`, (k, 3); a row alone stays as it is."""
     count = np.bincount(number)
     merged = np.stack([np.bincount(number, weights=column) / count for column in points.T], axis=1)
     alone = count[number] == 1
     merged[number[alone]] = points[alone]
-    return merged, number[faces], number
+    return merged
+
+
+def flaps(triangles: Ints) -> Ints:
+    """The triangles that lie face to face on another one, with the same three vertices and the opposite winding, (k,).
+
+    Where a seam goes round the corner of a panel, the corner triangles of both panels are sewn on all three sides: a
+    pocket without volume. Its hinges would be folded by 180 degrees and never flatten; left out, the panels join
+    along the third side.
+    """
+    same, flipped = duplicates(triangles)
+    corners = np.sort(triangles, axis=1)
+    _, group = np.unique(corners, axis=0, return_inverse=True)
+    group = group.ravel()
+    return np.flatnonzero(np.isin(group, group[flipped]) & ~np.isin(group, group[same]))
 
 
 def merge_coincident(positions: Floats) -> tuple[Floats, Ints]:

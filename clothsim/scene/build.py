@@ -1,16 +1,16 @@
 """From a scene to its world and the energies that it names; nothing that it does not name is built, nor imported."""
 
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from clothsim.energies.base import Constraint, Energy, Off
 from clothsim.errors import InputError
-from clothsim.mesh.cloth import Cloth
+from clothsim.mesh.motion import FrameMotion
 from clothsim.mesh.world import World, make_world
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.meshes import body_of, cloth_of
+from clothsim.scene.meshes import body_of, cloth_of, cloth_shape
 from clothsim.scene.scene import Scene
+from clothsim.scene.seed import seeded
+from clothsim.scene.untangle import untangled
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,9 @@ def build(scene: Scene) -> Built:
             world, constraints[name] = made
     if not energies:
         raise InputError("The scene has no effect that is on.", f"Name some: {', '.join(EFFECTS)}.")
-    return Built(world, energies, constraints, off, (*notes, *_without_effect(world, energies)))
+    dt = min(scene.solver_settings().dt, 1 / scene.run_settings().frames_per_second)
+    said = (*notes, *_without_effect(world, energies), *_cut_corners(world, dt))
+    return Built(world, energies, constraints, off, said)
 
 
 def _without_effect(world: World, energies: dict[str, Energy]) -> list[str]:
@@ -63,27 +65,30 @@ def _without_effect(world: World, energies: dict[str, Energy]) -> list[str]:
 def _world(scene: Scene) -> tuple[World, list[str]]:
     notes: list[str] = []
     cloths, bodies = [], []
-    for k, keys in enumerate(scene.cloths):
-        cloth, said = cloth_of(keys, "cloth" if len(scene.cloths) == 1 else f"cloth[{k}]", scene.directory)
+    names = [f"cloth[{k}]" if len(scene.cloths) > 1 else "cloth" for k in range(len(scene.cloths))]
+    shapes = [cloth_shape(keys, where, scene.directory) for keys, where in zip(scene.cloths, names, strict=True)]
+    starts = seeded(scene.seed_settings(), scene.directory, [len(shape.positions) for shape in shapes])
+    for shape, keys, where, start in zip(shapes, scene.cloths, names, starts, strict=True):
+        cloth, said = cloth_of(shape, keys, where, start)
         cloths.append(cloth)
         notes.extend(said)
     for k, keys in enumerate(scene.bodies):
         body, said = body_of(keys, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
         bodies.append(body)
         notes.extend(said)
-    return make_world(_seeded(scene, cloths), bodies), notes
+    world = make_world(cloths, bodies)
+    if scene.seed_settings().untangle:
+        world, done = untangled(world)
+        notes.append(done)
+    return world, notes
 
 
-def _seeded(scene: Scene, cloths: list[Cloth]) -> list[Cloth]:
-    """The cloths at the vertices of the seed file, where the scene has one."""
-    seed = scene.seed_settings()
-    if seed.from_ == "rest":
-        return cloths
-    from clothsim.io.meshes import read_mesh
-
-    positions = read_mesh(scene.directory / seed.file).positions
-    expected = sum(len(cloth.positions) for cloth in cloths)
-    if len(positions) != expected:
-        raise InputError(f"seed.file {seed.file} has {len(positions)} vertices, the cloths have {expected}.")
-    parts = np.split(positions, np.cumsum([len(cloth.positions) for cloth in cloths])[:-1])
-    return [replace(cloth, positions=part) for cloth, part in zip(cloths, parts, strict=True)]
+def _cut_corners(world: World, dt: float) -> list[str]:
+    """Bodies whose frames are shorter than a step of `dt` [s]."""
+    said = []
+    for body in world.bodies:
+        motion = body.motion
+        if isinstance(motion, FrameMotion) and not motion.still and dt * motion.frames_per_second > 1 + 1e-9:
+            frame = 1 / motion.frames_per_second
+            said.append(f"{body.name}: within a step of {dt:g} s it moves straight past its frames of {frame:g} s.")
+    return said

@@ -1,5 +1,6 @@
 """The sections of a scene that are plain numbers and names, with their defaults."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from clothsim.errors import InputError
@@ -27,15 +28,13 @@ class Solver:
 
 @dataclass(frozen=True)
 class Contact:
-    """backend: "auto" or "ipctk"."""
+    """backend: "auto" (numba), "numba" or "ipctk"."""
 
     backend: str = "auto"
 
     def __post_init__(self) -> None:
-        if self.backend == "numba":
-            raise InputError('contact.backend "numba" is not built yet.', 'Use "auto" or "ipctk".')
-        if self.backend not in ("auto", "ipctk"):
-            raise InputError(f"contact.backend is {self.backend!r}.", 'Known: "auto", "ipctk".')
+        if self.backend not in ("auto", "numba", "ipctk"):
+            raise InputError(f"contact.backend is {self.backend!r}.", 'Known: "auto", "numba", "ipctk".')
 
 
 @dataclass(frozen=True)
@@ -48,10 +47,17 @@ class RunSettings:
 
 @dataclass(frozen=True)
 class Seed:
-    """Where the cloth starts: from its rest shape as placed, or from the vertices of a `file`."""
+    """Where the cloth starts: from its rest shape as placed, or from the vertices of a `file`.
+
+    vertices: [lo, hi], only these of the file; position (3,): the file moved by it [m]; untangle: vertices at crossings
+    are moved until nothing intersects (see `scene.untangle`).
+    """
 
     from_: str = "rest"
     file: str = ""
+    vertices: Sequence[int] | None = None
+    position: Sequence[float] | None = None
+    untangle: bool = False
 
     def __post_init__(self) -> None:
         if self.from_ == "transfer":
@@ -60,3 +66,5 @@ class Seed:
             raise InputError(f"seed.from is {self.from_!r}.", 'Known: "rest", "file".')
         if (self.from_ == "file") != bool(self.file):
             raise InputError('seed needs from = "file" and a file together.')
+        if self.from_ == "rest" and (self.vertices is not None or self.position is not None):
+            raise InputError("seed.vertices and seed.position belong to a seed file.", 'Give from = "file" and a file.')

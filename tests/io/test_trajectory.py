@@ -12,7 +12,8 @@ from meshes import cloth, grid
 from clothsim.errors import InputError
 from clothsim.io.surface import Surface, world_surfaces
 from clothsim.io.trajectory import TrajectoryWriter, read_trajectory
-from clothsim.mesh.body import make_body, rigid_motion
+from clothsim.mesh.body import make_body
+from clothsim.mesh.motion import rigid_motion
 from clothsim.mesh.world import make_world
 
 HERE = Path(__file__).parent

@@ -4,7 +4,7 @@ from meshes import cloth, grid, irregular_grid, random_rotation
 
 from clothsim.errors import InputError
 from clothsim.kinematics.frames import ring_frames, ring_gradients
-from clothsim.mesh.body import rotation_matrix
+from clothsim.mesh.motion import rotation_matrix
 from clothsim.mesh.topology import vertex_rings
 
 

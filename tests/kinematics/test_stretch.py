@@ -7,8 +7,8 @@ from meshes import deformed, random_rotation, small_world
 
 from clothsim.kinematics.stretch import decompose, principal_stretches, spatial_rotations
 from clothsim.kinematics.triangle import area_ratios, deformation_gradients, reference_frames
-from clothsim.mesh.body import rotation_matrix
 from clothsim.mesh.cloth import triangle_planes
+from clothsim.mesh.motion import rotation_matrix
 
 ULPS = 16
 """How many round-offs of l1 an answer may be off; measured over 2e5 samples of each kind: l 5, R U - F 15."""

@@ -67,6 +67,13 @@ BAD = {
     "unknown backend": (changed("[run]", '[contact]\nbackend = "gpu"\n[run]'), "'gpu'", "ipctk"),
     "unknown diagonals": (changed("cells =", 'diagonals = "left"\ncells ='), "'left'", "alternating"),
     "unknown rest": (changed("[[body]]", 'rest = "uv"\n[[body]]'), "rest is 'uv'", "vt"),
+    "frames and a mesh": (changed("subdivisions = 0", 'frames = "a*.obj"'), "frames and mesh", "not both"),
+    "frames of no file": (
+        changed('mesh = "sphere"\nsubdivisions = 0', 'frames = "a*.obj"'),
+        "No file.*a\\*.obj",
+        "any",
+    ),
+    "part of no seed": (changed("[run]", "[seed]\nvertices = [0, 4]\n[run]"), "seed.vertices", "file"),
     "unknown seed": (changed("[run]", '[seed]\nfrom = "files"\n[run]'), "'files'", "file"),
     "unknown motion": (
         changed("subdivisions = 0", "subdivisions = 0\nmotion = { velocty = [0, 0, 1] }"),
@@ -133,7 +140,6 @@ NOT_BUILT = {
     "transfer": (changed("[run]", '[seed]\nfrom = "transfer"\n[run]'), "transfer.* is not built yet", "rest"),
     "numba": (changed("[run]", '[contact]\nbackend = "numba"\n[run]'), "numba.* is not built yet", "ipctk"),
     "midedge": (with_effect('[effects.bending]\nmodel = "midedge"'), "midedge.* is not built yet", "hinge"),
-    "animated body": (changed("subdivisions = 0", 'frames = "a*.obj"'), "not built yet", "one mesh"),
 }
 
 

@@ -4,7 +4,8 @@ import numpy as np
 from meshes import cloth, grid
 
 from clothsim.energies.pins import pins
-from clothsim.mesh.body import make_body, rigid_motion
+from clothsim.mesh.body import make_body
+from clothsim.mesh.motion import rigid_motion
 from clothsim.mesh.world import make_world
 from clothsim.sim.motion import prescribed
 
