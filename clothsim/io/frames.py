@@ -27,7 +27,7 @@ def frame_files(directory: Path, pattern: str) -> list[Path]:
         raise InputError(
             f"No file matches frames = {pattern!r}.", f"It starts from {directory}; * stands for any characters."
         )
-    return [directory / name for name in sorted(names, key=_natural)]
+    return [directory / name for name in sorted(names, key=lambda name: (_natural(name), name))]
 
 
 def read_frames(files: Sequence[Path], part: Part) -> tuple[MeshFile, Floats]:

@@ -3,6 +3,7 @@
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
+from glob import glob
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,8 @@ def override(scene: Scene, assignment: str) -> Scene:
     """The scene with one key changed: "solver.dt=0.01", "effects.damping.rate=3", "body.mesh=person.obj".
 
     The value is read as TOML, and as plain text where it is none. A file that exists under the current folder is meant
-    there. In a list of cloths or bodies the first is changed. InputError for an assignment that names no key.
+    there, and so are the files that match a pattern ("shell*.obj"). In a list of cloths or bodies the first is changed.
+    InputError for an assignment that names no key.
     """
     path, equals, text = assignment.partition("=")
     section, *keys = path.strip().split(".")
@@ -23,7 +25,7 @@ def override(scene: Scene, assignment: str) -> Scene:
         raise InputError(f"--set {assignment!r} is no assignment.", "Write it as --set solver.dt=0.01.")
     refuse_unknown("The scene", [section], SECTIONS)
     value = _value(text.strip())
-    if isinstance(value, str) and "." in value and Path(value).is_file():
+    if isinstance(value, str) and _is_here(value):
         value = str(Path(value).resolve())
     old = getattr(scene, section)
     if section in ("cloth", "body") and not isinstance(old, Mapping):
@@ -43,6 +45,13 @@ def _changed(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str,
     if others and not isinstance(inner, Mapping):
         raise InputError(f"--set: {first} is no table of keys.")
     return {**table, first: _changed(inner, others, value) if others else value}
+
+
+def _is_here(name: str) -> bool:
+    """True where a file of that name, or one that matches it as a pattern, is under the current folder."""
+    if "." not in name or "\0" in name:
+        return False
+    return Path(name).is_file() or ("*" in name and bool(glob(name)))
 
 
 def _value(text: str) -> Any:

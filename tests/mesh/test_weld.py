@@ -6,8 +6,8 @@ from meshes import grid
 
 from clothsim.errors import InputError
 from clothsim.mesh.check import examine
-from clothsim.mesh.topology import border_edges, components
-from clothsim.mesh.weld import merge_coincident, weld
+from clothsim.mesh.topology import border_edges, components, interior_edges
+from clothsim.mesh.weld import flaps, mean_of_parts, merge_coincident, weld
 
 
 def two_panels(gap):
@@ -82,3 +82,43 @@ def test_vertices_at_one_place_become_one_in_order_of_appearance():
     merged, number = merge_coincident(points)
     np.testing.assert_array_equal(merged, [[1, 0, 0], [0, 0, 0], [2, 0, 0]])
     np.testing.assert_array_equal(number, [0, 1, 0, 2, 1])
+
+
+def test_means_are_taken_of_the_same_parts():
+    points = np.arange(12.0).reshape(4, 3)
+    np.testing.assert_array_equal(mean_of_parts(points, np.array([0, 1, 0, 2])), [[3, 4, 5], [3, 4, 5], [9, 10, 11]])
+
+
+def three_layers():
+    """Three panels, each of two triangles, that have one edge at x = 0 in common."""
+    turns = np.radians([0.0, 120.0, 240.0])
+    panels = [[[r * np.cos(t), r * np.sin(t), z] for r in (0, 1) for z in (0, 1)] for t in turns]
+    faces = np.array([[0, 2, 3], [0, 3, 1]])
+    return np.concatenate(panels), np.concatenate([faces + 4 * k for k in range(3)])
+
+
+def test_a_seam_of_three_layers_is_told_of_a_sewn_cloth_and_refused_of_another():
+    points, triangles, _ = weld(*three_layers(), 1e-3)
+    assert len(points) == 8
+    assert [fault.kind for fault in examine("x", points, triangles).errors] == ["fin"]
+    report = examine("x", points, triangles, "sewn cloth")
+    told = next(fault for fault in report.warnings if fault.kind == "fin")
+    assert report.errors == ()
+    assert told.sentence == "a seam of three layers or more: edge 0-1."
+    np.testing.assert_array_equal(told.indices, [[0, 1]])
+
+
+def test_a_seam_of_three_layers_is_no_border_and_no_hinge():
+    _, triangles, _ = weld(*three_layers(), 1e-3)
+    hinges, _ = interior_edges(triangles)
+    assert [0, 1] not in np.sort(hinges[:, :2], axis=1).tolist()
+    assert len(hinges) == 3  # the diagonals of the panels
+    borders = np.sort(border_edges(triangles)[0], axis=1)
+    assert len(borders) == 9
+    assert [0, 1] not in borders.tolist()
+
+
+def test_flaps_are_triangles_sewn_face_to_face():
+    triangles = np.array([[0, 1, 2], [2, 1, 3], [1, 0, 2], [4, 5, 6], [5, 6, 4], [1, 2, 4]])
+    assert flaps(triangles).tolist() == [0, 2]  # 3 and 4 repeat each other: the doctor's business
+    assert flaps(triangles[1:2]).tolist() == []

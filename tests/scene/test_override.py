@@ -35,6 +35,13 @@ def test_a_file_is_found_from_the_current_folder(tmp_path, monkeypatch):
     assert override(SCENE, "body.mesh=person.obj").body[0]["mesh"] == str(tmp_path / "person.obj")
 
 
+def test_files_that_match_a_pattern_are_found_from_the_current_folder(tmp_path, monkeypatch):
+    (tmp_path / "kick1.obj").write_text("v 0 0 0\n")
+    monkeypatch.chdir(tmp_path)
+    assert override(SCENE, "body.frames=kick*.obj").body[0]["frames"] == str(tmp_path / "kick*.obj")
+    assert override(SCENE, "body.frames=jump*.obj").body[0]["frames"] == "jump*.obj"
+
+
 @pytest.mark.parametrize(
     ("assignment", "says"),
     [

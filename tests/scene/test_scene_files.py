@@ -8,7 +8,9 @@ import pytest
 
 import clothsim
 
-SCENES = sorted((Path(__file__).parents[2] / "scenes").glob("*.toml"))
+LARGE = {"dress"}
+"""Scenes too large to step in a test; each has a test of its start."""
+SCENES = [path for path in sorted((Path(__file__).parents[2] / "scenes").glob("*.toml")) if path.stem not in LARGE]
 
 
 def short(path):
