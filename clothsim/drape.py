@@ -22,6 +22,7 @@ from clothsim.mesh.world import World
 from clothsim.scene.build import Built, build
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.sim.certificate import Certificate, certificate_from, world_stretches
+from clothsim.sim.judge import Judge, judge_of
 from clothsim.sim.simulator import steps
 from clothsim.sim.state import State, first_state
 from clothsim.sim.stepping import Integrator, StepReport
@@ -144,7 +145,7 @@ def _run(
     world, run = session.built.world, session.scene.run_settings()
     ledger = session.integrator.potential.ledger
     certificate = replace(certificate, moved_by_script=_scripted(session.built))
-    reason, intersects = "", _judge(world)
+    reason, judge = "", _judge(session)
     if not resumed:
         _remove(directory / SUMMARY_NAME)
     with (
@@ -156,7 +157,7 @@ def _run(
         _remove(directory / SUMMARY_NAME)  # of a resumed run only now: one that cannot go on keeps what it has
         if not resumed:
             trajectory.append(0.0, state.positions, world_stretches(world, state.positions))
-            if intersects(state):
+            if judge.crossings(state.positions):
                 certificate = replace(certificate, intersecting_frames=(0,))
             write_checkpoint(directory / CHECKPOINT_NAME, _checkpoint(session, state, certificate))
         warm = perf_counter() - started
@@ -177,12 +178,14 @@ def _run(
                 with ledger.phase("output"):
                     trajectory.append(state.time, state.positions, world_stretches(world, state.positions))
                 with ledger.phase("certificate"):
-                    if intersects(state):
+                    found = judge.crossings(state.positions)
+                    if found:
                         certificate = replace(
                             certificate, intersecting_frames=(*certificate.intersecting_frames, state.frame)
                         )
-                if certificate.intersecting_frames and "body_contact" in session.built.energies:
-                    reason = f"At {state.time:.4g} s the cloth intersects a body."
+                broken = judge.broken(found)
+                if broken:
+                    reason = f"At {state.time:.4g} s {broken[0].sentence}."
                     break
                 with ledger.phase("output"):
                     write_checkpoint(directory / CHECKPOINT_NAME, _checkpoint(session, state, certificate))
@@ -191,14 +194,8 @@ def _run(
     return open_run(directory)
 
 
-def _judge(world: World) -> Callable[[State], bool]:
-    """The test of a frame: does a cloth edge cross a body triangle or the reverse? Made once for all frames."""
-    if not world.bodies:
-        return lambda state: False
-    from clothsim.contact.surface import cloth_body_surface
-
-    surface = cloth_body_surface(world)
-    return lambda state: surface.intersects(state.positions)
+def _judge(session: Session) -> Judge:
+    return judge_of(world_surfaces(session.built.world), session.scene.effects, session.built.energies)
 
 
 def _scripted(built: Built) -> bool:
@@ -271,7 +268,7 @@ def _summary(
         "effects": potential.accounts(),
         "off": session.built.off,
         "phases": potential.ledger.phases,
-        "certificate": certificate.as_dict(judged=bool(world.bodies)),
+        "certificate": certificate.as_dict(_judge(session).says()),
     }
 
 

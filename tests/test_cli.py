@@ -38,6 +38,15 @@ threads = 1
 [run]
 duration = 0.04
 """
+CROSSING = """
+[[cloth]]
+name = "flag"
+mesh = "rectangle"
+size = [0.2, 0.2]
+cells = [2, 2]
+position = [0.3, 0.3, 0.32]
+rotation_degrees = [90, 0, 0]
+"""
 FREE = """
 [cloth]
 mesh = "rectangle"
@@ -251,20 +260,25 @@ def test_check_a_scene(capsys, tmp_path):
     assert main(["check", "sheet.toml"]) == 0
     out = capsys.readouterr().out
     assert "d_hat = 0.025 m" in out
-    assert "cloth and body do not intersect" in out
+    assert "cloth and body do not intersect at the start" in out
+    assert "cloth and cloth do not intersect at the start" in out
     assert main(["check", "free.toml"]) == 0
     inside = SHEET.replace("0.31]", "0.2]")
     (tmp_path / "inside.toml").write_text(inside)
     assert main(["check", "inside.toml"]) == 1
-    assert "error: The cloth intersects a body at the start." in capsys.readouterr().out
+    assert "error: cloth intersects ball at the start" in capsys.readouterr().out
     (tmp_path / "loose.toml").write_text(inside.replace("[effects.body_contact]", ""))
     assert main(["check", "loose.toml"]) == 1
-    assert "error: cloth and body intersect at the start" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert re.search(
+        r"error: cloth and ball intersect at the start, in \d+ pairs of triangles: triangle \d+ of cloth", out
+    )
+    assert re.search(r"intersects triangle \d+ of ball near \(-?0\.\d+, -?0\.\d+, 0\.2\) m", out)
 
 
 def test_check_a_run_finds_the_frame_that_was_pushed_into_the_body(capsys, tmp_path, finished):
     assert main(["check", str(finished)]) == 0
-    assert "do not intersect in any of 2 frames" in capsys.readouterr().out
+    assert "cloth and body do not intersect in any of 2 frames" in capsys.readouterr().out
     shutil.copytree(finished, tmp_path / "pushed")
     trajectory = read_trajectory(finished / TRAJECTORY_NAME)
     everything = np.concatenate([trajectory.positions(1), trajectory.bodies(1)[0][1]])
@@ -273,8 +287,23 @@ def test_check_a_run_finds_the_frame_that_was_pushed_into_the_body(capsys, tmp_p
         writer.append(0.05, everything, trajectory.stretches(1))
     assert main(["check", "pushed"]) == 1
     out = capsys.readouterr().out
-    assert "error: cloth and body intersect in frame 2 at 0.05 s" in out
+    assert "error: cloth and ball intersect in frame 2 at 0.05 s, in " in out
+    assert "cloth and cloth do not intersect in any of 3 frames" in out
     assert out.endswith("1 error.\n")
+
+
+def test_check_tells_of_cloth_in_cloth_and_judges_it_where_self_contact_is_on(capsys, tmp_path):
+    second = SHEET.replace("[cloth]", "[[cloth]]").replace("[[body]]", CROSSING + "[[body]]")
+    (tmp_path / "two.toml").write_text(second)
+    assert main(["check", "two.toml"]) == 0
+    out = capsys.readouterr().out
+    assert re.search(r"^  cloth\[0\] and flag intersect at the start, in \d+ pairs of triangles", out, re.MULTILINE)
+    assert "self_contact is not on" in out
+    (tmp_path / "judged.toml").write_text(second + "[effects.self_contact]\n")
+    assert main(["check", "judged.toml"]) == 1
+    assert re.search(
+        r"error: (cloth\[0\] intersects flag|flag intersects cloth\[0\]) at the start", capsys.readouterr().out
+    )
 
 
 def test_explain_tells_every_effect_of_the_table(capsys):
@@ -335,7 +364,7 @@ def test_explain_counts_only_the_steps_that_were_asked_for():
         (["run", "typo.toml"], "The scene has no key 'efects'."),
         (["run", "wrong.toml"], "effects.gravity.acceleration"),
         (["run", "future.toml"], "The effect 'self_contact' is not built yet."),
-        (["run", "inside.toml"], "The cloth intersects a body at the start."),
+        (["run", "inside.toml"], "cloth intersects ball at the start"),
         (["run", "faults.toml"], "bad: "),
         (["resume", "nowhere"], "There is no checkpoint nowhere"),
         (["render", "nowhere"], "There is no run directory nowhere."),

@@ -235,7 +235,7 @@ def test_a_quasi_static_scene_ramps_its_load(tmp_path):
 @pytest.mark.parametrize("height", [0.0, 0.2, -0.25])
 def test_a_body_in_the_cloth_at_the_start_is_refused_in_one_sentence(tmp_path, height):
     scene = small_scene(cloth=SHEET | {"position": [0.0, 0.0, height]})
-    with pytest.raises(InputError, match="intersects a body at the start") as refusal:
+    with pytest.raises(InputError, match="cloth intersects ball at the start") as refusal:
         simulate(scene, tmp_path / "never")
     assert str(refusal.value).count("\n") == 0
     assert not (tmp_path / "never").exists()

@@ -8,7 +8,10 @@ from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from clothsim.arrays import Floats, Ints
+    from clothsim.sim.judge import Judge
 
 _DESCRIPTION = """\
 Examine a mesh file, build a scene, or test every frame of a run for intersections.
@@ -66,12 +69,15 @@ def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
 
 
 def _check_scene(path: Path) -> int:
+    from clothsim.io.surface import world_surfaces
     from clothsim.scene.build import build
     from clothsim.scene.toml import load_scene
+    from clothsim.sim.judge import judge_of
 
     print(path)
     try:
-        built = build(load_scene(path))
+        scene = load_scene(path)
+        built = build(scene)
     except InputError as error:
         for sentence in error.sentence.splitlines():
             print(f"  error: {sentence}")
@@ -88,46 +94,60 @@ def _check_scene(path: Path) -> int:
         print(f"  {note}")
     for name, reason in built.off.items():
         print(f"  {name} is off: {reason}.")
-    if not world.bodies:
-        print("  no body, so nothing to intersect")
-        return _ended(0)
-    from clothsim.contact.surface import cloth_body_surface
-
-    crossed = cloth_body_surface(world).intersects(world.start())
-    print("  error: cloth and body intersect at the start" if crossed else "  cloth and body do not intersect")
-    return _ended(int(crossed))
+    judge = judge_of(world_surfaces(world), scene.effects, built.energies)
+    return _ended(_intersections(judge, [("at the start", world.start())], "at the start"))
 
 
 def _check_run(directory: Path) -> int:
+    import numpy as np
+
+    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
     from clothsim.io.run import open_run
+    from clothsim.scene.scene import scene_from_text
+    from clothsim.sim.judge import judge_of
 
     run = open_run(directory)
     print(f"{directory}: {run.status}, {len(run.times)} frames. {run.reason}")
     failed = run.status == "failed"
-    if not len(run.times) or not run.bodies(0):
-        print("  no body, so nothing to intersect" if len(run.times) else "  no frame")
+    if not len(run.times):
+        print("  no frame")
         return _ended(int(failed))
-    crossed = intersecting_frames(run)
-    for frame in crossed:
-        print(f"  error: cloth and body intersect in frame {frame} at {run.times[frame]:g} s")
-    if not crossed:
-        print(f"  cloth and body do not intersect in any of {len(run.times)} frames")
-    return _ended(len(crossed) + failed)
+    checkpoint = directory / CHECKPOINT_NAME
+    effects = scene_from_text(read_checkpoint(checkpoint).scene_text).effects if checkpoint.is_file() else {}
+    judge = judge_of(run.trajectory.surfaces, effects, effects)
+    frames = (
+        (f"in frame {k} at {time:g} s", np.concatenate([run.positions(k), *(points for _, points, _ in run.bodies(k))]))
+        for k, time in enumerate(run.times)
+    )
+    return _ended(_intersections(judge, frames, f"in any of {len(run.times)} frames") + failed)
 
 
-def intersecting_frames(run: Any) -> list[int]:
-    """The frames in which a cloth edge crosses a body triangle or the reverse, by ipctk's test on what was written."""
-    import numpy as np
+def _intersections(judge: "Judge", frames: "Iterable[tuple[str, Floats]]", anywhere: str) -> int:
+    """Print what intersects in frames, each (when, x), by the exact test; returns how many of them are errors.
 
-    from clothsim.contact.surface import surface_of
+    Cloth is tested with cloth whether or not the scene has self_contact; without it an intersection is a note.
+    """
+    from clothsim.intersection.pairs import LIMIT
 
-    def everything(frame: int) -> "Floats":
-        return np.concatenate([run.positions(frame), *(points for _, points, _ in run.bodies(frame))])
-
-    start = everything(0)
-    triangles = np.concatenate([surface.triangles for surface in run.trajectory.surfaces])
-    surface = surface_of(start, triangles, len(run.positions(0)))
-    return [frame for frame in range(len(run.times)) if surface.intersects(everything(frame))]
+    errors, met = 0, set()
+    for when, x in frames:
+        for crossing in judge.crossings(x, cloth_cloth=True, limit=LIMIT):
+            allowed = crossing.role == "cloth" and not judge.cloth_cloth
+            if allowed and crossing.who in met:
+                continue
+            met |= {crossing.role, crossing.who}
+            count = f"{len(crossing.pairs):,} pair{'' if len(crossing.pairs) == 1 else 's'} of triangles"
+            print(f"  {'' if allowed else 'error: '}{crossing.who} {when}, in {count}: {crossing.sentence}")
+            if allowed:
+                print("    self_contact is not on, so that is no error and later frames are not told")
+            errors += not allowed
+    if not judge.bodies:
+        print("  no body, so nothing for cloth to intersect but itself")
+    elif "body" not in met:
+        print(f"  cloth and body do not intersect {anywhere}")
+    if "cloth" not in met:
+        print(f"  cloth and cloth do not intersect {anywhere}")
+    return errors
 
 
 def _sizes(positions: "Floats", triangles: "Ints") -> list[str]:

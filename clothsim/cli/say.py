@@ -99,10 +99,10 @@ _ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".gif")
 def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, str]]:
     """Three lines: intersections and gap; stretches; residual and energy."""
     crossed = certificate["intersecting_frames"]
-    if certificate["cloth_body"] == "no body":
+    if crossed:
+        judged = f"cloth INTERSECTS in {_many(len(crossed), 'frame')}, first in number {crossed[0]}"
+    elif certificate["cloth_body"] == "no body":
         judged = "there is no body"
-    elif crossed:
-        judged = f"cloth and body INTERSECT in {_many(len(crossed), 'frame')}, first in number {crossed[0]}"
     else:
         judged = "cloth and body intersect in no frame"
     gap = certificate["minimum_gap"]

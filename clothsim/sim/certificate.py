@@ -1,5 +1,6 @@
 """What is known of a result: intersections, gap, stretches, residual, energy. Gathered as the run goes."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -17,10 +18,10 @@ from clothsim.sim.stepping import StepReport
 class Certificate:
     """Extremes over all steps so far.
 
-    intersecting_frames: numbers of the frames in which a cloth met a body; gap [m]: the smallest distance of cloth and
-    body that was below d_hat, else inf; stretch_min, stretch_max; residual: the last step's largest force [N];
-    energy: kinetic and potential now [J]; energy_rise: the most that one step added [J]; moved_by_script: whether
-    bodies or pins did work on the cloth, so that a rise is no error.
+    intersecting_frames: numbers of the frames in which something judged intersected (see `judge`); gap [m]: the
+    smallest distance of cloth and body that was below d_hat, else inf; stretch_min, stretch_max; residual: the last
+    step's largest force [N]; energy: kinetic and potential now [J]; energy_rise: the most that one step added [J];
+    moved_by_script: whether bodies or pins did work on the cloth, so that a rise is no error.
     """
 
     intersecting_frames: tuple[int, ...] = ()
@@ -53,13 +54,12 @@ class Certificate:
             energy_scale=max(self.energy_scale, scale),
         )
 
-    def as_dict(self, judged: bool) -> dict[str, Any]:
-        """As the summary keeps it. judged: whether frames were tested for intersections of cloth and body."""
+    def as_dict(self, judged: Mapping[str, str]) -> dict[str, Any]:
+        """As the summary keeps it. judged: what was tested in each frame, as `Judge.says`."""
         drift = self.energy_rise / self.energy_scale if self.energy_scale else 0.0
         return {
             "intersection_free": not self.intersecting_frames,
-            "cloth_body": "no body" if not judged else "tested at every frame",
-            "cloth_cloth": "not requested",
+            **judged,
             "intersecting_frames": list(self.intersecting_frames),
             "minimum_gap": self.gap,
             "stretch_min": self.stretch_min,

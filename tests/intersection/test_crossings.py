@@ -1,0 +1,75 @@
+"""Names and numbers of what intersects, and who is judged at all."""
+
+import numpy as np
+import pytest
+from meshes import cloth, grid
+
+from clothsim.intersection.crossings import crossings
+from clothsim.io.surface import world_surfaces
+from clothsim.mesh.body import make_body
+from clothsim.mesh.world import make_world
+
+FACES = np.array([[0, 1, 2], [3, 4, 5]])
+
+
+@pytest.fixture
+def scene():
+    """A sheet; a banner across it, folded onto itself; two pegs whose second triangle goes through the sheet."""
+    positions, triangles = grid(2, 2)
+    banner = [[0.1, 0.5, -1], [0.9, 0.5, -1], [0.5, 0.5, 1], [0.2, 0.5, 0.9], [0.8, 0.5, 0.9], [0.5, 0.5, -1.5]]
+    away, peg = [[9, 9, 9], [9, 9, 8], [9, 8, 9]], [[0.7, 0.2, -0.1], [0.7, 0.2, 0.2], [0.8, 0.2, -0.1]]
+    cloths = [cloth(positions, triangles, name="sheet"), cloth(np.array(banner), FACES, name="banner")]
+    bodies = [make_body(name, np.array([*away, *peg], float), FACES) for name in ("peg", "other peg")]
+    world = make_world(cloths, bodies)
+    return world_surfaces(world), world.start()
+
+
+def who(found):
+    return [(crossing.first, crossing.second, crossing.role) for crossing in found]
+
+
+def test_cloth_is_judged_with_bodies_always_and_bodies_never(scene):
+    surfaces, x = scene
+    assert who(crossings(x, surfaces, cloth_cloth=False)) == [("sheet", "peg", "body"), ("sheet", "other peg", "body")]
+
+
+def test_cloth_with_itself_and_with_other_cloth_on_request(scene):
+    surfaces, x = scene
+    found = crossings(x, surfaces, cloth_cloth=True)
+    cloths = [("sheet", "banner", "cloth"), ("banner", "banner", "cloth")]
+    assert sorted(who(found)) == sorted([*cloths, ("sheet", "peg", "body"), ("sheet", "other peg", "body")])
+
+
+def test_excluded_pairs_are_not_judged(scene):
+    surfaces, x = scene
+    excluded = {frozenset(("peg", "sheet")), frozenset(("banner",))}
+    found = crossings(x, surfaces, cloth_cloth=True, excluded=excluded)
+    assert sorted(who(found)) == [("sheet", "banner", "cloth"), ("sheet", "other peg", "body")]
+
+
+def test_triangles_are_counted_in_their_own_surface_and_the_place_is_near(scene):
+    surfaces, x = scene
+    peg = crossings(x, surfaces, cloth_cloth=False)[0]
+    assert [j for _, j in peg.pairs] == [1] * len(peg.pairs)
+    hit = [k for k, corners in enumerate(x[surfaces[0].triangles]) if inside([0.75, 0.2], corners)]
+    assert peg.pairs[0, 0] == hit[0]
+    assert np.allclose(peg.place, [0.75, 0.2, 0], atol=0.06)
+    assert peg.sentence == f"triangle {hit[0]} of sheet intersects triangle 1 of peg near (0.75, 0.2, 0) m"
+    assert peg.who == "sheet and peg intersect"
+
+
+def inside(point, corners):
+    matrix = np.vstack([corners[:, :2].T, np.ones(3)])
+    return (np.linalg.solve(matrix, [*point, 1]) > 0).all()
+
+
+def test_a_cloth_with_itself_is_named_once(scene):
+    surfaces, x = scene
+    found = [crossing for crossing in crossings(x, surfaces, cloth_cloth=True) if crossing.first == crossing.second]
+    assert found[0].who == "banner intersects itself"
+    assert found[0].sentence.startswith("triangles 0 and 1 of banner intersect near (0.5, 0.5, ")
+
+
+def test_a_limit_holds_for_each_pair_of_surfaces(scene):
+    surfaces, x = scene
+    assert {len(crossing.pairs) for crossing in crossings(x, surfaces, cloth_cloth=True, limit=1)} == {1}
