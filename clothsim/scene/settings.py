@@ -50,7 +50,7 @@ class Seed:
     """Where the cloth starts: from its rest shape as placed, or from the vertices of a `file`.
 
     vertices: [lo, hi], only these of the file; position (3,): the file moved by it [m]; untangle: vertices at crossings
-    are moved until nothing intersects (see `scene.untangle`).
+    and in squeezed triangles are moved until nothing intersects (see `scene.untangle`).
     """
 
     from_: str = "rest"
