@@ -68,6 +68,13 @@ def as_positive(name: str, value: float, zero: bool = False) -> float:
     return number
 
 
+def as_count(name: str, value: int) -> int:
+    """A whole number of at least 1; InputError otherwise."""
+    if isinstance(value, bool) or not isinstance(value, int) or value < 1:
+        raise InputError(f"{name} must be a whole number of at least 1, not {value!r}.")
+    return value
+
+
 def _as_floats(name: str, values: ArrayLike) -> Floats:
     try:
         return np.asarray(values, dtype=np.float64)

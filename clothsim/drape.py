@@ -27,11 +27,12 @@ from clothsim.sim.simulator import steps
 from clothsim.sim.state import State, first_state
 from clothsim.sim.stepping import Integrator, StepReport
 from clothsim.solve.ledger import Account, Ledger
-from clothsim.solve.linear import make_solver, slowness
+from clothsim.solve.linear import slowness
 from clothsim.solve.memory import keep_freed_memory
 from clothsim.solve.newton import NewtonSettings
 from clothsim.solve.pattern import make_pattern
 from clothsim.solve.potential import Potential
+from clothsim.solve.system import System
 
 LARGEST_TURN = 45.0
 """How far a body may turn in a step [degrees]: the straight way of a vertex then is 8 % of the radius off its arc."""
@@ -118,16 +119,16 @@ def prepare(scene: Scene, built: Built) -> Session:
     start = built.world.start()
     hessians = [energy.hessian(start) for energy in built.energies.values()]
     pattern = make_pattern(built.world.n_cloth, built.world.triangles, hessians)
-    solver = make_solver(settings.linear, pattern, settings.threads)
+    system = System(pattern, settings.linear, settings.threads)
     newton = NewtonSettings(settings.tolerance, settings.max_iterations)
     ramp = 0.0 if "inertia" in built.energies else run.duration
     frame = 1 / run.frames_per_second
     dt = min(settings.dt, run.duration, frame)
     if "body_contact" in built.energies:
         _refuse_leaps(built.world, dt)
-    integrator = Integrator(built.world, potential, built.constraints, pattern, solver, newton, dt, ramp)
+    integrator = Integrator(built.world, potential, built.constraints, system, newton, dt, ramp)
     shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if frame < settings.dt else ""
-    slow = slowness(solver) if settings.linear == "auto" else ""
+    slow = slowness(system.solver) if settings.linear == "auto" else ""
     notes = (*built.notes, *filter(None, [shorter, slow]))
     return Session(scene, built, integrator, notes)
 
@@ -263,7 +264,7 @@ def _summary(
         "peak_memory_bytes": peak_memory(),
         "vertices": world.n_cloth,
         "triangles": len(world.triangles),
-        "solver": session.integrator.solver.name,
+        "solver": session.integrator.system.solver.name,
         "notes": list(session.notes),
         "effects": potential.accounts(),
         "off": session.built.off,

@@ -7,10 +7,10 @@ from clothsim.sim.simulator import steps
 from clothsim.sim.state import first_state
 from clothsim.sim.stepping import Integrator
 from clothsim.solve.ledger import Ledger
-from clothsim.solve.linear import make_solver
 from clothsim.solve.newton import Newton, NewtonSettings
 from clothsim.solve.pattern import make_pattern
 from clothsim.solve.potential import Potential
+from clothsim.solve.system import System
 
 NOTHING = Prescribed(np.zeros(0, np.int64), np.zeros((0, 3)))
 
@@ -32,9 +32,10 @@ def pattern_of(world, energies, x):
 def newton_of(world, energies, dt=1.0, velocities=None, positions=None, linear="superlu", **settings):
     """A Newton bound to one step from the world's start (or `positions`)."""
     x = world.start() if positions is None else positions
-    pattern = pattern_of(world, energies, x)
+    system = System(pattern_of(world, energies, x), linear)
     potential = Potential(energies, Ledger()).begin(step_at(x, velocities, dt))
-    return Newton(potential, pattern, make_solver(linear, pattern), NewtonSettings(**settings), dt)
+    system.begin(potential.couplings(x))
+    return Newton(potential, system, NewtonSettings(**settings), dt)
 
 
 def solve(world, energies, x, target=NOTHING, **keywords):
@@ -51,10 +52,9 @@ def equilibrium(world, energies, x, target=NOTHING, tolerance=1e-12, **keywords)
 
 def integrator_of(world, energies, dt, constraints=None, ramp=0.0, linear="superlu", **settings):
     """The package's integrator for some energies of a world."""
-    pattern = pattern_of(world, energies, world.start())
-    solver = make_solver(linear, pattern)
+    system = System(pattern_of(world, energies, world.start()), linear)
     potential = Potential(energies, Ledger())
-    return Integrator(world, potential, constraints or {}, pattern, solver, NewtonSettings(**settings), dt, ramp)
+    return Integrator(world, potential, constraints or {}, system, NewtonSettings(**settings), dt, ramp)
 
 
 def run_of(integrator, duration, frames_per_second=None):

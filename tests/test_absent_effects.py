@@ -20,6 +20,7 @@ from clothsim.scene.effects import EFFECTS as TABLE
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
 PINS = {"pins": {"select": "corners"}}
+ALL = EFFECTS | PINS | {"self_contact": {}, "friction": {}}
 
 
 def frames(run):
@@ -41,6 +42,8 @@ ZERO = {
     "membrane": ({"cloth": SHEET | {"youngs_modulus": 0}}, {"effects": without("membrane")}),
     "pins": ({"effects": EFFECTS | {"pins": {"select": []}}}, {}),
     "body_contact": ({"body": ()}, {"body": (), "effects": without("body_contact")}),
+    "self_contact": ({"effects": EFFECTS | {"self_contact": {"exclude": [["cloth", "cloth"]]}}}, {}),
+    "friction": ({"effects": EFFECTS | {"friction": {"coefficient": 0}}}, {}),
 }
 
 
@@ -99,21 +102,23 @@ assert clothsim.simulate(scene, {str(tmp_path)!r}).status == "completed"
     assert modules_after(code) == "[] False"
 
 
-def test_contact_is_what_imports_ipctk(tmp_path):
+@pytest.mark.parametrize(("backend", "heavy"), [("auto", "[]"), ("ipctk", "['ipctk']")])
+def test_only_the_backend_that_is_called_ipctk_imports_it(tmp_path, backend, heavy):
     code = f"""
 import clothsim
 scene = clothsim.Scene(
     cloth={SHEET!r}, body={BALL!r}, effects={{"inertia": {{}}, "body_contact": {{}}}}, solver={SOLVER!r},
-    run={{"duration": 0.02}},
+    run={{"duration": 0.02}}, contact={{"backend": {backend!r}}},
 )
 assert clothsim.simulate(scene, {str(tmp_path)!r}).status == "completed"
 """
-    assert modules_after(code) == "['ipctk'] True"
+    assert modules_after(code) == f"{heavy} True"
 
 
 KERNELS = {
     "membrane": ["clothsim.energies.membrane_kernels", "clothsim.energies.neo_hookean"],
     "bending": ["clothsim.energies.hinge_bending", "clothsim.energies.quadratic_bending"],
+    "friction": ["clothsim.contact.friction_kernels"],
     "body_contact": [f"clothsim.contact.{module.name}" for module in pkgutil.iter_modules(clothsim.contact.__path__)],
 }
 """Modules that serve one effect alone, beside its builder's."""
@@ -149,13 +154,13 @@ def poison(monkeypatch, name):
 
 def scene_without(name):
     """All effects but one; where that is contact, no body either: the frames would be judged."""
-    effects = {key: keys for key, keys in (EFFECTS | PINS).items() if key != name}
+    effects = {key: keys for key, keys in (ALL if name != "body_contact" else EFFECTS | PINS).items() if key != name}
     return {"effects": effects} | ({"body": ()} if name == "body_contact" else {})
 
 
 @pytest.mark.parametrize("name", TABLE)
 def test_no_kernel_of_an_absent_effect_is_called(tmp_path, monkeypatch, name):
-    assert poison(monkeypatch, name) >= 2
+    assert poison(monkeypatch, name) >= 1
     run = run_of(tmp_path, **scene_without(name))
     assert run.status == "completed", run.reason
     assert name not in run.summary["effects"]
@@ -165,7 +170,7 @@ def test_no_kernel_of_an_absent_effect_is_called(tmp_path, monkeypatch, name):
 def test_the_poison_works(tmp_path, monkeypatch, name):
     poison(monkeypatch, name)
     with pytest.raises(AssertionError, match=f"{name} is absent"):
-        run_of(tmp_path, effects=EFFECTS | PINS)
+        run_of(tmp_path, effects=ALL)
 
 
 # --- what is not zero in the matrix ---------------------------------------------------------------------------------

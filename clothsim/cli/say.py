@@ -46,7 +46,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
         body_vertices = sum(len(body.positions) for body in world.bodies)
         names = ", ".join(body.name for body in world.bodies)
         sizes += f"; {body_vertices:,} vertices and {len(world.body_triangles):,} triangles of {names}"
-    threads = _many(integrator.solver.threads, "thread")
+    threads = _many(integrator.system.solver.threads, "thread")
     kind = "backward Euler" if "inertia" in built.energies else "quasi-static, loads grow over the duration"
     rows = [
         ("output", f"{directory}{os.sep}"),
@@ -54,7 +54,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
         ("effects", ", ".join(on)),
         *(("off", f"{name}: {reason}") for name, reason in built.off.items()),
         ("time", f"{run.duration:g} s in steps of {integrator.dt:g} s, {run.frames_per_second:g} frames a second"),
-        ("solver", f"{kind}; Newton to {solver.tolerance:g} m/s; {integrator.solver.name}, {threads}"),
+        ("solver", f"{kind}; Newton to {solver.tolerance:g} m/s; {integrator.system.solver.name}, {threads}"),
         *(("note", note) for note in session.notes),
         *([("note", before)] if before else []),
     ]

@@ -1,7 +1,8 @@
 """What an Energy is, what a step tells it, and how its Hessian comes out."""
 
 import abc
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import ClassVar, Self
 
 import numpy as np
@@ -16,7 +17,8 @@ class Step:
 
     time: start of the step [s]; dt: its length [s]; positions, velocities: (N, 3) at its start [m], [m/s], in the
     world's order (cloth, bodies, ghosts); load: the share of the loads that acts, 1 except in a quasi-static ramp;
-    gradient: (N, 3) sum of the gradients of the other energies at the start [N]: given to those that `begin_last`.
+    gradient: (N, 3) sum of the gradients of the other energies at the start [N], and bound: the energies that are bound
+    to this step by now, by name: both are given to those that `begin_last`.
     """
 
     time: float
@@ -25,6 +27,7 @@ class Step:
     velocities: Floats
     load: float
     gradient: Floats
+    bound: "Mapping[str, Energy]" = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -58,6 +61,11 @@ class Energy(abc.ABC):
     exact_in_newton: ClassVar[bool] = True
     """False where the projected Hessian serves Newton for both: the exact one would cost more than it saves."""
 
+    @property
+    def passes(self) -> int:
+        """How often a step is solved; before each pass but the first the energy is bound `again`."""
+        return 1
+
     @abc.abstractmethod
     def value(self, x: Floats) -> float:
         """E(x) [J]; +inf where x is not admissible, never NaN."""
@@ -74,6 +82,10 @@ class Energy(abc.ABC):
         """A copy bound to the step (lagged quantities, targets); the energy itself where nothing is lagged."""
         return self
 
+    def again(self, x: Floats) -> Self:
+        """A copy for another pass of the same step, its lagged quantities taken at x."""
+        return self
+
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The largest admissible fraction of dx, in (0, 1]."""
         return 1.0
@@ -81,6 +93,10 @@ class Energy(abc.ABC):
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance that it keeps [m], inf where it keeps none."""
         return float("inf")
+
+    def couplings(self, x: Floats) -> Ints:
+        """Rows (m, k) that its Hessian may couple near x beyond the mesh's own stencils: (0, 1) for all but contact."""
+        return np.zeros((0, 1), np.int64)
 
     def choices(self) -> tuple[str, ...]:
         """What it chose where the scene was silent, for the user to read."""

@@ -47,6 +47,19 @@ class World:
         return _slices([len(body.positions) for body in self.bodies], self.n_cloth)
 
     @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The names of the cloths, then of the bodies."""
+        return (*(cloth.name for cloth in self.cloths), *(body.name for body in self.bodies))
+
+    @cached_property
+    def labels(self) -> Ints:
+        """For each row of x the number in `names` of what it belongs to, (N,); a ghost has -1."""
+        labels = np.full(self.n_vertices, -1)
+        for number, rows in enumerate((*self.cloth_slices, *self.body_slices)):
+            labels[rows] = number
+        return labels
+
+    @cached_property
     def triangles(self) -> Ints:
         """All cloth triangles in world numbering, (m, 3)."""
         offsets = [rows.start for rows in self.cloth_slices]

@@ -6,7 +6,7 @@ from clothsim.energies.base import Constraint, Energy, Off
 from clothsim.errors import InputError
 from clothsim.mesh.motion import FrameMotion
 from clothsim.mesh.world import World, make_world
-from clothsim.scene.effects import EFFECTS
+from clothsim.scene.effects import CONTACTS, EFFECTS
 from clothsim.scene.meshes import body_of, cloth_of, cloth_shape
 from clothsim.scene.scene import Scene
 from clothsim.scene.seed import seeded
@@ -30,11 +30,13 @@ def build(scene: Scene) -> Built:
     energies: dict[str, Energy] = {}
     constraints: dict[str, Constraint] = {}
     off: dict[str, str] = {}
+    backend = scene.contact_settings().backend
     for name, effect in EFFECTS.items():
         if name not in scene.effects:
             continue
+        filled = {"backend": backend, "contacts": tuple(contact for contact in CONTACTS if contact in energies)}
         try:
-            made = effect.load()(world, **scene.effects[name])
+            made = effect.build(world, scene.effects[name], filled)
         except TypeError as error:
             raise InputError(f"effects.{name} has a value of the wrong type: {error}.") from error
         if isinstance(made, Off):

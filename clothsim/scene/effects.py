@@ -7,7 +7,7 @@ Constraint. A module is imported only when a scene names its effect.
 
 import importlib
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,8 +28,20 @@ class Effect:
 
     def keys(self) -> dict[str, Any]:
         """The keys that a scene may give, with their defaults."""
+        return {key: default for key, default in self._keywords().items() if key not in FILLED}
+
+    def build(self, world: Any, keys: Mapping[str, Any], filled: Mapping[str, Any]) -> Any:
+        """Call the builder with the scene's keys, and with those of `filled` (see FILLED) that it has."""
+        own = self._keywords()
+        return self.load()(world, **keys, **{key: value for key, value in filled.items() if key in own})
+
+    def _keywords(self) -> dict[str, Any]:
         parameters = inspect.signature(self.load()).parameters.values()
         return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
+
+
+FILLED = ("backend", "contacts")
+"""Keywords of builders that no scene gives: the backend of [contact], and the names of the contacts that are on."""
 
 
 EFFECTS = {
@@ -40,9 +52,13 @@ EFFECTS = {
     "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
     "damping": Effect("clothsim.energies.damping:damping", "mass-proportional drag"),
     "body_contact": Effect("clothsim.contact.body_contact:body_contact", "cloth against bodies"),
+    "self_contact": Effect("clothsim.contact.self_contact:self_contact", "cloth against cloth"),
+    "friction": Effect("clothsim.contact.friction:friction", "resistance of contacts to sliding"),
 }
 
-NOT_BUILT = ("self_contact", "friction", "air", "pressure", "seams", "strain_limit", "fibres")
+CONTACTS = ("body_contact", "self_contact")
+
+NOT_BUILT = ("air", "pressure", "seams", "strain_limit", "fibres")
 
 
 def refuse_not_built(name: str) -> None:

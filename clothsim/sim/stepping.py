@@ -9,10 +9,9 @@ from clothsim.energies.base import Constraint, Step
 from clothsim.mesh.world import World
 from clothsim.sim.motion import prescribed
 from clothsim.sim.state import State
-from clothsim.solve.linear import LinearSolver
 from clothsim.solve.newton import Newton, NewtonResult, NewtonSettings
-from clothsim.solve.pattern import Pattern
 from clothsim.solve.potential import Potential
+from clothsim.solve.system import System
 
 GROWTH = 1.05
 MAX_HALVINGS = 10
@@ -28,8 +27,7 @@ class Integrator:
     world: World
     potential: Potential
     constraints: Mapping[str, Constraint]
-    pattern: Pattern
-    solver: LinearSolver
+    system: System
     settings: NewtonSettings
     dt: float
     ramp: float
@@ -94,8 +92,16 @@ def _solve(integrator: Integrator, state: State, h: float, end: float) -> tuple[
     start = Step(state.time, h, state.positions, state.velocities, load, np.zeros_like(state.positions))
     bound = integrator.potential.begin(start)
     target = prescribed(integrator.world, integrator.constraints.values(), end)
-    newton = Newton(bound, integrator.pattern, integrator.solver, integrator.settings, h)
-    return bound, newton.minimise(state.positions, target)
+    integrator.system.begin(bound.couplings(state.positions))
+    result = Newton(bound, integrator.system, integrator.settings, h).minimise(state.positions, target)
+    for _ in range(1, bound.passes):
+        if not result.outcome.converged:
+            break
+        bound = bound.again(result.x)
+        before = result.iterations
+        result = Newton(bound, integrator.system, integrator.settings, h).minimise(result.x, target)
+        result = replace(result, iterations=before + result.iterations)
+    return bound, result
 
 
 def _after(integrator: Integrator, state: State, result: NewtonResult, h: float, end: float, dt: float) -> State:

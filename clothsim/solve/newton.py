@@ -12,10 +12,10 @@ from clothsim.energies.base import Prescribed
 from clothsim.solve import pattern as assembly
 from clothsim.solve.conjugate import truncated_solve
 from clothsim.solve.line_search import armijo
-from clothsim.solve.linear import LinearSolver, NotPositiveDefiniteError
+from clothsim.solve.linear import NotPositiveDefiniteError
 from clothsim.solve.outcome import Ending, Outcome, outcome
-from clothsim.solve.pattern import Pattern
 from clothsim.solve.potential import Potential
+from clothsim.solve.system import System
 
 SMALLEST_FRACTION = 1e-12
 BLOCKED_FRACTION = 1e-8
@@ -50,11 +50,10 @@ class NewtonResult:
 
 @dataclass(frozen=True)
 class Newton:
-    """What one solve needs: the bound potential, the pattern of its matrix and the solver made for that pattern."""
+    """What one solve needs: the bound potential, and the system that holds its matrix."""
 
     potential: Potential
-    pattern: Pattern
-    solver: LinearSolver
+    system: System
     settings: NewtonSettings
     dt: float
 
@@ -64,8 +63,8 @@ class Newton:
         First the prescribed vertices are carried there, as far as contact allows at each iteration, while the free ones
         follow; then E decreases monotonically with the prescribed ones held.
         """
-        fixed = np.zeros(self.pattern.n_vertices, bool)
-        fixed[target.vertices[target.vertices < self.pattern.n_vertices]] = True
+        fixed = np.zeros(self.system.pattern.n_vertices, bool)
+        fixed[target.vertices[target.vertices < self.system.pattern.n_vertices]] = True
         x, carried, iterations = self._carry(x.copy(), target, fixed)
         if not carried.converged:
             return NewtonResult(x, carried, iterations, np.inf, np.inf)
@@ -99,7 +98,7 @@ class Newton:
         speed, residual = np.inf, np.inf
         for count in range(iterations, iterations + settings.max_iterations):
             dx, end, gradient = self._direction(x, still, fixed, exact=count > iterations)
-            residual = float(np.abs(gradient[: self.pattern.n_vertices][~fixed]).max(initial=0.0))
+            residual = float(np.abs(gradient[: self.system.pattern.n_vertices][~fixed]).max(initial=0.0))
             if end is not None:
                 return NewtonResult(x, end, count, speed, residual)
             speed = float(np.abs(dx).max(initial=0.0)) / self.dt
@@ -130,7 +129,7 @@ class Newton:
 
         H is the projected Hessian; with `exact` the unprojected one (but for contact), as far as it curves upward.
         """
-        n = self.pattern.n_vertices
+        n = self.system.pattern.n_vertices
         gradient = self.potential.gradient(x)
         if not np.isfinite(gradient).all():
             vertex = int(np.argmax(~np.isfinite(gradient).all(axis=1)))
@@ -141,7 +140,7 @@ class Newton:
             right -= assembly.times(hessians, way)
         right = right[:n]
         right[fixed] = 0.0
-        data = self._assembled(hessians, fixed)
+        data = self._assembled(x, hessians, fixed)
         if not (np.isfinite(right).all() and np.isfinite(data).all()):
             vertex = int(np.argmax(~np.isfinite(right).all(axis=1)))
             return way, outcome(Ending.NOT_FINITE, vertex=vertex, place=_place(x, vertex)), gradient
@@ -149,31 +148,31 @@ class Newton:
         if solution is None:
             return way, outcome(Ending.SINGULAR), gradient
         if exact:
-            curved = self._assembled(self.potential.exact_hessians(x, hessians), fixed)
+            curved = self._assembled(x, self.potential.exact_hessians(x, hessians), fixed)
             with self.potential.ledger.phase("linear solve"):
-                times = self.pattern.times(curved)
-                solution = truncated_solve(times, self.solver.back_solve, right.ravel())
+                times = self.system.pattern.times(curved)
+                solution = truncated_solve(times, self.system.solver.back_solve, right.ravel())
         dx = way.copy()
         dx[:n][~fixed] = solution.reshape(-1, 3)[~fixed]
         return dx, None, gradient
 
-    def _assembled(self, hessians: list[assembly.Hessian], fixed: np.ndarray) -> Floats:
+    def _assembled(self, x: Floats, hessians: list[assembly.Hessian], fixed: np.ndarray) -> Floats:
         with self.potential.ledger.phase("assembly"):
-            data = self.pattern.assemble(hessians)
-            self.pattern.fix(data, fixed)
+            data = self.system.assemble(hessians, lambda: self.potential.couplings(x))
+            self.system.pattern.fix(data, fixed)
         return data
 
     def _solve(self, data: Floats, b: Floats) -> Floats | None:
         """The solution, with a growing shift of the diagonal where the matrix is not positive definite."""
         ledger = self.potential.ledger
-        diagonal = self.pattern.diagonal(data)
+        diagonal = self.system.pattern.diagonal(data)
         shift = 1e-10 * max(float(diagonal.max(initial=0.0)), np.finfo(float).tiny)
         for attempt in range(MAX_SHIFTS):
             with ledger.phase("linear solve"):
                 ledger.linear_solves += 1
                 try:
-                    shifted = self.pattern.shift(data, np.full(len(diagonal), shift)) if attempt else data
-                    solution = self.solver.solve(shifted, b)
+                    shifted = self.system.pattern.shift(data, np.full(len(diagonal), shift)) if attempt else data
+                    solution = self.system.solver.solve(shifted, b)
                 except NotPositiveDefiniteError:
                     shift *= 10.0 if attempt else 1.0
                     continue

@@ -17,6 +17,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ElementHessian
 
 Hessian: TypeAlias = ElementHessian | sparse.csr_array
+"""What an energy hands over: element blocks, or (by ipctk) a matrix."""
 
 
 @dataclass(frozen=True)
@@ -32,21 +33,29 @@ class Pattern:
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
 
-    def assemble(self, hessians: list[Hessian]) -> Floats:
-        """The sum of the Hessians as the data of the upper CSR matrix; rows beyond n_vertices are dropped."""
+    def assemble(self, hessians: list[Hessian]) -> tuple[Floats, int]:
+        """The sum of the Hessians as the data of the upper CSR matrix, and how many blocks do not fit.
+
+        Rows beyond n_vertices are dropped.
+        """
         data = np.zeros(len(self.indices))
+        outside = 0
         for hessian in hessians:
             if isinstance(hessian, ElementHessian):
                 if len(hessian.elements):
-                    _add_blocks(data, self.starts, self.columns, hessian.elements, hessian.blocks)
+                    outside += _add_blocks(data, self.starts, self.columns, hessian.elements, hessian.blocks)
             elif hessian.nnz:
                 matrix = hessian.tocsr()
-                outside = _add_csr(
+                outside += _add_csr(
                     data, self.starts, self.columns, matrix.indptr, matrix.indices, matrix.data, self.n_vertices
                 )
-                if outside:
-                    raise ValueError(f"{outside} entries of a contact Hessian lie outside the elastic pattern")
-        return data
+        return data, outside
+
+    def same_as(self, other: "Pattern") -> bool:
+        """True where both have the same blocks."""
+        return self is other or (
+            np.array_equal(self.starts, other.starts) and np.array_equal(self.columns, other.columns)
+        )
 
     def upper(self, data: Floats) -> sparse.csr_matrix:
         """The upper triangle as a scipy matrix."""
@@ -79,18 +88,45 @@ def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Hessian]) -> P
 
     The triangles are in it whether or not they are elastic: contact couples the corners of the one that it touches.
     """
-    keys = [np.arange(n_vertices, dtype=np.int64) * (n_vertices + 1)]
-    for elements in (triangles, *(hessian.elements for hessian in hessians if isinstance(hessian, ElementHessian))):
-        for a in range(elements.shape[1]):
-            for b in range(elements.shape[1]):
-                i, j = elements[:, a], elements[:, b]
-                upper = (i < j) & (j < n_vertices)
-                keys.append(i[upper] * n_vertices + j[upper])
-    key = np.unique(np.concatenate(keys))
-    rows, columns = key // n_vertices, key % n_vertices
-    starts = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n_vertices))])
+    diagonal = np.arange(n_vertices)[:, None]
+    elements = [hessian.elements for hessian in hessians if isinstance(hessian, ElementHessian)]
+    return _pattern(n_vertices, np.unique(_keys(n_vertices, [diagonal, triangles, *elements])))
+
+
+def coupled(pattern: Pattern, elements: list[Ints]) -> Pattern:
+    """The pattern with the blocks of more `elements`, each (m, k); the same object where it holds them all."""
+    n = pattern.n_vertices
+    rows = np.repeat(np.arange(n), np.diff(pattern.starts))
+    known = rows * n + pattern.columns
+    added = np.setdiff1d(_keys(n, elements), known)
+    return _pattern(n, np.sort(np.concatenate([known, added]))) if len(added) else pattern
+
+
+def couplings(hessian: Hessian) -> Ints:
+    """The rows of x that a Hessian couples, (m, k)."""
+    if isinstance(hessian, ElementHessian):
+        return hessian.elements
+    entries = hessian.tocoo()
+    return np.column_stack([entries.row, entries.col]).astype(np.int64) // 3
+
+
+def _keys(n: int, elements: list[Ints]) -> Ints:
+    """row n + column of each block of the upper triangle that `elements` couple, with repetitions."""
+    keys = [np.zeros(0, np.int64)]
+    for rows in elements:
+        for a in range(rows.shape[1]):
+            for b in range(rows.shape[1]):
+                i, j = rows[:, a], rows[:, b]
+                upper = (i <= j) & (j < n)
+                keys.append(i[upper] * n + j[upper])
+    return np.concatenate(keys)
+
+
+def _pattern(n: int, keys: Ints) -> Pattern:
+    rows, columns = keys // n, keys % n
+    starts = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))])
     indptr, indices = _scalar_pattern(starts, columns)
-    return Pattern(n_vertices, starts, columns, indptr, indices)
+    return Pattern(n, starts, columns, indptr, indices)
 
 
 def times(hessians: list[Hessian], vector: Floats) -> Floats:
@@ -151,6 +187,7 @@ def _place(starts, i, p, rank, q):
 @njit(cache=True)
 def _add_blocks(data, starts, columns, elements, blocks):
     n = len(starts) - 1
+    outside = 0
     for e in range(len(elements)):
         for a in range(elements.shape[1]):
             i = elements[e, a]
@@ -161,9 +198,13 @@ def _add_blocks(data, starts, columns, elements, blocks):
                 if j < i or j >= n:
                     continue
                 rank = _rank(starts, columns, i, j)
+                if rank < 0:
+                    outside += 1
+                    continue
                 for p in range(3):
                     for q in range(p if i == j else 0, 3):
                         data[_place(starts, i, p, rank, q)] += blocks[e, 3 * a + p, 3 * b + q]
+    return outside
 
 
 @njit(cache=True)

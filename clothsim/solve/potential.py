@@ -7,7 +7,7 @@ from typing import Any, Self
 import numpy as np
 from scipy import sparse
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ElementHessian, Energy, Step
 from clothsim.solve.ledger import Ledger
 
@@ -28,12 +28,24 @@ class Potential:
                 with self.ledger.effect(name, ""):
                     bound[name] = energy.begin(step)
                     gradient += bound[name].gradient(step.positions)
-        informed = replace(step, gradient=gradient)
         for name, energy in self.energies.items():
             if energy.begins_last:
                 with self.ledger.effect(name, ""):
-                    bound[name] = energy.begin(informed)
+                    bound[name] = energy.begin(replace(step, gradient=gradient, bound=dict(bound)))
         return replace(self, energies={name: bound[name] for name in self.energies})
+
+    @property
+    def passes(self) -> int:
+        """How often a step is solved, the most that an energy asks for."""
+        return max((energy.passes for energy in self.energies.values()), default=1)
+
+    def again(self, x: Floats) -> Self:
+        """Bound for another pass of the same step, what is lagged taken at x."""
+        bound = {}
+        for name, energy in self.energies.items():
+            with self.ledger.effect(name, ""):
+                bound[name] = energy.again(x)
+        return replace(self, energies=bound)
 
     def value(self, x: Floats) -> float:
         """E(x) [J]; +inf where any energy refuses x."""
@@ -73,6 +85,15 @@ class Potential:
             hessian = self.energies[name].hessian(x, project)
             account.hessian_nonzeros = hessian.blocks.size if isinstance(hessian, ElementHessian) else int(hessian.nnz)
         return hessian
+
+    def couplings(self, x: Floats) -> list[Ints]:
+        """Rows (m, k) that contact may couple near x, energy by energy; none where there is no contact."""
+        found = []
+        for name, energy in self.energies.items():
+            if type(energy).couplings is not Energy.couplings:
+                with self.ledger.effect(name, ""):
+                    found.append(energy.couplings(x))
+        return found
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The smallest of the energies' step limits, in (0, 1]."""

@@ -29,7 +29,7 @@ def test_without_a_body_it_is_off():
 
 @pytest.mark.parametrize("height", [0.0, 0.25, -0.2])
 def test_a_cloth_that_starts_in_a_body_is_refused_in_one_sentence(height):
-    with pytest.raises(InputError, match="intersects a body at the start") as refusal:
+    with pytest.raises(InputError, match="cloth intersects ball at the start") as refusal:
         body_contact(world_at(height))
     assert refusal.value.remedy
 
@@ -72,8 +72,7 @@ def test_beyond_d_hat_there_is_nothing():
     x = world.start()
     assert contact.value(x) == 0.0
     assert not contact.gradient(x).any()
-    assert contact.hessian(x).nnz == 0
-    assert contact.hessian(x).shape == (x.size, x.size)
+    assert not len(contact.hessian(x).elements)
     assert contact.minimum_gap(x) == np.inf
     assert contact.counts()["pairs"] == 0
 
@@ -124,7 +123,7 @@ def test_the_stiffness_is_the_largest_of_three_pressures():
     assert barrier_stiffness(**settings | {"pressure": 0.0, "speed": 0.0}) > 0
 
 
-@pytest.mark.parametrize("gap", [1e-3, 1e-4, 1e-6])
+@pytest.mark.parametrize("gap", [1e-3, 1e-4, 1e-6, 1e-9, 1e-12])
 def test_a_start_close_to_contact_converges_to_balance_and_not_to_a_short_step(gap, tmp_path):
     """Near contact Newton's step is as short as the gap: only the residual tells balance from that."""
     scene = clothsim.Scene(
@@ -140,11 +139,11 @@ def test_a_start_close_to_contact_converges_to_balance_and_not_to_a_short_step(g
     assert run.summary["certificate"]["residual"] < 0.1 * weight
 
 
-def test_a_start_at_contact_to_the_last_digits_is_refused(tmp_path):
+def test_a_start_that_touches_is_refused(tmp_path):
     scene = clothsim.Scene(
-        cloth={"mesh": "rectangle", "size": [0.2, 0.2], "cells": [3, 3], "position": [0, 0, 0.05 + 1e-9]},
+        cloth={"mesh": "rectangle", "size": [0.2, 0.2], "cells": [3, 3], "position": [0, 0, 0.05]},
         body={"mesh": "slab", "size": [1, 1, 0.1]},
         effects={"inertia": {}, "membrane": {}, "gravity": {}, "body_contact": {"d_hat": 5e-3}},
     )
-    with pytest.raises(InputError, match="from a body"):
+    with pytest.raises(InputError, match="cloth intersects body at the start"):
         clothsim.simulate(scene, tmp_path)

@@ -134,11 +134,10 @@ BAD = {
 }
 NOT_BUILT = {
     name: (with_effect(f"[effects.{name}]"), f"'{name}' is not built yet", "membrane")
-    for name in ("self_contact", "friction", "air", "pressure", "seams", "strain_limit", "fibres")
+    for name in ("air", "pressure", "seams", "strain_limit", "fibres")
 } | {
     "bdf2": (changed("dt =", 'integrator = "bdf2"\ndt ='), "bdf2.* is not built yet", "backward_euler"),
     "transfer": (changed("[run]", '[seed]\nfrom = "transfer"\n[run]'), "transfer.* is not built yet", "rest"),
-    "numba": (changed("[run]", '[contact]\nbackend = "numba"\n[run]'), "numba.* is not built yet", "ipctk"),
     "midedge": (with_effect('[effects.bending]\nmodel = "midedge"'), "midedge.* is not built yet", "hinge"),
 }
 

@@ -17,7 +17,7 @@ def newton_matrix():
     world = small_world()
     hessian = membrane(world).hessian(deformed(world))
     pattern = make_pattern(world.n_cloth, world.triangles, [hessian])
-    data = pattern.shift(pattern.assemble([hessian]), np.full(3 * world.n_cloth, 0.1))
+    data = pattern.shift(pattern.assemble([hessian])[0], np.full(3 * world.n_cloth, 0.1))
     upper = pattern.upper(data).toarray()
     return pattern, data, upper + np.triu(upper, 1).T
 

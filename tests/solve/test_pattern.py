@@ -6,7 +6,7 @@ from meshes import cloth, grid, small_world
 from scipy import sparse
 
 from clothsim.energies.base import ElementHessian
-from clothsim.solve.pattern import make_pattern, times
+from clothsim.solve.pattern import coupled, couplings, make_pattern, times
 
 
 def random_blocks(elements, seed):
@@ -55,7 +55,7 @@ def full(upper):
 def test_assembly_is_the_dense_sum_of_the_unknown_rows():
     parts = hessians()
     pattern = make_pattern(N, TRIANGLES, parts)
-    data = pattern.assemble(parts)
+    data, _ = pattern.assemble(parts)
     expected = dense(parts)
     assert np.abs(full(pattern.upper(data)) - expected).max() < 1e-13 * np.abs(expected).max()
     assert np.abs(expected).max() > 1
@@ -65,7 +65,7 @@ def test_assembly_is_the_dense_sum_of_the_unknown_rows():
 def test_each_kind_of_hessian_alone(which):
     parts = hessians()
     pattern = make_pattern(N, TRIANGLES, parts)
-    assembled = full(pattern.upper(pattern.assemble(parts[which : which + 1])))
+    assembled = full(pattern.upper(pattern.assemble(parts[which : which + 1])[0]))
     assert np.abs(assembled - dense(parts[which : which + 1])).max() < 1e-13
 
 
@@ -90,16 +90,23 @@ def test_the_pattern_of_a_sheet_is_its_one_ring_and_with_hinges_the_two_ring():
     assert len(wider.columns) == len(ring.columns) + len({tuple(pair) for pair in across} - known)
 
 
-def test_contact_outside_the_pattern_is_an_error():
+def test_what_is_outside_the_pattern_is_counted_and_a_coupled_pattern_takes_it():
     pattern = make_pattern(N, np.zeros((0, 3), np.int64), [])
-    with pytest.raises(ValueError, match="outside the elastic pattern"):
-        pattern.assemble([contact()])
+    for part in (hessians()[0], hessians()[1], contact()):
+        assert pattern.assemble([part])[1] > 0
+        wider = coupled(pattern, [couplings(part)])
+        data, outside = wider.assemble([part])
+        assert outside == 0
+        assert np.abs(full(wider.upper(data)) - dense([part])).max() < 1e-13
+        assert coupled(wider, [couplings(part)]) is wider
+        assert wider.same_as(coupled(pattern, [couplings(part)]))
+        assert not wider.same_as(pattern)
 
 
 def test_fixed_rows_become_the_identity():
     parts = hessians()
     pattern = make_pattern(N, TRIANGLES, parts)
-    data = pattern.assemble(parts)
+    data, _ = pattern.assemble(parts)
     fixed = np.zeros(N, bool)
     fixed[[0, 4, 5]] = True
     pattern.fix(data, fixed)
@@ -114,7 +121,7 @@ def test_fixed_rows_become_the_identity():
 def test_shift_is_added_to_a_copy():
     parts = hessians()
     pattern = make_pattern(N, TRIANGLES, parts)
-    data = pattern.assemble(parts)
+    data, _ = pattern.assemble(parts)
     before, amount = data.copy(), np.arange(1.0, 3 * N + 1)
     shifted = pattern.shift(data, amount)
     assert np.array_equal(data, before)
@@ -131,5 +138,5 @@ def test_times_covers_all_rows():
 def test_a_vertex_without_a_triangle_has_its_diagonal():
     sheet = cloth(*grid(1, 1))
     pattern = make_pattern(6, sheet.triangles, [])
-    assert len(pattern.diagonal(pattern.assemble([]))) == 18
+    assert len(pattern.diagonal(pattern.assemble([])[0])) == 18
     assert np.array_equal(np.diff(pattern.starts)[4:], [1, 1])

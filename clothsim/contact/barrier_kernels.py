@@ -1,0 +1,261 @@
+"""Pair loops of the barrier: which pairs are near, their energy, gradient and Hessian blocks.
+
+E = sum w m(c) b(q). With s = q - o^2, S = (o + d_hat)^2 - o^2, o the offset:
+    b = -(s - S)^2 ln(s / S) d_hat / S^2 [m]    (Li et al. 2020, IPC, eq. 6, in squared distances; scaled: Li et al. 2023)
+m(c) = (2 - c/e) c/e for c < e, else 1, the mollifier of nearly parallel edges u, v (IPC, eq. 24), c = |u x v|^2.
+"""
+
+import numpy as np
+from numba import njit
+
+from clothsim.contact.distance import closest, free_directions
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _apart(x, rows, split, limit):
+    """True where the boxes of the two parts of a pair are further apart than `limit` along an axis."""
+    for k in range(3):
+        low, high = x[rows[0], k], x[rows[0], k]
+        if split == 2:
+            low, high = min(low, x[rows[1], k]), max(high, x[rows[1], k])
+        other_low, other_high = x[rows[2], k], x[rows[2], k]
+        other_low, other_high = min(other_low, x[rows[3], k]), max(other_high, x[rows[3], k])
+        if split == 1:
+            other_low, other_high = min(other_low, x[rows[1], k]), max(other_high, x[rows[1], k])
+        if low - other_high > limit or other_low - high > limit:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def near_pairs(x, elements, n_points, limit):
+    """The numbers of the pairs with distance below `limit`, and their squared distances. The first n_points pairs are
+    point-triangle, the others edge-edge."""
+    g, r = np.empty(4), np.empty(3)
+    squared = np.empty(len(elements))
+    count = 0
+    for e in range(len(elements)):
+        split = 1 if e < n_points else 2
+        squared[e] = np.inf
+        if not _apart(x, elements[e], split, limit):
+            squared[e] = closest(x, elements[e], split == 2, g, r)
+        count += squared[e] < limit * limit
+    found = np.empty(count, np.int64)
+    k = 0
+    for e in range(len(elements)):
+        if squared[e] < limit * limit:
+            found[k] = e
+            k += 1
+    return found, squared[found]
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def barrier(s, S, d_hat):
+    """b [m] at squared distance s [m2]."""
+    if s >= S:
+        return 0.0
+    return np.inf if s <= 0.0 else -d_hat * (s / S - 1.0) ** 2 * np.log(s / S)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def barrier_slopes(s, S, d_hat):
+    """db/ds < 0 [1/m] and d2b/ds2 > 0 [1/m3]."""
+    y = s / S
+    first = -(2.0 * (y - 1.0) * np.log(y) + (y - 1.0) ** 2 / y)
+    second = -(2.0 * np.log(y) + 4.0 * (y - 1.0) / y - (y - 1.0) ** 2 / (y * y))
+    return d_hat * first / S, d_hat * second / (S * S)
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def crossing(x, rows):
+    """c = |u x v|^2 of the edges u, v of an edge-edge pair [m4]."""
+    u, v = x[rows[1]] - x[rows[0]], x[rows[3]] - x[rows[2]]
+    n0 = u[1] * v[2] - u[2] * v[1]
+    n1 = u[2] * v[0] - u[0] * v[2]
+    n2 = u[0] * v[1] - u[1] * v[0]
+    return n0 * n0 + n1 * n1 + n2 * n2
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def mollifier(c, e):
+    """m, dm/dc, d2m/dc2."""
+    if c >= e:
+        return 1.0, 0.0, 0.0
+    return (2.0 - c / e) * c / e, 2.0 * (1.0 - c / e) / e, -2.0 / (e * e)
+
+
+@njit(cache=True, error_model="numpy")
+def value(x, elements, weights, thresholds, n_points, offset, d_hat):
+    """Sum of w m b [m3], for kappa = 1."""
+    S = d_hat * (2.0 * offset + d_hat)
+    g, r = np.empty(4), np.empty(3)
+    total = 0.0
+    for e in range(len(elements)):
+        b = barrier(closest(x, elements[e], e >= n_points, g, r) - offset * offset, S, d_hat)
+        if b > 0.0 and thresholds[e] > 0.0:
+            m = mollifier(crossing(x, elements[e]), thresholds[e])[0]
+            b = b * m if m > 0.0 else 0.0
+        total += weights[e] * b
+    return total
+
+
+@njit(cache=True, error_model="numpy")
+def gradient(x, elements, weights, thresholds, n_points, offset, d_hat):
+    """d/dx of the value, (N, 3) [m2]: w (2 m b' g_i r + b dm/dc dc/dx_i)."""
+    S = d_hat * (2.0 * offset + d_hat)
+    out = np.zeros_like(x)
+    g, r, cross = np.empty(4), np.empty(3), np.empty((4, 3))
+    for e in range(len(elements)):
+        rows = elements[e]
+        s = closest(x, rows, e >= n_points, g, r) - offset * offset
+        if s >= S:
+            continue
+        slope = barrier_slopes(s, S, d_hat)[0]
+        m, dm = 1.0, 0.0
+        if thresholds[e] > 0.0:
+            m, dm, _ = mollifier(crossing(x, rows), thresholds[e])
+        for i in range(4):
+            for k in range(3):
+                out[rows[i], k] += weights[e] * 2.0 * m * slope * g[i] * r[k]
+        if dm > 0.0:
+            b = barrier(s, S, d_hat)
+            _crossing_gradient(x, rows, cross)
+            for i in range(4):
+                for k in range(3):
+                    out[rows[i], k] += weights[e] * b * dm * cross[i, k]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def pull(x, elements, weights, thresholds, n_points, offset, d_hat):
+    """Of each pair g (p, 4), r (p, 3) [m] and w m db/dd (p,) [m2], the force along r for kappa = 1."""
+    S = d_hat * (2.0 * offset + d_hat)
+    g, r, slopes = np.zeros((len(elements), 4)), np.zeros((len(elements), 3)), np.zeros(len(elements))
+    for e in range(len(elements)):
+        squared = closest(x, elements[e], e >= n_points, g[e], r[e])
+        s = squared - offset * offset
+        if s < S:
+            m = mollifier(crossing(x, elements[e]), thresholds[e])[0] if thresholds[e] > 0.0 else 1.0
+            slopes[e] = weights[e] * m * barrier_slopes(s, S, d_hat)[0] * 2.0 * np.sqrt(squared)
+    return g, r, slopes
+
+
+@njit(cache=True, error_model="numpy")
+def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
+    """Blocks (p, 12, 12) of d2/dx2 of the value; with `project` positive semi-definite.
+
+    Without a mollifier the block is 4 b'' q gg'nn' + b' (2 gg'I - 2 sum G G'). Its part along gg'nn' is clamped at 0;
+    each tangent a leaves 2|b'| (G G' - gg't t'), which in the directions g t and c n is |r||g||c| off the diagonal and
+    |r|^2 |c|^2 on it: its positive eigenpair is in closed form. Tangents along which the closest point does not move
+    have -2|b'| gg't t' alone: none of it is kept. Mollified blocks are dense: their eigenvalues are clamped.
+    """
+    S = d_hat * (2.0 * offset + d_hat)
+    blocks = np.zeros((len(elements), 12, 12))
+    g, r, t, c = np.empty(4), np.empty(3), np.empty((2, 3)), np.empty((2, 4))
+    for e in range(len(elements)):
+        rows = elements[e]
+        s = closest(x, rows, e >= n_points, g, r) - offset * offset
+        if s >= S:
+            continue
+        free = free_directions(x, rows, e >= n_points, g, t, c)
+        first, second = barrier_slopes(s, S, d_hat)
+        m, dm, d2m = 1.0, 0.0, 0.0
+        if thresholds[e] > 0.0:
+            m, dm, d2m = mollifier(crossing(x, rows), thresholds[e])
+        w = weights[e]
+        if dm == 0.0 and project:
+            _projected_block(blocks[e], g, r, t, c, free, w * first, w * second)
+            continue
+        _exact_block(blocks[e], g, r, t, c, free, w * m * first, w * m * second)
+        if dm > 0.0:
+            _mollify(blocks[e], x, rows, g, r, w * barrier(s, S, d_hat), w * first, dm, d2m)
+            if project:
+                blocks[e] = _clamped(blocks[e])
+    return blocks
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _exact_block(block, g, r, t, c, free, first, second):
+    for i in range(4):
+        for j in range(4):
+            gg = g[i] * g[j]
+            for p in range(3):
+                block[3 * i + p, 3 * j + p] += 2.0 * first * gg
+                for q in range(3):
+                    entry = 4.0 * second * gg * r[p] * r[q]
+                    for a in range(free):
+                        Gi = g[i] * t[a, p] + c[a, i] * r[p]
+                        Gj = g[j] * t[a, q] + c[a, j] * r[q]
+                        entry -= 2.0 * first * Gi * Gj
+                    block[3 * i + p, 3 * j + q] += entry
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _projected_block(block, g, r, t, c, free, first, second):
+    squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+    length = np.sqrt(squared)
+    normal = max(4.0 * second * squared + 2.0 * first, 0.0)
+    size = np.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2] + g[3] * g[3])
+    for i in range(4):
+        for j in range(4):
+            for p in range(3):
+                for q in range(3):
+                    block[3 * i + p, 3 * j + q] += normal * g[i] * g[j] * r[p] * r[q] / squared
+    for a in range(free):
+        reach = np.sqrt(c[a, 0] ** 2 + c[a, 1] ** 2 + c[a, 2] ** 2 + c[a, 3] ** 2)
+        off, on = length * size * reach, squared * reach * reach
+        eigenvalue = 0.5 * (on + np.sqrt(on * on + 4.0 * off * off))
+        share = -2.0 * first * eigenvalue / (off * off + eigenvalue * eigenvalue)
+        for i in range(4):
+            for j in range(4):
+                for p in range(3):
+                    vi = off * g[i] / size * t[a, p] + eigenvalue * c[a, i] / reach * r[p] / length
+                    for q in range(3):
+                        vj = off * g[j] / size * t[a, q] + eigenvalue * c[a, j] / reach * r[q] / length
+                        block[3 * i + p, 3 * j + q] += share * vi * vj
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _crossing_gradient(x, rows, out):
+    """dc/dx_i, (4, 3): dc/du = 2 (|v|^2 u - (u.v) v) at the ends of u, dc/dv alike."""
+    u, v = x[rows[1]] - x[rows[0]], x[rows[3]] - x[rows[2]]
+    uu, vv, uv = np.dot(u, u), np.dot(v, v), np.dot(u, v)
+    for k in range(3):
+        du, dv = 2.0 * (vv * u[k] - uv * v[k]), 2.0 * (uu * v[k] - uv * u[k])
+        out[0, k], out[1, k], out[2, k], out[3, k] = -du, du, -dv, dv
+
+
+@njit(cache=True, error_model="numpy")
+def _mollify(block, x, rows, g, r, b, first, dm, d2m):
+    """Adds b' (dm dq' + dq dm') + b (m'' dc dc' + m' d2c): what the mollifier adds to m times the block."""
+    cross = np.empty((4, 3))
+    _crossing_gradient(x, rows, cross)
+    u, v = x[rows[1]] - x[rows[0]], x[rows[3]] - x[rows[2]]
+    uu, vv, uv = np.dot(u, u), np.dot(v, v), np.dot(u, v)
+    sign = (-1.0, 1.0, -1.0, 1.0)
+    for i in range(4):
+        for j in range(4):
+            for p in range(3):
+                for q in range(3):
+                    same = 1.0 if p == q else 0.0
+                    if i < 2 and j < 2:
+                        curvature = vv * same - v[p] * v[q]
+                    elif i >= 2 and j >= 2:
+                        curvature = uu * same - u[p] * u[q]
+                    elif i < 2:
+                        curvature = 2.0 * u[p] * v[q] - v[p] * u[q] - uv * same
+                    else:
+                        curvature = 2.0 * v[p] * u[q] - u[p] * v[q] - uv * same
+                    mixed = cross[i, p] * 2.0 * g[j] * r[q] + 2.0 * g[i] * r[p] * cross[j, q]
+                    block[3 * i + p, 3 * j + q] += (
+                        first * dm * mixed
+                        + b * d2m * cross[i, p] * cross[j, q]
+                        + b * dm * 2.0 * sign[i] * sign[j] * curvature
+                    )
+
+
+@njit(cache=True)
+def _clamped(block):
+    """The nearest positive semi-definite block: negative eigenvalues set to 0 (as in IPC)."""
+    values, vectors = np.linalg.eigh(block)
+    return (vectors * np.maximum(values, 0.0)) @ vectors.T

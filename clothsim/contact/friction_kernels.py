@@ -1,0 +1,70 @@
+"""Pair loops of lagged friction: E = sum L f0(|u|), u = (I - n n') sum_i g_i (x_i - start_i), e: slip."""
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _sliding(x, start, rows, g, n, u):
+    """Fills u (3,) [m]; returns its length."""
+    along = 0.0
+    for k in range(3):
+        u[k] = 0.0
+        for i in range(4):
+            u[k] += g[i] * (x[rows[i], k] - start[rows[i], k])
+        along += u[k] * n[k]
+    squared = 0.0
+    for k in range(3):
+        u[k] -= along * n[k]
+        squared += u[k] * u[k]
+    return np.sqrt(squared)
+
+
+@njit(cache=True, error_model="numpy")
+def value(x, start, elements, weights, normals, limits, e):
+    """Sum of L f0 [J]."""
+    u = np.empty(3)
+    total = 0.0
+    for p in range(len(elements)):
+        y = _sliding(x, start, elements[p], weights[p], normals[p], u)
+        total += limits[p] * (y if y >= e else y * y / e - y**3 / (3.0 * e * e) + e / 3.0)
+    return total
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def _per_length(y, e):
+    """f0'(y) / y [1/m]: finite at 0."""
+    return 1.0 / y if y >= e else (2.0 - y / e) / e
+
+
+@njit(cache=True, error_model="numpy")
+def gradient(x, start, elements, weights, normals, limits, e):
+    """L f0'/|u| g_i u, (N, 3) [N]."""
+    out = np.zeros_like(x)
+    u = np.empty(3)
+    for p in range(len(elements)):
+        slope = limits[p] * _per_length(_sliding(x, start, elements[p], weights[p], normals[p], u), e)
+        for i in range(4):
+            for k in range(3):
+                out[elements[p, i], k] += slope * weights[p, i] * u[k]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def hessian(x, start, elements, weights, normals, limits, e):
+    """Blocks (p, 12, 12): L g_i g_j (f0'/|u| (I - n n' - t t') + f0'' t t'), t = u/|u|."""
+    blocks = np.empty((len(elements), 12, 12))
+    u = np.empty(3)
+    for p in range(len(elements)):
+        y = _sliding(x, start, elements[p], weights[p], normals[p], u)
+        across = _per_length(y, e)
+        along = 0.0 if y >= e else 2.0 * (1.0 - y / e) / e
+        for k in range(3):
+            for q in range(3):
+                entry = across * ((1.0 if k == q else 0.0) - normals[p, k] * normals[p, q])
+                if y > 0.0:
+                    entry += (along - across) * u[k] * u[q] / (y * y)
+                for i in range(4):
+                    for j in range(4):
+                        blocks[p, 3 * i + k, 3 * j + q] = limits[p] * weights[p, i] * weights[p, j] * entry
+    return blocks

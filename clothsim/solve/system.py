@@ -1,0 +1,47 @@
+"""The Newton matrix and its solver: a pattern that serves many steps, and grows where contact couples new vertices."""
+
+from collections.abc import Callable
+
+from clothsim.arrays import Floats, Ints
+from clothsim.solve.linear import LinearSolver, make_solver
+from clothsim.solve.pattern import Hessian, Pattern, coupled, couplings
+
+
+class System:
+    """A cache of one pattern and the analysis of it.
+
+    `base` is what the mesh couples. Each step starts with what contact couples within reach (`begin`), so that the
+    order of elimination, and with it every bit, depends on the step's own start; inside a step the pattern only grows.
+    """
+
+    def __init__(self, base: Pattern, linear: str = "auto", threads: int = 0) -> None:
+        self.base = base
+        self.analyses = 0
+        self._linear, self._threads = linear, threads
+        self.pattern = base
+        self.solver = self._analysed(base)
+
+    def begin(self, couplings: list[Ints]) -> None:
+        """The pattern of the base and of `couplings`, lists of rows (m, k) that act on one another."""
+        self._take(coupled(self.base, couplings))
+
+    def assemble(self, hessians: list[Hessian], nearby: Callable[[], list[Ints]]) -> Floats:
+        """The sum of the Hessians as the data of the pattern, which grows first where something does not fit.
+
+        nearby: gives the couplings that may soon be needed too.
+        """
+        data, outside = self.pattern.assemble(hessians)
+        if outside:
+            own = [couplings(hessian) for hessian in hessians]
+            self._take(coupled(self.pattern, [*own, *nearby()]))
+            data, outside = self.pattern.assemble(hessians)
+        return data
+
+    def _take(self, pattern: Pattern) -> None:
+        if not pattern.same_as(self.pattern):
+            self.pattern = pattern
+            self.solver = self._analysed(pattern)
+
+    def _analysed(self, pattern: Pattern) -> LinearSolver:
+        self.analyses += 1
+        return make_solver(self._linear, pattern, self._threads)
