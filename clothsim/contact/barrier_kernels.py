@@ -1,7 +1,7 @@
 """Pair loops of the barrier: which pairs are near, their energy, gradient and Hessian blocks.
 
 E = sum w m(c) b(q). With s = q - o^2, S = (o + d_hat)^2 - o^2, o the offset:
-    b = -(s - S)^2 ln(s / S) d_hat / S^2 [m]    (Li et al. 2020, IPC, eq. 6, in squared distances; scaled: Li et al. 2023)
+    b = -(s - S)^2 ln(s / S) d_hat / S^2 [m]    (Li et al. 2020, IPC, eq. 6, in squares; scale: Li et al. 2023)
 m(c) = (2 - c/e) c/e for c < e, else 1, the mollifier of nearly parallel edges u, v (IPC, eq. 24), c = |u x v|^2.
 """
 
