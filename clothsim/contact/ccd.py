@@ -53,7 +53,7 @@ def point_triangle_limit(x: Floats, dx: Floats, pairs: Ints, offset: float, slac
 
     pairs (p, 4): rows of x (n, 3) [m]. On all of [0, t] each keeps the distance offset + (1 - slack) (d - offset) [m],
     d its distance at x. t is never too large; a pair gives up at most CLOSE of its usable gap. 0 where a pair that
-    moves starts at the offset or nearer: the caller must say so.
+    moves starts at the offset or nearer, or moves by NaN: the caller must say so.
     """
     return _limit(x, dx, pairs, 1, offset, slack, limit)
 
@@ -66,19 +66,23 @@ def edge_edge_limit(x: Floats, dx: Floats, pairs: Ints, offset: float, slack: fl
 
 @njit(cache=True, error_model="numpy")
 def _limit(x: Floats, dx: Floats, pairs: Ints, split: int, offset: float, slack: float, limit: float) -> float:
+    span = limit  # the same for all pairs, or their order would matter
     for i in range(pairs.shape[0]):
-        limit = _pair_limit(_differences(x, pairs[i]), _differences(dx, pairs[i]), split, offset, slack, limit)
+        y, dy = _differences(x, pairs[i]), _differences(dx, pairs[i])
+        limit = _pair_limit(y, dy, split, offset, slack, span, limit)
         if limit <= 0.0:
             return 0.0
     return limit
 
 
 @njit(cache=True, error_model="numpy")
-def _pair_limit(y: Points, dy: Points, split: int, offset: float, slack: float, limit: float) -> float:
-    """The fraction for one pair: the first `split` of the points are one body, the others the other."""
+def _pair_limit(y: Points, dy: Points, split: int, offset: float, slack: float, span: float, limit: float) -> float:
+    """The fraction for one pair, at most `limit` <= span: the first `split` points are one body, the rest the other."""
     speed = _speed(dy, split)
     if speed == 0.0:
         return limit
+    if not speed > 0.0:  # NaN
+        return 0.0
     m, distance = _separation(y, dy, split)
     usable = slack * (distance - offset)
     if not usable > 0.0:
@@ -87,9 +91,9 @@ def _pair_limit(y: Points, dy: Points, split: int, offset: float, slack: float, 
     t = 0.0
     for _ in range(MAX_INCREMENTS):
         here = _moved(y, dy, t)
-        increment = max((distance - floor) / speed, _apart((m[0], ZERO, ZERO), here, dy, split, floor, limit - t))
+        increment = max((distance - floor) / speed, _apart((m[0], ZERO, ZERO), here, dy, split, floor, span - t))
         if t + increment < limit:
-            increment = max(increment, _apart(m, here, dy, split, floor, limit - t))
+            increment = max(increment, _apart(m, here, dy, split, floor, span - t))
         if t + increment >= limit:
             return limit
         if not t + increment > t:
@@ -110,7 +114,7 @@ def _speed(dy: Points, split: int) -> float:
     for i in range(split):
         for j in range(split, 4):
             r = minus(dy[i], dy[j])
-            squared = max(squared, dot(r, r))
+            squared = np.maximum(squared, dot(r, r))
     return np.sqrt(squared)
 
 
