@@ -1,0 +1,142 @@
+"""A hard case: a scene for each seed, what must hold of its run, and the verdict."""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from clothsim.drape import simulate
+from clothsim.errors import ClothsimError, InputError
+from clothsim.io.record import RECORD_NAME, read_record
+from clothsim.io.run import Run
+from clothsim.scene.build import build
+from clothsim.scene.scene import Scene
+
+JITTER = 1e-3
+"""Standard deviation of the vertices' displacement at the start, in median edges; seed 0 is the exact start."""
+
+MOST_NEWTON = 400
+"""Newton iterations that a step may take, all tries together."""
+
+Check = Callable[[Run], str]
+"""What is wrong with a run, in a sentence; empty where it is right."""
+
+
+def right(run: Run) -> str:
+    """Nothing more is asked for than of every run."""
+    return ""
+
+
+@dataclass(frozen=True)
+class Case:
+    """A row of the table.
+
+    scene: makes it for the full table, or small for the tests; check: what must hold of its run beside what must hold
+    of all; fails: where the case is infeasible, words that its one sentence must hold (then nothing else is asked);
+    refused: words of the InputError where it must not even start; jitters: whether seeds move the start.
+    """
+
+    name: str
+    title: str
+    scene: Callable[[bool], Scene]
+    check: Check = right
+    fails: tuple[str, ...] = ()
+    refused: tuple[str, ...] = ()
+    jitters: bool = True
+
+
+@dataclass(frozen=True)
+class Result:
+    """A run of a case: smallest gap [m] below d_hat, Newton iterations, CPU seconds; wrong: empty where it passed."""
+
+    case: str
+    seed: int
+    wrong: str
+    gap: float = np.inf
+    newton_iterations: int = 0
+    seconds: float = 0.0
+
+    @property
+    def passed(self) -> bool:
+        """True where nothing was wrong."""
+        return not self.wrong
+
+
+def run_case(case: Case, seed: int = 0, small: bool = True) -> Result:
+    """Run a case from a start jittered by `seed`; every exception but bad input is a wrong result, never a crash."""
+    started = process_time()
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            scene = jittered(case.scene(small), seed, Path(folder)) if case.jitters else case.scene(small)
+            run = simulate(scene, Path(folder) / "run")
+        except InputError as error:
+            return Result(case.name, seed, _refused(case, error), seconds=process_time() - started)
+        except (ClothsimError, ArithmeticError, ValueError, np.linalg.LinAlgError) as error:
+            return Result(case.name, seed, f"{type(error).__name__}: {error}", seconds=process_time() - started)
+        gap = run.summary["certificate"]["minimum_gap"]
+        wrong = _wrong(case, run, Path(folder) / "run")
+        newton = run.summary["newton_iterations"]
+    return Result(case.name, seed, wrong, np.inf if gap is None else gap, newton, process_time() - started)
+
+
+def jittered(scene: Scene, seed: int, folder: Path) -> Scene:
+    """The scene with its free vertices moved at random at the start (its rest shape is not); seed 0: as it is."""
+    if seed == 0:
+        return scene
+    built = build(scene)
+    world = built.world
+    edges = np.diff(world.start()[world.edges], axis=1)[:, 0]
+    size = JITTER * float(np.median(np.linalg.norm(edges, axis=1)))
+    moved = world.start()[: world.n_cloth]
+    away = size * np.random.default_rng(seed).standard_normal(moved.shape)
+    for constraint in built.constraints.values():
+        held = constraint.at(0.0).vertices
+        away[held[held < world.n_cloth]] = 0.0
+    moved += away
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in moved.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (world.triangles + 1).tolist()]
+    file = folder / "start.obj"
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return replace(scene, seed={"from": "file", "file": str(file)})
+
+
+def _refused(case: Case, error: InputError) -> str:
+    missing = [word for word in case.refused if word not in str(error)]
+    if not case.refused:
+        return f"refused: {error}"
+    return f"the refusal does not say {missing[0]!r}: {error}" if missing else ""
+
+
+def _wrong(case: Case, run: Run, directory: Path) -> str:
+    """The first thing that is wrong with a run."""
+    if case.refused:
+        return "it was not refused"
+    if case.fails:
+        return _wrong_failure(case, run)
+    certificate = run.summary["certificate"]
+    faults = {
+        run.summary["reason"]: run.status != "completed",
+        f"frames {certificate['intersecting_frames']} intersect": not certificate["intersection_free"],
+        "a position is not finite": not np.isfinite(run.positions(-1)).all(),
+        "a triangle has lost its area": not certificate["stretch_min"] > 0.0,
+    }
+    wrong = next((fault for fault, there in faults.items() if there), "")
+    return wrong or _bounded(read_record(directory / RECORD_NAME)) or case.check(run)
+
+
+def _wrong_failure(case: Case, run: Run) -> str:
+    if run.status == "completed":
+        return "it completed, though the case is infeasible"
+    missing = [word for word in case.fails if word not in run.summary["reason"]]
+    if missing:
+        return f"the sentence does not say {missing[0]!r}: {run.summary['reason']}"
+    return "" if run.summary["certificate"]["intersection_free"] else "a frame intersects"
+
+
+def _bounded(record: list[dict[str, Any]]) -> str:
+    most = max((entry["newton_iterations"] for entry in record), default=0)
+    return f"a step took {most} Newton iterations" if most > MOST_NEWTON else ""
