@@ -178,8 +178,10 @@ def _separation(y: Points, dy: Points, split: int) -> tuple[Direction, float]:
 
 @njit(cache=True, error_model="numpy")
 def _normal(e: Point, f: Point, de: Point, df: Point, r: Point) -> Direction:
-    """(e + tau de) x (f + tau df), on the side of r."""
-    return _unit((cross(e, f), _combine(cross(e, df), -1.0, cross(de, f), 0.0, r), cross(de, df)), r)
+    """(e + tau de) x (f + tau df), on the side of r; of near-parallel edges made exact across e, and so across f."""
+    n = cross(e, f)
+    across = _combine(n, dot(n, e) / dot(e, e), e, 0.0, e)
+    return _unit((across, _combine(cross(e, df), -1.0, cross(de, f), 0.0, r), cross(de, df)), r)
 
 
 @njit(cache=True, error_model="numpy")

@@ -1,14 +1,16 @@
 """The closest points of a point and a triangle and of two edges, for numba kernels; which features they lie on.
 
 A distance between convex bodies is the least over their features. The inside of the face (of both edges) is tried
-first, by the normal n = e1 x e2: the weights are ratios of areas,
+first, by the normal n = e1 x e2. One weight is a ratio of areas, the other a projection,
 
-    p = a + v (b - a) + w (c - a) + h n,    v = (p - a) x (c - a) . n / n.n,    w = (b - a) x (p - a) . n / n.n,
+    p = a + v (b - a) + w (c - a) + h n,
+    w = (b - a) x (p - a) . n / n.n,    v = (p - a - w (c - a)) . (b - a) / |b - a|^2
 
-and an answer inside is the closest point. Otherwise it lies on the boundary, and the least of the edges (of the four
-ends against the other edge) is it: Ericson 2005, "Real-Time Collision Detection", sections 5.1.5 and 5.1.9, without
-its differences of products, which round off on needles and near-parallel edges. Where n is so small that its direction
-is uncertain both are compared. Nothing is divided by zero: zero areas and edges of length zero are points or lines.
+(two ratios of areas would each err by round-off / sine of the angle, and put near-parallel edges that much apart). An
+answer inside is the closest point. Otherwise it lies on the boundary, and the least of the edges (of the four ends
+against the other edge) is it: Ericson 2005, "Real-Time Collision Detection", sections 5.1.5 and 5.1.9, without its
+differences of products, which round off on needles. Where n is so small that its direction is uncertain both are
+compared. Nothing is divided by zero: zero areas and edges of length zero are points or lines.
 
 A point is three floats, a tuple or an array. A weight is exactly 0 (or 1) where the closest point is not inside its
 feature, so the weights alone tell the region. Multiples of a common translation or scale change nothing but round-off.
@@ -27,13 +29,14 @@ def point_triangle_closest(p: Point, a: Point, b: Point, c: Point) -> Point:
     """Weights (u, v, w) of a, b, c at the triangle's point closest to p: none negative, their sum 1."""
     ab, ac, ap = minus(b, a), minus(c, a), minus(p, a)
     n = cross(ab, ac)
-    nn, scale = dot(n, n), dot(ab, ab) * dot(ac, ac)
+    nn, bb, cc = dot(n, n), dot(ab, ab), dot(ac, ac)
     best, least = (1.0, 0.0, 0.0), dot(ap, ap)
     if nn > 0.0:
-        v, w = dot(cross(ap, ac), n) / nn, dot(cross(ab, ap), n) / nn
+        w = dot(cross(ab, ap), n) / nn
+        v = (dot(ap, ab) - w * dot(ac, ab)) / bb
         u = 1.0 - v - w
         if u > 0.0 and v > 0.0 and w > 0.0:
-            if nn > _THIN * scale:
+            if nn > _THIN * bb * cc:
                 return u, v, w
             best, least = (u, v, w), _squared(ap, v, ab, w, ac)
     t = segment_closest(ap, ab)
@@ -59,12 +62,13 @@ def edge_edge_closest(a0: Point, a1: Point, b0: Point, b1: Point) -> tuple[float
     """
     e, f, r = minus(a1, a0), minus(b1, b0), minus(b0, a0)
     n = cross(e, f)
-    nn, scale = dot(n, n), dot(e, e) * dot(f, f)
+    nn, ee, ff = dot(n, n), dot(e, e), dot(f, f)
     best, least = (0.0, 0.0), dot(r, r)
     if nn > 0.0:
-        s, t = dot(cross(r, f), n) / nn, dot(cross(r, e), n) / nn
+        s = dot(cross(r, f), n) / nn
+        t = (s * dot(e, f) - dot(r, f)) / ff
         if 0.0 < s < 1.0 and 0.0 < t < 1.0:
-            if nn > _THIN * scale:
+            if nn > _THIN * ee * ff:
                 return s, t
             best, least = (s, t), _squared(r, s, e, -t, f)
     for end in (0.0, 1.0):  # an end of the first edge against the second, then the other way round

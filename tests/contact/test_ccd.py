@@ -164,6 +164,23 @@ def test_a_tilt_about_the_closest_point_keeps_most_of_its_way(gap):
     assert fraction(POINT_TRIANGLE, points, tilt) == 1.0
 
 
+@pytest.mark.parametrize("gap", [1e-8, 1e-10, 1e-12])
+def test_parallel_edges_that_twist_stop_in_proportion_to_their_gap(gap):
+    """The smaller the gap the sooner and the more nearly parallel; the far larger gap of 1e-6 is the reference."""
+    rng = np.random.default_rng(14)
+    stopped = 0
+    for edge, beside, motion in zip(*rng.normal(size=(2, 60, 3)), rng.normal(size=(60, 4, 3)), strict=True):
+        out = np.cross(edge, beside) / np.linalg.norm(np.cross(edge, beside))
+        expected, t = (
+            fraction(EDGE_EDGE, [0 * edge, edge, 0.3 * edge + d * out, 1.3 * edge + d * out], 1e-2 * motion) / d
+            for d in (1e-6, gap)
+        )
+        if expected * 1e-6 < 1e-3:
+            stopped += 1
+            assert t == pytest.approx(expected, rel=2e-2)
+    assert stopped > 5
+
+
 @pytest.mark.parametrize("split", [POINT_TRIANGLE, EDGE_EDGE])
 def test_no_relative_motion_goes_to_the_limit_even_in_touch(split):
     points = random_pairs(split, 1e-12, 1, np.random.default_rng(9))[0]

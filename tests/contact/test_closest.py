@@ -109,6 +109,24 @@ def test_a_point_over_each_feature_of_a_triangle():
         assert point_triangle_region(*point_triangle_closest((x, y, 0.3), a, b, c)) == region
 
 
+@pytest.mark.parametrize("angle", [1e-1, 1e-4, 1e-7, 1e-9, 1e-11])
+def test_edges_that_cross_at_a_tiny_angle_are_their_gap_apart(angle):
+    rng = np.random.default_rng(9)
+    above = np.array([0.0, 0.0, 1e-9])
+    for _ in range(50):
+        axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        lengths = rng.uniform(0.2, 2.0, 4) * [-1, 1, -1, 1]
+        directions = np.array([(1.0, 0.0, 0.0)] * 2 + [(np.cos(angle), np.sin(angle), 0.0)] * 2)
+        points = lengths[:, None] * directions
+        points[2:] += above
+        _, r = closest_vector(points @ axes, 2)
+        assert np.linalg.norm(r) == pytest.approx(1e-9, rel=1e-5)
+        # a sliver of the same angle at a, the point above its inside
+        sliver = np.array([(-1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 2.0 * np.tan(angle), 0.0)])
+        _, r = closest_vector(np.concatenate([[sliver.mean(axis=0) + above], sliver]) @ axes, 1)
+        assert np.linalg.norm(r) == pytest.approx(1e-9, rel=1e-5)
+
+
 def test_a_gap_far_below_the_size_of_the_triangle_is_exact():
     a, b, c = (0.0, 0.0, 0.0), (1e-2, 0.0, 0.0), (0.0, 1e-2, 0.0)
     _, r = closest_vector(np.array([(3e-3, 3e-3, 1e-12), a, b, c]), 1)
