@@ -75,7 +75,7 @@ def test_below_the_threshold_it_creeps_at_the_share_of_eps_v_that_ipc_friction_h
 
 def test_above_the_threshold_it_slides_away():
     mu = 0.5
-    way, velocity = sliding(np.arctan(1.1 * mu), mu, 0.02, 0.5)
+    _, velocity = sliding(np.arctan(1.1 * mu), mu, 0.02, 0.5)
     angle = np.arctan(1.1 * mu)
     assert velocity[:, 0].min() > 100 * 1e-3
     assert velocity[:, 0] == pytest.approx(G * (np.sin(angle) - mu * np.cos(angle)) * 0.5, rel=0.01)
@@ -119,7 +119,7 @@ def belt_tensions(mu, cells, steps=10):
     below = np.where(s < 0, s, np.where(s > np.pi * outer, np.pi * outer - s, 0.0))
     wrapped = np.column_stack([-outer * np.cos(angle), positions[:, 1] - width / 2, outer * np.sin(angle) + below])
     rest = positions * [0.99, 1.0, 1.0]  # one percent of tension to begin with
-    # a membrane alone may fold for nothing where it is slack across; the bending that forbids it carries 1e-3 of the tension
+    # a membrane folds for nothing where it is slack across; the bending that forbids it carries 1e-3 of the load
     fabric = replace(UNIT, youngs_modulus=200.0, poisson_ratio=0.0, bending_stiffness=2e-3)
     belt = replace(cloth(rest, triangles, fabric), positions=wrapped)
     world = make_world([belt], [make_body("drum", *drum(radius, 4 * width, 400))])
