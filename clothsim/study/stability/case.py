@@ -1,7 +1,7 @@
 """A hard case: a scene for each seed, what must hold of its run, and the verdict."""
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import process_time
@@ -11,13 +11,17 @@ import numpy as np
 
 from clothsim.drape import simulate
 from clothsim.errors import ClothsimError, InputError
+from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.io.record import RECORD_NAME, read_record
 from clothsim.io.run import Run
 from clothsim.scene.build import build
-from clothsim.scene.scene import Scene
+from clothsim.scene.scene import Scene, scene_from_text
 
 JITTER = 1e-3
 """Standard deviation of the vertices' displacement at the start, in median edges; seed 0 is the exact start."""
+
+ENERGY_NOISE = 1e-9
+"""Rise of the total energy in a step, as a share of the largest energy, that is round-off."""
 
 MOST_NEWTON = 400
 """Newton iterations that a step may take, all tries together."""
@@ -31,13 +35,35 @@ def right(run: Run) -> str:
     return ""
 
 
+def all_of(*checks: Check) -> Check:
+    """The first fault that one of the checks finds."""
+    return lambda run: next(filter(None, (check(run) for check in checks)), "")
+
+
+def energy_falls(run: Run) -> str:
+    """The total energy rises in no step but for round-off: for runs in which nothing is scripted."""
+    drift = run.summary["certificate"]["energy_drift"]
+    return "" if drift <= ENERGY_NOISE else f"a step adds {drift:.2g} of the energy"
+
+
+def scene_of(run: Run) -> Scene:
+    """The scene of a run, for checks that simulate it again."""
+    return scene_from_text(read_checkpoint(run.directory / CHECKPOINT_NAME).scene_text)
+
+
+def none() -> Mapping[str, str]:
+    """No files."""
+    return {}
+
+
 @dataclass(frozen=True)
 class Case:
     """A row of the table.
 
     scene: makes it for the full table, or small for the tests; check: what must hold of its run beside what must hold
     of all; fails: where the case is infeasible, words that its one sentence must hold (then nothing else is asked);
-    refused: words of the InputError where it must not even start; jitters: whether seeds move the start.
+    refused: words of the InputError where it must not even start; jitters: whether seeds move the start, and
+    jitter_axes how much along x, y and z; files: {name: text} of files that the scene names, written for each run.
     """
 
     name: str
@@ -47,6 +73,8 @@ class Case:
     fails: tuple[str, ...] = ()
     refused: tuple[str, ...] = ()
     jitters: bool = True
+    jitter_axes: Sequence[float] = (1.0, 1.0, 1.0)
+    files: Callable[[], Mapping[str, str]] = none
 
 
 @dataclass(frozen=True)
@@ -71,7 +99,12 @@ def run_case(case: Case, seed: int = 0, small: bool = True) -> Result:
     started = process_time()
     with tempfile.TemporaryDirectory() as folder:
         try:
-            scene = jittered(case.scene(small), seed, Path(folder)) if case.jitters else case.scene(small)
+            scene = case.scene(small)
+            for name, text in case.files().items():
+                (Path(folder) / name).write_text(text, encoding="utf-8")
+                scene = replace(scene, directory=Path(folder))
+            if case.jitters:
+                scene = jittered(scene, seed, Path(folder), case.jitter_axes)
             run = simulate(scene, Path(folder) / "run")
         except InputError as error:
             return Result(case.name, seed, _refused(case, error), seconds=process_time() - started)
@@ -83,7 +116,7 @@ def run_case(case: Case, seed: int = 0, small: bool = True) -> Result:
     return Result(case.name, seed, wrong, np.inf if gap is None else gap, newton, process_time() - started)
 
 
-def jittered(scene: Scene, seed: int, folder: Path) -> Scene:
+def jittered(scene: Scene, seed: int, folder: Path, axes: Sequence[float] = (1.0, 1.0, 1.0)) -> Scene:
     """The scene with its free vertices moved at random at the start (its rest shape is not); seed 0: as it is."""
     if seed == 0:
         return scene
@@ -92,7 +125,7 @@ def jittered(scene: Scene, seed: int, folder: Path) -> Scene:
     edges = np.diff(world.start()[world.edges], axis=1)[:, 0]
     size = JITTER * float(np.median(np.linalg.norm(edges, axis=1)))
     moved = world.start()[: world.n_cloth]
-    away = size * np.random.default_rng(seed).standard_normal(moved.shape)
+    away = size * np.asarray(axes) * np.random.default_rng(seed).standard_normal(moved.shape)
     for constraint in built.constraints.values():
         held = constraint.at(0.0).vertices
         away[held[held < world.n_cloth]] = 0.0
