@@ -12,7 +12,7 @@ from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
 from clothsim.mesh.arguments import as_count, as_counts, as_lengths
 from clothsim.mesh.lattice import checkerboard, cut_quads, lattice_points, lattice_quads
-from clothsim.mesh.shapes import capsule, slab, sphere
+from clothsim.mesh.shapes import capsule, cone, slab, sphere
 
 JITTER = 0.2
 """Largest shift of an interior point of a "delaunay" rectangle, in cells: irregular, and still no sliver."""
@@ -50,14 +50,21 @@ def disk(radius: float = 0.5, cells: int = 20) -> tuple[Floats, Ints]:
     return positions, np.concatenate([_ring_triangles(k, first) for k in range(1, rings + 1)])
 
 
-def tube(radius: float = 0.2, height: float = 0.6, cells: Sequence[int] = (48, 24)) -> tuple[Floats, Ints]:
-    """An open cylinder along z of `radius` and `height` [m] with `cells` (around, along), facing outward."""
+def tube(
+    radius: float = 0.2, height: float = 0.6, cells: Sequence[int] = (48, 24), top_radius: float | None = None
+) -> tuple[Floats, Ints]:
+    """An open cylinder along z of `radius` and `height` [m] with `cells` (around, along), facing outward.
+
+    top_radius [m]: that of its upper end, where it is another (a skirt, a funnel).
+    """
     radius, height = as_positive("radius", radius), as_positive("height", height)
+    top = radius if top_radius is None else as_positive("top_radius", top_radius)
     around, along = as_counts("cells", cells, 2)
     as_count("cells[0]", around, least=3)
     column, row = lattice_points(around - 1, along).T
     angle = 2 * np.pi * column / around
-    positions = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), height * (row / along - 0.5)])
+    r = radius + (top - radius) * (row / along)
+    positions = np.column_stack([r * np.cos(angle), r * np.sin(angle), height * (row / along - 0.5)])
     return positions, cut_quads(lattice_quads(around, along, closed=True), checkerboard(around, along))
 
 
@@ -134,4 +141,5 @@ GENERATORS: dict[str, Callable[..., tuple[Floats, Ints]]] = {
     "sphere": sphere,
     "slab": slab,
     "capsule": capsule,
+    "cone": cone,
 }

@@ -61,6 +61,21 @@ def capsule(radius: float = 0.1, height: float = 0.5, segments: int = 32) -> tup
     return np.concatenate([side, [[0, 0, -height / 2], [0, 0, height / 2]]]), np.concatenate(triangles)
 
 
+def cone(radius: float = 0.1, height: float = 0.3, segments: int = 32) -> tuple[Floats, Ints]:
+    """A closed cone, its one tip up: `height` [m] over a base of `radius` [m] with `segments` edges. Slender: a needle."""
+    radius, height = as_positive("radius", radius), as_positive("height", height)
+    around = np.arange(as_count("segments", segments, least=3))
+    angle = 2 * np.pi * around / len(around)
+    base = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(len(around), -height / 2)])
+    following, middle, tip = (
+        np.roll(around, -1),
+        np.full_like(around, len(around)),
+        np.full_like(around, len(around) + 1),
+    )
+    triangles = [np.column_stack([around, following, tip]), np.column_stack([following, around, middle])]
+    return np.concatenate([base, [[0, 0, -height / 2], [0, 0, height / 2]]]), np.concatenate(triangles).astype(np.int64)
+
+
 def _capsule_rings(radius: float, straight: float, segments: int) -> tuple[Floats, Floats]:
     """Radius and height of the rings from below upwards, tips left out, evenly spaced along the profile."""
     quarter = max(2, segments // 4)

@@ -5,11 +5,11 @@ import pytest
 
 from clothsim.errors import InputError
 from clothsim.mesh.check import examine
-from clothsim.mesh.generate import GENERATORS, capsule, disk, rectangle, slab, sphere, tube
+from clothsim.mesh.generate import GENERATORS, capsule, cone, disk, rectangle, slab, sphere, tube
 from clothsim.mesh.topology import border_edges, unique_edges
 
 DIAGONALS = ("right", "alternating", "crisscross", "delaunay")
-CLOSED = ("sphere", "slab", "capsule")
+CLOSED = ("sphere", "slab", "capsule", "cone")
 SMALL = {
     "rectangle": {"size": (0.7, 0.4), "cells": (6, 5)},
     "disk": {"radius": 0.3, "cells": 4},
@@ -17,6 +17,7 @@ SMALL = {
     "sphere": {"radius": 0.3, "subdivisions": 2},
     "slab": {"size": (0.5, 0.3, 0.1), "cells": (3, 2, 1)},
     "capsule": {"radius": 0.1, "height": 0.5, "segments": 12},
+    "cone": {"radius": 0.1, "height": 0.2, "segments": 8},
 }
 
 
@@ -120,6 +121,20 @@ def test_tube_is_the_inscribed_prism_facing_outward():
     assert len(border_edges(triangles)[0]) == 24
 
 
+def test_tube_with_a_top_radius_is_a_frustum():
+    positions, triangles = tube(0.1, 0.4, (12, 5), top_radius=0.3)
+    flat = 12 * np.sin(np.pi / 12) * (0.1 + 0.3) * np.hypot(0.4, 0.2 * np.cos(np.pi / 12))
+    assert area(positions, triangles) == pytest.approx(flat, rel=1e-13)
+    outward = normals(positions, triangles)[:, :2] * positions[triangles].mean(axis=1)[:, :2]
+    assert (outward.sum(axis=1) > 0).all()
+
+
+def test_cone_is_the_inscribed_pyramid_with_its_tip_up():
+    positions, triangles = cone(0.1, 0.3, 8)
+    assert volume(positions, triangles) == pytest.approx(4 * 0.01 * np.sin(np.pi / 4) * 0.3 / 3, rel=1e-13)
+    np.testing.assert_array_equal(positions[positions[:, 2] > 0], [[0, 0, 0.15]])
+
+
 def test_sphere_converges_to_the_sphere_at_second_order():
     errors = []
     for subdivisions in (2, 3, 4):
@@ -170,6 +185,8 @@ def test_capsule_converges_to_its_volume_and_has_its_height():
         ("slab", {"size": (1, 1)}, "size"),
         ("capsule", {"radius": 0.2, "height": 0.4}, "height"),
         ("capsule", {"segments": 3}, "segments"),
+        ("cone", {"segments": 2}, "segments"),
+        ("tube", {"top_radius": 0}, "top_radius"),
         ("capsule", {"radius": 1e-9, "height": 1.0}, "height"),
     ],
 )
