@@ -62,16 +62,13 @@ def capsule(radius: float = 0.1, height: float = 0.5, segments: int = 32) -> tup
 
 
 def cone(radius: float = 0.1, height: float = 0.3, segments: int = 32) -> tuple[Floats, Ints]:
-    """A closed cone, its one tip up: `height` [m] over a base of `radius` [m] with `segments` edges. Slender: a needle."""
+    """A closed cone, tip up: `height` [m] over a base of `radius` [m] with `segments` edges; slender, a needle."""
     radius, height = as_positive("radius", radius), as_positive("height", height)
-    around = np.arange(as_count("segments", segments, least=3))
-    angle = 2 * np.pi * around / len(around)
-    base = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(len(around), -height / 2)])
-    following, middle, tip = (
-        np.roll(around, -1),
-        np.full_like(around, len(around)),
-        np.full_like(around, len(around) + 1),
-    )
+    n = as_count("segments", segments, least=3)
+    around, following = np.arange(n), np.roll(np.arange(n), -1)
+    angle = 2 * np.pi * around / n
+    base = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), np.full(n, -height / 2)])
+    middle, tip = np.full(n, n), np.full(n, n + 1)
     triangles = [np.column_stack([around, following, tip]), np.column_stack([following, around, middle])]
     return np.concatenate([base, [[0, 0, -height / 2], [0, 0, height / 2]]]), np.concatenate(triangles).astype(np.int64)
 
