@@ -157,7 +157,7 @@ def _run(
     ):
         _remove(directory / SUMMARY_NAME)  # of a resumed run only now: one that cannot go on keeps what it has
         if not resumed:
-            trajectory.append(0.0, state.positions, world_stretches(world, state.positions))
+            trajectory.append(0.0, state.positions + world.origin, world_stretches(world, state.positions))
             if judge.crossings(state.positions):
                 certificate = replace(certificate, intersecting_frames=(0,))
             write_checkpoint(directory / CHECKPOINT_NAME, _checkpoint(session, state, certificate))
@@ -177,7 +177,7 @@ def _run(
                 progress(_progress(report, session, certificate, perf_counter() - started))
             if report.frame_done:
                 with ledger.phase("output"):
-                    trajectory.append(state.time, state.positions, world_stretches(world, state.positions))
+                    trajectory.append(state.time, state.positions + world.origin, world_stretches(world, state.positions))
                 with ledger.phase("certificate"):
                     found = judge.crossings(state.positions)
                     if found:

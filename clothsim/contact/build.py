@@ -81,7 +81,7 @@ def _refuse_intersections(world: World, surface: ContactSurface, start: Floats) 
         return
     a, b = first[pairs[0, 0]], second[pairs[0, 1]]
     one, other = world.names[surface.labels[a[0]]], world.names[surface.labels[b[0]]]
-    at = ", ".join(f"{c:.4g}" for c in places(start, first, second, pairs[:1])[0])
+    at = ", ".join(f"{c:.4g}" for c in places(start, first, second, pairs[:1])[0] + world.origin)
     who = f"{one} intersects itself" if one == other else f"{one} intersects {other}"
     raise InputError(
         f"{who} at the start, in {len(pairs):,} pairs of triangles; the first is at ({at}) m.",
@@ -96,7 +96,7 @@ def _refuse_touch(world: World, candidates: Candidates, start: Floats, offset: f
         return
     rows = candidates.closest_pair(start)
     one, other = (world.names[candidates.surface.labels[row]] for row in (rows[0], rows[-1]))
-    at = ", ".join(f"{c:.4g}" for c in start[rows[0]])
+    at = ", ".join(f"{c:.4g}" for c in start[rows[0]] + world.origin)
     less = f", less than the offset of {offset:g} m" if offset else ", which is contact to the last digits"
     raise InputError(
         f"{one} starts {gap + offset:.3g} m from {other} at ({at}) m{less}.",

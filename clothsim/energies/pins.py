@@ -1,7 +1,7 @@
 """The effect `pins`: vertices that are held, or carried along a scripted rigid motion."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,11 +19,15 @@ NAMED = ("corners", "left", "right", "top", "bottom", "boundary")
 
 @dataclass(frozen=True)
 class PinGroup:
-    """Vertices that move together: rows of x `vertices (k,)`, where they start `start (k, 3)` [m], and their motion."""
+    """Vertices that move together: rows of x `vertices (k,)`, where they start `start (k, 3)` [m], and their motion.
+
+    name: what the scene calls it, "pins" or "pins.group[1]".
+    """
 
     vertices: Ints
     start: Floats
     motion: RigidMotion
+    name: str
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,10 @@ class Pins(Constraint):
             np.concatenate([group.motion.apply(group.start, time) for group in self.groups]),
         )
 
+    def holder(self, row: int) -> str:
+        """The name of the group that holds a row of x, empty where none does."""
+        return next((group.name for group in self.groups if row in group.vertices), "")
+
 
 def pins(
     world: World,
@@ -62,23 +70,24 @@ def pins(
     for spec in specs:
         if not isinstance(spec.get("clamp", False), bool):
             raise InputError(f"effects.pins.clamp must be true or false, not {spec['clamp']!r}.")
-    chosen = [(_selection(world, spec.get("select", ())), spec) for spec in specs]
-    chosen = [(vertices, spec) for vertices, spec in chosen if len(vertices)]
+    names = ["pins", *(f"pins.group[{k}]" for k in range(len(group)))]
+    chosen = [(_selection(world, spec.get("select", ())), spec, name) for spec, name in zip(specs, names, strict=True)]
+    chosen = [(vertices, spec, name) for vertices, spec, name in chosen if len(vertices)]
     if not chosen:
         return Off("no vertex is selected")
-    _refuse_shared([vertices for vertices, _ in chosen])
+    _refuse_shared([vertices for vertices, _, _ in chosen])
     none = np.zeros(0, np.int64)
-    world, ghosts = clamped(world, [vertices if spec.get("clamp") else none for vertices, spec in chosen])
+    world, ghosts = clamped(world, [vertices if spec.get("clamp") else none for vertices, spec, _ in chosen])
     start = world.start()
     groups = []
-    for (vertices, spec), extra in zip(chosen, ghosts, strict=True):
+    for (vertices, spec, name), extra in zip(chosen, ghosts, strict=True):
         rows = np.concatenate([vertices, extra])
         given = {} if spec.get("motion") is None else spec["motion"]
         if not isinstance(given, Mapping):
             raise InputError(f"effects.pins.motion must be a table of keys, not {given!r}.")
         keys = dict(given)
-        keys.setdefault("centre", start[vertices].mean(axis=0))
-        groups.append(PinGroup(rows, start[rows], _motion(keys)))
+        keys.setdefault("centre", start[vertices].mean(axis=0) + world.origin)
+        groups.append(PinGroup(rows, start[rows], _motion(keys, world.origin), name))
     return world, Pins(tuple(groups))
 
 
@@ -93,12 +102,14 @@ def _check_groups(groups: Sequence[Mapping[str, object]]) -> None:
             raise InputError(f"effects.pins.group[{number}] has no select.", f"Known: {', '.join(NAMED)}, [indices].")
 
 
-def _motion(keys: Mapping[str, Sequence[float]]) -> RigidMotion:
+def _motion(keys: Mapping[str, Sequence[float]], origin: Floats) -> RigidMotion:
+    """The motion of a scene's keys, relative to the world's origin."""
     try:
-        return rigid_motion(**keys)  # type: ignore[arg-type]
+        motion = rigid_motion(**keys)  # type: ignore[arg-type]
     except TypeError as error:
         known = "velocity, rotate_degrees_per_second, centre"
         raise InputError(f"effects.pins.motion has an unknown key: {error}.", f"Known: {known}.") from error
+    return replace(motion, centre=motion.centre - origin)
 
 
 def _selection(world: World, select: object) -> Ints:
@@ -120,7 +131,7 @@ def _selection(world: World, select: object) -> Ints:
         if len(box) != 2:
             raise InputError(f"effects.pins.select.box has {len(box)} corners.", "Give two: [lo, hi].")
         low, high = box
-        start = world.start()[: world.n_cloth]
+        start = world.start()[: world.n_cloth] + world.origin
         found = np.flatnonzero(((start >= low) & (start <= high)).all(axis=1))
         if not len(found):
             raise InputError("effects.pins.select.box holds no cloth vertex.", "Move or enlarge it.")

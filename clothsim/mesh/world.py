@@ -19,12 +19,16 @@ from clothsim.mesh.topology import unique_edges
 
 @dataclass(frozen=True)
 class World:
-    """Cloths and bodies, numbered through. `hinges` may hold more than the cloths' own: clamps add theirs."""
+    """Cloths and bodies, numbered through. `hinges` may hold more than the cloths' own: clamps add theirs.
+
+    origin (3,) [m]: where the zero of all positions lies in the user's coordinates (see `origin.about_its_own_origin`).
+    """
 
     cloths: tuple[Cloth, ...]
     bodies: tuple[Body, ...]
     hinges: Hinges
     ghosts: Floats
+    origin: Floats
 
     @cached_property
     def n_cloth(self) -> int:
@@ -137,7 +141,7 @@ def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = ()) -> World:
         raise InputError(f"Two things are called {twice!r}.", "Give each cloth and body a name of its own.")
     offsets = np.cumsum([0] + [len(cloth.positions) for cloth in cloths])
     parts = [cloth_hinges(cloth, offset) for cloth, offset in zip(cloths, offsets[:-1], strict=True)]
-    return World(tuple(cloths), tuple(bodies), join_hinges(parts), np.zeros((0, 3)))
+    return World(tuple(cloths), tuple(bodies), join_hinges(parts), np.zeros((0, 3)), np.zeros(3))
 
 
 def _slices(sizes: Sequence[int], start: int) -> tuple[slice, ...]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from clothsim.energies.base import Constraint, Energy, Off
 from clothsim.errors import InputError
 from clothsim.mesh.motion import FrameMotion
+from clothsim.mesh.origin import about_its_own_origin
 from clothsim.mesh.world import World, make_world
 from clothsim.scene.effects import CONTACTS, EFFECTS
 from clothsim.scene.meshes import body_of, cloth_of, cloth_shape
@@ -82,7 +83,7 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
     if scene.seed_settings().untangle:
         world, done = untangled(world)
         notes.append(done)
-    return world, notes
+    return about_its_own_origin(world), notes
 
 
 def _cut_corners(world: World, dt: float) -> list[str]:

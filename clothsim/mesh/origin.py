@@ -1,0 +1,31 @@
+"""A world far from the origin is solved about one of its own, so that round-off is that of its size, not of its place."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from clothsim.mesh.body import Body
+from clothsim.mesh.motion import RigidMotion
+from clothsim.mesh.world import World
+
+FAR = 100.0
+"""Distance from the origin, in sizes of the cloth, from which a world gets an origin of its own."""
+
+
+def about_its_own_origin(world: World) -> World:
+    """The world with `origin` at the middle of its cloths and every position relative to it; as it is where near."""
+    cloth = world.start()[: world.n_cloth]
+    low, high = cloth.min(axis=0), cloth.max(axis=0)
+    middle = 0.5 * (low + high)
+    if np.linalg.norm(middle) <= FAR * np.linalg.norm(high - low):
+        return world
+    cloths = tuple(replace(each, positions=each.positions - middle) for each in world.cloths)
+    bodies = tuple(_moved(body, middle) for body in world.bodies)
+    return replace(world, cloths=cloths, bodies=bodies, origin=world.origin + middle)
+
+
+def _moved(body: Body, origin: np.ndarray) -> Body:
+    motion = body.motion
+    if isinstance(motion, RigidMotion):
+        motion = replace(motion, centre=motion.centre - origin)
+    return replace(body, positions=body.positions - origin, motion=motion)
