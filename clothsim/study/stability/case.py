@@ -16,6 +16,7 @@ from clothsim.io.record import RECORD_NAME, read_record
 from clothsim.io.run import Run
 from clothsim.scene.build import build
 from clothsim.scene.scene import Scene, scene_from_text
+from clothsim.study.stability.obj import obj_text
 
 JITTER = 1e-3
 """Standard deviation of the vertices' displacement at the start, in median edges; seed 0 is the exact start."""
@@ -124,16 +125,14 @@ def jittered(scene: Scene, seed: int, folder: Path, axes: Sequence[float] = (1.0
     world = built.world
     edges = np.diff(world.start()[world.edges], axis=1)[:, 0]
     size = JITTER * float(np.median(np.linalg.norm(edges, axis=1)))
-    moved = world.start()[: world.n_cloth]
+    moved = world.start()[: world.n_cloth] + world.origin
     away = size * np.asarray(axes) * np.random.default_rng(seed).standard_normal(moved.shape)
     for constraint in built.constraints.values():
         held = constraint.at(0.0).vertices
         away[held[held < world.n_cloth]] = 0.0
     moved += away
-    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in moved.tolist()]
-    lines += [f"f {a} {b} {c}" for a, b, c in (world.triangles + 1).tolist()]
     file = folder / "start.obj"
-    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    file.write_text(obj_text(moved, world.triangles), encoding="utf-8")
     return replace(scene, seed={"from": "file", "file": str(file)})
 
 
