@@ -1,4 +1,4 @@
-"""A world far from the origin is solved about one of its own, so that round-off is that of its size, not of its place."""
+"""A world far from the origin is solved about one of its own: round-off is then that of its size, not of its place."""
 
 from dataclasses import replace
 
