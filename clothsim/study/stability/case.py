@@ -154,7 +154,7 @@ def _wrong(case: Case, run: Run, directory: Path) -> str:
         run.summary["reason"]: run.status != "completed",
         f"frames {certificate['intersecting_frames']} intersect": not certificate["intersection_free"],
         "a position is not finite": not np.isfinite(run.positions(-1)).all(),
-        "a triangle has lost its area": not certificate["stretch_min"] > 0.0,
+        "a triangle has lost its area": not (certificate["stretch_min"] or 0.0) > 0.0,
     }
     wrong = next((fault for fault, there in faults.items() if there), "")
     return wrong or _bounded(read_record(directory / RECORD_NAME)) or case.check(run)
