@@ -27,8 +27,8 @@ class Receipt:
 
 def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
     """The receipt of the first `steps` of a scene. A step before them, on a copy, loads and compiles what they need."""
-    from clothsim.drape import prepare
     from clothsim.scene.build import build
+    from clothsim.session import prepare
     from clothsim.sim.simulator import steps as run_steps
     from clothsim.sim.state import first_state
 
@@ -39,7 +39,7 @@ def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
         state = first_state(session.built.world, session.integrator.dt)
         frequency = scene.run_settings().frames_per_second
         for taken, report in enumerate(run_steps(session.integrator, state, duration, frequency), start=1):
-            reason = "" if report.converged else f" {report.result.outcome.sentence}"
+            reason = "" if report.failure is None else f" {report.failure.reason}"
             if taken == count:
                 break
     potential = session.integrator.potential

@@ -40,7 +40,9 @@ def run_that_meets(monkeypatch, folder, role, effects):
 def test_a_run_ends_with_the_place_where_contact_failed(monkeypatch, tmp_path, role, effect, sentence):
     run = run_that_meets(monkeypatch, tmp_path, role, EFFECTS | {effect: {}})
     assert run.status == "failed"
-    assert run.reason == f"At 0.04 s {sentence}."
+    assert run.reason == f"At 0.04 s: {sentence}."
+    assert run.summary["failure"]["cause"] == "intersection"
+    assert run.summary["failure"]["position"] == [0.1, 0.2, 0.3]
     assert run.summary["certificate"]["intersecting_frames"] == [1]
     assert run.summary["certificate"]["intersection_free"] is False
     assert len(run.times) == 2

@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from clothsim.drape import Progress
+    from clothsim.summary import Progress
 
 SECONDS_BETWEEN_LINES = 5.0
 

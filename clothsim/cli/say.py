@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 from clothsim.cli.progress import clock, length
 
 if TYPE_CHECKING:
-    from clothsim.drape import Session
     from clothsim.io.run import Run
+    from clothsim.session import Session
 
 WIDTH = 100
 

@@ -127,6 +127,10 @@ class Constraint(abc.ABC):
     def at(self, time: float) -> Prescribed:
         """The prescribed vertices and their positions at `time` [s]."""
 
+    def holder(self, row: int) -> str:
+        """The name of what holds a row of x ("pins.group[1]"), empty where nothing of it does."""
+        return ""
+
 
 @dataclass(frozen=True)
 class Off:

@@ -1,6 +1,7 @@
 """The state of a run between two steps, to the last bit, so that it can go on as if it had never stopped."""
 
 import json
+import math
 import zipfile
 import zlib
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ from clothsim.errors import InputError
 from clothsim.io.atomic import write_atomically
 
 CHECKPOINT_NAME = "checkpoint.npz"
-_FORMAT = "clothsim checkpoint 1"
+_FORMAT = "clothsim checkpoint 2"
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Checkpoint:
 
     time [s]; dt: length of the next step [s]; frame, step: how many are done; positions (N, 3) [m] and velocities
     (N, 3) [m/s] of all rows of x; stiffness of the contact barrier; scene_text: the scene; counters: what the summary
-    adds up, as JSON knows it.
+    adds up, as JSON knows it; blocked_at [s], blocked: where and how often the script was blocked of late.
     """
 
     time: float
@@ -36,6 +37,8 @@ class Checkpoint:
     stiffness: float
     scene_text: str
     counters: dict[str, Any]
+    blocked_at: float = math.nan
+    blocked: int = 0
 
 
 def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
@@ -45,8 +48,8 @@ def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
     np.savez(
         archive,
         format=_text(_FORMAT),
-        times=np.array([checkpoint.time, checkpoint.dt]),
-        counts=np.array([checkpoint.frame, checkpoint.step], np.int64),
+        times=np.array([checkpoint.time, checkpoint.dt, checkpoint.blocked_at]),
+        counts=np.array([checkpoint.frame, checkpoint.step, checkpoint.blocked], np.int64),
         positions=np.asarray(checkpoint.positions, np.float64),
         velocities=np.asarray(checkpoint.velocities, np.float64),
         stiffness=np.array([checkpoint.stiffness]),
@@ -76,9 +79,12 @@ def _from_arrays(arrays: Any) -> Checkpoint:
     positions, velocities = arrays["positions"], arrays["velocities"]
     if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != velocities.shape:
         raise ValueError(f"positions {positions.shape} and velocities {velocities.shape} are not (N, 3)")
-    (time, dt), (frame, step), (stiffness,) = (arrays[key].tolist() for key in ("times", "counts", "stiffness"))
+    (time, dt, blocked_at), (frame, step, blocked), (stiffness,) = (
+        arrays[key].tolist() for key in ("times", "counts", "stiffness")
+    )
     scene_text, counters = _string(arrays["scene_text"]), json.loads(_string(arrays["counters"]))
-    return Checkpoint(time, dt, frame, step, positions, velocities, stiffness, scene_text, counters)
+    state = time, dt, frame, step, positions, velocities, stiffness
+    return Checkpoint(*state, scene_text, counters, blocked_at, blocked)
 
 
 def _text(text: str) -> np.ndarray:

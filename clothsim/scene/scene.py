@@ -83,10 +83,10 @@ def make_scene(data: Table, directory: Path) -> Scene:
     return Scene(**data, directory=directory)
 
 
-def scene_from_text(text: str) -> Scene:
-    """The scene that `Scene.to_text` wrote."""
+def scene_from_text(text: str, here: Path = Path()) -> Scene:
+    """The scene that `Scene.to_text` wrote; a relative directory, as in an archive, starts at `here`."""
     data = json.loads(text)
-    return make_scene(data, Path(data.pop("directory")))
+    return make_scene(data, here / data.pop("directory"))
 
 
 def _several(name: str, value: Any) -> tuple[Table, ...]:

@@ -1,5 +1,6 @@
 """What a run is between two steps. A step is a function of this and of the scene, so a run can be resumed from it."""
 
+import math
 from dataclasses import dataclass
 
 from clothsim.arrays import Floats
@@ -8,7 +9,11 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class State:
-    """time [s]; dt: length of the next step [s]; step, frame: how many are done; positions, velocities (N, 3) of x."""
+    """time [s]; dt: length of the next step [s]; step, frame: how many are done; positions, velocities (N, 3) of x.
+
+    blocked_at: the time of the script [s] at which the last tries found no way on, nan where none did; blocked: how
+    many they were.
+    """
 
     time: float
     dt: float
@@ -16,6 +21,8 @@ class State:
     frame: int
     positions: Floats
     velocities: Floats
+    blocked_at: float = math.nan
+    blocked: int = 0
 
 
 def first_state(world: World, dt: float) -> State:

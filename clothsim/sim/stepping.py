@@ -1,27 +1,46 @@
 """One step of the integrator: solve; on failure the same state with half the dt; on success dt grows back."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.energies.base import Constraint, Step
+from clothsim.energies.base import Constraint, Prescribed, Step
 from clothsim.mesh.world import World
+from clothsim.sim.failure import Failure, failure_of, told
 from clothsim.sim.motion import prescribed
 from clothsim.sim.state import State
 from clothsim.solve.newton import Newton, NewtonResult, NewtonSettings
+from clothsim.solve.observe import Observer, unobserved
+from clothsim.solve.outcome import Ending
 from clothsim.solve.potential import Potential
 from clothsim.solve.system import System
 
 GROWTH = 1.05
 MAX_HALVINGS = 10
+MOST_BLOCKED = 4
+SAME_PLACE = 0.01
+"""A scripted motion is infeasible when so many tries end at the same place of its way, to this share of a try's way.
+
+The tries have shorter and shorter dt, in one step or in several. Contact pushes without bound as the gap closes: what
+it did not move out of the way in four steps of any length, a fifth will not move either.
+"""
+
+Watch = Callable[[int, float, Potential], Observer]
+"""Called at each solve of a step: its number from 1, dt [s] and the bound potential; returns who observes Newton."""
+
+
+def unwatched(step: int, dt: float, potential: Potential) -> Observer:
+    """Nobody observes."""
+    return unobserved
 
 
 @dataclass(frozen=True)
 class Integrator:
     """Backward Euler on the incremental potential; quasi-static where the potential has no inertia.
 
-    dt: the longest step [s]; ramp: the time over which loads grow from 0 to 1 [s], 0 where they act at once.
+    dt: the longest step [s]; ramp: the time over which loads grow from 0 to 1 [s], 0 where they act at once; watch:
+    who observes the solves.
     """
 
     world: World
@@ -31,6 +50,7 @@ class Integrator:
     settings: NewtonSettings
     dt: float
     ramp: float
+    watch: Watch = unwatched
 
 
 @dataclass(frozen=True)
@@ -38,7 +58,7 @@ class StepReport:
     """A step taken or given up: the state after it, its dt [s], the solve, the bound potential, failed tries.
 
     frame_done: whether it ended on a frame; minimum_gap [m]: the smallest distance below d_hat, else inf;
-    fastest [m/s]: the largest speed of a cloth vertex.
+    fastest [m/s]: the largest speed of a cloth vertex; failure: why the step was given up, None where it was taken.
     """
 
     state: State
@@ -49,6 +69,7 @@ class StepReport:
     minimum_gap: float
     fastest: float
     frame_done: bool = False
+    failure: Failure | None = None
 
     @property
     def converged(self) -> bool:
@@ -70,44 +91,68 @@ def advance(integrator: Integrator, state: State, until: float) -> StepReport:
 def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
     left = until - state.time
     failures: list[str] = []
-    dt = state.dt
+    dts: list[float] = []
+    tried, dt = state, state.dt
     smallest = 0.999 * integrator.dt / 2**MAX_HALVINGS
+    held = integrator.constraints.values()
     for _ in range(MAX_HALVINGS + 1):
         pieces = max(1, int(np.ceil(left / dt - 1e-9)))
         h = left / pieces
         end = until if pieces == 1 else state.time + h
-        bound, result = _solve(integrator, state, h, end)
+        target = prescribed(integrator.world, held, end)
+        bound, result = _solve(integrator, state, h, end, target)
         if result.outcome.converged:
-            after = _after(integrator, state, result, h, end, dt)
+            after = _after(integrator, tried, result, h, end, dt)
             return _report(integrator, after, h, result, bound, failures)
-        failures.append(f"dt {h:.3g} s: {result.outcome.sentence}")
+        failures.append(f"dt {h:.3g} s: {told(integrator.world, held, result.outcome)}")
+        dts.append(h)
         dt = 0.5 * h
-        if dt < smallest:
+        if result.outcome.ending is Ending.BLOCKED:
+            tried = _blocked(tried, result, target, h)
+        if dt < smallest or tried.blocked == MOST_BLOCKED:
             break
-    return _report(integrator, state, h, result, bound, failures)
+    failure = failure_of(integrator.world, held, bound, tried, result, target, dts, tried.blocked == MOST_BLOCKED)
+    return replace(_report(integrator, state, h, result, bound, failures), failure=failure)
 
 
-def _solve(integrator: Integrator, state: State, h: float, end: float) -> tuple[Potential, NewtonResult]:
+def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -> State:
+    """The state with one more blocked try on its record; every carried vertex goes the same share of its way."""
+    rows = target.vertices
+    left = np.abs(target.positions - result.x[rows]).max() / np.abs(target.positions - state.positions[rows]).max()
+    at = state.time + (1 - left) * h
+    again = abs(at - state.blocked_at) <= SAME_PLACE * h
+    return replace(state, blocked_at=float(at), blocked=state.blocked + 1 if again else 1)
+
+
+def _solve(
+    integrator: Integrator, state: State, h: float, end: float, target: Prescribed
+) -> tuple[Potential, NewtonResult]:
     load = min(1.0, end / integrator.ramp) if integrator.ramp else 1.0
     start = Step(state.time, h, state.positions, state.velocities, load, np.zeros_like(state.positions))
     bound = integrator.potential.begin(start)
-    target = prescribed(integrator.world, integrator.constraints.values(), end)
     integrator.system.begin(bound.couplings(state.positions))
-    result = Newton(bound, integrator.system, integrator.settings, h).minimise(state.positions, target)
+    result = _newton(integrator, state, h, bound).minimise(state.positions, target)
     for _ in range(1, bound.passes):
         if not result.outcome.converged:
             break
         bound = bound.again(result.x)
         before = result.iterations
-        result = Newton(bound, integrator.system, integrator.settings, h).minimise(result.x, target)
+        result = _newton(integrator, state, h, bound).minimise(result.x, target)
         result = replace(result, iterations=before + result.iterations)
     return bound, result
 
 
+def _newton(integrator: Integrator, state: State, h: float, bound: Potential) -> Newton:
+    observe = integrator.watch(state.step + 1, h, bound)
+    return Newton(bound, integrator.system, integrator.settings, h, observe)
+
+
 def _after(integrator: Integrator, state: State, result: NewtonResult, h: float, end: float, dt: float) -> State:
-    """The next state: v = (x - x_n) / h (backward Euler)."""
+    """The next state: v = (x - x_n) / h (backward Euler). What blocked the script is forgotten once it is passed."""
     velocities = (result.x - state.positions) / h
     grown = min(integrator.dt, dt * GROWTH)
+    if end > state.blocked_at + SAME_PLACE * h:
+        state = replace(state, blocked_at=np.nan, blocked=0)
     return replace(state, time=end, dt=grown, step=state.step + 1, positions=result.x, velocities=velocities)
 
 

@@ -1,4 +1,4 @@
-"""Keeps freed memory in the process."""
+"""The memory of the process: freed memory kept, and the most that it ever had."""
 
 import ctypes
 import sys
@@ -21,3 +21,13 @@ def keep_freed_memory() -> bool:
     except (OSError, AttributeError):
         return False
     return bool(mallopt(M_MMAP_THRESHOLD, LARGEST_KEPT) and mallopt(M_TRIM_THRESHOLD, LARGEST_KEPT))
+
+
+def peak_memory() -> int:
+    """The largest resident memory of this process so far [bytes]; 0 where the system does not tell."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return 0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else 1024 * peak

@@ -13,6 +13,7 @@ from clothsim.solve import pattern as assembly
 from clothsim.solve.conjugate import truncated_solve
 from clothsim.solve.line_search import armijo
 from clothsim.solve.linear import NotPositiveDefiniteError
+from clothsim.solve.observe import Iterate, Observer, unobserved
 from clothsim.solve.outcome import Ending, Outcome, outcome
 from clothsim.solve.potential import Potential
 from clothsim.solve.system import System
@@ -50,12 +51,13 @@ class NewtonResult:
 
 @dataclass(frozen=True)
 class Newton:
-    """What one solve needs: the bound potential, and the system that holds its matrix."""
+    """What one solve needs: the bound potential, the system that holds its matrix, and who watches the iterates."""
 
     potential: Potential
     system: System
     settings: NewtonSettings
     dt: float
+    observe: Observer = unobserved
 
     def minimise(self, x: Floats, target: Prescribed) -> NewtonResult:
         """The minimiser of E from x, with the target's vertices at their positions.
@@ -65,6 +67,7 @@ class Newton:
         """
         fixed = np.zeros(self.system.pattern.n_vertices, bool)
         fixed[target.vertices[target.vertices < self.system.pattern.n_vertices]] = True
+        self.observe(Iterate(x))
         x, carried, iterations = self._carry(x.copy(), target, fixed)
         if not carried.converged:
             return NewtonResult(x, carried, iterations, np.inf, np.inf)
@@ -87,7 +90,8 @@ class Newton:
             x = x + fraction * dx
             if fraction == 1.0:
                 x[target.vertices] = target.positions
-            elif np.abs(target.positions - x[target.vertices]).max() < SMALLEST_WAY * whole:
+            self.observe(Iterate(x, fraction, self._speed(dx)))
+            if fraction < 1.0 and np.abs(target.positions - x[target.vertices]).max() < SMALLEST_WAY * whole:
                 return x, _blocked(x, target), iteration
         return x, _blocked(x, target), self.settings.max_carries
 
@@ -101,12 +105,12 @@ class Newton:
             residual = float(np.abs(gradient[: self.system.pattern.n_vertices][~fixed]).max(initial=0.0))
             if end is not None:
                 return NewtonResult(x, end, count, speed, residual)
-            speed = float(np.abs(dx).max(initial=0.0)) / self.dt
+            speed = self._speed(dx)
             if speed == 0.0:
                 return NewtonResult(x, outcome(Ending.CONVERGED), count, speed, residual)
             limit = self._limit(x, dx)
             if limit < SMALLEST_FRACTION:
-                return NewtonResult(x, self._no_room(x, dx, limit), count, speed, residual)
+                return NewtonResult(x, _at_fastest(Ending.NO_ROOM, x, dx, fraction=limit), count, speed, residual)
             with self.potential.ledger.phase("line search"):
                 slope = float(np.vdot(gradient, dx))
                 fraction = armijo(self.potential, x, dx, slope, limit)
@@ -115,11 +119,13 @@ class Newton:
                 done = close and (fraction == 1.0 or self._below_noise(x + dx, dx, slope, speed))
             if done or fraction > 0.0:
                 x = x + fraction * dx
+                self.observe(Iterate(x, fraction, speed, residual))
             if done:
                 return NewtonResult(x, outcome(Ending.CONVERGED), count + 1, speed, residual)
             if fraction == 0.0:
-                return NewtonResult(x, outcome(Ending.LINE_SEARCH, speed=speed), count, speed, residual)
-        end = outcome(Ending.ITERATION_LIMIT, tolerance=settings.tolerance, limit=settings.max_iterations, speed=speed)
+                return NewtonResult(x, _at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), count, speed, residual)
+        numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
+        end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return NewtonResult(x, end, iterations + settings.max_iterations, speed, residual)
 
     def _direction(
@@ -132,8 +138,7 @@ class Newton:
         n = self.system.pattern.n_vertices
         gradient = self.potential.gradient(x)
         if not np.isfinite(gradient).all():
-            vertex = int(np.argmax(~np.isfinite(gradient).all(axis=1)))
-            return way, outcome(Ending.NOT_FINITE, vertex=vertex, place=_place(x, vertex)), gradient
+            return way, outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)), gradient
         hessians = self.potential.hessians(x)
         right = -gradient
         if way.any():
@@ -142,8 +147,7 @@ class Newton:
         right[fixed] = 0.0
         data = self._assembled(x, hessians, fixed)
         if not (np.isfinite(right).all() and np.isfinite(data).all()):
-            vertex = int(np.argmax(~np.isfinite(right).all(axis=1)))
-            return way, outcome(Ending.NOT_FINITE, vertex=vertex, place=_place(x, vertex)), gradient
+            return way, outcome(Ending.NOT_FINITE, x, _first_not_finite(right)), gradient
         solution = self._solve(data, right.ravel())
         if solution is None:
             return way, outcome(Ending.SINGULAR), gradient
@@ -193,6 +197,9 @@ class Newton:
             return True
         return abs(float(np.vdot(self.potential.gradient(x), dx))) <= -0.5 * slope
 
+    def _speed(self, dx: Floats) -> float:
+        return float(np.abs(dx).max(initial=0.0)) / self.dt
+
     def _limit(self, x: Floats, dx: Floats) -> float:
         return self.potential.step_limit(x, dx)
 
@@ -202,16 +209,16 @@ class Newton:
             fraction *= 0.5
         return fraction
 
-    def _no_room(self, x: Floats, dx: Floats, fraction: float) -> Outcome:
-        vertex = int(np.abs(dx).max(axis=1).argmax())
-        return outcome(Ending.NO_ROOM, vertex=vertex, place=_place(x, vertex), fraction=fraction)
+
+def _at_fastest(ending: Ending, x: Floats, dx: Floats, **numbers: float) -> Outcome:
+    """An end that shows at the vertex that the step would move furthest."""
+    return outcome(ending, x, int(np.abs(dx).max(axis=1).argmax()), **numbers)
 
 
 def _blocked(x: Floats, target: Prescribed) -> Outcome:
     left = np.linalg.norm(target.positions - x[target.vertices], axis=1)
-    worst = int(target.vertices[left.argmax()])
-    return outcome(Ending.BLOCKED, vertex=worst, place=_place(x, worst), left=float(left.max()))
+    return outcome(Ending.BLOCKED, x, int(target.vertices[left.argmax()]))
 
 
-def _place(x: Floats, vertex: int) -> str:
-    return "(" + ", ".join(f"{c:.4g}" for c in x[vertex]) + ") m"
+def _first_not_finite(vectors: Floats) -> int:
+    return int(np.argmax(~np.isfinite(vectors).all(axis=1)))

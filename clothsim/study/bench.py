@@ -18,7 +18,6 @@ from time import perf_counter
 
 import numpy as np
 
-from clothsim.drape import Session, peak_memory, prepare
 from clothsim.energies.membrane import NeoHookeanMembrane
 from clothsim.errors import ClothsimError
 from clothsim.io.record import to_json
@@ -28,8 +27,10 @@ from clothsim.mesh.world import make_world
 from clothsim.scene.build import build
 from clothsim.scene.fabrics import FABRICS
 from clothsim.scene.scene import Scene
+from clothsim.session import Session, prepare
 from clothsim.sim.state import State, first_state
 from clothsim.sim.stepping import advance
+from clothsim.solve.memory import peak_memory
 from clothsim.study.text_table import text_table
 
 ELASTICITY = ("membrane", "bending")

@@ -227,9 +227,9 @@ def singular():
 
 ENDS = [
     (iteration_limit, Ending.ITERATION_LIMIT, "1e-12 m/s in 2 iterations"),
-    (blocked, Ending.BLOCKED, "vertex [02] at .* m from its place"),
+    (blocked, Ending.BLOCKED, r"vertex [02] cannot go past \(.*\) m"),
     (no_room, Ending.NO_ROOM, r"vertex \d+ at \(.*\) m no room"),
-    (blocked_at_once, Ending.BLOCKED, "vertex 3 at"),
+    (blocked_at_once, Ending.BLOCKED, "vertex 3 cannot"),
     (line_search, Ending.LINE_SEARCH, "no lower energy"),
     (not_finite, Ending.NOT_FINITE, r"vertex \d+ at"),
     (singular, Ending.SINGULAR, "positive definite"),
@@ -256,8 +256,10 @@ def test_blocked_pins_stop_above_the_floor():
 
 @pytest.mark.parametrize("ending", Ending)
 def test_every_sentence_can_be_filled(ending):
-    numbers = {"tolerance": 1.0, "limit": 2, "speed": 3.0, "vertex": 4, "place": "here", "fraction": 0.5, "left": 0.1}
-    filled = outcome(ending, **numbers)
+    numbers = {"tolerance": 1.0, "limit": 2, "speed": 3.0, "fraction": 0.5}
+    filled = outcome(ending, np.arange(15.0).reshape(5, 3), 4, **numbers)
     assert "{" not in filled.sentence
     assert filled.sentence.endswith(".")
+    assert ("vertex 4" in filled.sentence) == ("(12, 13, 14) m" in filled.sentence) == ("{who}" in ending.value)
+    assert filled.told("knee of trousers") == filled.sentence.replace("vertex 4", "knee of trousers")
     assert filled.converged == (ending is Ending.CONVERGED)
