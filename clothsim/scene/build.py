@@ -8,6 +8,7 @@ from clothsim.mesh.motion import FrameMotion
 from clothsim.mesh.origin import about_its_own_origin
 from clothsim.mesh.world import World, make_world
 from clothsim.scene.effects import CONTACTS, EFFECTS
+from clothsim.scene.held import refuse_unheld
 from clothsim.scene.meshes import body_of, cloth_of, cloth_shape
 from clothsim.scene.scene import Scene
 from clothsim.scene.seed import seeded
@@ -49,6 +50,7 @@ def build(scene: Scene) -> Built:
             world, constraints[name] = made
     if not energies:
         raise InputError("The scene has no effect that is on.", f"Name some: {', '.join(EFFECTS)}.")
+    refuse_unheld(world, energies, constraints.values())
     dt = min(scene.solver_settings().dt, 1 / scene.run_settings().frames_per_second)
     said = (*notes, *_without_effect(world, energies), *_cut_corners(world, dt))
     return Built(world, energies, constraints, off, said)

@@ -182,4 +182,5 @@ def _sides(world: World, constraints: Collection[Constraint], touch: Touch) -> t
 
 
 def _resisted(potential: Potential) -> bool:
-    return any(energy.incremental for energy in potential.energies.values())
+    """True where inertia or damping resists every motion (friction, which begins last, only that of contacts)."""
+    return any(energy.incremental and not energy.begins_last for energy in potential.energies.values())

@@ -1,0 +1,62 @@
+"""Whether a quasi-static scene can have an equilibrium at all: a load on a cloth that nothing holds has none."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from clothsim.arrays import Floats, Ints
+from clothsim.energies.base import Constraint, Energy, Step
+from clothsim.errors import InputError
+from clothsim.mesh.world import World
+
+ROUND_OFF = 1e-9
+"""Share of the forces on a piece below which their sum counts as none: internal forces cancel to the last digits."""
+
+
+def refuse_unheld(world: World, energies: Mapping[str, Energy], constraints: Iterable[Constraint]) -> None:
+    """InputError for a piece of cloth with a load, no pin, no contact with a body, and no inertia or damping.
+
+    The forces within a piece cancel, so that what is left of their sum is a load. With self_contact all pieces count as
+    one, as one may lie on another.
+    """
+    # Friction resists too, but only where something touches: it begins last, with the forces of contact.
+    resisted = any(energy.incremental and not energy.begins_last for energy in energies.values())
+    if resisted or "body_contact" in energies:
+        return
+    pieces = np.zeros(world.n_cloth, np.int64) if "self_contact" in energies else _pieces(world)
+    held = np.zeros(world.n_vertices, bool)
+    for constraint in constraints:
+        held[constraint.at(0.0).vertices] = True
+    forces = _forces(world, energies)
+    for piece in np.setdiff1d(pieces, pieces[held[: world.n_cloth]]):
+        of_piece = np.flatnonzero(pieces == piece)
+        load = float(np.linalg.norm(forces[of_piece].sum(axis=0)))
+        if load > ROUND_OFF * np.linalg.norm(forces[of_piece], axis=1).sum():
+            label = int(world.labels[of_piece[0]])
+            own = of_piece[0] - world.cloth_slices[label].start
+            part = f"the piece of {world.names[label]} with vertex {own}" if own else world.names[label]
+            raise InputError(
+                f"Nothing holds {part} against its load of {load:.3g} N: no pin, no body_contact and no inertia.",
+                "Add effects.pins, a body and effects.body_contact, or effects.inertia.",
+            )
+
+
+def _pieces(world: World) -> Ints:
+    """The number of the connected piece of each cloth vertex, (n_cloth,)."""
+    ones = np.ones(len(world.edges))
+    graph = coo_array((ones, tuple(world.edges.T)), shape=(world.n_cloth, world.n_cloth))
+    return np.asarray(connected_components(graph, directed=False)[1], np.int64)
+
+
+def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:
+    """Minus the gradient of the energies that stand alone, at the start under full load, (n_cloth, 3) [N]."""
+    start = world.start()
+    none = np.zeros_like(start)
+    step = Step(0.0, 1.0, start, none, 1.0, none)
+    forces = none.copy()
+    for energy in energies.values():
+        if not energy.begins_last:
+            forces -= energy.begin(step).gradient(start)
+    return forces[: world.n_cloth]
