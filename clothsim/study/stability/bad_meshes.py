@@ -68,7 +68,7 @@ def case(number: int, kind: str) -> Case:
         lambda small: sheet_of(file),
         refused=("cloth", *words),
         jitters=False,
-        files=lambda: {file: text},
+        files=lambda small: {file: text},
     )
 
 

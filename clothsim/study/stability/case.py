@@ -52,7 +52,7 @@ def scene_of(run: Run) -> Scene:
     return scene_from_text(read_checkpoint(run.directory / CHECKPOINT_NAME).scene_text)
 
 
-def none() -> Mapping[str, str]:
+def none(small: bool) -> Mapping[str, str]:
     """No files."""
     return {}
 
@@ -75,7 +75,7 @@ class Case:
     refused: tuple[str, ...] = ()
     jitters: bool = True
     jitter_axes: Sequence[float] = (1.0, 1.0, 1.0)
-    files: Callable[[], Mapping[str, str]] = none
+    files: Callable[[bool], Mapping[str, str]] = none
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def run_case(case: Case, seed: int = 0, small: bool = True) -> Result:
     with tempfile.TemporaryDirectory() as folder:
         try:
             scene = case.scene(small)
-            for name, text in case.files().items():
+            for name, text in case.files(small).items():
                 (Path(folder) / name).write_text(text, encoding="utf-8")
                 scene = replace(scene, directory=Path(folder))
             if case.jitters:

@@ -101,7 +101,7 @@ def patch_holds(run: Run) -> str:
 
 def case(name: str, title: str, aspect: float, *kinds: str) -> Case:
     """The patch test of a sheet with slivers of such an aspect."""
-    return Case(name, title, patch, patch_holds, files=lambda: files(aspect, kinds))
+    return Case(name, title, patch, patch_holds, files=lambda small: files(aspect, kinds))
 
 
 CASES = (
