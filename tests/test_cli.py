@@ -183,7 +183,8 @@ def test_a_failed_run_ends_with_1_and_its_last_good_state(capsys, tmp_path):
     assert main(["run", "hard.toml", "--no-picture"]) == 1
     out = capsys.readouterr().out
     assert re.search(r"failed: At \S+ s: Newton did not reach 0.001 m/s in 1 iterations", out)
-    assert "The last good state is frame 0 at 0 s" in out
+    assert "The last good state is step " in out
+    assert "clothsim bundle hard" in out
     assert read_summary(tmp_path / "hard/summary.json")["status"] == "failed"
 
 
@@ -418,3 +419,58 @@ def test_a_key_is_changed_from_the_command_line(capsys, tmp_path):
     assert main(["run", "free.toml", "--no-picture", "--quiet", "--set", "run.duration=0.02"]) == 0
     assert open_run(tmp_path / "free").times[-1] == 0.02
     assert "duration" in refused(capsys, "run", "free.toml", "--set", "run.duratoin=1")[1]
+
+
+PRESS = """
+[cloth]
+mesh = "rectangle"
+size = [0.5, 0.5]
+cells = [4, 4]
+position = [0, 0, 0.008]
+[[body]]
+name = "press"
+mesh = "slab"
+size = [1, 1, 0.1]
+position = [0, 0, 0.06]
+motion = { velocity = [0, 0, -0.2] }
+[[body]]
+name = "table"
+mesh = "slab"
+size = [1, 1, 0.1]
+position = [0, 0, -0.05]
+[effects.inertia]
+[effects.membrane]
+[effects.body_contact]
+d_hat = 0.01
+[solver]
+dt = 0.02
+threads = 1
+linear = "superlu"
+[run]
+duration = 0.1
+"""
+
+
+def test_a_failed_run_leaves_its_place_its_iterates_and_what_to_do(capsys, tmp_path, monkeypatch):
+    from clothsim.render import place
+
+    monkeypatch.setattr(place, "draw_place", _with(place.draw_place, {"size": (128, 96)}))
+    (tmp_path / "press.toml").write_text(PRESS)
+    assert main(["run", "press.toml"]) == 1
+    out = capsys.readouterr().out
+    failure = read_summary(tmp_path / "press/summary.json")["failure"]
+    assert failure["remedy"] in out.splitlines()
+    assert (tmp_path / "press/failure.png").read_bytes().startswith(b"\x89PNG")
+    assert f"resume press --dump-iterates {failure['step']}" in out
+    assert main(["resume", "press", "--no-picture", "--dump-iterates", str(failure["step"])]) == 1
+    assert not (tmp_path / "press/failure.png").exists()
+    with np.load(tmp_path / f"press/iterates_{failure['step']}.npz", allow_pickle=False) as iterates:
+        assert iterates["positions"].shape[1:] == (25 + 16, 3)
+    assert "cloth is pinched between press and table" in capsys.readouterr().out
+
+
+def test_iterates_of_a_step_that_never_came_are_missed(capsys, tmp_path):
+    assert main(["run", "free.toml", "--no-picture", "--dump-iterates", "99"]) == 0
+    assert "No iterates_99.npz: the run took 8 steps." in capsys.readouterr().out
+    assert "Step 3 cannot be dumped: 8 steps are done." in refused(capsys, "resume", "free", "--dump-iterates", "3")[0]
+    assert "--dump-iterates is 'two'" in refused(capsys, "run", "free.toml", "--dump-iterates", "two")[0]

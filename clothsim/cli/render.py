@@ -11,6 +11,7 @@ from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.io.run import Run
+    from clothsim.mesh.world import World
 
 _DESCRIPTION = """\
 Draw a frame of a run (.png) or all of them (.mp4, .gif).
@@ -76,6 +77,22 @@ def draw_frame(run: "Run", target: Path, frame: int = -1, **settings: Any) -> st
 
     title = f"{run.times[frame]:.2f} s" if len(run.times) else ""
     return draw(target, frame_surfaces(run, frame), title=title, **settings)
+
+
+def draw_failure(run: "Run", world: "World", target: Path, up: Any) -> str:
+    """A PNG of the place where a run failed, in its last good state; returns the line that says what drew it."""
+    import numpy as np
+
+    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.render.of_run import state_surfaces
+    from clothsim.render.place import draw_place
+    from clothsim.sim.certificate import world_stretches
+
+    failure = run.summary["failure"]
+    x = read_checkpoint(run.directory / CHECKPOINT_NAME).positions
+    surfaces = state_surfaces(world, x, world_stretches(world, x))
+    title = f"{failure['time']:.4g} s, {failure['cause']}: {failure['element']}"
+    return draw_place(target, surfaces, np.array(failure["position"]) - world.origin, title=title, up=up)
 
 
 def draw_movie(run: "Run", target: Path, quiet: bool, **settings: Any) -> str:

@@ -7,15 +7,17 @@ from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from clothsim.cli.arguments import as_positive_number
+from clothsim.cli.arguments import as_count, as_positive_number
 
 if TYPE_CHECKING:
     from clothsim.io.run import Run
+    from clothsim.session import Session
 
-PICTURE_NAME, MOVIE_NAME = "picture.png", "movie.mp4"
+PICTURE_NAME, MOVIE_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "failure.png"
 
 _RUN = """\
-Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture of the last frame.
+Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture of the last frame; where it failed,
+failure.png too, the place seen close.
 
   clothsim run scenes/sphere.toml -o drape --movie
 """
@@ -38,8 +40,9 @@ def add_to(commands: Any) -> None:
     resume.add_argument("directory", type=Path, metavar="DIR", help="what `clothsim run` left")
     resume.set_defaults(handler=_resume)
     for command in (run, resume):
-        command.add_argument("--no-picture", action="store_true", help=f"leave no {PICTURE_NAME}")
+        command.add_argument("--no-picture", action="store_true", help=f"leave no {PICTURE_NAME} and no {FAILURE_NAME}")
         command.add_argument("--movie", action="store_true", help=f"leave {MOVIE_NAME} too")
+        command.add_argument("--dump-iterates", metavar="STEP", help="write the Newton iterates of that step, from 1")
         command.add_argument("--quiet", action="store_true", help="print the end only")
         command.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
         command.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -71,21 +74,28 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     """Run `job` with its listeners, draw what was asked for, and tell how it ended."""
     from clothsim import __version__
     from clothsim.cli import progress, say
+    from clothsim.sim.iterates import iterates_name
 
     subject = arguments.scene if arguments.command == "run" else directory
+    step = None if arguments.dump_iterates is None else as_count("--dump-iterates", arguments.dump_iterates)
+    if step is not None:
+        (directory / iterates_name(step)).unlink(missing_ok=True)  # of an earlier run
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     if not arguments.quiet:
         print(f"clothsim {__version__}: {arguments.command} {subject}", file=talk, flush=True)
     before = say.what_is_there(directory) if arguments.command == "run" else say.what_goes_on(directory)
 
-    def announce(session: Any) -> None:
+    sessions: list[Session] = []
+
+    def announce(session: "Session") -> None:
+        sessions.append(session)
         if not arguments.quiet:
             print(say.settings(session, directory, before), file=talk, flush=True)
 
     try:
         with progress.shown(arguments.quiet) as listener:
-            run = job(progress=listener, announce=announce)
-        pictures = _pictures(arguments, run)
+            run = job(progress=listener, announce=announce, dump_iterates=step)
+        trouble = _pictures(arguments, run, sessions[0])
     except KeyboardInterrupt:
         print(say.stopped(directory), file=sys.stderr)
         return 130
@@ -93,21 +103,29 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
         from clothsim.io.record import to_json
 
         print(to_json(run.summary))
-    print(say.verdict(run, pictures), file=talk)
+    if step is not None and not (run.directory / iterates_name(step)).is_file():
+        trouble.append(f"No {iterates_name(step)}: the run took {run.summary['steps']} steps.")
+    print(say.verdict(run, trouble), file=talk)
     return 0 if run.status == "completed" else 1
 
 
-def _pictures(arguments: argparse.Namespace, run: "Run") -> list[str]:
-    """Draw picture and movie; returns a line for each that could not be drawn, as a run is none the worse for that."""
-    from clothsim.cli.render import draw_frame, draw_movie, upright
+def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> list[str]:
+    """Draw picture, movie and the place of a failure.
+
+    Returns a line for each that could not be drawn: a run is none the worse for that.
+    """
+    from clothsim.cli.render import draw_failure, draw_frame, draw_movie, upright
     from clothsim.errors import ClothsimError
 
-    for name in (PICTURE_NAME, MOVIE_NAME, "movie.gif"):
+    for name in (PICTURE_NAME, MOVIE_NAME, "movie.gif", FAILURE_NAME):
         (run.directory / name).unlink(missing_ok=True)
     up, trouble = upright(run), []
     jobs: list[tuple[str, Callable[[], Any]]] = []
     if not arguments.no_picture:
         jobs.append((PICTURE_NAME, lambda: draw_frame(run, run.directory / PICTURE_NAME, up=up)))
+        if (run.summary.get("failure") or {}).get("position") is not None:
+            target, world = run.directory / FAILURE_NAME, session.built.world
+            jobs.append((FAILURE_NAME, lambda: draw_failure(run, world, target, up)))
     if arguments.movie:
         jobs.append((MOVIE_NAME, lambda: draw_movie(run, run.directory / MOVIE_NAME, up=up, quiet=arguments.quiet)))
     for name, job in jobs:

@@ -77,11 +77,23 @@ def verdict(run: "Run", trouble: list[str]) -> str:
     ]
     lines = [f"{summary['status']}: {summary['reason']}", *(_row(name, text) for name, text in rows), *trouble]
     if summary["status"] != "completed":
-        last = len(run.times) - 1
-        lines.append(
-            f"The last good state is frame {last} at {run.times[last]:g} s (checkpoint.npz of that directory)."
-        )
+        lines += _after_failure(run)
     return "\n".join(lines)
+
+
+def _after_failure(run: "Run") -> list[str]:
+    """What to do, where the last good state is, and how to hand the failure on."""
+    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+
+    failure = run.summary["failure"]
+    saved = read_checkpoint(run.directory / CHECKPOINT_NAME)
+    directory = shlex.quote(str(run.directory))
+    return [
+        failure["remedy"],
+        f"The last good state is step {saved.step} at {saved.time:g} s; the last frame is number {len(run.times) - 1}.",
+        f"To look into it: {_program()} resume {directory} --dump-iterates {failure['step']}",
+        f"To pass it on: {_program()} bundle {directory}",
+    ]
 
 
 def stopped(directory: Path) -> str:

@@ -8,6 +8,8 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
 from clothsim.io.run import Run
+from clothsim.io.surface import world_surfaces
+from clothsim.mesh.world import World
 from clothsim.render.mesh_look import Surface
 
 
@@ -23,6 +25,17 @@ def frame_surfaces(run: Run, frame: int) -> list[Surface]:
     ]
     none = np.zeros((0, 2))
     return made + [Surface(name, points, triangles, "body", none) for name, points, triangles in run.bodies(frame)]
+
+
+def state_surfaces(world: World, x: Floats, stretches: Floats) -> list[Surface]:
+    """The cloths, then the bodies of a state: x (N, 3) [m] and the principal stretches (m, 2) of all cloths."""
+    parts = world_surfaces(world)
+    of_cloths = np.split(stretches, np.cumsum([len(part.triangles) for part in parts if part.role == "cloth"]))
+    none = np.zeros((0, 2))
+    return [
+        Surface(part.name, x[part.rows], part.own_triangles, part.role, of_cloths[k] if part.role == "cloth" else none)
+        for k, part in enumerate(parts)
+    ]
 
 
 class Frames(Sequence[list[Surface]]):

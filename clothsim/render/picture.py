@@ -72,8 +72,12 @@ def take_aim(
     title: str,
     renderer: str,
     samples: int = 2,
+    focus: Floats | None = None,
 ) -> Shot:
-    """The one camera, colour range and renderer that suit all `frames`; arguments as in `draw`."""
+    """The one camera, colour range and renderer that suit all `frames`; arguments as in `draw`.
+
+    focus: (k, 3) points to be framed instead of the cloth [m].
+    """
     if not len(frames):
         raise InputError("There is no frame to draw.")
     if colour not in ("stretch", "plain"):
@@ -98,12 +102,19 @@ def take_aim(
     else:
         backward = _direction("view", view)
     room = margins(pixels, half_range > 0, title)
+    if focus is not None:
+        cloth = everything = focus
     camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
     return Shot(camera, pixels, half_range, upright, title, chosen, samples, note)
 
 
 def expose(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
-    """The picture of one frame, (height, width, 3) uint8."""
+    """The picture of one frame with its legend, (height, width, 3) uint8."""
+    return add_legend(expose_bare(shot, surfaces), shot.half_range, shot.title)
+
+
+def expose_bare(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
+    """The picture of one frame without a legend, (height, width, 3), sRGB in [0, 1]."""
     from clothsim.render.backdrop import backdrop
 
     if shot.renderer == "vtk":
@@ -112,8 +123,8 @@ def expose(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
         from clothsim.render.ray import render
     made = looks(surfaces, shot.half_range)
     seen = render(made, shot.camera, shot.size, shot.up, shot.samples)
-    image = seen[:, :, :3] + (1 - seen[:, :, 3:]) * backdrop(made, shot.camera, shot.size, shot.up)
-    return add_legend(image, shot.half_range, shot.title)
+    behind = backdrop(made, shot.camera, shot.size, shot.up)
+    return np.asarray(seen[:, :, :3] + (1 - seen[:, :, 3:]) * behind)
 
 
 def choose_renderer(renderer: str) -> tuple[str, str]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Failure:
-    """What stopped a run after `step` steps at `time` [s], with steps of `dt` [s].
+    """What stopped a run in its step number `step` (from 1) at `time` [s], with dt [s].
 
     cause: a word or two; sentence: what happened; element: by its names, empty where it has none; position: its place
     (3,) [m] in the user's coordinates, or None; remedy: a sentence; tries: how often the step was tried, in words.
@@ -82,7 +82,7 @@ def failure_of(
         remedy = _unblock(world, _movers(world, constraints, result.x, target), touch)
     else:
         remedy = _remedy(world, end, touch, inertia=_resisted(potential))
-    return Failure(end.ending.cause, sentence, element, position, remedy, state.step, state.time, dts[-1], tries)
+    return Failure(end.ending.cause, sentence, element, position, remedy, state.step + 1, state.time, dts[-1], tries)
 
 
 def crossing_failure(world: World, found: "Crossing", state: State, dt: float) -> Failure:
