@@ -70,9 +70,12 @@ class Barrier(Energy):
             return np.zeros((0, 4), np.int64)  # a body's vertices are no unknowns
         return self.candidates.within(x, self.candidates.limit + self.candidates.reach).elements
 
-    def normal_forces(self, x: Floats) -> tuple[Ints, Floats, Floats, Floats]:
-        """The near pairs: rows (p, 4), weights g (p, 4) and line r (p, 3) [m] of closest points, force (p,) [N]."""
-        weights, lines, slopes = kernels.pull(x, *self._pairs(x))
+    def normal_forces(self, x: Floats, least: float = 0.0) -> tuple[Ints, Floats, Floats, Floats]:
+        """The near pairs: rows (p, 4), weights g (p, 4) and line r (p, 3) [m] of closest points, force (p,) [N].
+
+        least: share of d_hat; a pair that is closer pushes as one at this gap.
+        """
+        weights, lines, slopes = kernels.pull(x, *self._pairs(x), least * self.d_hat)
         return self.candidates.near(x).elements, weights, lines, -self.stiffness * slopes
 
     def step_limit(self, x: Floats, dx: Floats) -> float:

@@ -127,16 +127,20 @@ def gradient(x, elements, weights, thresholds, n_points, offset, d_hat):
 
 
 @njit(cache=True, error_model="numpy")
-def pull(x, elements, weights, thresholds, n_points, offset, d_hat):
-    """Of each pair g (p, 4), r (p, 3) [m] and w m db/dd (p,) [m2], the force along r for kappa = 1."""
+def pull(x, elements, weights, thresholds, n_points, offset, d_hat, least):
+    """Of each pair g (p, 4), r (p, 3) [m] and w m db/dd (p,) [m2], the force along r for kappa = 1.
+
+    least [m]: a gap that is smaller counts as this one.
+    """
     S = d_hat * (2.0 * offset + d_hat)
     g, r, slopes = np.zeros((len(elements), 4)), np.zeros((len(elements), 3)), np.zeros(len(elements))
     for e in range(len(elements)):
         squared = closest(x, elements[e], e >= n_points, g[e], r[e])
-        s = squared - offset * offset
+        distance = max(np.sqrt(squared), offset + least)
+        s = distance * distance - offset * offset
         if s < S:
             m = mollifier(crossing(x, elements[e]), thresholds[e])[0] if thresholds[e] > 0.0 else 1.0
-            slopes[e] = weights[e] * m * barrier_slopes(s, S, d_hat)[0] * 2.0 * np.sqrt(squared)
+            slopes[e] = weights[e] * m * barrier_slopes(s, S, d_hat)[0] * 2.0 * distance
     return g, r, slopes
 
 

@@ -14,16 +14,25 @@ from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
 
+LEAST_GAP = 0.25
+"""Share of d_hat that a gap counts as at least in the first step: a start is no equilibrium, and a pair that happens to
+be a millionth of d_hat apart there would be glued by a force that nothing carries."""
+
+
 @dataclass(frozen=True)
 class Contacts:
-    """What slides: the bound barriers of the step, positions at its start (N, 3) [m] and its length dt [s]."""
+    """What slides: the bound barriers of the step, positions at its start (N, 3) [m] and its length dt [s].
+
+    least_gap: share of d_hat that a gap counts as at least.
+    """
 
     barriers: tuple[Barrier, ...]
     start: Floats
     dt: float
+    least_gap: float
 
 
-NOWHERE = Contacts((), np.zeros((0, 3)), 1.0)
+NOWHERE = Contacts((), np.zeros((0, 3)), 1.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -48,6 +57,7 @@ class Friction(Energy):
 
     begins_last = True
     incremental = True
+    exact_in_newton = False  # it is positive semi-definite: the projected Hessian is the exact one
 
     @property
     def passes(self) -> int:
@@ -57,11 +67,12 @@ class Friction(Energy):
     def begin(self, step: Step) -> Self:
         """Bound to the contacts of the step and to their forces at its start."""
         barriers = tuple(energy for energy in step.bound.values() if isinstance(energy, Barrier))
-        return replace(self, contacts=Contacts(barriers, step.positions, step.dt)).again(step.positions)
+        least_gap = 0.0 if step.time > 0.0 else LEAST_GAP
+        return replace(self, contacts=Contacts(barriers, step.positions, step.dt, least_gap)).again(step.positions)
 
     def again(self, x: Floats) -> Self:
         """Bound to the contact forces at x, for another pass of the same step."""
-        found = [barrier.normal_forces(x) for barrier in self.contacts.barriers]
+        found = [barrier.normal_forces(x, self.contacts.least_gap) for barrier in self.contacts.barriers]
         if not found:
             return self
         elements, weights, lines, forces = (np.concatenate(parts) for parts in zip(*found, strict=True))
