@@ -68,6 +68,23 @@ def test_a_rise_is_told():
     assert Certificate().after(world, report, before).energy_rise == pytest.approx(gained, rel=1e-9)
 
 
+def test_a_step_never_ends_above_where_it_began():
+    """Backward Euler's own law, |v1 - v0|^2_M/2 + Psi1 <= |v0|^2_M/2 + Psi0: E of the step, told by hand."""
+    world, reports, certificates = flight()
+    assert certificates[-1].step_rise == 0
+    report, before = reports[-1], reports[-2].state
+    turned = replace(report, state=before)
+    change = report.state.velocities - before.velocities
+    kinetic = 0.5 * world.masses @ (change**2 - before.velocities**2).sum(axis=1)
+    stored = sum(
+        energy(world).value(report.state.positions) - energy(world).value(before.positions)
+        for energy in (membrane, bending)
+    )
+    backwards = Certificate().after(world, turned, report.state)
+    assert kinetic + stored < 0
+    assert backwards.step_rise == pytest.approx(-kinetic - stored, rel=1e-9)
+
+
 def test_a_potential_made_stiffer_between_two_steps_is_no_rise():
     """As a barrier is: its stiffness is set anew at each step."""
     world, reports, certificates = flight()

@@ -1,7 +1,16 @@
 """All hard cases, in the order of VALIDATION part B."""
 
-from clothsim.study.stability import bad_meshes, columns, distorted, slivers, twist
+from clothsim.study.stability import bad_meshes, columns, distorted, slivers, touching, twist
 from clothsim.study.stability.case import Case
+
+FAMILIES = (
+    bad_meshes,
+    columns,
+    distorted,
+    slivers,
+    touching,
+    twist,
+)
 
 
 def place(case: Case) -> tuple[int, str]:
@@ -9,6 +18,4 @@ def place(case: Case) -> tuple[int, str]:
     return int("".join(filter(str.isdigit, case.name))), case.name
 
 
-CASES: tuple[Case, ...] = tuple(
-    sorted((*bad_meshes.CASES, *columns.CASES, *distorted.CASES, *slivers.CASES, *twist.CASES), key=place)
-)
+CASES: tuple[Case, ...] = tuple(sorted((case for family in FAMILIES for case in family.CASES), key=place))
