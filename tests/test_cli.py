@@ -368,6 +368,13 @@ def test_explain_counts_only_the_steps_that_were_asked_for():
         (["run", "inside.toml"], "cloth intersects ball at the start"),
         (["run", "faults.toml"], "bad: "),
         (["resume", "nowhere"], "There is no checkpoint nowhere"),
+        (["bundle", "nowhere"], "There is no run directory nowhere."),
+        (["bundle", "."], "There is no checkpoint"),
+        (["bundle", "RUN", "-o", "a.tar"], "a.tar is no name of an archive."),
+        (["bundle", "RUN", "-o", "no/a.zip"], "There is no directory no."),
+        (["resume", "notes.txt"], "notes.txt is no archive of `clothsim bundle`"),
+        (["resume", "RUN", "-o", "there"], "is no archive."),
+        (["run", "a.zip"], "a.zip is no scene file."),
         (["render", "nowhere"], "There is no run directory nowhere."),
         (["render", "RUN", "-o", "a.jpg"], "a.jpg is neither a picture nor a movie."),
         (["render", "RUN", "-o", "no/a.png"], "There is no directory no."),
@@ -467,6 +474,21 @@ def test_a_failed_run_leaves_its_place_its_iterates_and_what_to_do(capsys, tmp_p
     with np.load(tmp_path / f"press/iterates_{failure['step']}.npz", allow_pickle=False) as iterates:
         assert iterates["positions"].shape[1:] == (25 + 16, 3)
     assert "cloth is pinched between press and table" in capsys.readouterr().out
+
+
+def test_a_bundle_is_replayed_with_one_command(capsys, tmp_path):
+    (tmp_path / "press.toml").write_text(PRESS)
+    assert main(["run", "press.toml", "--no-picture", "--quiet"]) == 1
+    first = read_summary(tmp_path / "press/summary.json")
+    assert main(["bundle", "press", "-o", "sent.zip"]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].endswith("clothsim resume sent.zip")
+    shutil.rmtree(tmp_path / "press")
+    assert main(["resume", "sent.zip", "--no-picture", "--dump-iterates", str(first["failure"]["step"])]) == 1
+    assert f"failed: {first['reason']}" in capsys.readouterr().out
+    assert read_summary(tmp_path / "sent/summary.json")["failure"] == first["failure"]
+    assert (tmp_path / f"sent/iterates_{first['failure']['step']}.npz").is_file()
+    assert "sent is there already." in refused(capsys, "resume", "sent.zip")[0]
+    assert main(["resume", "sent.zip", "-o", "other", "--no-picture", "--quiet"]) == 1
 
 
 def test_iterates_of_a_step_that_never_came_are_missed(capsys, tmp_path):

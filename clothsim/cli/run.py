@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_count, as_positive_number
+from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.io.run import Run
@@ -22,7 +23,8 @@ failure.png too, the place seen close.
   clothsim run scenes/sphere.toml -o drape --movie
 """
 _RESUME = """\
-Go on with a run that was stopped, from its last frame.
+Go on with a run that was stopped, from its last frame; or replay one that failed, from its last good state, also out
+of an archive of `clothsim bundle`.
 
   clothsim resume drape
 """
@@ -37,7 +39,8 @@ def add_to(commands: Any) -> None:
     run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key: body.mesh=PATH")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", help="go on with a stopped run", description=_RESUME)
-    resume.add_argument("directory", type=Path, metavar="DIR", help="what `clothsim run` left")
+    resume.add_argument("directory", type=Path, metavar="DIR|FILE", help="what `clothsim run` or `bundle` left")
+    resume.add_argument("-o", "--output", type=Path, metavar="DIR", help="of an archive: where to (default: its name)")
     resume.set_defaults(handler=_resume)
     for command in (run, resume):
         command.add_argument("--no-picture", action="store_true", help=f"leave no {PICTURE_NAME} and no {FAILURE_NAME}")
@@ -53,6 +56,8 @@ def _run(arguments: argparse.Namespace) -> int:
     from clothsim.scene.override import override
     from clothsim.scene.toml import load_scene
 
+    if arguments.scene.suffix == ".zip":
+        raise InputError(f"{arguments.scene} is no scene file.", "`clothsim resume` replays an archive.")
     scene = load_scene(arguments.scene)
     for assignment in arguments.set:
         scene = override(scene, assignment)
@@ -67,6 +72,13 @@ def _resume(arguments: argparse.Namespace) -> int:
     from clothsim.drape import resume
 
     directory = arguments.directory
+    if directory.is_file():
+        from clothsim.scene.bundle import unpack_bundle
+
+        archive, directory = directory, arguments.output or Path(directory.stem)
+        unpack_bundle(archive, directory)
+    elif arguments.output is not None:
+        raise InputError(f"{directory} is no archive.", "Leave -o out: a run goes on in its own directory.")
     return _execute(arguments, directory, lambda **listeners: resume(directory, **listeners))
 
 

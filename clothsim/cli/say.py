@@ -91,8 +91,8 @@ def _after_failure(run: "Run") -> list[str]:
     return [
         failure["remedy"],
         f"The last good state is step {saved.step} at {saved.time:g} s; the last frame is number {len(run.times) - 1}.",
-        f"To look into it: {_program()} resume {directory} --dump-iterates {failure['step']}",
-        f"To pass it on: {_program()} bundle {directory}",
+        f"To look into it: {program()} resume {directory} --dump-iterates {failure['step']}",
+        f"To pass it on: {program()} bundle {directory}",
     ]
 
 
@@ -101,7 +101,7 @@ def stopped(directory: Path) -> str:
     from clothsim.io.checkpoint import CHECKPOINT_NAME
 
     if (directory / CHECKPOINT_NAME).is_file():
-        return f"Stopped. Go on with: {_program()} resume {shlex.quote(str(directory))}"
+        return f"Stopped. Go on with: {program()} resume {shlex.quote(str(directory))}"
     return "Stopped before the first step: there is nothing to resume."
 
 
@@ -145,5 +145,6 @@ def _many(count: int, what: str) -> str:
     return f"{count:,} {what}{'' if count == 1 else 's'}"
 
 
-def _program() -> str:
+def program() -> str:
+    """How this command line was called."""
     return "python -m clothsim" if Path(sys.argv[0]).name == "__main__.py" else "clothsim"
