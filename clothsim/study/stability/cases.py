@@ -1,12 +1,13 @@
 """All hard cases, in the order of VALIDATION part B."""
 
-from clothsim.study.stability import bad_meshes, columns, distorted, slivers, touching, twist
+from clothsim.study.stability import bad_meshes, columns, distorted, infeasible, slivers, touching, twist
 from clothsim.study.stability.case import Case
 
 FAMILIES = (
     bad_meshes,
     columns,
     distorted,
+    infeasible,
     slivers,
     touching,
     twist,

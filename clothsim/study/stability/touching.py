@@ -76,6 +76,28 @@ def derivatives_finite(run: Run) -> str:
     return ""
 
 
+def stays_on_top(run: Run) -> str:
+    """No vertex over the slab is below its top."""
+    x = run.positions(-1)
+    over = (np.abs(x[:, :2]) < SIZE / 2).all(axis=1)
+    lowest = float(x[over, 2].min(initial=np.inf))
+    return f"a vertex is {-lowest:.2g} m below the slab's top" if lowest <= 0 else ""
+
+
+def not_thrown(run: Run) -> str:
+    """A barrier entered at its very bottom lets go within about its own range: the sheet stays near."""
+    highest = max(float(run.positions(frame)[:, 2].max()) for frame in range(len(run.times)))
+    return f"the sheet was thrown {highest:.2g} m up" if highest > 10 * D_HAT else ""
+
+
+def starts(number: int, gap: float) -> Case:
+    """The case of a sheet so far above a slab. Jitter goes sideways only: it is larger than the gap."""
+    check = all_of(stays_on_top, not_thrown, energy_falls)
+    return Case(f"B14{'abcdefgh'[number]}", f"starts {gap:g} m off", lambda small: above(small, gap), check, **SIDEWAYS)
+
+
+SIDEWAYS: dict[str, Any] = {"jitter_axes": (1.0, 1.0, 0.0)}
+GAPS = (1e-2, 1e-3, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 ALIGNED = all_of(derivatives_finite, energy_falls)
 BUCKLED = all_of(derivatives_finite, steps_descend)
 
@@ -91,4 +113,6 @@ CASES = (
     ),
     Case("B10e", "coplanar sheets, edge to edge", lambda small: side_by_side(small, 0.0), BUCKLED),
     Case("B10f", "coplanar sheets, point to edge", lambda small: side_by_side(small, SIZE / 32), BUCKLED),
+    *(starts(number, gap) for number, gap in enumerate(GAPS)),
+    Case("B14h", "starts at gap 0", lambda small: above(small, 0.0), refused=("cloth", "table"), **SIDEWAYS),
 )

@@ -1,0 +1,88 @@
+"""What no cloth can follow: a body that jumps through it, pins driven into one another."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from clothsim.io.run import Run
+from clothsim.mesh.shapes import sphere
+from clothsim.scene.scene import Scene
+from clothsim.study.stability.case import Case
+from clothsim.study.stability.obj import obj_text
+
+ELASTIC: dict[str, dict[str, Any]] = {"inertia": {}, "membrane": {}, "bending": {}}
+RADIUS = 0.08
+
+
+def sheet(small: bool) -> dict[str, Any]:
+    """A sheet of .4 m in z = 0."""
+    return {"mesh": "rectangle", "size": [0.4, 0.4], "cells": [10, 10] if small else [32, 32]}
+
+
+def leap(small: bool) -> Mapping[str, str]:
+    """Two frames of a ball: half a metre below the sheet, and half a metre above it."""
+    ball, triangles = sphere(RADIUS, 2 if small else 3)
+    return {f"ball{k}.obj": obj_text(ball + np.array([0, 0, z]), triangles) for k, z in enumerate((-0.5, 0.5))}
+
+
+def teleported(small: bool, pins: str = "") -> Scene:
+    """A ball goes a metre in one step, through where the sheet is."""
+    held = {"pins": {"select": pins}} if pins else {}
+    return Scene(
+        cloth=sheet(small),
+        body={"name": "ball", "frames": "ball*.obj", "frames_per_second": 100.0},
+        effects=ELASTIC | held | {"gravity": {}, "body_contact": {}},
+        solver={"dt": 0.01},
+        run={"duration": 0.05, "frames_per_second": 100.0},
+    )
+
+
+def before_the_ball(run: Run) -> str:
+    """The middle of the sheet is above the ball, which came from below."""
+    x = run.positions(-1)
+    middle = x[np.hypot(*run.positions(0)[:, :2].T).argmin()]
+    top = run.bodies(-1)[0][1][:, 2].max()
+    return "" if middle[2] > top else f"the sheet's middle is at {middle[2]:.3g} m, the ball's top at {top:.3g} m"
+
+
+def inside(small: bool) -> Scene:
+    """A ball that the sheet cuts in two."""
+    return Scene(
+        cloth=sheet(small),
+        body={"name": "ball", "mesh": "sphere", "radius": RADIUS},
+        effects=ELASTIC | {"body_contact": {}},
+        run={"duration": 0.1},
+    )
+
+
+def driven_together(small: bool) -> Scene:
+    """The two ends of a strip are driven through one another in the strip's own plane."""
+    groups = [
+        {"select": side, "motion": {"velocity": [sign * 1.0, 0, 0]}} for side, sign in (("left", 1), ("right", -1))
+    ]
+    return Scene(
+        cloth={"mesh": "rectangle", "size": [0.4, 0.1], "cells": [20, 5] if small else [64, 16]},
+        effects=ELASTIC | {"self_contact": {}, "pins": {"group": groups}},
+        solver={"dt": 0.01},
+        run={"duration": 0.5},
+    )
+
+
+CASES = (
+    Case("B20a", "ball teleports 1 m through a free sheet", teleported, before_the_ball, files=leap),
+    Case(
+        "B20b",
+        "ball teleports 1 m through a held sheet",
+        lambda small: teleported(small, "boundary"),
+        before_the_ball,
+        files=leap,
+    ),
+    Case("B20c", "ball starts inside the sheet", inside, refused=("cloth intersects ball",), jitters=False),
+    Case(
+        "B21",
+        "pinned ends driven into one another",
+        driven_together,
+        fails=("scripted motion", "vertex", "pins.group", "infeasible"),
+    ),
+)
