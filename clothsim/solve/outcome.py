@@ -64,5 +64,6 @@ def outcome(ending: Ending, x: Floats | None = None, row: int | None = None, **n
 
 
 def place_text(position: Floats) -> str:
-    """ "(0.1, 0.2, 0.3) m"."""
-    return "(" + ", ".join(f"{c:.4g}" for c in position) + ") m"
+    """ "(0.1, 0.2, 0.3) m"; what is round-off beside the largest coordinate reads as 0."""
+    least = 1e-9 * float(np.abs(position).max())
+    return "(" + ", ".join(f"{c if abs(c) > least else 0.0:.4g}" for c in position) + ") m"

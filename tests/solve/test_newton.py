@@ -17,7 +17,7 @@ from clothsim.energies.membrane import membrane
 from clothsim.mesh.body import make_body
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
-from clothsim.solve.outcome import Ending, outcome
+from clothsim.solve.outcome import Ending, outcome, place_text
 
 
 class Toy(Energy):
@@ -263,3 +263,8 @@ def test_every_sentence_can_be_filled(ending):
     assert ("vertex 4" in filled.sentence) == ("(12, 13, 14) m" in filled.sentence) == ("{who}" in ending.value)
     assert filled.told("knee of trousers") == filled.sentence.replace("vertex 4", "knee of trousers")
     assert filled.converged == (ending is Ending.CONVERGED)
+
+
+def test_a_place_is_told_without_its_round_off():
+    assert place_text(np.array([0.25, -3e-17, 1e-3])) == "(0.25, 0, 0.001) m"
+    assert place_text(np.array([2e-12, 0.0, -1e-12])) == "(2e-12, 0, -1e-12) m"
