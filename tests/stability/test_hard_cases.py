@@ -5,10 +5,17 @@ import pytest
 from clothsim.study.stability.case import run_case
 from clothsim.study.stability.cases import CASES
 
+KNOWN = {
+    ("B23c", 1): "two triangles of one flat face push twice beside their common edge: the sheet creeps off it",
+}
+"""What fails, and why: (case, seed). An entry that passes is an error, so that none stays longer than its fault."""
+
 
 @pytest.mark.parametrize("seed", [0, 1])
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
-def test_it_stays_stable(case, seed):
+def test_it_stays_stable(case, seed, request):
     if seed and not case.jitters:
         pytest.skip("the case has no jitter: its start is exact by meaning")
+    if (case.name, seed) in KNOWN:
+        request.applymarker(pytest.mark.xfail(strict=True, reason=KNOWN[case.name, seed]))
     assert run_case(case, seed).wrong == ""

@@ -1,6 +1,6 @@
 """All hard cases, in the order of VALIDATION part B."""
 
-from clothsim.study.stability import bad_meshes, columns, distorted, infeasible, slivers, touching, twist
+from clothsim.study.stability import bad_meshes, columns, distorted, infeasible, resting, slivers, touching, twist
 from clothsim.study.stability.case import Case
 
 FAMILIES = (
@@ -8,6 +8,7 @@ FAMILIES = (
     columns,
     distorted,
     infeasible,
+    resting,
     slivers,
     touching,
     twist,
