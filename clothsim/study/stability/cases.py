@@ -1,15 +1,40 @@
 """All hard cases, in the order of VALIDATION part B."""
 
-from clothsim.study.stability import bad_meshes, columns, distorted, infeasible, resting, slivers, touching, twist
+from clothsim.study.stability import (
+    bad_meshes,
+    columns,
+    distorted,
+    edges,
+    funnel,
+    impact,
+    infeasible,
+    long_steps,
+    pinch,
+    ratios,
+    resting,
+    rubbing,
+    slivers,
+    stack,
+    touching,
+    twist,
+)
 from clothsim.study.stability.case import Case
 
 FAMILIES = (
     bad_meshes,
     columns,
     distorted,
+    edges,
+    funnel,
+    impact,
     infeasible,
+    long_steps,
+    pinch,
+    ratios,
     resting,
+    rubbing,
     slivers,
+    stack,
     touching,
     twist,
 )
