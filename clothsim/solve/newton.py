@@ -11,7 +11,7 @@ from clothsim.arrays import Floats
 from clothsim.energies.base import Prescribed
 from clothsim.solve import pattern as assembly
 from clothsim.solve.conjugate import truncated_solve
-from clothsim.solve.line_search import armijo
+from clothsim.solve.line_search import armijo, lengthened
 from clothsim.solve.linear import NotPositiveDefiniteError
 from clothsim.solve.observe import Iterate, Observer, unobserved
 from clothsim.solve.outcome import Ending, Outcome, outcome
@@ -27,6 +27,8 @@ SHARE_OF_GAP = 0.1
 """A step that is longer than this share of the smallest gap is no convergence: close to contact Newton's step on the
 logarithm is about as long as the gap itself, however large the force."""
 MAX_SHIFTS = 12
+LONGEST = 32.0
+"""How many times longer than Newton says a step of negative curvature may be."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,16 @@ class NewtonResult:
     iterations: int
     speed: float
     residual: float
+
+
+@dataclass(frozen=True)
+class Direction:
+    """Where Newton goes from x: dx (N, 3), the gradient (N, 3), whether E curves downward along it; an end if none."""
+
+    dx: Floats
+    gradient: Floats
+    bends: bool = False
+    end: Outcome | None = None
 
 
 @dataclass(frozen=True)
@@ -81,9 +93,10 @@ class Newton:
             way[target.vertices] = target.positions - x[target.vertices]
             if not way.any():
                 return x, outcome(Ending.CONVERGED), iteration
-            dx, end, _ = self._direction(x, way, fixed)
-            if end is not None:
-                return x, end, iteration
+            direction = self._direction(x, way, fixed)
+            if direction.end is not None:
+                return x, direction.end, iteration
+            dx = direction.dx
             fraction = self._finite_fraction(x, dx, self._limit(x, dx))
             if fraction < BLOCKED_FRACTION:
                 return x, _blocked(x, target), iteration
@@ -100,11 +113,13 @@ class Newton:
         settings = self.settings
         still = np.zeros_like(x)
         speed, residual = np.inf, np.inf
+        exact = False  # the first step from a start that may be far off is the projected Hessian's
         for count in range(iterations, iterations + settings.max_iterations):
-            dx, end, gradient = self._direction(x, still, fixed, exact=count > iterations)
+            direction = self._direction(x, still, fixed, exact)
+            dx, gradient = direction.dx, direction.gradient
             residual = float(np.abs(gradient[: self.system.pattern.n_vertices][~fixed]).max(initial=0.0))
-            if end is not None:
-                return NewtonResult(x, end, count, speed, residual)
+            if direction.end is not None:
+                return NewtonResult(x, direction.end, count, speed, residual)
             speed = self._speed(dx)
             if speed == 0.0:
                 return NewtonResult(x, outcome(Ending.CONVERGED), count, speed, residual)
@@ -117,28 +132,31 @@ class Newton:
                 near = speed * self.dt > SHARE_OF_GAP * self.potential.minimum_gap(x)
                 close = speed < settings.tolerance and limit == 1.0 and not near
                 done = close and (fraction == 1.0 or self._below_noise(x + dx, dx, slope, speed))
+            if direction.bends and fraction == 1.0 and not done:
+                fraction = self._lengthened(x, dx)
             if done or fraction > 0.0:
                 x = x + fraction * dx
                 self.observe(Iterate(x, fraction, speed, residual))
             if done:
                 return NewtonResult(x, outcome(Ending.CONVERGED), count + 1, speed, residual)
-            if fraction == 0.0:
+            if fraction == 0.0 and not exact:
                 return NewtonResult(x, _at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), count, speed, residual)
+            exact = fraction > 0.0  # at round-off the exact Hessian may curve down for nothing
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return NewtonResult(x, end, iterations + settings.max_iterations, speed, residual)
 
     def _direction(
         self, x: Floats, way: Floats, fixed: np.ndarray, exact: bool = False
-    ) -> tuple[Floats, Outcome | None, Floats]:
-        """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere; an Outcome where there is none; the gradient.
+    ) -> Direction:
+        """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere.
 
         H is the projected Hessian; with `exact` the unprojected one (but for contact), as far as it curves upward.
         """
         n = self.system.pattern.n_vertices
         gradient = self.potential.gradient(x)
         if not np.isfinite(gradient).all():
-            return way, outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)), gradient
+            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)))
         hessians = self.potential.hessians(x)
         right = -gradient
         if way.any():
@@ -147,18 +165,19 @@ class Newton:
         right[fixed] = 0.0
         data = self._assembled(x, hessians, fixed)
         if not (np.isfinite(right).all() and np.isfinite(data).all()):
-            return way, outcome(Ending.NOT_FINITE, x, _first_not_finite(right)), gradient
+            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(right)))
         solution = self._solve(data, right.ravel())
         if solution is None:
-            return way, outcome(Ending.SINGULAR), gradient
+            return Direction(way, gradient, end=outcome(Ending.SINGULAR))
+        bends = False
         if exact:
             curved = self._assembled(x, self.potential.exact_hessians(x, hessians), fixed)
             with self.potential.ledger.phase("linear solve"):
                 times = self.system.pattern.times(curved)
-                solution = truncated_solve(times, self.system.solver.back_solve, right.ravel())
+                solution, bends = truncated_solve(times, self.system.solver.back_solve, right.ravel())
         dx = way.copy()
         dx[:n][~fixed] = solution.reshape(-1, 3)[~fixed]
-        return dx, None, gradient
+        return Direction(dx, gradient, bends)
 
     def _assembled(self, x: Floats, hessians: list[assembly.Hessian], fixed: np.ndarray) -> Floats:
         with self.potential.ledger.phase("assembly"):
@@ -199,6 +218,11 @@ class Newton:
 
     def _speed(self, dx: Floats) -> float:
         return float(np.abs(dx).max(initial=0.0)) / self.dt
+
+    def _lengthened(self, x: Floats, dx: Floats) -> float:
+        limit = LONGEST * self._limit(x, LONGEST * dx)
+        with self.potential.ledger.phase("line search"):
+            return lengthened(self.potential, x, dx, limit)
 
     def _limit(self, x: Floats, dx: Floats) -> float:
         return self.potential.step_limit(x, dx)
