@@ -7,7 +7,7 @@ from meshes import deformed, small_world
 
 from clothsim.energies.membrane import membrane
 from clothsim.solve.ledger import Ledger
-from clothsim.solve.line_search import MAX_HALVINGS, SUFFICIENT_DECREASE, armijo
+from clothsim.solve.line_search import MAX_HALVINGS, SUFFICIENT_DECREASE, armijo, lengthened
 from clothsim.solve.potential import Potential
 
 
@@ -60,3 +60,20 @@ def test_a_rise_within_round_off_is_no_rise():
     potential = Potential({"membrane": membrane(world)}, Ledger())
     x = world.start() * 1.2
     assert armijo(potential, x, np.zeros_like(x), -1e-30, 1.0) == 1.0
+
+
+@pytest.mark.parametrize("limit", [1.0, 3.0, 32.0])
+def test_a_step_is_lengthened_while_the_energy_falls_and_no_further(limit):
+    potential, x, downhill = sheet()
+    dx = 1e-4 * downhill
+    fraction = lengthened(potential, x, dx, limit)
+    assert 1.0 <= fraction <= limit
+    values = [potential.value(x + a * dx) for a in 2.0 ** np.arange(6)]
+    reached = int(np.log2(fraction))
+    assert (np.diff(values[: reached + 1]) < 0).all()
+    assert 2 * fraction > limit or values[reached + 1] >= values[reached]
+
+
+def test_a_step_past_the_valley_is_not_lengthened():
+    potential, x, downhill = sheet()
+    assert lengthened(potential, x, 10.0 * downhill, 32.0) == 1.0
