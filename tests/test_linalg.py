@@ -6,7 +6,7 @@ from hypothesis.extra.numpy import arrays
 from meshes import random_rotation
 
 from clothsim.errors import InputError
-from clothsim.linalg import eigen_2x2, fit_gradient, kabsch, project_psd
+from clothsim.linalg import dot, eigen_2x2, fit_gradient, kabsch, project_psd
 from clothsim.mesh.motion import rotation_matrix
 
 EPS = np.finfo(float).eps
@@ -234,3 +234,8 @@ def test_blocks_that_are_not_finite_are_named():
     blocks[1, 0, 1] = np.nan
     with pytest.raises(InputError, match=r"blocks\[1, 0, 1\] is nan"):
         project_psd(blocks)
+
+
+def test_dot_is_the_sum_of_products_of_any_shape():
+    a, b = np.random.default_rng(3).standard_normal((2, 40, 3))
+    assert dot(a, b) == pytest.approx((a * b).sum(), rel=1e-14)

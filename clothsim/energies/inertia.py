@@ -7,6 +7,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.linalg import dot
 from clothsim.mesh.world import World
 
 
@@ -48,7 +49,7 @@ def inertia(world: World) -> Energy:
 
 def weighted_square(weights: Floats, x: Floats, target: Floats) -> float:
     """sum w |x - target|^2 over the first n rows of x."""
-    return float(np.dot(weights, ((x[: len(weights)] - target) ** 2).sum(axis=1)))
+    return dot(weights, ((x[: len(weights)] - target) ** 2).sum(axis=1))
 
 
 def weighted_difference(weights: Floats, x: Floats, target: Floats) -> Floats:

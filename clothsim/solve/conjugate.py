@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.linalg import dot
 
 RELATIVE_ERROR = 1e-2
 MAX_ITERATIONS = 10
@@ -30,13 +31,13 @@ def truncated_solve(
     residual = b.copy()
     direction = preconditioned = precondition(residual)
     x = np.zeros_like(b)
-    first = error = float(residual @ preconditioned)
+    first = error = dot(residual, preconditioned)
     if not first > 0.0:
         return x, False
-    radius = TRUST * float(np.linalg.norm(preconditioned))
+    radius = TRUST * float(np.sqrt(dot(preconditioned, preconditioned)))
     for _ in range(MAX_ITERATIONS):
         image = times(direction)
-        curvature = float(direction @ image)
+        curvature = dot(direction, image)
         step = _to_radius(x, direction, radius)
         if not curvature * step > error:  # it curves down, or its minimum lies beyond the radius
             return x + step * direction, True
@@ -44,7 +45,7 @@ def truncated_solve(
         x = x + step * direction
         residual = residual - step * image
         preconditioned = precondition(residual)
-        previous, error = error, float(residual @ preconditioned)
+        previous, error = error, dot(residual, preconditioned)
         if not error > RELATIVE_ERROR * first:
             return x, False
         direction = preconditioned + (error / previous) * direction
@@ -53,5 +54,5 @@ def truncated_solve(
 
 def _to_radius(x: Floats, direction: Floats, radius: float) -> float:
     """The t >= 0 with |x + t direction| = radius."""
-    dd, xd, xx = float(direction @ direction), float(x @ direction), float(x @ x)
-    return (-xd + np.sqrt(max(xd * xd + dd * (radius * radius - xx), 0.0))) / dd
+    dd, xd, xx = dot(direction, direction), dot(x, direction), dot(x, x)
+    return (-xd + float(np.sqrt(max(xd * xd + dd * (radius * radius - xx), 0.0)))) / dd

@@ -9,6 +9,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.energies.base import Prescribed
+from clothsim.linalg import dot
 from clothsim.solve import pattern as assembly
 from clothsim.solve.conjugate import truncated_solve
 from clothsim.solve.line_search import armijo, lengthened
@@ -127,7 +128,7 @@ class Newton:
             if limit < SMALLEST_FRACTION:
                 return NewtonResult(x, _at_fastest(Ending.NO_ROOM, x, dx, fraction=limit), count, speed, residual)
             with self.potential.ledger.phase("line search"):
-                slope = float(np.vdot(gradient, dx))
+                slope = dot(gradient, dx)
                 fraction = armijo(self.potential, x, dx, slope, limit)
                 near = speed * self.dt > SHARE_OF_GAP * self.potential.minimum_gap(x)
                 close = speed < settings.tolerance and limit == 1.0 and not near
@@ -200,7 +201,7 @@ class Newton:
                     shift *= 10.0 if attempt else 1.0
                     continue
             with np.errstate(over="ignore", invalid="ignore"):
-                descent = float(np.dot(solution, b))
+                descent = dot(solution, b)
             if np.isfinite(solution).all() and 0.0 <= descent < np.inf:
                 return solution
             shift *= 10.0 if attempt else 1.0
@@ -214,7 +215,7 @@ class Newton:
         """
         if speed < 1e-6 * self.settings.tolerance:
             return True
-        return abs(float(np.vdot(self.potential.gradient(x), dx))) <= -0.5 * slope
+        return abs(dot(self.potential.gradient(x), dx)) <= -0.5 * slope
 
     def _speed(self, dx: Floats) -> float:
         return float(np.abs(dx).max(initial=0.0)) / self.dt
