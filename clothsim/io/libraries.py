@@ -4,6 +4,8 @@ Each reader gets the bytes or the path of one local file; nothing that a file na
 """
 
 import io
+import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -14,6 +16,8 @@ from clothsim.errors import InputError
 from clothsim.io.polygons import Polygons
 from clothsim.mesh.weld import merge_coincident
 
+MOST_SHARED = 64
+"""How many times the elements of a file may use the same bytes, on average."""
 SURFACES = ("triangle", "quad", "polygon")
 """The cell types of meshio that are straight faces."""
 
@@ -22,8 +26,12 @@ def read_ply(path: Path, content: bytes) -> Polygons:
     """A PLY file, text or binary."""
     import meshio.ply
 
-    if b"end_header" not in content:  # meshio would look for it for ever
+    header, end, _ = content.partition(b"end_header")
+    if not end:  # meshio would look for it for ever
         raise InputError(f"{path} has no complete PLY header.")
+    _refuse_promises(
+        path, [int(count) for count in re.findall(rb"^\s*element\s+\S+\s+(\d{1,40})", header, re.M)], content
+    )
     return _of_meshio(path, meshio.ply.read(str(path)))
 
 
@@ -34,13 +42,6 @@ def read_vtu(path: Path, content: bytes) -> Polygons:
     return _of_meshio(path, meshio.vtu.read(str(path)))
 
 
-def read_msh(path: Path, content: bytes) -> Polygons:
-    """A Gmsh file of version 2 or 4."""
-    import meshio.gmsh
-
-    return _of_meshio(path, meshio.gmsh.read(str(path)))
-
-
 def read_stl(path: Path, content: bytes) -> Polygons:
     """An STL file. It repeats the corners of every triangle, so those at one place are merged."""
     return _of_trimesh(path, content, "stl")
@@ -48,16 +49,24 @@ def read_stl(path: Path, content: bytes) -> Polygons:
 
 def read_glb(path: Path, content: bytes) -> Polygons:
     """A binary glTF scene, every node where the scene puts it; vertices that it splits for textures are merged."""
+    start, size = 20, int.from_bytes(content[12:16], "little")
+    accessors = json.loads(content[start : start + size])["accessors"]
+    _refuse_promises(path, [int(accessor["count"]) for accessor in accessors], content)
     return _of_trimesh(path, content, "glb")
 
 
 LIBRARY_READERS: dict[str, Callable[[Path, bytes], Polygons]] = {
     ".ply": read_ply,
     ".vtu": read_vtu,
-    ".msh": read_msh,
     ".stl": read_stl,
     ".glb": read_glb,
 }
+
+
+def _refuse_promises(path: Path, counts: list[int], content: bytes) -> None:
+    """InputError where more elements are promised than there can be: the libraries would make room for them first."""
+    if max(counts, default=0) > len(content) or sum(counts) > MOST_SHARED * len(content):
+        raise InputError(f"{path} promises {max(counts):,} elements in {len(content):,} bytes.", "It is cut or broken.")
 
 
 def _of_meshio(path: Path, mesh) -> Polygons:

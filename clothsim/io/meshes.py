@@ -12,6 +12,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
+from clothsim.io.gmsh import read_msh
 from clothsim.io.libraries import LIBRARY_READERS
 from clothsim.io.obj import read_obj
 from clothsim.io.off import read_off
@@ -21,7 +22,8 @@ from clothsim.mesh.arguments import as_count
 from clothsim.mesh.topology import components
 
 TEXT_READERS = {".obj": read_obj, ".off": read_off}
-ENDINGS = (*TEXT_READERS, ".vtk", *LIBRARY_READERS)
+BYTE_READERS = {".vtk": read_vtk, ".msh": read_msh}
+ENDINGS = (*TEXT_READERS, *BYTE_READERS, *LIBRARY_READERS)
 
 
 @dataclass(frozen=True)
@@ -109,15 +111,16 @@ def _read(file: Path) -> Polygons:
         if b"\0" in content:
             raise InputError(f"{file} is a binary file, not {ending[1:]} text.")
         return TEXT_READERS[ending](file, content.decode("utf-8", errors="replace"))
-    if ending == ".vtk":
-        return read_vtk(file, content)
+    if ending in BYTE_READERS:
+        return BYTE_READERS[ending](file, content)
     return _read_with_library(file, ending, content)
 
 
 def _read_with_library(file: Path, ending: str, content: bytes) -> Polygons:
     """The libraries fail in many ways, some by ending the program, some after printing: all become one sentence."""
     try:
-        with warnings.catch_warnings(), contextlib.redirect_stdout(io.StringIO()):
+        nowhere = io.StringIO()
+        with warnings.catch_warnings(), contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
             warnings.simplefilter("ignore")
             return LIBRARY_READERS[ending](file, content)
     except (InputError, ImportError):

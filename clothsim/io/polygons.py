@@ -41,7 +41,8 @@ def cut_polygons(polygons: Polygons) -> tuple[Ints, Ints, tuple[str, ...]]:
     for size in np.unique(sizes[sizes >= 3]):
         rows = np.flatnonzero(sizes == size)
         corner = polygons.starts[rows, None] + np.arange(size)
-        fans, overlapping = _best_fans(polygons.positions[polygons.corners[corner]])
+        with np.errstate(over="ignore", invalid="ignore"):  # at 1e154 any fan will do
+            fans, overlapping = _best_fans(polygons.positions[polygons.corners[corner]])
         places.append(np.take_along_axis(corner, fans.reshape(len(rows), -1), axis=1).reshape(-1, 3))
         faces.append(np.repeat(rows, size - 2))
         if size > 3:

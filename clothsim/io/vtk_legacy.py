@@ -26,7 +26,9 @@ def read_vtk(path: Path, content: bytes) -> Polygons:
     try:
         return _Sections(header[3], binary=header[2].strip().upper() == b"BINARY").polygons(path)
     except (ValueError, IndexError, KeyError, OverflowError, MemoryError) as error:
-        raise InputError(f"{path} cannot be read as legacy VTK ({type(error).__name__}: {error}).") from error
+        raise InputError(
+            f"{path} cannot be read as legacy VTK ({type(error).__name__}: {str(error)[:100]})."
+        ) from error
 
 
 class _Sections:
@@ -106,6 +108,8 @@ class _Sections:
 
 def _split_sizes(table: Ints, count: int) -> tuple[Ints, Ints]:
     """`count` times a size and as many corners."""
+    if not 0 <= count <= len(table):
+        raise ValueError(f"{count} faces promised in {len(table)} numbers")
     starts, place = np.zeros(count, np.int64), 0
     for face in range(count):
         starts[face] = place

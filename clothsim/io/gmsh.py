@@ -1,0 +1,221 @@
+"""Gmsh files: the triangles and quads of versions 2, 4.0 and 4.1, text or binary.
+
+https://gmsh.info/doc/texinfo/gmsh.html#Gmsh-file-formats. Other elements are counted and passed over. Every number is
+taken from the bytes that are there, so a header that promises more than the file holds ends in an error at once.
+"""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.errors import InputError
+from clothsim.io.polygons import Polygons
+
+FACES = (2, 3)
+"""Gmsh's numbers for triangle and quad."""
+CORNERS = dict(enumerate((2, 3, 4, 4, 8, 6, 5, 3, 6, 9, 10, 27, 18, 14, 1, 8, 20, 15, 13, 9), start=1))
+CORNERS |= dict(enumerate((10, 12, 15, 15, 21, 4, 5, 6, 20, 35, 56), start=21)) | {92: 64, 93: 125}
+"""How many nodes an element of each number has."""
+
+Elements = list[tuple[int, Ints]]
+"""Blocks of elements: Gmsh's number of the kind, and the tags of the nodes (m, k)."""
+
+
+def read_msh(path: Path, content: bytes) -> Polygons:
+    """The faces in `content`; `path` is named in errors. InputError says what cannot be read."""
+    try:
+        return _polygons(*_sections(content))
+    except (ValueError, IndexError, KeyError, OverflowError) as error:
+        raise InputError(f"{path} cannot be read as msh ({type(error).__name__}: {error}).") from error
+
+
+def _sections(content: bytes) -> tuple[Ints, Floats, Elements]:
+    """The tags (n,) and places (n, 3) of all nodes, and the elements."""
+    form, place = "", 0
+    tags, points, elements = np.zeros(0, np.int64), np.zeros((0, 3)), []
+    while (place := content.find(b"$", place)) >= 0:
+        line = content.find(b"\n", place)
+        if line < 0:
+            break
+        name = content[place + 1 : line].strip()
+        if name == b"MeshFormat":
+            end = content.find(b"\n", line + 1)
+            form, binary, size = content[line + 1 : end].decode("latin-1").split()
+            if form not in ("2", "2.1", "2.2", "4", "4.0", "4.1"):
+                raise ValueError(f"version {form} is none of 2, 4.0, 4.1")
+            if size not in ("4", "8"):
+                raise ValueError(f"sizes of {size} bytes")
+            numbers = _Bytes(content, end + 1, int(size)) if int(binary) else None
+        elif name in (b"Nodes", b"Elements"):
+            if not form:
+                raise ValueError("no $MeshFormat before the mesh")
+            source = (
+                _Words(content[line + 1 : _end_of(name, content, line)]) if numbers is None else numbers.at(line + 1)
+            )
+            if name == b"Nodes":
+                tags, points = _nodes_2(source) if form[0] == "2" else _nodes_4(source, form == "4.1")
+            else:
+                elements = _elements_2(source) if form[0] == "2" else _elements_4(source, form == "4.1")
+            line = max(line, source.place)
+        place = _end_of(name, content, line) + 4 + len(name)
+    return tags, points, elements
+
+
+def _end_of(name: bytes, content: bytes, place: int) -> int:
+    end = content.find(b"$End" + name, place)
+    if end < 0:
+        raise ValueError(f"${name.decode('latin-1')[:20]} does not end")
+    return end
+
+
+class _Words:
+    """Numbers in the text of one section."""
+
+    place = 0
+
+    def __init__(self, text: bytes) -> None:
+        self.words, self.taken = text.split(), 0
+
+    def take(self, kind: str, count: int) -> np.ndarray:
+        """The next `count` numbers of a kind: "int", "size" or "double"."""
+        words = self._next(count)
+        if kind == "double":
+            return np.array([float(word) for word in words])
+        return np.array([int(word) for word in words], np.int64)
+
+    def rows(self, count: int, ints: int, doubles: int) -> tuple[Ints, Floats]:
+        """`count` rows of whole numbers, then of others."""
+        width = ints + doubles
+        words = self._next(count * width)
+        whole = [int(word) for k in range(ints) for word in words[k::width]]
+        others = [float(word) for k in range(ints, width) for word in words[k::width]]
+        return np.array(whole, np.int64).reshape(ints, count).T, np.array(others, float).reshape(doubles, count).T
+
+    def _next(self, count: int) -> list[bytes]:
+        words = self.words[self.taken : self.taken + max(count, 0)]
+        if count != len(words):
+            raise ValueError(f"{count} numbers are promised, {len(words)} are there")
+        self.taken += count
+        return words
+
+
+class _Bytes:
+    """Numbers in binary, whose byte order a 1 at `place` tells."""
+
+    def __init__(self, content: bytes, place: int, size: int) -> None:
+        self.content, self.place = content, place
+        self.order = "<" if content[place : place + 4] == b"\1\0\0\0" else ">"
+        self.kinds = {"int": "i4", "size": f"u{size}", "double": "f8"}
+
+    def at(self, place: int) -> "_Bytes":
+        """The numbers from `place` on."""
+        self.place = place
+        return self
+
+    def take(self, kind: str, count: int) -> np.ndarray:
+        """The next `count` numbers of a kind: "int", "size" or "double"."""
+        return self._take(np.dtype(self.order + self.kinds[kind]), count)
+
+    def rows(self, count: int, ints: int, doubles: int) -> tuple[Ints, Floats]:
+        """`count` rows of whole numbers, then of others."""
+        row = np.dtype([("ints", self.order + "i4", ints), ("doubles", self.order + "f8", doubles)])
+        table = self._take(row, count)
+        return table["ints"].astype(np.int64), table["doubles"].astype(float)
+
+    def _take(self, kind: np.dtype, count: int) -> np.ndarray:
+        there = (len(self.content) - self.place) // kind.itemsize
+        if not 0 <= count <= there:
+            raise ValueError(f"{count} numbers are promised, {there} are there")
+        values = np.frombuffer(self.content, kind, count, self.place) if count else np.zeros(0, kind)
+        self.place += values.nbytes
+        return values.astype(np.int64) if kind.kind in "iu" else values
+
+
+Source = _Words | _Bytes
+
+
+def _nodes_2(source: Source) -> tuple[Ints, Floats]:
+    count = _count_2(source)
+    tags, points = source.rows(count, 1, 3)
+    return tags.ravel(), points
+
+
+def _count_2(source: Source) -> int:
+    """The count that stands in text even in a binary file."""
+    if isinstance(source, _Words):
+        return int(source.take("size", 1)[0])
+    end = source.content.find(b"\n", source.place)
+    count, source.place = int(source.content[source.place : end]), end + 1
+    return count
+
+
+def _nodes_4(source: Source, latest: bool) -> tuple[Ints, Floats]:
+    blocks = int(source.take("size", 4 if latest else 2)[0])
+    tags, points = [np.zeros(0, np.int64)], [np.zeros((0, 3))]
+    for _ in range(blocks):
+        dimension, other, parametric = source.take("int", 3).tolist()
+        count = int(source.take("size", 1)[0])
+        width = 3 + ((dimension if latest else other) if parametric else 0)
+        if not 3 <= width <= 6:
+            raise ValueError(f"nodes of {width} numbers")
+        if latest:
+            tags.append(source.take("size", count))
+            points.append(source.take("double", count * width).reshape(count, width)[:, :3])
+        else:
+            numbers, places = source.rows(count, 1, width)
+            tags.append(numbers.ravel())
+            points.append(places[:, :3])
+    return np.concatenate(tags), np.concatenate(points)
+
+
+def _elements_4(source: Source, latest: bool) -> Elements:
+    blocks = int(source.take("size", 4 if latest else 2)[0])
+    found = []
+    for _ in range(blocks):
+        kind = int(source.take("int", 3)[2])
+        count, width = int(source.take("size", 1)[0]), 1 + CORNERS[kind]
+        rows = source.take("size" if latest else "int", count * width).reshape(count, width)
+        found.append((kind, rows[:, 1:]))
+    return found
+
+
+def _elements_2(source: Source) -> Elements:
+    """In text each element is a row; in binary rows of one kind share a header."""
+    left, found = _count_2(source), []
+    if isinstance(source, _Words):
+        for _ in range(left):
+            _, kind, marks = source.take("int", 3).tolist()
+            source.take("int", marks)
+            found.append((kind, source.take("int", CORNERS[kind])[None]))
+        return found
+    while left > 0:
+        kind, count, marks = source.take("int", 3).tolist()
+        width = 1 + marks + CORNERS[kind]
+        if count < 1 or marks < 0:
+            raise ValueError(f"a block of {count} elements with {marks} tags")
+        found.append((kind, source.take("int", count * width).reshape(count, width)[:, 1 + marks :]))
+        left -= count
+    return found
+
+
+def _polygons(tags: Ints, points: Floats, elements: Elements) -> Polygons:
+    order = np.argsort(tags, kind="stable")
+    known = tags[order]
+    if (known[1:] == known[:-1]).any():
+        raise ValueError(f"node {known[1:][known[1:] == known[:-1]][0]} is given twice")
+    corners, sizes, ignored = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)], Counter[int]()
+    for kind, nodes in elements:
+        if kind not in FACES:
+            ignored[kind] += len(nodes)
+            continue
+        place = np.searchsorted(known, nodes.ravel())
+        missing = (place == len(known)) | (known[np.minimum(place, len(known) - 1)] != nodes.ravel())
+        if missing.any():
+            raise ValueError(f"node {nodes.ravel()[missing][0]} is named, but not there")
+        corners.append(order[place])
+        sizes.append(np.full(len(nodes), nodes.shape[1]))
+    starts = np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int64)
+    messages = [f"{count} elements of Gmsh's kind {kind} ignored" for kind, count in sorted(ignored.items())]
+    return Polygons(np.ascontiguousarray(points, float), np.concatenate(corners), starts, messages=tuple(messages))
