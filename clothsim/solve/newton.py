@@ -24,6 +24,8 @@ BLOCKED_FRACTION = 1e-8
 """What is carried less far than this share of its way is blocked; closer still, additive CCD may miss a collision."""
 SMALLEST_WAY = 1e-6
 """Share of a scripted way that may be left when contact still clips it: a target at contact is never quite reached."""
+LAST_PIECE = 1e-3
+"""Share of a scripted way that may be gone at once, the free vertices standing, where contact leaves it free."""
 SHARE_OF_GAP = 0.1
 """A step that is longer than this share of the smallest gap is no convergence: close to contact Newton's step on the
 logarithm is about as long as the gap itself, however large the force."""
@@ -92,7 +94,8 @@ class Newton:
         for iteration in range(self.settings.max_carries):
             way = np.zeros_like(x)
             way[target.vertices] = target.positions - x[target.vertices]
-            if not way.any():
+            if not way.any() or self._arrives(x, way, whole):
+                x[target.vertices] = target.positions
                 return x, outcome(Ending.CONVERGED), iteration
             direction = self._direction(x, way, fixed)
             if direction.end is not None:
@@ -108,6 +111,13 @@ class Newton:
             if fraction < 1.0 and np.abs(target.positions - x[target.vertices]).max() < SMALLEST_WAY * whole:
                 return x, _blocked(x, target), iteration
         return x, _blocked(x, target), self.settings.max_carries
+
+    def _arrives(self, x: Floats, way: Floats, whole: float) -> bool:
+        """True where the last piece of a scripted way is shorter than every gap, and free."""
+        left = float(np.abs(way).max())
+        if left > LAST_PIECE * whole or left > SHARE_OF_GAP * self.potential.minimum_gap(x):
+            return False
+        return self._limit(x, way) == 1.0 and bool(np.isfinite(self.potential.value(x + way)))
 
     def _descend(self, x: Floats, fixed: np.ndarray, iterations: int) -> NewtonResult:
         """Newton with the prescribed vertices held, until a step that nothing clipped is below the tolerance."""
