@@ -1,0 +1,99 @@
+"""The contact effects as a scene names them: keys, refusals, what they choose, the offset that they keep."""
+
+import numpy as np
+import pytest
+from contacts import ball, sheet, sheet_on_ball, two_sheets
+from solving import integrator_of, run_of
+
+from clothsim.contact.body_contact import body_contact
+from clothsim.contact.friction import friction
+from clothsim.contact.self_contact import self_contact
+from clothsim.energies.base import Off
+from clothsim.energies.gravity import gravity
+from clothsim.energies.inertia import inertia
+from clothsim.energies.membrane import membrane
+from clothsim.energies.pins import pins
+from clothsim.errors import InputError
+from clothsim.mesh.world import make_world
+
+
+@pytest.mark.parametrize("builder", [body_contact, self_contact])
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"d_hat": -1.0}, "d_hat must be above 0"),
+        ({"offset": -1.0}, "offset must be at least 0"),
+        ({"stiffness": 0.0}, "stiffness must be above 0"),
+        ({"exclude": "sheet"}, "exclude must be a list of pairs"),
+        ({"exclude": [["sheet"]]}, r"exclude\[0\] must be two names"),
+        ({"exclude": [["sheet", "moon"]]}, "nothing is called 'moon'"),
+        ({"backend": "cuda"}, "contact.backend is 'cuda'"),
+        ({"backend": "ipctk", "offset": 1e-3}, "offset does not work with ipctk"),
+    ],
+)
+def test_bad_keys_are_refused_by_name(builder, keys, words):
+    with pytest.raises(InputError, match=words):
+        builder(sheet_on_ball(), **keys)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"coefficient": -0.1}, "coefficient must be at least 0"),
+        ({"eps_v": 0}, "eps_v must be above 0"),
+        ({"iterations": 0}, "iterations must be a whole number of at least 1"),
+        ({"pairs": [["sheet", "moon", 0.1]]}, "nothing is called 'moon'"),
+        ({"pairs": [["sheet", "ball"]]}, "two names and a coefficient"),
+    ],
+)
+def test_bad_keys_of_friction_are_refused_by_name(keys, words):
+    with pytest.raises(InputError, match=words):
+        friction(sheet_on_ball(), contacts=("body_contact",), **keys)
+
+
+def test_what_has_nothing_to_do_is_off_with_a_reason():
+    world = sheet_on_ball()
+    assert friction(world) == Off("the scene has no contact")
+    assert friction(world, coefficient=0.0, contacts=("body_contact",)) == Off("every coefficient is 0")
+    assert body_contact(world, exclude=[["sheet", "ball"]]) == Off("every pair is excluded")
+    assert self_contact(world, exclude=[["sheet", "sheet"]]) == Off("every pair is excluded")
+
+
+def test_a_coefficient_for_each_pair_of_names():
+    world = make_world([sheet(0.5), sheet(0.8, "other")], [ball()])
+    made = friction(world, coefficient=0.3, pairs=[["sheet", "ball", 0.1], ["other", "sheet", 0]], contacts=("x",))
+    expected = np.full((3, 3), 0.3)
+    expected[0, 2] = expected[2, 0] = 0.1
+    expected[0, 1] = expected[1, 0] = 0.0
+    assert np.array_equal(made.coefficients, expected)
+
+
+def test_cloth_that_meets_cloth_at_the_start_is_named():
+    crossed = make_world([sheet(0.0), sheet(0.0, "other")])
+    with pytest.raises(InputError, match="sheet intersects other at the start"):
+        self_contact(crossed)
+    assert self_contact(crossed, exclude=[["sheet", "other"]]).value(crossed.start()) >= 0.0
+
+
+def test_a_start_within_the_offset_is_refused():
+    world = two_sheets(gap=0.01)
+    with pytest.raises(InputError, match="less than the offset of 0.02 m"):
+        self_contact(world, d_hat=0.01, offset=0.02)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.02])
+def test_a_falling_sheet_stays_above_the_offset_of_a_held_one(offset):
+    """Between sheets: the gap is counted from the offset, and the distance never less."""
+    world = two_sheets(gap=0.06, cells=3)
+    low = np.arange(world.cloth_slices[0].start, world.cloth_slices[0].stop)
+    world, held = pins(world, select=low.tolist())
+    energies = {
+        "inertia": inertia(world),
+        "membrane": membrane(world),
+        "gravity": gravity(world),
+        "self_contact": self_contact(world, d_hat=0.01, offset=offset),
+    }
+    reports = run_of(integrator_of(world, energies, 0.02, {"pins": held}), 0.6, 10)
+    high = reports[-1].state.positions[world.cloth_slices[1], 2]
+    assert offset < high.min() < high.max() < offset + 0.011
+    assert min(report.minimum_gap for report in reports) > 0
