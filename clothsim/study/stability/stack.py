@@ -18,7 +18,7 @@ def stacked(d_hat: float) -> Callable[[bool], Scene]:
     """Ten sheets, d_hat [m] apart, on a fixed plate; a hollow ball of cloth, 50 kg/m2, falls on them."""
 
     def scene(small: bool) -> Scene:
-        n, subdivisions = (4, 1) if small else (16, 3)
+        n, subdivisions = (4, 1) if small else (10, 2)
         sheet = {"mesh": "rectangle", "size": [0.3, 0.3], "cells": (n, n)}
         sheets = [sheet | {"name": f"sheet {k}", "position": [0, 0, d_hat * (k + 1)]} for k in range(SHEETS)]
         ball = {
@@ -37,7 +37,7 @@ def stacked(d_hat: float) -> Callable[[bool], Scene]:
             effects=ELASTIC
             | {"gravity": {}, "body_contact": {"d_hat": d_hat}, "self_contact": {"d_hat": d_hat}, "friction": {}},
             solver={"dt": 0.01},
-            run={"duration": 0.1 if small else 0.4, "frames_per_second": 100},
+            run={"duration": 0.1 if small else 0.15, "frames_per_second": 100},
         )
 
     return scene
