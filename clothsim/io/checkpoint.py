@@ -3,7 +3,6 @@
 import json
 import math
 import zipfile
-import zlib
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -67,9 +66,12 @@ def read_checkpoint(path: str | Path) -> Checkpoint:
         content = BytesIO(Path(path).read_bytes())
         if not zipfile.is_zipfile(content):
             raise ValueError("it is no NumPy archive, or not all of one")
+        with zipfile.ZipFile(content) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > len(content.getvalue()):
+                raise ValueError("it would unpack to more than it holds")  # NumPy writes it uncompressed
         with np.load(content, allow_pickle=False) as arrays:
             return _from_arrays(arrays)
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+    except Exception as error:  # zipfile, NumPy and JSON fail in a dozen ways
         raise InputError(f"{path} is broken or not a checkpoint ({error}).", "Start the run anew.") from error
 
 
@@ -79,10 +81,15 @@ def _from_arrays(arrays: Any) -> Checkpoint:
     positions, velocities = arrays["positions"], arrays["velocities"]
     if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != velocities.shape:
         raise ValueError(f"positions {positions.shape} and velocities {velocities.shape} are not (N, 3)")
-    (time, dt, blocked_at), (frame, step, blocked), (stiffness,) = (
-        arrays[key].tolist() for key in ("times", "counts", "stiffness")
-    )
+    times, counts, stiffnesses = (arrays[key] for key in ("times", "counts", "stiffness"))
+    if counts.dtype != np.int64 or any(a.dtype != np.float64 for a in (positions, velocities, times, stiffnesses)):
+        raise ValueError("its numbers are of other types")
+    (time, dt, blocked_at), (frame, step, blocked), (stiffness,) = times.tolist(), counts.tolist(), stiffnesses.tolist()
+    if not (0 <= time < math.inf and 0 < dt < math.inf and min(frame, step, blocked) >= 0):
+        raise ValueError(f"its time is {time} s, its step {dt} s, its counts {counts}")
     scene_text, counters = _string(arrays["scene_text"]), json.loads(_string(arrays["counters"]))
+    if not isinstance(counters, dict):
+        raise ValueError("its counters are no table")
     state = time, dt, frame, step, positions, velocities, stiffness
     return Checkpoint(*state, scene_text, counters, blocked_at, blocked)
 
@@ -93,4 +100,6 @@ def _text(text: str) -> np.ndarray:
 
 
 def _string(array: np.ndarray) -> str:
-    return array.astype(np.uint8).tobytes().decode()
+    if array.dtype != np.uint8:
+        raise ValueError("its text is no text")
+    return array.tobytes().decode()

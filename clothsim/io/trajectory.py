@@ -138,6 +138,8 @@ class Trajectory:
                 if surface.role == role:
                     first = i * surface.n_vertices if surface.moving else 0
                     points.append((surface, block["Points"][first : first + surface.n_vertices]))
+                    if points[-1][1].shape != (surface.n_vertices, 3):
+                        raise ValueError(f"{surface.name} has no frame {frame}")
         return points
 
     def _number(self, frame: int) -> int:
@@ -165,7 +167,10 @@ def _read_surfaces(file: h5py.File) -> tuple[Surface, ...]:
         triangles = block["Polygons/Connectivity"][:].reshape(-1, 3) + start
         name, role, moving = (block.attrs[key] for key in ("Name", "Role", "Moving"))
         surfaces.append(Surface(name, role, slice(start, stop), triangles, bool(moving)))
+        if triangles.size and not start <= triangles.min() <= triangles.max() < stop:
+            raise ValueError(f"{name} has triangles of vertices that are not there")
         start = stop
+    check_surfaces(surfaces)
     return tuple(surfaces)
 
 

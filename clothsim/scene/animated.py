@@ -25,7 +25,7 @@ def animated_body(keys: Mapping[str, Any], where: str, directory: Path) -> tuple
             raise InputError(f"{where} has frames and {other}.", f"Give {other} or frames, not both.")
     refuse_unknown(f"{where} (frames)", keys, KEYS)
     pattern, label = keys["frames"], name_of(keys, where)
-    if not isinstance(pattern, str) or not pattern:
+    if not isinstance(pattern, str) or not pattern or not pattern.isprintable():
         raise InputError(f"{where}.frames must name files, not {pattern!r}.", 'Write it as frames = "kick/shell*.obj".')
     rate = as_positive(f"{where}.frames_per_second", keys.get("frames_per_second", 25.0))
     files = frame_files(directory, pattern)

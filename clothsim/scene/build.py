@@ -39,7 +39,7 @@ def build(scene: Scene) -> Built:
         filled = {"backend": backend, "contacts": tuple(contact for contact in CONTACTS if contact in energies)}
         try:
             made = effect.build(world, scene.effects[name], filled)
-        except TypeError as error:
+        except (TypeError, ValueError) as error:
             raise InputError(f"effects.{name} has a value of the wrong type: {error}.") from error
         if isinstance(made, Off):
             off[name] = made.reason

@@ -10,6 +10,9 @@ from clothsim.errors import InputError
 
 T = TypeVar("T")
 
+DEEPEST = 12
+"""Tables and lists within one another."""
+
 MOST = 10**6
 """The largest count that a setting may have."""
 
@@ -22,6 +25,22 @@ def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> No
             close = difflib.get_close_matches(str(key), names, n=1, cutoff=0.5)
             hint = f"Did you mean {close[0]!r}?" if close else f"Known: {', '.join(names)}."
             raise InputError(f"{where} has no key {key!r}.", hint)
+
+
+def refuse_deep(where: str, value: Any) -> None:
+    """InputError for tables and lists nested in more than DEEPEST others: no key of a scene is."""
+    level = [value]
+    for _ in range(DEEPEST):
+        level = [inner for outer in level for inner in _inner(outer)]
+        if not level:
+            return
+    raise InputError(f"{where} holds tables or lists in more than {DEEPEST} others.", "Write it flat.")
+
+
+def _inner(value: Any) -> Iterable[Any]:
+    if isinstance(value, Mapping):
+        return value.values()
+    return value if isinstance(value, list | tuple) else ()
 
 
 def table(where: str, value: Any) -> Mapping[str, Any]:

@@ -43,7 +43,7 @@ def cloth_of(
     label = name_of(keys, where)
     fabric, fabric_note = _fabric(keys, where)
     rest = keys.get("rest", "file")
-    if rest not in ("file", "vt"):
+    if not isinstance(rest, str) or rest not in ("file", "vt"):
         raise InputError(f"{where}.rest is {rest!r}.", 'Known: "file", "vt".')
     if rest == "vt" and not len(shape.texture):
         raise InputError(f'{where}.rest is "vt", but the mesh has no texture coordinates.', 'Use rest = "file".')
@@ -79,7 +79,7 @@ def body_of(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body,
 def _shape(keys: Mapping[str, Any], where: str, directory: Path, common: tuple[str, ...]) -> Shape:
     """The mesh that `keys` name."""
     mesh = keys.get("mesh")
-    if not isinstance(mesh, str) or not mesh:
+    if not isinstance(mesh, str) or not mesh or not mesh.isprintable():
         raise InputError(f"{where} has no mesh.", f"Give one of {', '.join(GENERATORS)}, or a file.")
     if mesh in GENERATORS:
         return _generated(GENERATORS[mesh], mesh, keys, where, common)

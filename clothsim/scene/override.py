@@ -51,11 +51,14 @@ def _is_here(name: str) -> bool:
     """True where a file of that name, or one that matches it as a pattern, is under the current folder."""
     if "." not in name or "\0" in name:
         return False
-    return Path(name).is_file() or ("*" in name and bool(glob(name)))
+    try:
+        return Path(name).is_file() or ("*" in name and bool(glob(name)))
+    except OSError:  # longer than a name may be
+        return False
 
 
 def _value(text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+    except (ValueError, RecursionError):
         return text

@@ -8,7 +8,7 @@ from typing import Any
 
 from clothsim.errors import InputError
 from clothsim.scene.effects import EFFECTS, refuse_not_built
-from clothsim.scene.keys import refuse_unknown, settings, table
+from clothsim.scene.keys import refuse_deep, refuse_unknown, settings, table
 from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
 
 Table = Mapping[str, Any]
@@ -32,6 +32,8 @@ class Scene:
     directory: Path = Path()
 
     def __post_init__(self) -> None:
+        for name in SECTIONS:
+            refuse_deep(name, getattr(self, name))
         for name in table("effects", self.effects):
             refuse_not_built(name)
         refuse_unknown("effects", self.effects, EFFECTS)
@@ -84,9 +86,16 @@ def make_scene(data: Table, directory: Path) -> Scene:
 
 
 def scene_from_text(text: str, here: Path = Path()) -> Scene:
-    """The scene that `Scene.to_text` wrote; a relative directory, as in an archive, starts at `here`."""
-    data = json.loads(text)
-    return make_scene(data, here / data.pop("directory"))
+    """The scene that `Scene.to_text` wrote; a relative directory, as in an archive, starts at `here`.
+
+    InputError where the text is another's.
+    """
+    try:
+        data = json.loads(text)
+        directory = here / data.pop("directory")
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise InputError(f"The scene of the run is broken ({type(error).__name__}: {error}).") from error
+    return make_scene(data, directory)
 
 
 def _several(name: str, value: Any) -> tuple[Table, ...]:

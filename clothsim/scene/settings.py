@@ -64,6 +64,8 @@ class Seed:
             raise InputError('seed.from "transfer" is not built yet.', 'Use "rest" or "file".')
         if self.from_ not in ("rest", "file"):
             raise InputError(f"seed.from is {self.from_!r}.", 'Known: "rest", "file".')
+        if not self.file.isprintable():
+            raise InputError(f"seed.file is {self.file!r}, which names no file.")
         if (self.from_ == "file") != bool(self.file):
             raise InputError('seed needs from = "file" and a file together.')
         if self.from_ == "rest" and (self.vertices is not None or self.position is not None):

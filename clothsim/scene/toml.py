@@ -19,6 +19,6 @@ def load_scene(path: str | Path) -> Scene:
         raise InputError(f"There is no scene file {file}.") from error
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{file} cannot be read as a scene: {error}.") from error
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, and a number of too many digits
         raise InputError(f"{file} is not a TOML file: {error}.") from error
     return make_scene(data, file.parent)
