@@ -8,10 +8,11 @@ m(c) = (2 - c/e) c/e for c < e, else 1, the mollifier of nearly parallel edges u
 import numpy as np
 from numba import njit
 
-from clothsim.contact.distance import closest, free_directions
+from clothsim.contact.closest import cross, dot
+from clothsim.contact.distance import closest, edge, free_directions
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def _apart(x, rows, split, limit):
     """True where the boxes of the two parts of a pair are further apart than `limit` along an axis."""
     for k in range(3):
@@ -49,7 +50,7 @@ def near_pairs(x, elements, n_points, limit):
     return found, squared[found]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def barrier(s, S, d_hat):
     """b [m] at squared distance s [m2]."""
     if s >= S:
@@ -57,7 +58,7 @@ def barrier(s, S, d_hat):
     return np.inf if s <= 0.0 else -d_hat * (s / S - 1.0) ** 2 * np.log(s / S)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def barrier_slopes(s, S, d_hat):
     """db/ds < 0 [1/m] and d2b/ds2 > 0 [1/m3]."""
     y = s / S
@@ -66,17 +67,14 @@ def barrier_slopes(s, S, d_hat):
     return d_hat * first / S, d_hat * second / (S * S)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def crossing(x, rows):
     """c = |u x v|^2 of the edges u, v of an edge-edge pair [m4]."""
-    u, v = x[rows[1]] - x[rows[0]], x[rows[3]] - x[rows[2]]
-    n0 = u[1] * v[2] - u[2] * v[1]
-    n1 = u[2] * v[0] - u[0] * v[2]
-    n2 = u[0] * v[1] - u[1] * v[0]
-    return n0 * n0 + n1 * n1 + n2 * n2
+    n = cross(edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3]))
+    return dot(n, n)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def mollifier(c, e):
     """m, dm/dc, d2m/dc2."""
     if c >= e:
@@ -104,7 +102,7 @@ def gradient(x, elements, weights, thresholds, n_points, offset, d_hat):
     """d/dx of the value, (N, 3) [m2]: w (2 m b' g_i r + b dm/dc dc/dx_i)."""
     S = d_hat * (2.0 * offset + d_hat)
     out = np.zeros_like(x)
-    g, r, cross = np.empty(4), np.empty(3), np.empty((4, 3))
+    g, r, dc = np.empty(4), np.empty(3), np.empty((4, 3))
     for e in range(len(elements)):
         rows = elements[e]
         s = closest(x, rows, e >= n_points, g, r) - offset * offset
@@ -119,10 +117,10 @@ def gradient(x, elements, weights, thresholds, n_points, offset, d_hat):
                 out[rows[i], k] += weights[e] * 2.0 * m * slope * g[i] * r[k]
         if dm > 0.0:
             b = barrier(s, S, d_hat)
-            _crossing_gradient(x, rows, cross)
+            _crossing_gradient(x, rows, dc)
             for i in range(4):
                 for k in range(3):
-                    out[rows[i], k] += weights[e] * b * dm * cross[i, k]
+                    out[rows[i], k] += weights[e] * b * dm * dc[i, k]
     return out
 
 
@@ -178,7 +176,7 @@ def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
     return blocks
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def _exact_block(block, g, r, t, c, free, first, second):
     for i in range(4):
         for j in range(4):
@@ -194,7 +192,7 @@ def _exact_block(block, g, r, t, c, free, first, second):
                     block[3 * i + p, 3 * j + q] += entry
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def _projected_block(block, g, r, t, c, free, first, second):
     squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
     length = np.sqrt(squared)
@@ -219,11 +217,11 @@ def _projected_block(block, g, r, t, c, free, first, second):
                         block[3 * i + p, 3 * j + q] += share * vi * vj
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@njit(cache=True, error_model="numpy")
 def _crossing_gradient(x, rows, out):
     """dc/dx_i, (4, 3): dc/du = 2 (|v|^2 u - (u.v) v) at the ends of u, dc/dv alike."""
-    u, v = x[rows[1]] - x[rows[0]], x[rows[3]] - x[rows[2]]
-    uu, vv, uv = np.dot(u, u), np.dot(v, v), np.dot(u, v)
+    u, v = edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3])
+    uu, vv, uv = dot(u, u), dot(v, v), dot(u, v)
     for k in range(3):
         du, dv = 2.0 * (vv * u[k] - uv * v[k]), 2.0 * (uu * v[k] - uv * u[k])
         out[0, k], out[1, k], out[2, k], out[3, k] = -du, du, -dv, dv
@@ -232,10 +230,10 @@ def _crossing_gradient(x, rows, out):
 @njit(cache=True, error_model="numpy")
 def _mollify(block, x, rows, g, r, b, first, dm, d2m):
     """Adds b' (dm dq' + dq dm') + b (m'' dc dc' + m' d2c): what the mollifier adds to m times the block."""
-    cross = np.empty((4, 3))
-    _crossing_gradient(x, rows, cross)
-    u, v = x[rows[1]] - x[rows[0]], x[rows[3]] - x[rows[2]]
-    uu, vv, uv = np.dot(u, u), np.dot(v, v), np.dot(u, v)
+    dc = np.empty((4, 3))
+    _crossing_gradient(x, rows, dc)
+    u, v = edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3])
+    uu, vv, uv = dot(u, u), dot(v, v), dot(u, v)
     sign = (-1.0, 1.0, -1.0, 1.0)
     for i in range(4):
         for j in range(4):
@@ -250,10 +248,10 @@ def _mollify(block, x, rows, g, r, b, first, dm, d2m):
                         curvature = 2.0 * u[p] * v[q] - v[p] * u[q] - uv * same
                     else:
                         curvature = 2.0 * v[p] * u[q] - u[p] * v[q] - uv * same
-                    mixed = cross[i, p] * 2.0 * g[j] * r[q] + 2.0 * g[i] * r[p] * cross[j, q]
+                    mixed = dc[i, p] * 2.0 * g[j] * r[q] + 2.0 * g[i] * r[p] * dc[j, q]
                     block[3 * i + p, 3 * j + q] += (
                         first * dm * mixed
-                        + b * d2m * cross[i, p] * cross[j, q]
+                        + b * d2m * dc[i, p] * dc[j, q]
                         + b * dm * 2.0 * sign[i] * sign[j] * curvature
                     )
 

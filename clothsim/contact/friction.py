@@ -13,7 +13,6 @@ from clothsim.energies.base import ElementHessian, Energy, Off, Step
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
-
 LEAST_GAP = 0.25
 """Share of d_hat that a gap counts as at least in the first step: a start is no equilibrium, and a pair that happens to
 be a millionth of d_hat apart there would be glued by a force that nothing carries."""
