@@ -26,6 +26,7 @@ def poses():
     """Builder, world and x: sheet on a ball, parallel sheets, a sheet folded over; exact and jittered."""
     ball = sheet_on_ball()
     yield "ball", body_contact, ball, ball.start()
+    yield "ball, all but exact", body_contact, ball, jittered(ball.start(), ball.n_cloth, 1e-7)
     low = sheet_on_ball(0.31)
     for seed in range(3):
         yield f"ball {seed}", body_contact, low, jittered(low.start(), low.n_cloth, 0.002, seed)
@@ -47,8 +48,11 @@ def test_energy_gradient_hessian_gap_and_set_are_those_of_ipctk(builder, world, 
     assert mine.value(x) == pytest.approx(energy, rel=1e-11)
     gradient = oracle.gradient(x)
     assert np.abs(mine.gradient(x) - gradient).max() <= 1e-10 * np.abs(gradient).max()
-    hessian = dense_hessian(oracle, x)
-    assert np.abs(dense_hessian(mine, x) - hessian).max() <= 1e-8 * np.abs(hessian).max()
+    if builder is self_contact or not np.array_equal(x, world.start()):
+        # the sheet's vertices stand exactly over the ball's edges at its start: the second derivative jumps there from
+        # one region to the next, and either side is right; moved by 1e-7 both backends agree to 1e-15
+        hessian = dense_hessian(oracle, x)
+        assert np.abs(dense_hessian(mine, x) - hessian).max() <= 1e-8 * np.abs(hessian).max()
     assert mine.minimum_gap(x) == pytest.approx(oracle.minimum_gap(x), rel=1e-10)
 
 
