@@ -111,6 +111,8 @@ class _Notes:
     def table(self, name: str, values: ArrayLike) -> Floats | None:
         """`values` as a table (n, 3) of float64; None, and a finding, where they are none or have no rows."""
         try:
+            if np.iscomplexobj(values):
+                raise TypeError("complex numbers")
             table = np.asarray(values, dtype=np.float64)
         except (ValueError, TypeError, OverflowError) as error:
             self.add("shape", f"{name} is no table of numbers ({error}).", "Give three numbers in each row.")
