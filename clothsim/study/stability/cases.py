@@ -17,6 +17,7 @@ from clothsim.study.stability import (
     stack,
     touching,
     twist,
+    units,
 )
 from clothsim.study.stability.case import Case
 
@@ -37,6 +38,7 @@ FAMILIES = (
     stack,
     touching,
     twist,
+    units,
 )
 
 
