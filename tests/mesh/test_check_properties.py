@@ -69,7 +69,7 @@ def spoilt_grid(draw):
         elif edit == "beyond":
             faces[k, 0] = len(x)
         elif edit == "soup":
-            x, faces = x[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
+            x, faces = x[faces % len(x)].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
         elif edit == "loose":
             x = np.vstack([x, [9.0, 9.0, 9.0]])
     return x, faces
