@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from clothsim.arrays import Floats
 from clothsim.io.run import Run
 from clothsim.mesh.shapes import sphere
 from clothsim.scene.scene import Scene
@@ -39,11 +40,22 @@ def teleported(small: bool, pins: str = "") -> Scene:
 
 
 def before_the_ball(run: Run) -> str:
-    """The middle of the sheet is above the ball, which came from below."""
+    """The ball came from below: where its vertical axis meets the sheet, the sheet is above it."""
     x = run.positions(-1)
-    middle = x[np.hypot(*run.positions(0)[:, :2].T).argmin()]
-    top = run.bodies(-1)[0][1][:, 2].max()
-    return "" if middle[2] > top else f"the sheet's middle is at {middle[2]:.3g} m, the ball's top at {top:.3g} m"
+    top = float(run.bodies(-1)[0][1][:, 2].max())
+    a, b, c = (x[run.triangles[:, k]] for k in range(3))
+    parts = np.stack([_twice_area(b, c), _twice_area(c, a), _twice_area(a, b)], axis=1)
+    total = parts.sum(axis=1)
+    met = (parts * np.sign(total)[:, None] >= 0).all(axis=1) & (total != 0)
+    heights = (parts[met] * np.stack([a, b, c], axis=1)[met, :, 2]).sum(axis=1) / total[met]
+    if not len(heights):
+        return "the sheet is not over the ball"
+    return "" if heights.min() > top else f"the sheet is at {heights.min():.3g} m, the ball's top at {top:.3g} m"
+
+
+def _twice_area(a: Floats, b: Floats) -> Floats:
+    """Of the triangles of a, b and the origin, seen along z."""
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0], np.float64)
 
 
 def inside(small: bool) -> Scene:
