@@ -116,7 +116,8 @@ def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, 
     elif certificate["cloth_body"] == "no body":
         judged = "there is no body"
     else:
-        judged = "cloth and body intersect in no frame" + " but for excluded pairs" * ("excluded" in certificate["cloth_body"])
+        excluded = " but for excluded pairs" if "excluded" in certificate["cloth_body"] else ""
+        judged = f"cloth and body intersect in no frame{excluded}"
     gap = certificate["minimum_gap"]
     if contact:
         judged += f", smallest gap {length(gap)}" if gap is not None else ", never closer than d_hat"
