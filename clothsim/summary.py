@@ -104,6 +104,7 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
     """The run at `state`, to go on from."""
     potential = session.integrator.potential
     counters = {
+        "memory": dict(state.memory),
         "certificate": certificate.as_json(),
         "effects": potential.accounts(),
         "phases": potential.ledger.phases,
@@ -127,7 +128,10 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
 def state_of(saved: Checkpoint) -> State:
     """The state that `checkpoint_of` kept."""
     counts = saved.step, saved.frame
-    return State(saved.time, saved.dt, *counts, saved.positions, saved.velocities, saved.blocked_at, saved.blocked)
+    memory = saved.counters.get("memory", {})
+    return State(
+        saved.time, saved.dt, *counts, saved.positions, saved.velocities, saved.blocked_at, saved.blocked, memory
+    )
 
 
 def restore(ledger: Ledger, counters: dict[str, Any]) -> None:

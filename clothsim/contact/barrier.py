@@ -70,13 +70,19 @@ class Barrier(Energy):
             return np.zeros((0, 4), np.int64)  # a body's vertices are no unknowns
         return self.candidates.within(x, self.candidates.limit + self.candidates.reach).elements
 
-    def normal_forces(self, x: Floats, least: float = 0.0) -> tuple[Ints, Floats, Floats, Floats]:
+    @property
+    def remembers(self) -> float:
+        """The stiffness [Pa]."""
+        return self.stiffness
+
+    def normal_forces(self, x: Floats, stiffness: float, least: float = 0.0) -> tuple[Ints, Floats, Floats, Floats]:
         """The near pairs: rows (p, 4), weights g (p, 4) and line r (p, 3) [m] of closest points, force (p,) [N].
 
-        least: share of d_hat; a pair that is closer pushes as one at this gap.
+        stiffness [Pa]: that with which the gaps at x were found; least: share of d_hat; a pair that is closer pushes as
+        one at this gap.
         """
         weights, lines, slopes = kernels.pull(x, *self._pairs(x), least * self.d_hat)
-        return self.candidates.near(x).elements, weights, lines, -self.stiffness * slopes
+        return self.candidates.near(x).elements, weights, lines, -stiffness * slopes
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The fraction of dx that is free of collision."""

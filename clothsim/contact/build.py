@@ -30,8 +30,7 @@ def contact_energy(
     backend: str,
 ) -> Energy:
     """The barrier of the effect `name` on `surface`. InputError where the start is not free of contact."""
-    lengths = np.linalg.norm(np.diff(world.start()[world.edges], axis=1)[:, 0], axis=1)
-    distance = default_d_hat(lengths) if d_hat == "auto" else as_positive(f"effects.{name}.d_hat", d_hat)  # type: ignore[arg-type]
+    distance = default_d_hat(edge_lengths(world)) if d_hat == "auto" else as_positive(f"effects.{name}.d_hat", d_hat)  # type: ignore[arg-type]
     thickness = as_positive(f"effects.{name}.offset", offset, zero=True)
     adaptive = stiffness == "auto"
     kappa = 1.0 if adaptive else as_positive(f"effects.{name}.stiffness", stiffness)  # type: ignore[arg-type]
@@ -50,6 +49,11 @@ def contact_energy(
         searches = IpctkCandidates(surface, distance, reach=distance)
         return IpctkBarrier(searches, distance, 0.0, world.vertex_areas, world.masses, kappa, adaptive)
     return Barrier(candidates, distance, thickness, world.vertex_areas, world.masses, kappa, adaptive)
+
+
+def edge_lengths(world: World) -> Floats:
+    """Lengths of the cloths' edges at the start, (e,) [m]."""
+    return np.asarray(np.linalg.norm(np.diff(world.start()[world.edges], axis=1)[:, 0], axis=1), np.float64)
 
 
 def excluded_pairs(name: str, world: World, exclude: Sequence[Sequence[str]]) -> np.ndarray:

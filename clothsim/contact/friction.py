@@ -64,14 +64,24 @@ class Friction(Energy):
         return self.iterations
 
     def begin(self, step: Step) -> Self:
-        """Bound to the contacts of the step and to their forces at its start."""
-        barriers = tuple(energy for energy in step.bound.values() if isinstance(energy, Barrier))
+        """Bound to the contacts of the step and to their forces at its start.
+
+        The gaps there were found with the stiffness of the step before: this step's own would make other forces of
+        them.
+        """
+        contacts = {name: energy for name, energy in step.bound.items() if isinstance(energy, Barrier)}
+        stiffness = [step.memory.get(name, barrier.stiffness) for name, barrier in contacts.items()]
         least_gap = 0.0 if step.time > 0.0 else LEAST_GAP
-        return replace(self, contacts=Contacts(barriers, step.positions, step.dt, least_gap)).again(step.positions)
+        bound = replace(self, contacts=Contacts(tuple(contacts.values()), step.positions, step.dt, least_gap))
+        return bound._with_forces(step.positions, stiffness)
 
     def again(self, x: Floats) -> Self:
         """Bound to the contact forces at x, for another pass of the same step."""
-        found = [barrier.normal_forces(x, self.contacts.least_gap) for barrier in self.contacts.barriers]
+        return self._with_forces(x, [barrier.stiffness for barrier in self.contacts.barriers])
+
+    def _with_forces(self, x: Floats, stiffness: Sequence[float]) -> Self:
+        pairs = zip(self.contacts.barriers, stiffness, strict=True)
+        found = [barrier.normal_forces(x, kappa, self.contacts.least_gap) for barrier, kappa in pairs]
         if not found:
             return self
         elements, weights, lines, forces = (np.concatenate(parts) for parts in zip(*found, strict=True))
@@ -118,7 +128,7 @@ def friction(
     """Coulomb friction of every contact that the scene has.
 
     coefficient: mu where `pairs`, a list of [name, name, mu], says nothing else; eps_v [m/s]: the speed below which a
-    contact counts as sticking, "auto": a thousandth of the cloth's size a second; iterations: solves of each step.
+    contact counts as sticking, "auto": a thousandth of the largest cloth a second; iterations: solves of a step.
     """
     table = np.full((len(world.names),) * 2, as_positive("effects.friction.coefficient", coefficient, zero=True))
     for number, entry in enumerate(pairs):
@@ -128,7 +138,7 @@ def friction(
         return Off("every coefficient is 0")
     if not contacts:
         return Off("the scene has no contact")
-    size = float(np.linalg.norm(np.ptp(world.start()[: world.n_cloth], axis=0)))
+    size = max(float(np.linalg.norm(np.ptp(cloth.positions, axis=0))) for cloth in world.cloths)
     speed = 1e-3 * size if eps_v == "auto" else as_positive("effects.friction.eps_v", eps_v)  # type: ignore[arg-type]
     passes = as_count("effects.friction.iterations", iterations)
     none = np.zeros((0, 4))

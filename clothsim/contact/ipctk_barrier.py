@@ -21,7 +21,7 @@ class IpctkCandidates(Candidates):
 
     def __init__(self, surface: ContactSurface, limit: float, reach: float) -> None:
         self.mesh = collision_mesh(surface)
-        self._count = len(surface.rest_positions) if surface.itself else int(surface.second.points.max()) + 1
+        self._count = int(surface.rows.max()) + 1
         super().__init__(surface, limit, reach)
 
     def forget(self) -> None:

@@ -18,7 +18,8 @@ class Step:
     time: start of the step [s]; dt: its length [s]; positions, velocities: (N, 3) at its start [m], [m/s], in the
     world's order (cloth, bodies, ghosts); load: the share of the loads that acts, 1 except in a quasi-static ramp;
     gradient: (N, 3) sum of the gradients of the other energies at the start [N], and bound: the energies that are bound
-    to this step by now, by name: both are given to those that `begin_last`.
+    to this step by now, by name: both are given to those that `begin_last`; memory: what each energy
+    `remembers` of the step before.
     """
 
     time: float
@@ -28,6 +29,7 @@ class Step:
     load: float
     gradient: Floats
     bound: "Mapping[str, Energy]" = field(default_factory=dict)
+    memory: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,11 @@ class Energy(abc.ABC):
     def couplings(self, x: Floats) -> Ints:
         """Rows (m, k) that its Hessian may couple near x beyond the mesh's own stencils: (0, 1) for all but contact."""
         return np.zeros((0, 1), np.int64)
+
+    @property
+    def remembers(self) -> float:
+        """A number of this step that the binding of the next one needs (contact: its stiffness [Pa]), else nan."""
+        return float("nan")
 
     def choices(self) -> tuple[str, ...]:
         """What it chose where the scene was silent, for the user to read."""

@@ -1,7 +1,8 @@
 """What a run is between two steps. A step is a function of this and of the scene, so a run can be resumed from it."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from clothsim.arrays import Floats
 from clothsim.mesh.world import World
@@ -11,6 +12,7 @@ from clothsim.mesh.world import World
 class State:
     """time [s]; dt: length of the next step [s]; step, frame: how many are done; positions, velocities (N, 3) of x.
 
+    memory: what each energy remembers of the last step (the barrier stiffness with which contact found its gaps).
     blocked_at: the time of the script [s] at which the last tries found no way on, nan where none did; blocked: how
     many they were.
     """
@@ -23,6 +25,7 @@ class State:
     velocities: Floats
     blocked_at: float = math.nan
     blocked: int = 0
+    memory: Mapping[str, float] = field(default_factory=dict)
 
 
 def first_state(world: World, dt: float) -> State:

@@ -102,7 +102,7 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
         target = prescribed(integrator.world, held, end)
         bound, result = _solve(integrator, state, h, end, target)
         if result.outcome.converged:
-            after = _after(integrator, tried, result, h, end, dt)
+            after = replace(_after(integrator, tried, result, h, end, dt), memory=bound.memory())
             return _report(integrator, after, h, result, bound, failures)
         failures.append(f"dt {h:.3g} s: {told(integrator.world, held, result.outcome)}")
         dts.append(h)
@@ -128,7 +128,8 @@ def _solve(
     integrator: Integrator, state: State, h: float, end: float, target: Prescribed
 ) -> tuple[Potential, NewtonResult]:
     load = min(1.0, end / integrator.ramp) if integrator.ramp else 1.0
-    start = Step(state.time, h, state.positions, state.velocities, load, np.zeros_like(state.positions))
+    zero = np.zeros_like(state.positions)
+    start = Step(state.time, h, state.positions, state.velocities, load, zero, memory=state.memory)
     bound = integrator.potential.begin(start)
     integrator.system.begin(bound.couplings(state.positions))
     result = _newton(integrator, state, h, bound).minimise(state.positions, target)

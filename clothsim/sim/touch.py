@@ -20,7 +20,11 @@ class Touching(Protocol):
 
     candidates: Any
 
-    def normal_forces(self, x: Floats) -> tuple[Ints, Floats, Floats, Floats]:
+    @property
+    def stiffness(self) -> float:
+        """That of its barrier [Pa]."""
+
+    def normal_forces(self, x: Floats, stiffness: float) -> tuple[Ints, Floats, Floats, Floats]:
         """Rows (p, 4), weights (p, 4) and line (p, 3) [m] of closest points, force (p,) [N]."""
 
 
@@ -59,7 +63,7 @@ def closest_touch(world: World, energies: Iterable[Energy], x: Floats) -> Touch 
 
 def _touches(energy: Touching, x: Floats) -> tuple[Ints, Ints, Floats, Floats]:
     """Its near pairs: rows (p, 4), how many of them are of the first simplex, place (p, 3) and distance (p,) [m]."""
-    rows, weights, lines, _ = energy.normal_forces(x)
+    rows, weights, lines, _ = energy.normal_forces(x, energy.stiffness)
     splits = np.where(np.arange(len(rows)) < energy.candidates.near(x).n_points, 1, 2)
     on_first = np.where(np.arange(4) < splits[:, None], weights, 0.0)
     places = np.einsum("pk,pkc->pc", np.abs(on_first), x[rows]) - 0.5 * lines

@@ -104,6 +104,11 @@ class Potential:
                     limit = min(limit, energy.step_limit(x, dx))
         return limit
 
+    def memory(self) -> dict[str, float]:
+        """What the energies remember of the step, of those that remember something."""
+        numbers = {name: energy.remembers for name, energy in self.energies.items()}
+        return {name: number for name, number in numbers.items() if np.isfinite(number)}
+
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance that any energy keeps [m], inf where none keeps one."""
         gap = np.inf

@@ -1,9 +1,12 @@
 """The contact effects as a scene names them: keys, refusals, what they choose, the offset that they keep."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from contacts import ball, sheet, sheet_on_ball, two_sheets
-from solving import integrator_of, run_of
+from meshes import cloth, grid
+from solving import integrator_of, run_of, step_at
 
 from clothsim.contact.body_contact import body_contact
 from clothsim.contact.friction import friction
@@ -77,7 +80,7 @@ def test_cloth_that_meets_cloth_at_the_start_is_named():
 
 def test_a_start_within_the_offset_is_refused():
     world = two_sheets(gap=0.01)
-    with pytest.raises(InputError, match="less than the offset of 0.02 m"):
+    with pytest.raises(InputError, match=r"less than the offset of 0\.02 m"):
         self_contact(world, d_hat=0.01, offset=0.02)
 
 
@@ -97,3 +100,23 @@ def test_a_falling_sheet_stays_above_the_offset_of_a_held_one(offset):
     high = reports[-1].state.positions[world.cloth_slices[1], 2]
     assert offset < high.min() < high.max() < offset + 0.011
     assert min(report.minimum_gap for report in reports) > 0
+
+
+def test_auto_keeps_self_contact_below_what_slivers_leave_between_them():
+    """200 x 10 mm cells: a tenth of the median edge is more than the slivers are high."""
+    positions, triangles = grid(2, 40, 0.4, 0.4)
+    world = make_world([cloth(positions, triangles)])
+    contact = self_contact(world)
+    assert contact.value(world.start()) == 0.0
+    assert contact.d_hat < 0.01
+
+
+def test_friction_takes_the_forces_of_the_stiffness_that_made_the_gaps():
+    world = sheet_on_ball()
+    contact = body_contact(world, d_hat=0.06, stiffness=7.0)
+    made = friction(world, contacts=("body_contact",))
+    step = replace(step_at(world.start()), time=1.0, bound={"body_contact": contact})
+    own = made.begin(step).limits
+    before = made.begin(replace(step, memory={"body_contact": 2.0})).limits
+    assert len(own)
+    assert before == pytest.approx(own * 2.0 / 7.0, rel=1e-12)
