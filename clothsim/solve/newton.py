@@ -157,9 +157,7 @@ class Newton:
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return NewtonResult(x, end, iterations + settings.max_iterations, speed, residual)
 
-    def _direction(
-        self, x: Floats, way: Floats, fixed: np.ndarray, exact: bool = False
-    ) -> Direction:
+    def _direction(self, x: Floats, way: Floats, fixed: np.ndarray, exact: bool = False) -> Direction:
         """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere.
 
         H is the projected Hessian; with `exact` the unprojected one (but for contact), as far as it curves upward.
