@@ -40,9 +40,11 @@ def teleported(small: bool, pins: str = "") -> Scene:
 
 
 def before_the_ball(run: Run) -> str:
-    """The ball came from below: where its vertical axis meets the sheet, the sheet is above it."""
+    """The ball came from below: the sheet is above it, all of it or at least where the ball's vertical axis meets it."""
     x = run.positions(-1)
     top = float(run.bodies(-1)[0][1][:, 2].max())
+    if x[:, 2].min() > top:
+        return ""
     a, b, c = (x[run.triangles[:, k]] for k in range(3))
     parts = np.stack([_twice_area(b, c), _twice_area(c, a), _twice_area(a, b)], axis=1)
     total = parts.sum(axis=1)
