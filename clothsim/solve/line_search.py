@@ -19,7 +19,7 @@ def armijo(potential: Potential, x: Floats, dx: Floats, slope: float, limit: flo
     more than that, a rise below it is no rise: without this a converged step would be refused for the last bits of E.
     """
     values = potential.values(x)
-    start, noise = sum(values), ROUND_OFF * sum(abs(value) for value in values)
+    start, noise = sum(values), round_off(values)
     if limit * abs(slope) > RESOLVED * noise:
         noise = 0.0
     fraction = limit
@@ -28,6 +28,11 @@ def armijo(potential: Potential, x: Floats, dx: Floats, slope: float, limit: flo
             return fraction
         fraction *= 0.5
     return 0.0
+
+
+def round_off(values: list[float]) -> float:
+    """What of E(x) is noise [J]: E is the sum of `values`, and each of them is known to its last digits only."""
+    return ROUND_OFF * sum(abs(value) for value in values)
 
 
 def lengthened(potential: Potential, x: Floats, dx: Floats, limit: float) -> float:

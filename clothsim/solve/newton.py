@@ -12,7 +12,7 @@ from clothsim.energies.base import Prescribed
 from clothsim.linalg import dot
 from clothsim.solve import pattern as assembly
 from clothsim.solve.conjugate import truncated_solve
-from clothsim.solve.line_search import armijo, lengthened
+from clothsim.solve.line_search import RESOLVED, armijo, lengthened, round_off
 from clothsim.solve.linear import NotPositiveDefiniteError
 from clothsim.solve.observe import Iterate, Observer, unobserved
 from clothsim.solve.outcome import Ending, Outcome, outcome
@@ -124,6 +124,7 @@ class Newton:
         settings = self.settings
         still = np.zeros_like(x)
         speed, residual = np.inf, np.inf
+        trusted = True
         exact = False  # the first step from a start that may be far off is the projected Hessian's
         for count in range(iterations, iterations + settings.max_iterations):
             direction = self._direction(x, still, fixed, exact)
@@ -152,7 +153,9 @@ class Newton:
                 return NewtonResult(x, outcome(Ending.CONVERGED), count + 1, speed, residual)
             if fraction == 0.0 and not exact:
                 return NewtonResult(x, _at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), count, speed, residual)
-            exact = fraction > 0.0  # at round-off the exact Hessian may curve down for nothing
+            # at round-off the exact Hessian curves down for nothing, and its long steps cycle
+            noise = fraction == 0.0 or (direction.bends and -slope < RESOLVED * round_off(self.potential.values(x)))
+            exact = trusted = trusted and not noise
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return NewtonResult(x, end, iterations + settings.max_iterations, speed, residual)

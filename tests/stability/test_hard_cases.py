@@ -6,7 +6,6 @@ from clothsim.study.stability.case import run_case
 from clothsim.study.stability.cases import CASES
 
 KNOWN = {
-    ("B16e", 1): "Newton cycles at round-off since it goes along negative curvature to the trust radius",
     ("B23c", 1): "two triangles of one flat face push twice beside their common edge: the sheet creeps off it",
 }
 """What fails, and why: (case, seed). An entry that passes is an error, so that none stays longer than its fault."""

@@ -40,7 +40,7 @@ def teleported(small: bool, pins: str = "") -> Scene:
 
 
 def before_the_ball(run: Run) -> str:
-    """The ball came from below: the sheet is above it, all of it or at least where the ball's vertical axis meets it."""
+    """The ball came from below: the sheet is above it, or at least above where its axis meets the sheet."""
     x = run.positions(-1)
     top = float(run.bodies(-1)[0][1][:, 2].max())
     if x[:, 2].min() > top:
