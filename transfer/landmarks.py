@@ -1,0 +1,104 @@
+"""Markers for two upright human bodies, from their shapes alone.
+
+A body is a star of five limbs: its tips (head, hands, feet) are the points farthest from its middle along the surface,
+and its bends (crotch, armpits) are where the shortest way along the surface from one tip to the next
+leaves their chord most. Both survive a change of shape and, mostly, of pose. The bodies stand in the same axes and
+face the same way.
+"""
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+
+from transfer.errors import TransferError
+from transfer.surface import Floats, Ints, edges_of
+
+TIPS = 5
+
+
+def derive_markers(source: tuple[Floats, Ints], target: tuple[Floats, Ints]) -> Ints:
+    """Markers (k, 2): vertices of the source and of the target that mean the same.
+
+    Both are (positions (n, 3), triangles (m, 3)) of one connected piece. Tips are matched by their places in the
+    bounding boxes, bends by the tips that they lie between. TransferError where a mesh is too small for it.
+    """
+    vertices, ways = zip(*(tips(*mesh) for mesh in (source, target)), strict=True)
+    places = [in_box(*mesh)[found] for mesh, found in zip((source, target), vertices, strict=True)]
+    distance = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)
+    _, match = linear_sum_assignment(distance)
+    markers = [(vertices[0][i], vertices[1][match[i]]) for i in range(TIPS)]
+    for i, j in limb_pairs(places[0]):
+        bends = (
+            bend(source[0], ways[0][i], vertices[0][i], vertices[0][j]),
+            bend(target[0], ways[1][match[i]], vertices[1][match[i]], vertices[1][match[j]]),
+        )
+        markers.append(bends)
+    found = np.array(markers, dtype=np.int64)
+    once = [len(np.unique(found[:, side])) == len(found) for side in (0, 1)]
+    return found if all(once) else found[:TIPS]
+
+
+def in_box(positions: Floats, triangles: Ints) -> Floats:
+    """Positions with the bounding box's middle at 0 and its largest side 1, the axes kept."""
+    used = positions[np.unique(triangles)]
+    low, high = used.min(axis=0), used.max(axis=0)
+    return (positions - (low + high) / 2.0) / (high - low).max()
+
+
+def tips(positions: Floats, triangles: Ints) -> tuple[Ints, list[Ints]]:
+    """The five tips, the one nearest to the middle (the head) last, and from each of them the way back: predecessors
+    (n,) of the shortest ways to it along edges.
+
+    Farthest points first, among those that are farther from the middle than all their neighbours: a knee is not.
+    """
+    graph = edge_graph(positions, triangles)
+    used = np.unique(triangles)
+    middle = positions[used].mean(axis=0)
+    start = used[np.linalg.norm(positions[used] - middle, axis=1).argmin()]
+    from_middle = dijkstra(graph, directed=False, indices=start)
+    peaks = np.where(np.isfinite(from_middle), from_middle, -1.0)
+    for ends in (edges_of(triangles), edges_of(triangles)[:, ::-1]):
+        peaks[ends[from_middle[ends[:, 0]] < from_middle[ends[:, 1]], 0]] = -1.0
+    distance = from_middle
+    found, ways = [], []
+    for _ in range(TIPS):
+        found.append(int(np.where(peaks > 0, distance, -1.0).argmax()))
+        if peaks[found[-1]] <= 0 or distance[found[-1]] == 0:
+            raise TransferError(f"the surface has {len(found) - 1} limbs where a body has {TIPS}.", "Give the markers.")
+        own, way = dijkstra(graph, directed=False, indices=found[-1], return_predecessors=True)
+        ways.append(way)
+        distance = np.minimum(distance, own)
+    order = np.argsort(-from_middle[found])
+    return np.array(found)[order], [ways[k] for k in order]
+
+
+def edge_graph(positions: Floats, triangles: Ints) -> csr_array:
+    """The lengths of the edges, (n, n)."""
+    edges = edges_of(triangles)
+    lengths = np.linalg.norm(positions[edges[:, 0]] - positions[edges[:, 1]], axis=1)
+    return csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(positions), len(positions)))
+
+
+def limb_pairs(places: Floats) -> list[tuple[int, int]]:
+    """The three pairs of hands and feet that follow one another round the body, seen in its widest plane: by angle.
+
+    The pairs with the head, the last, are left out: the shortest way past a neck runs in front of one body and
+    at the side of the next.
+    """
+    centred = places - places.mean(axis=0)
+    axes = np.linalg.svd(centred, full_matrices=False)[2]
+    order = np.argsort(np.arctan2(centred @ axes[1], centred @ axes[0]))
+    pairs = [(int(order[k]), int(order[(k + 1) % len(order)])) for k in range(len(order))]
+    return [pair for pair in pairs if len(places) - 1 not in pair]
+
+
+def bend(positions: Floats, way: Ints, tip: int, other: int) -> int:
+    """The vertex of the shortest way from `other` to `tip` that is farthest from the straight line between them."""
+    path = [other]
+    while path[-1] != tip and len(path) <= len(way):
+        path.append(int(way[path[-1]]))
+    points = positions[path]
+    chord = points[-1] - points[0]
+    along = (points - points[0]) @ chord / (chord @ chord)
+    return path[int(np.linalg.norm(points - points[0] - along[:, None] * chord, axis=1).argmax())]

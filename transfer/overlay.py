@@ -1,0 +1,78 @@
+"""Laying one mesh over another of different topology (Sumner & Popovic 2004, section 4.1).
+
+min over x, v4 of w_S sum over neighbours |T_i - T_j|^2 + w_I sum |T_i - I|^2 + w_C sum |x_i - c_i|^2, markers being
+eliminated unknowns and c_i the closest point of the target that faces as x_i does. w_C has the unit of 1 / length^2:
+it is meant for a mean edge of 1.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array, eye_array, kron
+
+from transfer.adjacency import adjacent_triangles
+from transfer.closest import FacingSurface
+from transfer.errors import TransferError
+from transfer.gradients import factorise, gradient_operator, inverse_frames
+from transfer.surface import Floats, Ints, vertex_normals
+
+SMOOTHNESS, IDENTITY = 1.0, 1e-3
+"""w_S and w_I."""
+CLOSENESS = (1.0, 17.0, 292.0, 5000.0)
+"""w_C of the four steps of phase 2: geometric from 1 to 5000."""
+GENTLE = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
+"""w_C of softer steps before them, for few or rough markers: w_S spreads a pull over (w_S / w_C)^(1/4) edges, so the
+first moves whole limbs, where 1 already moves single vertices."""
+
+
+def lay_over(
+    positions: Floats,
+    triangles: Ints,
+    target: FacingSurface,
+    fixed: Ints,
+    places: Floats,
+    gently: bool = False,
+    progress: Callable[[str], None] | None = None,
+) -> Floats:
+    """The mesh `positions` (n, 3), `triangles` (m, 3), mean edge 1, laid over `target`.
+
+    Vertices `fixed` (k,) go to `places` (k, 3), at least one in each connected piece; `gently`: these are few or rough,
+    and the GENTLE steps come first. Vertices of no triangle stay.
+    TransferError where no vertex has a point of the target that faces as it does.
+    """
+    n = len(positions)
+    operator = gradient_operator(inverse_frames(positions, triangles, "the source"), triangles, n)
+    smooth = difference_operator(adjacent_triangles(triangles), len(triangles)) @ operator
+    normal = SMOOTHNESS * (smooth.T @ smooth) + IDENTITY * (operator.T @ operator)
+    right = IDENTITY * (operator.T @ np.tile(np.eye(3), (len(triangles), 1)))
+    moving = np.setdiff1d(np.concatenate([np.unique(triangles), n + np.arange(len(triangles))]), fixed)
+    coupling = normal[moving][:, fixed] @ places
+    system, right = normal[moving][:, moving].tocsc(), right[moving] - coupling
+    laid = positions.copy()
+    laid[fixed] = places
+    on_vertices = moving[moving < n]
+    used = len(on_vertices)  # the fourth vertices come after all vertices
+    schedule = (0.0, *(GENTLE if gently else ()), *CLOSENESS)
+    for step, weight in enumerate(schedule):
+        pull, closest = np.zeros(len(moving)), np.zeros((len(moving), 3))
+        if weight:
+            normals = vertex_normals(laid, triangles)[on_vertices]
+            found, closest[:used] = target.closest_valid(laid[on_vertices], normals)
+            pull[:used] = weight * (found >= 0)
+            if not pull.any():
+                raise TransferError(
+                    "nowhere does the target face as the source does.",
+                    "Turn the triangles of one of them, or check the markers.",
+                )
+        solved = factorise(system + diags_array(pull)).solve(right + pull[:, None] * closest)
+        laid[on_vertices] = solved[:used]
+        if progress is not None:
+            progress(f"laying the source over the target: {step + 1} of {len(schedule)}")
+    return laid
+
+
+def difference_operator(pairs: Ints, count: int) -> csr_array:
+    """K (3p, 3m): what stacked 3x3 blocks differ by between the two of each pair; sqrt 2 as each counts both ways."""
+    rows = np.repeat(np.arange(len(pairs)), 2)
+    values = np.sqrt(2.0) * np.tile([1.0, -1.0], len(pairs))
+    return csr_array(kron(csr_array((values, (rows, pairs.ravel())), shape=(len(pairs), count)), eye_array(3)))
