@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from clothsim.drape import resume, simulate
     from clothsim.errors import ClothsimError, InputError
+    from clothsim.fitting.fit import Fit, fit
     from clothsim.io.run import Run, open_run
     from clothsim.scene.scene import Scene
     from clothsim.scene.toml import load_scene
@@ -22,15 +23,17 @@ __version__ = "0.1.0"
 _HOMES = {
     "ClothsimError": "clothsim.errors",
     "InputError": "clothsim.errors",
+    "Fit": "clothsim.fitting.fit",
     "Run": "clothsim.io.run",
     "Scene": "clothsim.scene.scene",
+    "fit": "clothsim.fitting.fit",
     "load_scene": "clothsim.scene.toml",
     "open_run": "clothsim.io.run",
     "resume": "clothsim.drape",
     "simulate": "clothsim.drape",
 }
 
-__all__ = ["ClothsimError", "InputError", "Run", "Scene", "load_scene", "open_run", "resume", "simulate"]
+__all__ = ["ClothsimError", "Fit", "InputError", "Run", "Scene", "fit", "load_scene", "open_run", "resume", "simulate"]
 
 
 def __getattr__(name: str) -> Any:

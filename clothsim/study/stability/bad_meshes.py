@@ -1,8 +1,19 @@
 """Meshes that must be refused before the first step, each in words that name the face, the vertex or the line."""
 
+from collections.abc import Sequence
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.io.write_obj import obj_text
 from clothsim.scene.scene import Scene
 from clothsim.study.stability.case import Case
-from clothsim.study.stability.obj import flat, obj_text
+
+
+def flat(points: Sequence[Sequence[float]]) -> Floats:
+    """Points (n, 2) of the plane z = 0, as (n, 3)."""
+    return np.column_stack([np.asarray(points, np.float64), np.zeros(len(points))])
+
 
 SQUARE = ((0, 0), (1, 0), (1, 1), (0, 1))
 HALVES = ((0, 1, 2), (0, 2, 3))

@@ -14,9 +14,9 @@ from clothsim.errors import ClothsimError, InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.io.record import RECORD_NAME, read_record
 from clothsim.io.run import Run
+from clothsim.io.write_obj import obj_text
 from clothsim.scene.build import build
 from clothsim.scene.scene import Scene, scene_from_text
-from clothsim.study.stability.obj import obj_text
 
 JITTER = 1e-3
 """Standard deviation of the vertices' displacement at the start, in median edges; seed 0 is the exact start."""

@@ -8,10 +8,10 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 from clothsim.io.run import Run
+from clothsim.io.write_obj import obj_text
 from clothsim.mesh.generate import rectangle
 from clothsim.scene.scene import Scene
 from clothsim.study.stability.case import Case, Check, all_of, energy_falls
-from clothsim.study.stability.obj import obj_text
 
 LENGTH, WIDTH = 0.5, 0.1
 MEMBRANE, BENDING = 240.0, 5e-3

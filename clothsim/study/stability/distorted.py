@@ -6,13 +6,13 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.io.run import Run
+from clothsim.io.write_obj import obj_text
 from clothsim.kinematics.stretch import principal_stretches
 from clothsim.kinematics.triangle import deformation_gradients
 from clothsim.mesh.generate import rectangle
 from clothsim.scene.build import build
 from clothsim.scene.scene import Scene
 from clothsim.study.stability.case import MOST_NEWTON, Case, all_of, energy_falls, scene_of
-from clothsim.study.stability.obj import obj_text
 
 RECOVERED = 0.01
 """Strain that may be left at the end."""

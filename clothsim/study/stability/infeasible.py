@@ -7,10 +7,10 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.io.run import Run
+from clothsim.io.write_obj import obj_text
 from clothsim.mesh.shapes import sphere
 from clothsim.scene.scene import Scene
 from clothsim.study.stability.case import Case
-from clothsim.study.stability.obj import obj_text
 
 ELASTIC: dict[str, dict[str, Any]] = {"inertia": {}, "membrane": {}, "bending": {}}
 RADIUS = 0.08

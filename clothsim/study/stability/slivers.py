@@ -7,6 +7,7 @@ from scipy.optimize import brentq
 
 from clothsim.arrays import Floats, Ints
 from clothsim.io.run import Run
+from clothsim.io.write_obj import obj_text
 from clothsim.kinematics.stretch import principal_stretches
 from clothsim.kinematics.triangle import deformation_gradients
 from clothsim.mesh.generate import rectangle
@@ -14,7 +15,6 @@ from clothsim.mesh.motion import rotation_matrix
 from clothsim.scene.build import build
 from clothsim.scene.scene import Scene
 from clothsim.study.stability.case import MOST_NEWTON, Case, scene_of
-from clothsim.study.stability.obj import obj_text
 
 STRETCH, LAM = 1.5, 1.5
 """Uniaxial stretch l1, and lam [N/m] for mu = 1 N/m: the figures of VALIDATION A1."""

@@ -1,11 +1,11 @@
-"""Meshes of the cases that no generator makes, as the text of an OBJ file."""
+"""Meshes as OBJ text, to the last bit."""
 
-from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim.arrays import Floats
+from clothsim.io.atomic import write_atomically
 
 
 def obj_text(positions: ArrayLike, triangles: ArrayLike) -> str:
@@ -15,6 +15,7 @@ def obj_text(positions: ArrayLike, triangles: ArrayLike) -> str:
     return "\n".join(lines) + "\n"
 
 
-def flat(points: Sequence[Sequence[float]]) -> Floats:
-    """Points (n, 2) of the plane z = 0, as (n, 3)."""
-    return np.column_stack([np.asarray(points, np.float64), np.zeros(len(points))])
+def write_obj(path: Path, positions: ArrayLike, triangles: ArrayLike) -> Path:
+    """Write `obj_text` to `path` and return it. InputError where it cannot be written."""
+    write_atomically(path, obj_text(positions, triangles).encode())
+    return path

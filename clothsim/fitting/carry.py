@@ -1,0 +1,100 @@
+"""Scenes of a fit: a body that grows or morphs carries the garment along; then the garment drapes under gravity."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from clothsim.arrays import Floats, Ints
+from clothsim.drape import Announcement, Listener, simulate
+from clothsim.fitting.stage import Garment
+from clothsim.io.run import Run
+from clothsim.io.write_obj import write_obj
+from clothsim.scene.scene import Scene
+
+REST, START = "garment_rest.obj", "garment_start.obj"
+
+CARRYING_SECONDS = 0.5
+"""How long a body takes from its first frame to its last: slow beside the damping, which holds the garment to it."""
+CARRYING = {
+    "effects": {"inertia": {}, "membrane": {}, "bending": {}, "damping": {"rate": 20.0}, "body_contact": {}},
+    "solver": {"dt": 0.01, "tolerance": 0.02, "max_iterations": 200},
+    "run": {"duration": CARRYING_SECONDS, "frames_per_second": 10},
+}
+DRAPING: dict[str, Any] = {
+    "effects": {
+        "inertia": {},
+        "membrane": {},
+        "bending": {},
+        "gravity": {},
+        "damping": {"rate": 4.0},
+        "body_contact": {},
+        "friction": {"coefficient": 0.3},
+    },
+    "solver": {"dt": 0.01, "tolerance": 0.01, "max_iterations": 200},
+    "run": {"duration": 1.0, "frames_per_second": 10},
+}
+
+
+@dataclass(frozen=True)
+class Worn:
+    """What the scenes of a fit have in common.
+
+    garment; rest (n, 3) [m]: its rest shape; fabric: its name; body_triangles (m, 3): the body's; self_contact: whether
+    the garment is kept from meeting itself.
+    """
+
+    garment: Garment
+    rest: Floats
+    fabric: str
+    body_triangles: Ints
+    self_contact: bool
+
+
+def carried(worn: Worn, start: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None) -> Run:
+    """The garment, from `start (n, 3)` [m], under a body that moves through `frames`, each (k, 3) [m], without gravity.
+
+    All files of the run are in `folder`, a scene among them that runs it again.
+    """
+    _make(folder)
+    for k, frame in enumerate(frames):
+        write_obj(folder / f"body{k:03d}.obj", frame, worn.body_triangles)
+    rate = (len(frames) - 1) / CARRYING_SECONDS
+    body = {"name": "body", "frames": "body[0-9][0-9][0-9].obj", "frames_per_second": rate}
+    return simulate(_scene(worn, start, body, CARRYING, folder), folder, listener)
+
+
+def draped(
+    worn: Worn,
+    start: Floats,
+    body: Floats,
+    up: Floats,
+    folder: Path,
+    listener: Listener | None,
+    announce: Announcement | None,
+) -> Run:
+    """The garment, from `start (n, 3)` [m], on the standing `body (k, 3)` [m] under gravity against `up (3,)`."""
+    _make(folder)
+    write_obj(folder / "body.obj", body, worn.body_triangles)
+    settings = {**DRAPING, "effects": {**DRAPING["effects"], "gravity": {"acceleration": (-9.81 * up).tolist()}}}
+    scene = _scene(worn, start, {"name": "body", "mesh": "body.obj"}, settings, folder)
+    return simulate(scene, folder, listener, announce)
+
+
+def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, Any], folder: Path) -> Scene:
+    write_obj(folder / REST, worn.rest, worn.garment.triangles)
+    write_obj(folder / START, start, worn.garment.triangles)
+    effects = {**settings["effects"], **({"self_contact": {}} if worn.self_contact else {})}
+    return Scene(
+        cloth={"name": "garment", "mesh": REST, "fabric": worn.fabric},
+        body=body,
+        effects=effects,
+        solver=settings["solver"],
+        run=settings["run"],
+        seed={"from": "file", "file": START},
+        directory=folder,
+    )
+
+
+def _make(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,165 @@
+"""Every stage before the simulation: seed, DRAPE, and the guaranteed path, each followed by the exact test.
+
+Deformation transfer seeds; where its shape is not clear of the body, DRAPE refines it; where that is not either, the
+body is deflated until the better of the two is clear of it, and grows back under IPC; where no depth frees it, the body
+that the garment was made for becomes the other one under IPC and carries it along.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+from clothsim.arrays import Floats
+from clothsim.errors import InputError
+from clothsim.fitting.carry import Worn, carried
+from clothsim.fitting.figure import Figure
+from clothsim.fitting.guaranteed import Clearing, clearing, untangled_from_itself
+from clothsim.fitting.stage import Garment, Heard, Stage, staged
+from clothsim.fitting.transferred import Transferred, transferred
+from clothsim.mesh.body import make_body
+from clothsim.mesh.cloth import make_cloth
+from clothsim.scene.fabrics import FABRICS
+from transfer.distance import BodySurface, body_surface
+from transfer.errors import TransferError
+
+
+@dataclass(frozen=True)
+class Task:
+    """A fit: garment, the body that it was made for, the one that it shall be worn by (the same: it is only repaired).
+
+    resize: whether the garment's rest shape is the transferred one (it is made anew in the other size), or its own;
+    folder: where the guaranteed path leaves its runs; heard: called as each stage ends.
+    """
+
+    garment: Garment
+    source: Figure
+    target: Figure
+    fabric: str
+    resize: bool
+    folder: Path
+    heard: Heard
+
+    @property
+    def same_body(self) -> bool:
+        """Whether the garment stays on its body."""
+        return self.source is self.target
+
+
+@dataclass(frozen=True)
+class Seeded:
+    """What a simulation starts from: the last of `stages` where failure is empty; worn: how the scenes wear it."""
+
+    stages: tuple[Stage, ...]
+    worn: Worn
+    failure: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def last(self) -> Stage:
+        """The last stage."""
+        return self.stages[-1]
+
+    def after(self, stage: Stage) -> "Seeded":
+        """With one more stage."""
+        return replace(self, stages=(*self.stages, stage))
+
+
+def seeded(task: Task) -> Seeded:
+    """Run the stages until one is clear of the body. InputError for a garment or a body that no stage can take."""
+    try:
+        body = body_surface(task.target.positions, task.target.triangles)
+        worn_by = body if task.same_body else body_surface(task.source.positions, task.source.triangles)
+        garment, heard = task.garment, task.heard
+        came = partial(staged, triangles=garment.triangles, heard=heard)
+        stages = [came("garment", body=worn_by, make=lambda: (garment.positions, f"as it lies on {task.source.name}"))]
+        carrier = task.target.positions
+        if not task.same_body:
+            moved: list[Transferred] = []
+            stages.append(came("transfer", body=body, make=partial(_moved, task, moved)))
+            carrier = moved[0].body
+        rest = stages[-1].positions if task.resize else garment.positions
+        if not stages[-1].counts.on_body:
+            stages.append(came("refine", body=body, make=partial(_refined, stages[-1].positions, task)))
+    except TransferError as error:
+        raise InputError(error.sentence, error.remedy) from error
+    worn = Worn(garment, rest, task.fabric, body.triangles, self_contact=True)
+    found = Seeded(tuple(stages), worn)
+    if not found.last.counts.on_body:
+        return _guaranteed(found, task, body, carrier)
+    return _untangled(found, task, body) if found.last.counts.self_pairs else found
+
+
+def _moved(task: Task, moved: list[Transferred]) -> tuple[Floats, str]:
+    moved.append(transferred(task.garment, task.source, task.target))
+    return moved[0].positions, moved[0].said
+
+
+def _refined(positions: Floats, task: Task) -> tuple[Floats, str]:
+    from transfer.refine import refine
+
+    done = refine(positions, task.garment.triangles, task.target.positions, task.target.triangles)
+    return done.positions, f"DRAPE, eps {1e3 * done.eps:.2g} mm"
+
+
+def _guaranteed(found: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
+    """Deflate and grow; where no depth frees any shape, morph the one body into the other first."""
+    tried = found.stages if task.same_body else found.stages[1:]
+    start = clearing(tried[::-1], task.garment.triangles, body)
+    if start is None and not task.same_body and found.stages[0].counts.on_body:
+        found = _morphed(found, task, body, carrier)
+        if found.failure or found.last.counts.on_body:
+            return found
+        start = clearing([found.last], task.garment.triangles, body)
+    if start is None:
+        counts = found.last.counts
+        said = f"No deflation of {task.target.name} frees the garment: {counts}, worst {counts.where}."
+        return replace(found, failure=said)
+    return _grown(found, start, task, body)
+
+
+def _grown(found: Seeded, start: Clearing, task: Task, body: BodySurface) -> Seeded:
+    """The thin body grows back to its size as a moving obstacle."""
+    thin = body_surface(start.body, body.triangles)
+    shape = start.stage.positions
+    if start.stage.counts.self_pairs:
+        found = _untangled(found.after(start.stage), task, thin)
+        shape = found.last.positions
+    said = f"the body {1e3 * start.depth:.3g} mm thinner, from {start.stage.name}, grown back under IPC"
+    return _carried(found, "grow", shape, [start.body, body.positions], task, body, said)
+
+
+def _morphed(found: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
+    """The source body becomes the target, with the garment on it."""
+    garment = task.garment
+    worn = replace(found.worn, body_triangles=task.source.triangles, self_contact=not found.stages[0].counts.self_pairs)
+    said = f"{task.source.name} became {task.target.name} under IPC"
+    frames = [task.source.positions, carrier]
+    done = _carried(replace(found, worn=worn), "morph", garment.positions, frames, task, body, said)
+    return replace(done, worn=found.worn)
+
+
+def _carried(
+    found: Seeded, name: str, shape: Floats, frames: Sequence[Floats], task: Task, body: BodySurface, said: str
+) -> Seeded:
+    folder, ended = task.folder / name, []
+
+    def make() -> tuple[Floats, str]:
+        run = carried(found.worn, shape, frames, folder, None)
+        ended.append("" if run.status == "completed" else run.reason)
+        return run.positions(-1), said
+
+    stage = staged(name, task.garment.triangles, body, make, task.heard)
+    failure = ended[0] and f"In the stage {name}: {ended[0]}"
+    return replace(found.after(stage), failure=failure)
+
+
+def _untangled(found: Seeded, task: Task, body: BodySurface) -> Seeded:
+    """The last shape freed of intersections with itself; where that fails, the garment may go on meeting itself."""
+    fabric, triangles = FABRICS[task.fabric], task.garment.triangles
+    cloth = make_cloth("garment", found.worn.rest, triangles, fabric, positions=found.last.positions)
+    freed = untangled_from_itself(cloth, make_body("body", body.positions, body.triangles))
+    if freed is None:
+        note = "The garment intersects itself and could not be untangled: self_contact is off."
+        return replace(found, worn=replace(found.worn, self_contact=False), notes=(*found.notes, note))
+    return found.after(staged("untangle", task.garment.triangles, body, lambda: freed, task.heard))

@@ -1,0 +1,128 @@
+"""The body and the garment of a fit as their files have them: which part, which unit, which way is up."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.errors import InputError
+from clothsim.fitting.stage import Garment
+from clothsim.io.meshes import MeshFile, read_mesh
+from clothsim.io.mhclo import read_clothes
+from clothsim.mesh.check import examine, refuse
+from clothsim.mesh.topology import components, half_edges
+from clothsim.scene.sewing import sewn
+from clothsim.scene.shape import Shape
+
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
+SMALLEST, LARGEST = 0.5, 3.0
+"""The largest extent of a body [m]: beyond, its file is in another unit."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A body: positions (n, 3) [m], triangles (m, 3); scale: metres per unit of its file; notes: what was chosen."""
+
+    name: str
+    positions: Floats
+    triangles: Ints
+    scale: float
+    notes: tuple[str, ...]
+
+    @property
+    def up(self) -> Floats:
+        """The axis along which it stands, (3,): the longer of y and z, for x leads from hand to hand."""
+        extent = np.ptp(self.positions, axis=0)
+        return np.eye(3)[1 if extent[1] >= extent[2] else 2]
+
+
+def read_figure(path: str | Path, *, scale: float | None = None, group: str | None = None) -> Figure:
+    """The body in a file: its `group`, else its largest closed piece, else (a note) its largest piece.
+
+    scale: metres per unit; None: what makes its largest extent that of a person. InputError where none does.
+    """
+    file = Path(path)
+    if group is not None:
+        mesh = read_mesh(file, group=group)
+        said: tuple[str, ...] = ()
+    else:
+        mesh, said = _largest(file, read_mesh(file))
+    extent = float(np.ptp(mesh.positions, axis=0).max())
+    factor, unit = (scale, ()) if scale is not None else _unit(file, extent)
+    notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *said, *unit))
+    return Figure(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
+
+
+def read_garment(
+    path: str | Path,
+    made_for: str | Path,
+    scale: float,
+    *,
+    part: tuple[int, int] | None = None,
+    weld: float = 0.0,
+) -> Garment:
+    """The garment in a mesh file, or in MakeHuman clothes (.mhclo) on the base mesh `made_for`.
+
+    scale: metres per unit; part: (lo, hi) vertices of the file; weld: borders closer than that are sewn [m].
+    InputError for a mesh that is no cloth.
+    """
+    file = Path(path)
+    if file.suffix.lower() == ".mhclo":
+        clothes = read_clothes(file)
+        mesh = read_mesh(clothes.obj_file)
+        on_base = clothes.on(read_mesh(made_for).positions)
+        if len(on_base) != len(mesh.positions):
+            raise InputError(
+                f"{file} places {len(on_base):,} vertices, {clothes.obj_file.name} has {len(mesh.positions):,}."
+            )
+        mesh = replace(mesh, positions=on_base)
+    else:
+        mesh = read_mesh(file, vertices=part)
+    shape = Shape(scale * mesh.positions, mesh.triangles, np.zeros((0, 3, 2)), mesh.messages)
+    if weld:
+        shape, _ = sewn(file.name, shape, None, weld, at_start=False)
+    report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
+    refuse(report)
+    said = (*shape.notes, *(finding.sentence for finding in report.warnings))
+    return Garment(file.name, shape.positions, shape.triangles, tuple(f"{file.name}: {note}" for note in said))
+
+
+def _largest(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
+    """The largest closed piece of a file, by number of vertices."""
+    label = components(mesh.triangles, len(mesh.positions))
+    of_triangle = label[mesh.triangles[:, 0]]
+    pieces = np.unique(of_triangle)
+    sizes = np.bincount(label, minlength=len(label))[pieces]
+    order = pieces[np.argsort(-sizes, kind="stable")]
+    for piece in order:
+        chosen = mesh.triangles[of_triangle == piece]
+        if is_closed(chosen):
+            return _only(mesh, chosen, f"the largest closed piece of {len(pieces)}", len(pieces))
+    chosen = mesh.triangles[of_triangle == order[0]]
+    return _only(mesh, chosen, f"no piece is closed: the largest of {len(pieces)}, and what is inside is a guess", 2)
+
+
+def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> tuple[MeshFile, tuple[str, ...]]:
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    said = (f"{what}: {len(used):,} of {len(mesh.positions):,} vertices",) if pieces > 1 else ()
+    faces = renumbered.reshape(-1, 3).astype(np.int64)
+    return MeshFile(mesh.positions[used], faces, np.zeros((0, 3, 2)), mesh.messages), said
+
+
+def is_closed(triangles: Ints) -> bool:
+    """Whether each edge has exactly two triangles."""
+    edges = np.sort(half_edges(triangles), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+
+
+def _unit(file: Path, extent: float) -> tuple[float, tuple[str, ...]]:
+    """The metres per unit that make `extent` that of a person, and the guess in words where it is not the metre."""
+    for unit, factor in UNITS.items():
+        if SMALLEST <= factor * extent <= LARGEST:
+            guess = f"{extent:.3g} units tall: read as {unit} ({factor * extent:.3g} m)"
+            return factor, () if unit == "m" else (guess,)
+    raise InputError(
+        f"{file} is {extent:.3g} units tall, which is a person in no unit of {', '.join(UNITS)}.",
+        "Say what its unit is: --scale METRES_PER_UNIT.",
+    )

@@ -1,0 +1,156 @@
+"""`clothsim.fit`: a garment made for one body, draped and free of intersections on another."""
+
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from clothsim.arrays import Floats
+from clothsim.drape import Announcement, Listener
+from clothsim.errors import InputError
+from clothsim.fitting.carry import draped
+from clothsim.fitting.chain import Seeded, Task, seeded
+from clothsim.fitting.cost import Cost, cost_of
+from clothsim.fitting.counts import Counts
+from clothsim.fitting.figure import Figure, read_figure, read_garment
+from clothsim.fitting.stage import Garment, Heard, Stage, staged
+from clothsim.io.record import SUMMARY_NAME, read_summary, write_summary
+from clothsim.io.run import Run
+from clothsim.io.write_obj import write_obj
+from clothsim.scene.fabrics import FABRICS
+from transfer.distance import body_surface
+
+FITTED = "fitted.obj"
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What a fit left in `directory`.
+
+    status: "completed" (simulated to its end), "refined" (the garment is free of intersections, but its simulation
+    could not go on), or "failed"; reason: a sentence; stages: what was tried, in order; run: the drape, or None where
+    none was started; cost: what it did to the garment.
+    """
+
+    directory: Path
+    status: str
+    reason: str
+    garment: Garment
+    source: Figure
+    target: Figure
+    stages: tuple[Stage, ...]
+    run: Run | None
+    cost: Cost
+    notes: tuple[str, ...]
+
+    @property
+    def positions(self) -> Floats:
+        """The fitted garment, (n, 3) [m]."""
+        return self.stages[-1].positions
+
+    @property
+    def counts(self) -> Counts:
+        """What is wrong with the fitted garment by the exact test: nothing, unless the fit failed."""
+        return self.stages[-1].counts
+
+
+def fit(
+    garment: str | Path,
+    to: str | Path,
+    made_for: str | Path | None = None,
+    output: str | Path | None = None,
+    *,
+    scale: float | None = None,
+    body_group: str | None = None,
+    part: tuple[int, int] | None = None,
+    weld: float = 0.0,
+    fabric: str = "cotton",
+    resize: bool = True,
+    heard: Heard = lambda stage: None,
+    progress: Listener | None = None,
+    announce: Announcement | None = None,
+) -> Fit:
+    """Fit the `garment` made for one body (a mesh file, or MakeHuman clothes) onto the body `to`.
+
+    made_for: the body that it lies on; None: `to` itself, on which it is repaired. scale: metres per unit of the
+    garment and of that body (None: as the body's height tells). body_group: a group of the body files. part: (lo, hi),
+    these vertices of the garment's file. weld: borders closer than that are sewn [m]. resize: the garment is made anew
+    in the other body's size; False: its own rest shape is worn. Leaves in `output` (None: a fresh temporary folder)
+    what a run leaves, `fitted.obj`, and the stages in the summary. InputError for bad input.
+    """
+    started = perf_counter()
+    directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
+    if fabric not in FABRICS:
+        raise InputError(f"fabric is {fabric!r}.", f"Known: {', '.join(FABRICS)}.")
+    source = read_figure(made_for or to, scale=scale, group=body_group)
+    target = source if made_for is None else read_figure(to, group=body_group)
+    worn = read_garment(garment, made_for or to, source.scale, part=part, weld=weld)
+    _make_directory(directory)
+    task = Task(worn, source, target, fabric, resize, directory, heard)
+    found = seeded(task)
+    return _simulated(task, found, started, progress, announce)
+
+
+def _simulated(
+    task: Task, found: Seeded, started: float, progress: Listener | None, announce: Announcement | None
+) -> Fit:
+    """The drape, and what is left of it."""
+    run, stages = None, found.stages
+    status, reason = "failed", found.failure
+    if not found.failure:
+        body = body_surface(task.target.positions, task.target.triangles)
+        worn = found.worn
+        runs: list[Run] = []
+
+        def make() -> tuple[Floats, str]:
+            runs.append(
+                draped(worn, found.last.positions, body.positions, task.target.up, task.folder, progress, announce)
+            )
+            return runs[0].positions(-1), f"draped for {runs[0].times[-1]:g} s"
+
+        stage = staged("simulate", task.garment.triangles, body, make, task.heard)
+        run = runs[0]
+        simulated = run.status == "completed" and stage.counts.on_body
+        status, reason = ("completed" if simulated else "refined"), run.reason
+        stages = (*stages, stage) if simulated else stages
+    done = Fit(
+        task.folder,
+        status,
+        reason,
+        task.garment,
+        task.source,
+        task.target,
+        stages,
+        run,
+        cost_of(task.garment, stages[-1].positions),
+        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *found.notes),
+    )
+    _write(done, perf_counter() - started)
+    return done
+
+
+def _write(done: Fit, seconds: float) -> None:
+    """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
+    write_obj(done.directory / FITTED, done.positions, done.garment.triangles)
+    file = done.directory / SUMMARY_NAME
+    kept = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
+    fitted: dict[str, Any] = {
+        "status": done.status,
+        "reason": done.reason,
+        "stages": [stage.as_dict() for stage in done.stages],
+        "cost": done.cost.as_dict(),
+        "notes": [*done.notes, *kept["notes"]],
+        "fit_seconds": seconds,
+    }
+    if done.status == "failed":
+        place, counts = done.counts.place, str(done.counts)
+        fitted["failure"] = {"cause": "fit", "sentence": done.reason, "element": counts, "position": place}
+    write_summary(file, {**kept, **fitted})
+
+
+def _make_directory(directory: Path) -> None:
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{directory} cannot be made a directory: {error.strerror}.", "Choose another.") from error

@@ -1,0 +1,58 @@
+"""The guaranteed path: where no formula frees a garment of a body, the body lets it go and takes it back under IPC.
+
+The body is deflated until the garment is clear of it, and grows back as a moving obstacle. Where no depth clears it and
+the garment was clear of the body that it was made for, that body becomes the other one and carries the garment along.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from clothsim.arrays import Floats, Ints
+from clothsim.errors import InputError
+from clothsim.fitting.counts import counted
+from clothsim.fitting.deflate import deflated, half_thickness
+from clothsim.mesh.body import Body
+from clothsim.mesh.cloth import Cloth
+from clothsim.mesh.world import make_world
+from clothsim.scene.untangle import untangled
+from transfer.distance import BodySurface, body_surface
+
+if TYPE_CHECKING:
+    from clothsim.fitting.stage import Stage
+
+DEPTHS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+"""How far the body's surface is moved inward [m], in the order in which they are tried."""
+
+
+@dataclass(frozen=True)
+class Clearing:
+    """A start of the guaranteed path: the stage whose shape it is, and the body `depth` [m] further inside, (k, 3)."""
+
+    stage: "Stage"
+    depth: float
+    body: Floats
+
+
+def clearing(stages: "Sequence[Stage]", triangles: Ints, body: BodySurface) -> Clearing | None:
+    """The least depth that frees the shape of one of `stages`, the first that it frees; None where none does."""
+    half = half_thickness(body)
+    for depth in DEPTHS:
+        thin = deflated(body, depth, half)
+        surface = body_surface(thin, body.triangles)
+        for stage in stages:
+            if counted(stage.positions, triangles, surface).on_body:
+                return Clearing(stage, depth, thin)
+    return None
+
+
+def untangled_from_itself(cloth: Cloth, body: Body) -> tuple[Floats, str] | None:
+    """The cloth's start (n, 3) [m] without intersections with itself and the body, and what was done.
+
+    None where that fails.
+    """
+    try:
+        freed, said = untangled(make_world([cloth], [body]))
+    except InputError:
+        return None
+    return freed.cloths[0].positions, said
