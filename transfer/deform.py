@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csr_array, diags_array
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_array, diags_array, eye_array
 
 from transfer.adjacency import vertex_components
 from transfer.errors import TransferError
@@ -30,8 +31,8 @@ class DeformationTransfer:
     """A target mesh that can be posed; made by `deformation_transfer`.
 
     rest_positions (n, 3) and triangles (m, 3) of the target; averages (m, source triangles named): row t holds the
-    weights, of sum 1, of the source triangles that t follows; weights (m,) of each row; components (n,) -1 where no
-    triangle uses a vertex; the rest is the factorised normal matrix without the pinned vertices.
+    weights, of sum 1, of the source triangles that t follows; components (n,) of the vertices, -1 where no triangle is;
+    free: the vertices that are solved for; anchor: see there; right_hand_side (free, 3m); factor: of the normal matrix.
     """
 
     rest_positions: Floats
@@ -39,39 +40,44 @@ class DeformationTransfer:
     averages: csr_array
     components: Ints
     free: Ints
+    anchor: float
     right_hand_side: csr_array
     factor: Any
 
-    def pose(self, source_rest: Floats, source_triangles: Ints, source_deformed: Floats) -> Floats:
+    def pose(self, source_rest: ArrayLike, source_triangles: ArrayLike, source_deformed: ArrayLike) -> Floats:
         """Target positions (n, 3) for one pose of the source.
 
-        `source_rest` and `source_deformed` (k, 3) share `source_triangles`, the mesh that the pairs name. The place of
-        each component is that of its triangles, carried along by their source triangles: a similarity of the
-        source gives the same similarity of the target. TransferError where a source triangle in use has no area.
+        `source_rest` and `source_deformed` (k, 3) share `source_triangles`, the mesh that the pairs name. A similarity
+        of the source gives the same similarity of the target, its place included: a component without anchors lies
+        where its triangles are carried on average. TransferError where a source triangle in use has no area.
         """
         carried = carry(self.averages, source_rest, source_triangles, source_deformed)
+        right = self.right_hand_side @ carried.gradients.transpose(0, 2, 1).reshape(-1, 3)
+        if self.anchor > 0:
+            right += self.anchor * carried.vertices(self.rest_positions, self.triangles)[self.free]
         positions = np.zeros_like(self.rest_positions)
-        stacked = carried.gradients.transpose(0, 2, 1).reshape(-1, 3)
-        positions[self.free] = self.factor.solve(self.right_hand_side @ stacked)
-        self.place(positions, carried)
-        return positions
+        positions[self.free] = self.factor.solve(right)
+        if self.anchor == 0:
+            positions += self.component_shifts(positions, carried)
+        return self.with_loose_vertices(positions, carried)
 
-    def place(self, positions: Floats, carried: "Carried") -> None:
-        """Move each component to where its triangles are carried; a vertex of no triangle goes with the nearest."""
+    def component_shifts(self, positions: Floats, carried: "Carried") -> Floats:
+        """How far (n, 3) each vertex's component has to move to lie where its triangles are carried on average."""
         rest = centroids(self.rest_positions, self.triangles)
-        asked = carried.move(rest, np.arange(len(rest)))
-        shift = asked - centroids(positions, self.triangles)
+        shift = carried.move(rest) - centroids(positions, self.triangles)
         owner = self.components[self.triangles[:, 0]]
-        used = self.components >= 0
-        count = np.bincount(owner)
-        mean = np.column_stack([np.bincount(owner, shift[:, a]) / count for a in range(3)])
-        positions[used] += mean[self.components[used]]
-        loose = np.flatnonzero(~used)
+        mean = np.column_stack([np.bincount(owner, shift[:, a]) / np.bincount(owner) for a in range(3)])
+        return np.where(self.components[:, None] >= 0, mean[self.components], 0.0)
+
+    def with_loose_vertices(self, positions: Floats, carried: "Carried") -> Floats:
+        """A vertex of no triangle goes with the nearest one."""
+        loose = np.flatnonzero(self.components < 0)
         if len(loose):
+            rest = centroids(self.rest_positions, self.triangles)
             nearest = nearest_rows(rest, self.rest_positions[loose])
-            offset = self.rest_positions[loose] - rest[nearest]
-            moved = centroids(positions, self.triangles)[nearest]
-            positions[loose] = moved + np.einsum("lab,lb->la", carried.gradients[nearest], offset)
+            offset = np.einsum("lab,lb->la", carried.gradients[nearest], self.rest_positions[loose] - rest[nearest])
+            positions[loose] = centroids(positions, self.triangles)[nearest] + offset
+        return positions
 
 
 @dataclass(frozen=True)
@@ -84,12 +90,24 @@ class Carried:
     start: Floats
     end: Floats
 
-    def move(self, points: Floats, rows: Ints) -> Floats:
-        """Where `points` (k, 3), each fixed to a row's source triangles, are taken: b~ + S (p - b)."""
-        return self.end[rows] + np.einsum("kab,kb->ka", self.gradients[rows], points - self.start[rows])
+    def move(self, points: Floats) -> Floats:
+        """Where `points` (m, 3), each fixed to what its row follows, are taken: b~ + S (p - b)."""
+        return self.end + np.einsum("tab,tb->ta", self.gradients, points - self.start)
+
+    def vertices(self, positions: Floats, triangles: Ints) -> Floats:
+        """Where vertices (n, 3) are taken: the mean over their triangles of b~ + S (x - b)."""
+        n, m = len(positions), len(triangles)
+        share = 1.0 / np.maximum(np.bincount(triangles.ravel(), minlength=n), 1)
+        entries = (share[triangles].ravel(), (triangles.ravel(), np.repeat(np.arange(m), 3)))
+        mean = csr_array(entries, shape=(n, m))
+        gradients = (mean @ self.gradients.reshape(m, 9)).reshape(n, 3, 3)
+        origin = self.end - np.einsum("tab,tb->ta", self.gradients, self.start)
+        return mean @ origin + np.einsum("nab,nb->na", gradients, positions)
 
 
-def carry(averages: csr_array, source_rest: Floats, source_triangles: Ints, source_deformed: Floats) -> Carried:
+def carry(
+    averages: csr_array, source_rest: ArrayLike, source_triangles: ArrayLike, source_deformed: ArrayLike
+) -> Carried:
     """The `Carried` of one pose. TransferError for a source that does not fit the pairs."""
     rest, triangles = as_surface("source", source_rest, source_triangles)
     deformed, _ = as_surface("deformed source", source_deformed, source_triangles)
@@ -110,42 +128,42 @@ def carry(averages: csr_array, source_rest: Floats, source_triangles: Ints, sour
 
 
 def deformation_transfer(
-    rest_positions: Floats, triangles: Ints, pairs: Ints, pair_weights: Floats | None = None
+    rest_positions: ArrayLike,
+    triangles: ArrayLike,
+    pairs: ArrayLike,
+    pair_weights: ArrayLike | None = None,
+    anchor: float = 0.0,
 ) -> DeformationTransfer:
     """Factorise once for the target `rest_positions` (n, 3), `triangles` (m, 3).
 
     `pairs` (p, 2): (source triangle, target triangle), many to many; `pair_weights` (p,) > 0, else 1. A target
-    triangle without a pair follows, weakly, what the nearest paired one follows. TransferError for zero-area triangles
-    and for pairs that name no triangle.
+    triangle without a pair follows, weakly, what the nearest paired one follows. One vertex of each component is pinned
+    while solving; with `anchor` > 0 [1 / length^2] nothing is, and anchor |x_i - a_i|^2 is added, a_i being where the
+    vertex is carried by what its triangles follow. TransferError for zero-area triangles and pairs that do not exist.
     """
     rest, triangles = as_surface("target", rest_positions, triangles)
     inverses = inverse_frames(rest, triangles, "the target")
     averages, weights = average_pairs(rest, triangles, pairs, pair_weights)
     components = vertex_components(triangles, len(rest))
-    operator = plane_operator(inverses, triangles, len(rest))
-    used = np.flatnonzero(components >= 0)
-    pins = used[np.unique(components[used], return_index=True)[1]]
-    free = np.setdiff1d(used, pins)
-    columns = operator[:, free]
-    right_hand_side = (columns.T @ diags_array(np.repeat(weights, 3))).tocsr()
-    factor = factorise(right_hand_side @ columns)
-    return DeformationTransfer(rest, triangles, averages, components, free, right_hand_side, factor)
+    free = np.flatnonzero(components >= 0)
+    if anchor == 0:
+        free = np.delete(free, np.unique(components[free], return_index=True)[1])
+    operator = plane_operator(inverses, triangles, len(rest))[:, free]
+    right_hand_side = (operator.T @ diags_array(np.repeat(weights, 3))).tocsr()
+    factor = factorise(right_hand_side @ operator + anchor * eye_array(len(free)))
+    return DeformationTransfer(rest, triangles, averages, components, free, anchor, right_hand_side, factor)
 
 
-def average_pairs(rest: Floats, triangles: Ints, pairs: Ints, pair_weights: Floats | None) -> tuple[csr_array, Floats]:
+def average_pairs(
+    rest: Floats, triangles: Ints, pairs: ArrayLike, pair_weights: ArrayLike | None
+) -> tuple[csr_array, Floats]:
     """Averages (m, source triangles) with rows of sum 1, and the weight (m,) of each row."""
-    pairs = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
+    pairs = as_pairs(pairs, len(triangles))
     given = np.ones(len(pairs)) if pair_weights is None else np.asarray(pair_weights, dtype=np.float64)
-    outside = np.flatnonzero((pairs < 0).any(axis=1) | (pairs[:, 1] >= len(triangles)))
-    if len(pairs) == 0 or len(outside):
-        what = f"pair {outside[0]} is {pairs[outside[0]].tolist()}" if len(outside) else "there is no pair"
-        raise TransferError(
-            f"{what}; the target has {len(triangles)} triangles.", "Give pairs (source triangle, target triangle)."
-        )
     if given.shape != (len(pairs),) or not (given > 0).all():
         raise TransferError("the weights of the pairs are not one positive number a pair.", "Leave out pairs of 0.")
     sums = csr_array((given, (pairs[:, 1], pairs[:, 0])), shape=(len(triangles), pairs[:, 0].max() + 1))
-    weights = np.bincount(pairs[:, 1], given, minlength=len(triangles))
+    weights = np.asarray(np.bincount(pairs[:, 1], given, minlength=len(triangles)), dtype=np.float64)
     bare = np.flatnonzero(weights == 0)
     averages = (diags_array(1.0 / np.where(weights > 0, weights, 1.0)) @ sums).tocsr()
     if len(bare):
@@ -156,6 +174,23 @@ def average_pairs(rest: Floats, triangles: Ints, pairs: Ints, pair_weights: Floa
         averages = averages[lender]
         weights[bare] = WEAK
     return averages, weights
+
+
+def as_pairs(pairs: ArrayLike, target_triangles: int) -> Ints:
+    """`pairs` as int64 (p, 2), p > 0. TransferError where one names no triangle."""
+    given = np.asarray(pairs)
+    if given.ndim != 2 or given.shape[1] != 2 or given.dtype.kind not in "iu" or len(given) == 0:
+        raise TransferError(
+            f"the pairs have shape {given.shape} and type {given.dtype}.",
+            "Give whole numbers (p, 2), p > 0: a source triangle and a target triangle a row.",
+        )
+    outside = np.flatnonzero((given < 0).any(axis=1) | (given[:, 1] >= target_triangles))
+    if len(outside):
+        raise TransferError(
+            f"pair {outside[0]} = {given[outside[0]].tolist()} names no triangle; the target has {target_triangles}.",
+            "Give pairs (source triangle, target triangle), counted from 0.",
+        )
+    return given.astype(np.int64)
 
 
 def nearest_rows(points: Floats, queries: Floats) -> Ints:
