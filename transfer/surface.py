@@ -1,13 +1,16 @@
 """Triangle surfaces as arrays: the checks at the border of the package, edges, normals and curvature."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.sparse import csr_array
 
 from transfer.errors import TransferError
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Sparse = Any
+"""A scipy.sparse array: the library is imported only where it is used."""
 
 
 def as_surface(name: str, positions: ArrayLike, triangles: ArrayLike) -> tuple[Floats, Ints]:
@@ -44,8 +47,10 @@ def edges_of(triangles: Ints) -> Ints:
     return np.unique(both, axis=0).astype(np.int64)
 
 
-def adjacency(edges: Ints, n_vertices: int) -> csr_array:
+def adjacency(edges: Ints, n_vertices: int) -> Sparse:
     """1 where two vertices share an edge, (n, n), symmetric."""
+    from scipy.sparse import csr_array
+
     i, j = edges.T
     ones = np.ones(2 * len(edges))
     return csr_array((ones, (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n_vertices, n_vertices))
