@@ -1,7 +1,8 @@
 """Generated meshes. The sheets are here, the bodies in `shapes`; GENERATORS maps a scene's `mesh` to its function.
 
 Each returns positions (n, 3) [m], centred on the origin, and triangles (m, 3), all wound alike: flat meshes lie in
-z = 0 and face +z, the others face outward. Their keywords are the scene file's keys; InputError names a bad one.
+z = 0 and face +z, the others face outward. The mannequin stands on z = 0, and its garments are where it wears them.
+Their keywords are the scene file's keys; InputError names a bad one.
 """
 
 from collections.abc import Callable, Sequence
@@ -12,6 +13,7 @@ from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
 from clothsim.mesh.arguments import as_count, as_counts, as_lengths
 from clothsim.mesh.lattice import checkerboard, cut_quads, lattice_points, lattice_quads
+from clothsim.mesh.mannequin.body import mannequin
 from clothsim.mesh.shapes import capsule, cone, slab, sphere
 
 JITTER = 0.2
@@ -142,4 +144,5 @@ GENERATORS: dict[str, Callable[..., tuple[Floats, Ints]]] = {
     "slab": slab,
     "capsule": capsule,
     "cone": cone,
+    "mannequin": mannequin,
 }

@@ -10,6 +10,8 @@ from clothsim.mesh.topology import border_edges, unique_edges
 
 DIAGONALS = ("right", "alternating", "crisscross", "delaunay")
 CLOSED = ("sphere", "slab", "capsule", "cone")
+STANDING = ("mannequin",)
+"""Not centred: they are where they stand, and have tests of their own."""
 SMALL = {
     "rectangle": {"size": (0.7, 0.4), "cells": (6, 5)},
     "disk": {"radius": 0.3, "cells": 4},
@@ -47,7 +49,7 @@ def euler(positions, triangles):
     return len(positions) - len(unique_edges(triangles)) + len(triangles)
 
 
-@pytest.mark.parametrize("name", GENERATORS)
+@pytest.mark.parametrize("name", [name for name in GENERATORS if name not in STANDING])
 @pytest.mark.parametrize("keywords", ["default", "small"])
 def test_every_mesh_is_sound_centred_and_typed(name, keywords):
     positions, triangles = GENERATORS[name](**(SMALL[name] if keywords == "small" else {}))

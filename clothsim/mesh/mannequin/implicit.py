@@ -1,0 +1,127 @@
+"""A smooth union of tapered capsules as a function of space: below zero inside, about a distance near the surface.
+
+A limb is a straight axis with elliptic sections whose half axes r(t) follow a cubic through its knots; its ends are
+half ellipsoids. With m the vector from the nearest point of the axis, k0 = |m / r| and k1 = |m / r^2|, its distance is
+taken as k0 (k0 - 1) / k1, exact to first order at the surface of an ellipsoid.
+The union is f = -s log sum_i exp(-f_i / s): symmetric in the limbs, smooth, never above the sharp union.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.arrays import Floats
+
+REACH = 0.25
+"""Where a limb ends to be felt [m]."""
+
+
+@dataclass(frozen=True)
+class Limb:
+    """A tapered capsule. start (3,) [m]; axes (3, 3): rows across, deep, along; length [m]; caps (2,) [m].
+
+    knots (k,): where along the axis the half axes radii (k, 2) [m] are given; slopes (k, 2): their derivatives.
+    """
+
+    start: Floats
+    axes: Floats
+    length: float
+    caps: tuple[float, float]
+    knots: Floats
+    radii: Floats
+    slopes: Floats
+
+    def distance(self, points: Floats) -> tuple[Floats, Floats]:
+        """About the signed distance (n,) [m] of `points (n, 3)` to the surface, and its gradient (n, 3)."""
+        m = (points - self.start) @ self.axes.T
+        along = np.clip(m[:, 2], 0.0, self.length)
+        r, widening = self._radii(along, m[:, 2])
+        m[:, 2] -= along
+        a = m / r
+        b = a / r
+        k0 = np.maximum(np.sqrt(np.einsum("ni,ni->n", a, a)), 1e-12)
+        k1 = np.maximum(np.sqrt(np.einsum("ni,ni->n", b, b)), 1e-9)
+        by_k0, by_k1 = ((2 * k0 - 1) / (k1 * k0))[:, None], (-k0 * (k0 - 1) / k1**3)[:, None]
+        slope = by_k0 * (a / r) + by_k1 * (b / (r * r))
+        by_radius = -(by_k0 * (a * a) + 2 * by_k1 * (b * b)) / r
+        slope[:, 2] += np.einsum("ni,ni->n", by_radius[:, :2], widening)
+        return k0 * (k0 - 1) / k1, slope @ self.axes
+
+    def box(self) -> tuple[Floats, Floats]:
+        """The lowest and the highest corner (3,) [m] of a box that holds it."""
+        ends = np.stack([self.start, self.start + self.length * self.axes[2]])
+        room = max(self.radii.max(), *self.caps)
+        return ends.min(axis=0) - room, ends.max(axis=0) + room
+
+    def _radii(self, along: Floats, place: Floats) -> tuple[Floats, Floats]:
+        """The half axes (n, 3) at `along (n,)`, and how those of the section grow along the axis (n, 2)."""
+        if len(self.knots) == 1:
+            ball = np.append(self.radii[0], self.caps[0])
+            return np.broadcast_to(ball, (len(along), 3)), np.zeros((len(along), 2))
+        k = np.clip(np.searchsorted(self.knots, along, side="right") - 1, 0, len(self.knots) - 2)
+        span = (self.knots[k + 1] - self.knots[k])[:, None]
+        t = (along - self.knots[k])[:, None] / span
+        change = self.radii[k + 1] - self.radii[k]
+        c1, c2 = span * self.slopes[k], 3 * change - span * (2 * self.slopes[k] + self.slopes[k + 1])
+        c3 = span * (self.slopes[k] + self.slopes[k + 1]) - 2 * change
+        section = self.radii[k] + t * (c1 + t * (c2 + t * c3))
+        widening = (c1 + t * (2 * c2 + 3 * t * c3)) / span
+        beside = (place > 0) & (place < self.length)
+        cap = np.where(place > 0.5 * self.length, self.caps[1], self.caps[0])
+        return np.column_stack([section, cap]), widening * beside[:, None]
+
+
+def limb(
+    start: ArrayLike, end: ArrayLike, across: Floats, profile: Sequence[Sequence[float]], caps: tuple[float, float]
+) -> Limb:
+    """A limb from `start (3,)` to `end (3,)` [m]; where they are one point, an ellipsoid that stands along z.
+
+    across (3,): the direction of the first half axis, made normal to the axis; profile: rows (share of the length,
+    half axis across, half axis deep [m]); caps: how far its ends stand out [m].
+    """
+    first, last = np.asarray(start, np.float64), np.asarray(end, np.float64)
+    length = float(np.linalg.norm(last - first))
+    along = (last - first) / length if length else np.array([0.0, 0.0, 1.0])
+    side = np.asarray(across, np.float64) - np.dot(across, along) * along
+    side /= np.linalg.norm(side)
+    table = np.asarray(profile, np.float64)
+    knots, radii = length * table[:, 0], table[:, 1:]
+    slopes = np.zeros_like(radii)
+    if len(knots) > 2:  # of the parabola through three knots; flat at the ends, where the caps begin
+        step, rise = np.diff(knots)[:, None], np.diff(radii, axis=0)
+        each = rise / step
+        slopes[1:-1] = (each[:-1] * step[1:] + each[1:] * step[:-1]) / (step[1:] + step[:-1])
+    return Limb(first, np.stack([side, np.cross(along, side), along]), length, caps, knots, radii, slopes)
+
+
+def smooth_union(limbs: Sequence[Limb], points: Floats, smoothing: float) -> tuple[Floats, Floats]:
+    """f (n,) [m] and its gradient (n, 3) of the union of `limbs`, at `points (n, 3)`; smoothing: s [m].
+
+    A limb whose box is more than REACH away adds less than s exp(-REACH / s) and is left out; far from all, f is REACH.
+    """
+    total, gradient = np.full(len(points), np.exp(-REACH / smoothing)), np.zeros((len(points), 3))
+    for one in limbs:
+        low, high = one.box()
+        near = np.flatnonzero(((points > low - REACH) & (points < high + REACH)).all(axis=1))
+        if len(near):
+            distance, slope = one.distance(points[near])
+            share = np.exp(-np.maximum(distance, -REACH) / smoothing)
+            total[near] += share
+            gradient[near] += share[:, None] * slope
+    return -smoothing * np.log(total), gradient / total[:, None]
+
+
+def lattice_union(limbs: Sequence[Limb], nodes: tuple[Floats, Floats, Floats], smoothing: float, band: float) -> Floats:
+    """f [m] of the union at the nodes of a lattice (x, y, z), exact to s exp(-band / s) where f is below `band`."""
+    total = np.full([len(axis) for axis in nodes], np.exp(-band / smoothing))
+    for one in limbs:
+        low, high = one.box()
+        part = tuple(
+            slice(*np.searchsorted(axis, (low[k] - band, high[k] + band)).tolist()) for k, axis in enumerate(nodes)
+        )
+        points = np.stack(np.meshgrid(*(axis[p] for axis, p in zip(nodes, part, strict=True)), indexing="ij"), axis=3)
+        distance = one.distance(points.reshape(-1, 3))[0].reshape(points.shape[:3])
+        total[part] += np.exp(-np.maximum(distance, -REACH) / smoothing)
+    return np.asarray(-smoothing * np.log(total), np.float64)
