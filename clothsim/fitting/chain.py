@@ -9,6 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from time import perf_counter
+
+import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
@@ -79,15 +82,13 @@ def seeded(task: Task) -> Seeded:
             stages.append(came("transfer", body=body, make=partial(_moved, task, moved)))
             carrier = moved[0].body
         rest = stages[-1].positions if task.resize else garment.positions
-        if not stages[-1].counts.on_body:
+        if not stages[-1].counts.clean:
             stages.append(came("refine", body=body, make=partial(_refined, stages[-1].positions, task)))
     except TransferError as error:
         raise InputError(error.sentence, error.remedy) from error
     worn = Worn(garment, rest, task.fabric, body.triangles, self_contact=True)
     found = Seeded(tuple(stages), worn)
-    if not found.last.counts.on_body:
-        return _guaranteed(found, task, body, carrier)
-    return _untangled(found, task, body) if found.last.counts.self_pairs else found
+    return found if found.last.counts.clean else _guaranteed(found, task, body, carrier)
 
 
 def _moved(task: Task, moved: list[Transferred]) -> tuple[Floats, str]:
@@ -99,33 +100,65 @@ def _refined(positions: Floats, task: Task) -> tuple[Floats, str]:
     from transfer.refine import refine
 
     done = refine(positions, task.garment.triangles, task.target.positions, task.target.triangles)
-    return done.positions, f"DRAPE, eps {1e3 * done.eps:.2g} mm"
+    return done.positions, f"DRAPE, eps {1e3 * np.min(done.eps):.2g} to {1e3 * np.max(done.eps):.2g} mm"
 
 
 def _guaranteed(found: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
     """Deflate and grow; where no depth frees any shape, morph the one body into the other first."""
     tried = found.stages if task.same_body else found.stages[1:]
-    start = clearing(tried[::-1], task.garment.triangles, body)
-    if start is None and not task.same_body and found.stages[0].counts.on_body:
+    done = _freed(found, tried, task, body)
+    if done is None and not task.same_body and found.stages[0].counts.on_body:
         found = _morphed(found, task, body, carrier)
-        if found.failure or found.last.counts.on_body:
+        if found.failure or found.last.counts.clean:
             return found
-        start = clearing([found.last], task.garment.triangles, body)
-    if start is None:
+        done = _freed(found, [found.last], task, body)
+    if done is None:
         counts = found.last.counts
         said = f"No deflation of {task.target.name} frees the garment: {counts}, worst {counts.where}."
         return replace(found, failure=said)
-    return _grown(found, start, task, body)
+    return done
 
 
-def _grown(found: Seeded, start: Clearing, task: Task, body: BodySurface) -> Seeded:
-    """The thin body grows back to its size as a moving obstacle."""
-    thin = body_surface(start.body, body.triangles)
-    shape = start.stage.positions
-    if start.stage.counts.self_pairs:
-        found = _untangled(found.after(start.stage), task, thin)
-        shape = found.last.positions
-    said = f"the body {1e3 * start.depth:.3g} mm thinner, from {start.stage.name}, grown back under IPC"
+def _freed(found: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface) -> Seeded | None:
+    """The shape of one of the stages `tried`, clear of the body and, where that can be had, of itself.
+
+    The shape with the fewest intersections with itself comes first: they are harder to mend than those with the body.
+    None where no depth frees any.
+    """
+    clear = []
+    for stage in sorted(tried[::-1], key=lambda stage: stage.counts.self_pairs):
+        start = clearing(stage.positions, task.garment.triangles, body)
+        if start is None:
+            continue
+        clear.append((stage, start))
+        freed = stage if not stage.counts.self_pairs else _untangled(found, stage, start, task)
+        if freed is not None:
+            return _grown(found if freed is stage else found.after(freed), stage, start, freed.positions, task, body)
+    if not clear:
+        return None
+    stage, start = clear[0]
+    note = "The garment intersects itself and could not be untangled: self_contact is off."
+    meeting = replace(found, worn=replace(found.worn, self_contact=False), notes=(*found.notes, note))
+    return _grown(meeting, stage, start, stage.positions, task, body)
+
+
+def _untangled(found: Seeded, stage: Stage, start: Clearing, task: Task) -> Stage | None:
+    """The shape of a stage freed of intersections with itself and with the thin body; None where that fails."""
+    triangles = task.garment.triangles
+    thin = body_surface(start.body, task.target.triangles)
+    cloth = make_cloth("garment", found.worn.rest, triangles, FABRICS[task.fabric], positions=stage.positions)
+    started = perf_counter()
+    freed = untangled_from_itself(cloth, make_body("body", thin.positions, thin.triangles))
+    if freed is None:
+        return None
+    return staged("untangle", triangles, thin, lambda: freed, task.heard, started)
+
+
+def _grown(found: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface) -> Seeded:
+    """The thin body grows back to its size as a moving obstacle; nothing to do where it is not thinner."""
+    if not start.depth:
+        return found if found.last.positions is shape else found.after(replace(stage, seconds=0.0))
+    said = f"the body {1e3 * start.depth:.3g} mm thinner, from {stage.name}, grown back under IPC"
     return _carried(found, "grow", shape, [start.body, body.positions], task, body, said)
 
 
@@ -152,14 +185,3 @@ def _carried(
     stage = staged(name, task.garment.triangles, body, make, task.heard)
     failure = ended[0] and f"In the stage {name}: {ended[0]}"
     return replace(found.after(stage), failure=failure)
-
-
-def _untangled(found: Seeded, task: Task, body: BodySurface) -> Seeded:
-    """The last shape freed of intersections with itself; where that fails, the garment may go on meeting itself."""
-    fabric, triangles = FABRICS[task.fabric], task.garment.triangles
-    cloth = make_cloth("garment", found.worn.rest, triangles, fabric, positions=found.last.positions)
-    freed = untangled_from_itself(cloth, make_body("body", body.positions, body.triangles))
-    if freed is None:
-        note = "The garment intersects itself and could not be untangled: self_contact is off."
-        return replace(found, worn=replace(found.worn, self_contact=False), notes=(*found.notes, note))
-    return found.after(staged("untangle", task.garment.triangles, body, lambda: freed, task.heard))

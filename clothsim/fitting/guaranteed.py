@@ -4,9 +4,7 @@ The body is deflated until the garment is clear of it, and grows back as a movin
 the garment was clear of the body that it was made for, that body becomes the other one and carries the garment along.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
@@ -18,31 +16,25 @@ from clothsim.mesh.world import make_world
 from clothsim.scene.untangle import untangled
 from transfer.distance import BodySurface, body_surface
 
-if TYPE_CHECKING:
-    from clothsim.fitting.stage import Stage
-
-DEPTHS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+DEPTHS = (0.0, 0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 """How far the body's surface is moved inward [m], in the order in which they are tried."""
 
 
 @dataclass(frozen=True)
 class Clearing:
-    """A start of the guaranteed path: the stage whose shape it is, and the body `depth` [m] further inside, (k, 3)."""
+    """A body `depth` [m] thinner, its vertices (k, 3) [m]: a garment is clear of it."""
 
-    stage: "Stage"
     depth: float
     body: Floats
 
 
-def clearing(stages: "Sequence[Stage]", triangles: Ints, body: BodySurface) -> Clearing | None:
-    """The least depth that frees the shape of one of `stages`, the first that it frees; None where none does."""
+def clearing(garment: Floats, triangles: Ints, body: BodySurface) -> Clearing | None:
+    """The least depth that frees `garment (n, 3)` [m] with `triangles (m, 3)` of the body; None where none does."""
     half = half_thickness(body)
     for depth in DEPTHS:
         thin = deflated(body, depth, half)
-        surface = body_surface(thin, body.triangles)
-        for stage in stages:
-            if counted(stage.positions, triangles, surface).on_body:
-                return Clearing(stage, depth, thin)
+        if counted(garment, triangles, body_surface(thin, body.triangles)).on_body:
+            return Clearing(depth, thin)
     return None
 
 

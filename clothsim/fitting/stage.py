@@ -48,10 +48,18 @@ Heard = Callable[[Stage], None]
 
 
 def staged(
-    name: str, triangles: Ints, body: BodySurface, make: Callable[[], tuple[Floats, str]], heard: Heard
+    name: str,
+    triangles: Ints,
+    body: BodySurface,
+    make: Callable[[], tuple[Floats, str]],
+    heard: Heard,
+    started: float | None = None,
 ) -> Stage:
-    """The stage that `make` makes: its positions and what it did; counted on `body`, heard by the caller's listener."""
-    started = perf_counter()
+    """The stage that `make` makes: its positions and what it did; counted on `body`, heard by the caller's listener.
+
+    started: where the stage began before this call, its `perf_counter`.
+    """
+    started = perf_counter() if started is None else started
     positions, said = make()
     seconds = perf_counter() - started
     stage = Stage(name, seconds, positions, counted(positions, triangles, body), said)
