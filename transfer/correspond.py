@@ -46,9 +46,9 @@ def correspond(
     """Lay the source over the target and pair their triangles.
 
     `markers` (k, 2): (source vertex, target vertex), met exactly; None: derived, for upright bodies that face the same
-    way. Pieces of the source with a marker are fitted to the pieces of the target with one (the largest to the largest
-    where they are derived); the others ride along. TransferError for bad arrays, triangles without area, markers
-    in conflict, surfaces that nowhere face one another.
+    way, met only in the first steps. Pieces of the source with a marker are fitted to the pieces of the target with
+    one (the largest to the largest where they are derived); the others ride along. TransferError for bad arrays,
+    triangles without area, markers in conflict, surfaces that nowhere face one another.
     """
     source = as_surface("source", source_positions, source_triangles)
     target = as_surface("target", target_positions, target_triangles)
@@ -68,7 +68,8 @@ def correspond(
     laid = unit * lay_over(
         start / unit, source[1][fitted], onto, used[:, 0], target[0][used[:, 1]] / unit, markers is None, progress
     )
-    laid[used[:, 0]] = target[0][used[:, 1]]
+    if markers is not None:
+        laid[used[:, 0]] = target[0][used[:, 1]]
     if len(fitted) < len(source[1]):
         laid = ride((start, source[1]), fitted, laid)
     return Correspondence(laid, triangle_pairs((laid, source[1]), target), used, markers is None)

@@ -21,7 +21,7 @@ def derive_markers(source: tuple[Floats, Ints], target: tuple[Floats, Ints]) -> 
     """Markers (k, 2): vertices of the source and of the target that mean the same.
 
     Both are (positions (n, 3), triangles (m, 3)) of one connected piece. Tips are matched by their places in the
-    bounding boxes, bends by the tips that they lie between. TransferError where a mesh is too small for it.
+    bounding boxes, bends by the tips that they lie between. TransferError for a surface without five limbs.
     """
     vertices, ways = zip(*(tips(*mesh) for mesh in (source, target)), strict=True)
     places = [in_box(*mesh)[found] for mesh, found in zip((source, target), vertices, strict=True)]
@@ -47,8 +47,8 @@ def in_box(positions: Floats, triangles: Ints) -> Floats:
 
 
 def tips(positions: Floats, triangles: Ints) -> tuple[Ints, list[Ints]]:
-    """The five tips, the one nearest to the middle (the head) last, and from each of them the way back: predecessors
-    (n,) of the shortest ways to it along edges.
+    """The five tips, the one nearest to the four others (the head) last, and from each of them the way back:
+    predecessors (n,) of the shortest ways to it along edges.
 
     Farthest points first, among those that are farther from the middle than all their neighbours: a knee is not.
     """
@@ -61,15 +61,16 @@ def tips(positions: Floats, triangles: Ints) -> tuple[Ints, list[Ints]]:
     for ends in (edges_of(triangles), edges_of(triangles)[:, ::-1]):
         peaks[ends[from_middle[ends[:, 0]] < from_middle[ends[:, 1]], 0]] = -1.0
     distance = from_middle
-    found, ways = [], []
+    found, ways, distances = [], [], []
     for _ in range(TIPS):
         found.append(int(np.where(peaks > 0, distance, -1.0).argmax()))
         if peaks[found[-1]] <= 0 or distance[found[-1]] == 0:
             raise TransferError(f"the surface has {len(found) - 1} limbs where a body has {TIPS}.", "Give the markers.")
         own, way = dijkstra(graph, directed=False, indices=found[-1], return_predecessors=True)
         ways.append(way)
+        distances.append(own)
         distance = np.minimum(distance, own)
-    order = np.argsort(-from_middle[found])
+    order = np.argsort(-np.array(distances)[:, found].sum(axis=1))
     return np.array(found)[order], [ways[k] for k in order]
 
 

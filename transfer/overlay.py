@@ -23,6 +23,8 @@ CLOSENESS = (1.0, 17.0, 292.0, 5000.0)
 GENTLE = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
 """w_C of softer steps before them, for few or rough markers: w_S spreads a pull over (w_S / w_C)^(1/4) edges, so the
 first moves whole limbs, where 1 already moves single vertices."""
+LET_GO = 1e-3
+"""w_C from which rough markers no longer hold: the limbs lie over one another then, and a marker only bends them."""
 
 
 def lay_over(
@@ -31,13 +33,13 @@ def lay_over(
     target: FacingSurface,
     fixed: Ints,
     places: Floats,
-    gently: bool = False,
+    rough: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Floats:
     """The mesh `positions` (n, 3), `triangles` (m, 3), mean edge 1, laid over `target`.
 
-    Vertices `fixed` (k,) go to `places` (k, 3), at least one in each connected piece; `gently`: these are few or rough,
-    and the GENTLE steps come first. Vertices of no triangle stay.
+    Vertices `fixed` (k,) go to `places` (k, 3), at least one in each connected piece. `rough`: these are few and not
+    exact; the GENTLE steps come first, and from LET_GO on they are free. Vertices of no triangle stay.
     TransferError where no vertex has a point of the target that faces as it does.
     """
     n = len(positions)
@@ -45,30 +47,36 @@ def lay_over(
     smooth = difference_operator(adjacent_triangles(triangles), len(triangles)) @ operator
     normal = SMOOTHNESS * (smooth.T @ smooth) + IDENTITY * (operator.T @ operator)
     right = IDENTITY * (operator.T @ np.tile(np.eye(3), (len(triangles), 1)))
-    moving = np.setdiff1d(np.concatenate([np.unique(triangles), n + np.arange(len(triangles))]), fixed)
-    coupling = normal[moving][:, fixed] @ places
-    system, right = normal[moving][:, moving].tocsc(), right[moving] - coupling
-    laid = positions.copy()
+    unknowns = np.concatenate([np.unique(triangles), n + np.arange(len(triangles))])
+    laid = np.concatenate([positions, np.zeros((len(triangles), 3))])  # vertices, then fourth vertices
+    weights = (0.0, *(GENTLE if rough else ()), *CLOSENESS)
     laid[fixed] = places
-    on_vertices = moving[moving < n]
-    used = len(on_vertices)  # the fourth vertices come after all vertices
-    schedule = (0.0, *(GENTLE if gently else ()), *CLOSENESS)
-    for step, weight in enumerate(schedule):
-        pull, closest = np.zeros(len(moving)), np.zeros((len(moving), 3))
-        if weight:
-            normals = vertex_normals(laid, triangles)[on_vertices]
-            found, closest[:used] = target.closest_valid(laid[on_vertices], normals)
-            pull[:used] = weight * (found >= 0)
-            if not pull.any():
-                raise TransferError(
-                    "nowhere does the target face as the source does.",
-                    "Turn the triangles of one of them, or check the markers.",
-                )
-        solved = factorise(system + diags_array(pull)).solve(right + pull[:, None] * closest)
-        laid[on_vertices] = solved[:used]
+    for step, weight in enumerate(weights):
+        held = fixed[:0] if rough and weight >= LET_GO else fixed
+        moving = np.setdiff1d(unknowns, held)
+        pull, closest = attraction(laid[:n], triangles, target, weight)
+        system = normal[moving]
+        matrix = system[:, moving] + diags_array(pull[moving])
+        known = right[moving] + pull[moving, None] * closest[moving] - system[:, held] @ laid[held]
+        laid[moving] = factorise(matrix).solve(known)
         if progress is not None:
-            progress(f"laying the source over the target: {step + 1} of {len(schedule)}")
-    return laid
+            progress(f"laying the source over the target: {step + 1} of {len(weights)}")
+    return laid[:n]
+
+
+def attraction(laid: Floats, triangles: Ints, target: FacingSurface, weight: float) -> tuple[Floats, Floats]:
+    """For vertices (n) and fourth vertices (m): w_C where there is a valid closest point, else 0; and these points."""
+    pull, closest = np.zeros(len(laid) + len(triangles)), np.zeros((len(laid) + len(triangles), 3))
+    if weight:
+        used = np.unique(triangles)
+        found, closest[used] = target.closest_valid(laid[used], vertex_normals(laid, triangles)[used])
+        pull[used] = weight * (found >= 0)
+        if not pull.any():
+            raise TransferError(
+                "nowhere does the target face as the source does.",
+                "Turn the triangles of one of them, or check the markers.",
+            )
+    return pull, closest
 
 
 def difference_operator(pairs: Ints, count: int) -> csr_array:
