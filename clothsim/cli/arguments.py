@@ -68,3 +68,13 @@ def as_count(option: str, text: str) -> int:
     if not re.fullmatch(r"\d{1,9}", text) or int(text) == 0:
         raise InputError(f"{option} is {text!r}.", "Give a whole number from 1.")
     return int(text)
+
+
+def as_range(option: str, text: str) -> tuple[int, int]:
+    """ "0:15656" as two whole numbers."""
+    found = re.fullmatch(r"(\d{1,9}):(\d{1,9})", text)
+    if not found:
+        raise InputError(
+            f"{option} is {text!r}.", "Give the first vertex and the one behind the last, such as 0:15656."
+        )
+    return int(found[1]), int(found[2])

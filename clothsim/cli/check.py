@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_count, as_positive_number
+from clothsim.cli.dressed import check_dressed
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -14,10 +15,11 @@ if TYPE_CHECKING:
     from clothsim.sim.judge import Judge
 
 _DESCRIPTION = """\
-Examine a mesh file, build a scene, or test every frame of a run for intersections.
+Examine a mesh file, build a scene, test every frame of a run for intersections, or a garment on a body.
 Exit code 1 if something is wrong.
 
   clothsim check shirt.obj
+  clothsim check suit.mhclo --on base.obj --body-group body -o suit.png
 """
 
 
@@ -26,10 +28,17 @@ def add_to(commands: Any) -> None:
     check = commands.add_parser("check", help="examine a mesh, a scene or a run", description=_DESCRIPTION)
     check.add_argument("target", type=Path, metavar="MESH|SCENE|DIR", help="a mesh file, a .toml, or a run")
     mesh = check.add_argument_group("for a mesh file, as in a scene")
-    mesh.add_argument("--body", action="store_true", help="judge it as a body, which may have more faults than a cloth")
+    mesh.add_argument("--body", action="store_true", help="judge it as a body: fewer faults matter")
     mesh.add_argument("--scale", metavar="S", help="its numbers times S are metres")
     mesh.add_argument("--group", metavar="NAME", help="only this group of the file")
     mesh.add_argument("--component", metavar="N", help="only this piece, 0 the largest")
+    worn = check.add_argument_group("for a garment on a body (--scale is then of both)")
+    worn.add_argument("--on", type=Path, metavar="BODY", help="what wears it")
+    worn.add_argument("--body-group", metavar="NAME", help="this group of the body")
+    worn.add_argument("--body-scale", metavar="S", help="its numbers times S are metres")
+    worn.add_argument("--part", metavar="LO:HI", help="only these vertices of MESH")
+    worn.add_argument("--weld", metavar="M", help="sew borders closer than that [m]")
+    worn.add_argument("-o", dest="output", type=Path, metavar="PNG", help="a picture with the bad places marked")
     check.add_argument("--debug", action="store_true", help="show tracebacks")
     check.set_defaults(handler=_check)
 
@@ -43,6 +52,13 @@ def _check(arguments: argparse.Namespace) -> int:
         raise InputError(
             f"{target} is no mesh file.", "--body, --scale, --group and --component are for mesh files only."
         )
+    of_dressed = (arguments.body_group, arguments.body_scale, arguments.part, arguments.weld, arguments.output)
+    if arguments.on is None and any(option is not None for option in of_dressed):
+        raise InputError("--body-group, --body-scale, --part, --weld and -o need --on.", "Name the body: --on BODY.")
+    if arguments.on is not None:
+        if arguments.body or arguments.group or arguments.component or target.is_dir() or target.suffix == ".toml":
+            raise InputError("--on is for a mesh file, without --body, --group and --component.", "Try --part LO:HI.")
+        return check_dressed(arguments)
     if target.is_dir():
         return _check_run(target)
     return _check_scene(target) if target.suffix == ".toml" else _check_mesh(target, arguments)

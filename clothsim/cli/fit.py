@@ -1,13 +1,11 @@
 """`clothsim fit`: a garment made for one body on another."""
 
 import argparse
-import re
 import sys
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from clothsim.cli.arguments import as_positive_number
-from clothsim.errors import InputError
+from clothsim.cli.arguments import as_positive_number, as_range
 
 if TYPE_CHECKING:
     from clothsim.fitting.fit import Fit
@@ -66,7 +64,7 @@ def _fit(arguments: argparse.Namespace) -> int:
             directory,
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
             body_group=arguments.body_group,
-            part=None if arguments.part is None else _range(arguments.part),
+            part=None if arguments.part is None else as_range("--part", arguments.part),
             weld=0.0 if arguments.weld is None else as_positive_number("--weld", arguments.weld),
             fabric=arguments.fabric,
             resize=not arguments.own_size,
@@ -107,10 +105,3 @@ def _picture(done: "Fit") -> list[str]:
     except (ClothsimError, OSError, ImportError) as error:
         return [f"No {PICTURE_NAME}: {error}"]
     return []
-
-
-def _range(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"(\d{1,9}):(\d{1,9})", text)
-    if not found:
-        raise InputError(f"--part is {text!r}.", "Give the first vertex and the one behind the last, such as 0:15656.")
-    return int(found[1]), int(found[2])

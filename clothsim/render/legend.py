@@ -1,5 +1,7 @@
 """The scalar bar and the title, drawn over a finished picture."""
 
+from typing import Any
+
 import numpy as np
 
 from clothsim.arrays import Floats
@@ -28,6 +30,11 @@ def add_legend(image: Floats, half_range: float, title: str) -> np.ndarray:
     if half_range > 0:
         _bar(canvas, half_range, em)
     return np.asarray(canvas)
+
+
+def label(pen: Any, corner: tuple[float, float], text: str, em: float) -> None:
+    """Write a line of letters `em` pixels tall, its upper left corner there."""
+    pen.text(corner, text, fill=_INK, font=_font(em), anchor="la")
 
 
 def _bar(canvas, half_range: float, em: float) -> None:

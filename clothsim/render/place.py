@@ -58,9 +58,9 @@ def draw_place(
     picture = Image.fromarray(bare)
     pen = ImageDraw.Draw(picture, "RGBA")
     for corners in nearest:
-        outline = _pixels(shot.camera, corners, shot.size)
+        outline = pixels(shot.camera, corners, shot.size)
         pen.line([*map(tuple, outline), tuple(outline[0])], fill=(40, 40, 46, 70), width=1)
-    _ring(pen, _pixels(shot.camera, place[None], shot.size)[0], shot.size)
+    ring(pen, pixels(shot.camera, place[None], shot.size)[0], shot.size)
     _veil(pen, margins(shot.size, shot.half_range > 0, said), shot)
     legend = add_legend(np.asarray(picture, float) / 255, shot.half_range, said)
     Image.fromarray(legend).save(path, format="PNG")
@@ -143,7 +143,7 @@ def _behind(corners: Floats, heights: Floats) -> list[Floats]:
     return [np.array([polygon[0], polygon[k], polygon[k + 1]]) for k in range(1, len(polygon) - 1)]
 
 
-def _pixels(camera: Camera, points: Floats, size: tuple[int, int]) -> Floats:
+def pixels(camera: Camera, points: Floats, size: tuple[int, int]) -> Floats:
     """Where points (n, 3) are in the picture, from its upper left corner, (n, 2)."""
     x, y = camera.project(points).T
     return np.column_stack([(x + 1) / 2 * size[0], (1 - y) / 2 * size[1]])
@@ -158,7 +158,7 @@ def _veil(pen: Any, room: Margins, shot: Shot) -> None:
         pen.rectangle([width * (1 - room.right / 2), bottom + 1, width, height], fill=white)
 
 
-def _ring(pen: Any, centre: Floats, size: tuple[int, int]) -> None:
+def ring(pen: Any, centre: Floats, size: tuple[int, int]) -> None:
     """A ring with a dot, light and dark so that it shows on anything."""
     radius, line = 0.035 * min(size), max(2, min(size) // 240)
     for colour, grown in (((255, 255, 255), line), (INK, 0)):

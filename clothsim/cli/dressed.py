@@ -1,0 +1,81 @@
+"""`clothsim check GARMENT --on BODY`: a dressed body."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from clothsim.cli.arguments import as_positive_number, as_range
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim.arrays import Floats
+    from clothsim.fitting.dressed import Dressed
+
+
+def check_dressed(arguments: argparse.Namespace) -> int:
+    """Judge a garment on a body; 1 where something is inside or intersects."""
+    from clothsim.fitting.dressed import read_dressed
+
+    def number(option: str, text: str | None) -> float | None:
+        return None if text is None else as_positive_number(option, text)
+
+    if not arguments.on.exists():
+        raise InputError(f"There is no {arguments.on}.", "Name the file of a body.")
+    if arguments.output is not None and not arguments.output.resolve().parent.is_dir():
+        raise InputError(
+            f"There is no directory {arguments.output.parent}.", "Make it first, or choose another with -o."
+        )
+    found = read_dressed(
+        arguments.target,
+        arguments.on,
+        scale=number("--scale", arguments.scale),
+        body_scale=number("--body-scale", arguments.body_scale),
+        body_group=arguments.body_group,
+        part=None if arguments.part is None else as_range("--part", arguments.part),
+        weld=number("--weld", arguments.weld) or 0.0,
+    )
+    print(f"{arguments.target} on {arguments.on}")
+    for line in (*found.notes, *_lines(found)):
+        print(f"  {line}")
+    if arguments.output is not None:
+        from clothsim.fitting.marks import draw_dressed
+
+        print(f"  {arguments.output}: {draw_dressed(found, arguments.output)}")
+    if found.counts.clean:
+        print("Nothing is wrong.")
+        return 0
+    where = "" if found.counts.place is None else f", worst {found.counts.where}"
+    print(f"Not clean: {found.counts}{where}.")
+    return 1
+
+
+def _lines(found: "Dressed") -> list[str]:
+    """What is wrong, one line for each kind."""
+    import numpy as np
+
+    from clothsim.fitting.dressed import worst_places
+    from clothsim.intersection.pairs import places
+
+    counts, lines = found.counts, []
+    n = len(found.garment.positions)
+    if counts.penetrating_vertices:
+        share = 100 * counts.penetrating_vertices / n
+        lines.append(f"error: {counts.penetrating_vertices:,} of {n:,} vertices ({share:.1f} %) are inside the body")
+        for vertex, depth, place in worst_places(found):
+            lines.append(f"  vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(place)}")
+    else:
+        lines.append(f"none of {n:,} vertices is inside the body")
+    x, own = found.garment.positions, found.garment.triangles
+    for who, pairs, other in (
+        ("the garment and the body", found.body_pairs, found.body.triangles + n),
+        ("the garment and itself", found.self_pairs, own),
+    ):
+        if len(pairs):
+            place = places(np.concatenate([x, found.body.positions]), own, other, pairs[:1])[0]
+            lines.append(f"error: {who} intersect in {len(pairs):,} pairs of triangles, the first near {_at(place)}")
+        else:
+            lines.append(f"{who} do not intersect")
+    return lines
+
+
+def _at(place: "Floats") -> str:
+    return f"({', '.join(f'{value:.3g}' for value in place)}) m"
