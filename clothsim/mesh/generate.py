@@ -12,6 +12,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
 from clothsim.mesh.arguments import as_count, as_counts, as_lengths
+from clothsim.mesh.garments.wardrobe import shirt, skirt, trousers
 from clothsim.mesh.lattice import checkerboard, cut_quads, lattice_points, lattice_quads
 from clothsim.mesh.mannequin.body import mannequin
 from clothsim.mesh.shapes import capsule, cone, slab, sphere
@@ -145,4 +146,7 @@ GENERATORS: dict[str, Callable[..., tuple[Floats, Ints]]] = {
     "capsule": capsule,
     "cone": cone,
     "mannequin": mannequin,
+    "shirt": shirt,
+    "skirt": skirt,
+    "trousers": trousers,
 }

@@ -10,7 +10,7 @@ from clothsim.mesh.topology import border_edges, unique_edges
 
 DIAGONALS = ("right", "alternating", "crisscross", "delaunay")
 CLOSED = ("sphere", "slab", "capsule", "cone")
-STANDING = ("mannequin",)
+STANDING = ("mannequin", "shirt", "skirt", "trousers")
 """Not centred: they are where they stand, and have tests of their own."""
 SMALL = {
     "rectangle": {"size": (0.7, 0.4), "cells": (6, 5)},

@@ -11,9 +11,9 @@ from clothsim.errors import InputError
 from clothsim.mesh.mannequin.skeleton import JOINTS, PLACES, joint
 from clothsim.mesh.mannequin.skin import skinning_weights
 
-TEMPLATE_HEIGHT = 1.69078
+TEMPLATE_HEIGHT = 1.69085
 """From the soles to the crown of the template [m]; a test measures it."""
-TEMPLATE_SOLE = 0.00410
+TEMPLATE_SOLE = 0.00413
 """The height of its lowest point [m]."""
 LEVELS = {
     "ankle": 0.075,
@@ -25,6 +25,8 @@ LEVELS = {
     "neck": 1.43,
 }
 """Where on the template [m] the factors of a figure hold; between them they go over as smooth steps."""
+ARMS_WITH_CHEST = 0.8
+"""How much of the growth of the chest the shoulders share, so that the arms are not drowned in it."""
 TRUNK_AXIS = 0.006
 """y of the axis from which depths grow [m]."""
 
@@ -33,7 +35,8 @@ TRUNK_AXIS = 0.006
 class Figure:
     """The height [m] and what is different from the template at that height, as factors of its own measures.
 
-    chest, waist, hips: girths; shoulder_width: between the shoulder joints; limb_girth: of arms and legs.
+    chest, waist, hips: girths; shoulder_width: between the shoulder joints, which a wider chest moves out as well;
+    limb_girth: of arms and legs.
     """
 
     height: float = 1.7
@@ -54,11 +57,11 @@ class Figure:
 
 RANGES = {
     "height": (0.5, 2.5),
-    "chest": (0.8, 1.5),
-    "waist": (0.8, 1.7),
-    "hips": (0.8, 1.5),
-    "shoulder_width": (0.85, 1.2),
-    "limb_girth": (0.7, 1.3),
+    "chest": (0.8, 1.35),
+    "waist": (0.75, 1.6),
+    "hips": (0.8, 1.45),
+    "shoulder_width": (0.95, 1.15),
+    "limb_girth": (0.75, 1.2),
 }
 """The least and the most of each measure: a template can be carried no farther without folding."""
 
@@ -106,7 +109,8 @@ def _moved_with(place: int, carry: Callable[[Floats, Figure], Floats], points: F
 
 def _column(points: Floats, figure: Figure) -> Floats:
     """Trunk and legs: x and y times factors of z."""
-    wide = [figure.limb_girth, figure.limb_girth, figure.hips, figure.waist, figure.chest, figure.shoulder_width, 1.0]
+    shoulders = figure.shoulder_width + ARMS_WITH_CHEST * (figure.chest - 1)
+    wide = [figure.limb_girth, figure.limb_girth, figure.hips, figure.waist, figure.chest, shoulders, 1.0]
     deep = [*wide[:5], 0.5 * (1 + figure.chest), 1.0]
     z = points[:, 2]
     moved = points.copy()

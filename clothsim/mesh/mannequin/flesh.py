@@ -10,7 +10,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.mesh.mannequin.implicit import Limb, lattice_union, limb, smooth_union
-from clothsim.mesh.mannequin.skeleton import PLACES, joint, mirrored, other_side
+from clothsim.mesh.mannequin.skeleton import PLACES, joint, other_side
 
 SMOOTHING = 0.014
 SOLE, SOLE_SMOOTHING = 0.004, 0.003
@@ -57,7 +57,7 @@ def _left() -> list[Flesh]:
     arm = [
         (0.0, 0.052, 0.050), (0.25, 0.045, 0.045), (0.53, 0.036, 0.035), (0.66, 0.038, 0.036), (1.0, 0.025, 0.020),
     ]  # fmt: skip
-    hand = [(0.0, 0.026, 0.021), (0.45, 0.040, 0.021), (1.0, 0.032, 0.019)]
+    hand = [(0.0, 0.026, 0.021), (0.45, 0.040, 0.023), (1.0, 0.035, 0.022)]
     leg = [
         (0.0, 0.070, 0.078), (0.13, 0.077, 0.085), (0.27, 0.073, 0.081), (0.47, 0.054, 0.059), (0.55, 0.050, 0.054),
         (0.68, 0.052, 0.057), (0.93, 0.031, 0.035), (1.0, 0.030, 0.035),
@@ -66,7 +66,7 @@ def _left() -> list[Flesh]:
     thumb = wrist + 0.035 * along + (0.0, -0.020, 0.0)
     return [
         Flesh(limb(shoulder, wrist, Y, arm, (0.04, 0.02)), ("left_shoulder", "left_elbow")),
-        Flesh(limb(wrist, wrist + 0.130 * along, Y, hand, (0.02, 0.030)), ("left_wrist",)),
+        Flesh(limb(wrist, wrist + 0.120 * along, Y, hand, (0.02, 0.038)), ("left_wrist",)),
         Flesh(
             limb(
                 thumb, thumb + 0.045 * along + (0, -0.022, 0), Y, [(0, 0.020, 0.018), (1, 0.017, 0.017)], (0.02, 0.018)
@@ -111,6 +111,4 @@ def _ball(centre: Floats | tuple, half_axes: tuple[float, float, float]) -> Limb
 
 
 def _mirror(flesh: Flesh) -> Flesh:
-    one = flesh.limb
-    other = Limb(mirrored(one.start), mirrored(one.axes), one.length, one.caps, one.knots, one.radii, one.slopes)
-    return Flesh(other, tuple(other_side(name) for name in flesh.joints))
+    return Flesh(flesh.limb.mirrored(), tuple(other_side(name) for name in flesh.joints))

@@ -7,7 +7,7 @@ The union is f = -s log sum_i exp(-f_i / s): symmetric in the limbs, smooth, nev
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -54,6 +54,11 @@ class Limb:
         ends = np.stack([self.start, self.start + self.length * self.axes[2]])
         room = max(self.radii.max(), *self.caps)
         return ends.min(axis=0) - room, ends.max(axis=0) + room
+
+    def mirrored(self) -> "Limb":
+        """The same limb on the other side of the plane x = 0."""
+        across = np.array([-1.0, 1.0, 1.0])
+        return replace(self, start=across * self.start, axes=across * self.axes)
 
     def _radii(self, along: Floats, place: Floats) -> tuple[Floats, Floats]:
         """The half axes (n, 3) at `along (n,)`, and how those of the section grow along the axis (n, 2)."""

@@ -12,7 +12,7 @@ from clothsim.mesh.mannequin.skin import skinning_weights
 from clothsim.mesh.mannequin.surface_nets import half_surface
 
 CELL = 0.020
-"""The width of the lattice of the body [m]; finer at the hands and under the feet."""
+"""The width of the lattice of the body [m]; finer at the hands, the toes and the soles."""
 
 
 @dataclass(frozen=True)
@@ -27,9 +27,10 @@ class Template:
 @lru_cache(maxsize=1)
 def template() -> Template:
     """The template: the left half, then its mirror image, which share the vertices on x = 0."""
-    x = _lattice_line(-0.5 * CELL, 0.72, (0.42, 0.72), 0.7)
-    y = _lattice_line(-0.24, 0.18, (0.0, 0.0), 1.0)
-    z = _lattice_line(-0.02, 1.76, (-0.02, 0.08), 0.75)
+    x = _lattice_line(-0.5 * CELL, 0.68, (0.46, 0.70), 0.5)
+    y = _lattice_line(-0.22, 0.17, (-0.22, -0.115), 0.65)
+    low = _lattice_line(-0.02, 0.70, (-0.02, 0.08), 0.75)
+    z = np.concatenate([low, _lattice_line(low[-1] + CELL, 1.76, (0.82, 0.92), 0.8)])
     half = half_surface(body_lattice((x, y, z)), (x, y, z))
     positions, triangles = both_halves(*relaxed(*half, body_field))
     weights = skinning_weights(positions)

@@ -14,7 +14,7 @@ from clothsim.mesh.mannequin.skin import skinning_weights
 from clothsim.mesh.mannequin.template import template
 from clothsim.mesh.topology import unique_edges
 
-STOUT = {"height": 1.6, "chest": 1.3, "waist": 1.5, "hips": 1.3, "shoulder_width": 1.1, "limb_girth": 1.25}
+STOUT = {"height": 1.6, "chest": 1.3, "waist": 1.5, "hips": 1.3, "shoulder_width": 1.1, "limb_girth": 1.2}
 
 
 def volume(positions, triangles):
@@ -198,7 +198,7 @@ def test_the_skeleton_is_a_tree_with_mirrored_sides():
     [
         ({"height": -1}, "height must be above 0"),
         ({"height": 170}, "height must be from 0.5 to 2.5 m, not 170"),
-        ({"chest": 0.92e-3}, "chest must be from 0.8 to 1.5, a factor"),
+        ({"chest": 0.92e-3}, "chest must be from 0.8 to 1.35, a factor"),
         ({"waist": "thin"}, "waist must be a number"),
         ({"hips": float("nan")}, "hips must be"),
         ({"limb_girth": 3}, "limb_girth must be from"),
