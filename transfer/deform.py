@@ -4,6 +4,7 @@ min over x of sum over pairs (s, t) of w_st |S_s - T_t|^2, with S_s the source's
 target's. The normal matrix depends on the target and the pairs only: it is factorised once and serves every pose.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,9 +14,9 @@ from scipy.sparse import csr_array, diags_array, eye_array
 
 from transfer.adjacency import vertex_components
 from transfer.errors import TransferError
+from transfer.follow import Carried, followed_source
 from transfer.gradients import (
     centroids,
-    deformation_gradients,
     factorise,
     inverse_frames,
     plane_operator,
@@ -51,7 +52,15 @@ class DeformationTransfer:
         of the source gives the same similarity of the target, its place included: a component without anchors lies
         where its triangles are carried on average. TransferError where a source triangle in use has no area.
         """
-        carried = carry(self.averages, source_rest, source_triangles, source_deformed)
+        return self.follow(source_rest, source_triangles)(source_deformed)
+
+    def follow(self, source_rest: ArrayLike, source_triangles: ArrayLike) -> Callable[[ArrayLike], Floats]:
+        """`pose` for many poses of one source: a function from the deformed source (k, 3) to the target (n, 3)."""
+        source = followed_source(self.averages, source_rest, source_triangles)
+        return lambda deformed: self.solve(source.carried(deformed))
+
+    def solve(self, carried: Carried) -> Floats:
+        """Positions (n, 3) whose gradients are nearest to the carried ones."""
         right = self.right_hand_side @ carried.gradients.transpose(0, 2, 1).reshape(-1, 3)
         if self.anchor > 0:
             right += self.anchor * carried.vertices(self.rest_positions, self.triangles)[self.free]
@@ -61,7 +70,7 @@ class DeformationTransfer:
             positions += self.component_shifts(positions, carried)
         return self.with_loose_vertices(positions, carried)
 
-    def component_shifts(self, positions: Floats, carried: "Carried") -> Floats:
+    def component_shifts(self, positions: Floats, carried: Carried) -> Floats:
         """How far (n, 3) each vertex's component has to move to lie where its triangles are carried on average."""
         rest = centroids(self.rest_positions, self.triangles)
         shift = carried.move(rest) - centroids(positions, self.triangles)
@@ -69,7 +78,7 @@ class DeformationTransfer:
         mean = np.column_stack([np.bincount(owner, shift[:, a]) / np.bincount(owner) for a in range(3)])
         return np.where(self.components[:, None] >= 0, mean[self.components], 0.0)
 
-    def with_loose_vertices(self, positions: Floats, carried: "Carried") -> Floats:
+    def with_loose_vertices(self, positions: Floats, carried: Carried) -> Floats:
         """A vertex of no triangle goes with the nearest one."""
         loose = np.flatnonzero(self.components < 0)
         if len(loose):
@@ -78,53 +87,6 @@ class DeformationTransfer:
             offset = np.einsum("lab,lb->la", carried.gradients[nearest], self.rest_positions[loose] - rest[nearest])
             positions[loose] = centroids(positions, self.triangles)[nearest] + offset
         return positions
-
-
-@dataclass(frozen=True)
-class Carried:
-    """What the source does, averaged for each target triangle: its gradient S (m, 3, 3) and the centroids
-    from (m, 3) and to (m, 3) of what it follows.
-    """
-
-    gradients: Floats
-    start: Floats
-    end: Floats
-
-    def move(self, points: Floats) -> Floats:
-        """Where `points` (m, 3), each fixed to what its row follows, are taken: b~ + S (p - b)."""
-        return self.end + np.einsum("tab,tb->ta", self.gradients, points - self.start)
-
-    def vertices(self, positions: Floats, triangles: Ints) -> Floats:
-        """Where vertices (n, 3) are taken: the mean over their triangles of b~ + S (x - b)."""
-        n, m = len(positions), len(triangles)
-        share = 1.0 / np.maximum(np.bincount(triangles.ravel(), minlength=n), 1)
-        entries = (share[triangles].ravel(), (triangles.ravel(), np.repeat(np.arange(m), 3)))
-        mean = csr_array(entries, shape=(n, m))
-        gradients = (mean @ self.gradients.reshape(m, 9)).reshape(n, 3, 3)
-        origin = self.end - np.einsum("tab,tb->ta", self.gradients, self.start)
-        return mean @ origin + np.einsum("nab,nb->na", gradients, positions)
-
-
-def carry(
-    averages: csr_array, source_rest: ArrayLike, source_triangles: ArrayLike, source_deformed: ArrayLike
-) -> Carried:
-    """The `Carried` of one pose. TransferError for a source that does not fit the pairs."""
-    rest, triangles = as_surface("source", source_rest, source_triangles)
-    deformed, _ = as_surface("deformed source", source_deformed, source_triangles)
-    if len(deformed) != len(rest) or averages.shape[1] > len(triangles):
-        raise TransferError(
-            f"the source has {len(rest)} vertices at rest, {len(deformed)} deformed and {len(triangles)} triangles, "
-            f"but the pairs name triangle {averages.shape[1] - 1}.",
-            "Pose with the mesh that the pairs were made for.",
-        )
-    named = np.flatnonzero(np.bincount(averages.indices, minlength=averages.shape[1]))
-    used = triangles[named]
-    gradients = np.zeros((averages.shape[1], 9))
-    start, end = np.zeros((2, averages.shape[1], 3))
-    inverses = inverse_frames(rest, used, "the source", named)
-    gradients[named] = deformation_gradients(inverses, deformed, used).reshape(-1, 9)
-    start[named], end[named] = centroids(rest, used), centroids(deformed, used)
-    return Carried((averages @ gradients).reshape(-1, 3, 3), averages @ start, averages @ end)
 
 
 def deformation_transfer(

@@ -1,0 +1,77 @@
+"""What a deforming source does, averaged for each triangle that follows some of its triangles."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_array
+
+from transfer.errors import TransferError
+from transfer.gradients import centroids, deformation_gradients, inverse_frames
+from transfer.surface import Floats, Ints, as_points, as_surface
+
+REMEDY = "Pose with the mesh that the pairs were made for."
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What the source does, averaged for each target triangle: its gradient S (m, 3, 3) and the centroids
+    from (m, 3) and to (m, 3) of what it follows.
+    """
+
+    gradients: Floats
+    start: Floats
+    end: Floats
+
+    def move(self, points: Floats) -> Floats:
+        """Where `points` (m, 3), each fixed to what its row follows, are taken: b~ + S (p - b)."""
+        return self.end + np.einsum("tab,tb->ta", self.gradients, points - self.start)
+
+    def vertices(self, positions: Floats, triangles: Ints) -> Floats:
+        """Where vertices (n, 3) are taken: the mean over their triangles of b~ + S (x - b)."""
+        n, m = len(positions), len(triangles)
+        share = 1.0 / np.maximum(np.bincount(triangles.ravel(), minlength=n), 1)
+        entries = (share[triangles].ravel(), (triangles.ravel(), np.repeat(np.arange(m), 3)))
+        mean = csr_array(entries, shape=(n, m))
+        gradients = (mean @ self.gradients.reshape(m, 9)).reshape(n, 3, 3)
+        origin = self.end - np.einsum("tab,tb->ta", self.gradients, self.start)
+        return mean @ origin + np.einsum("nab,nb->na", gradients, positions)
+
+
+@dataclass(frozen=True)
+class FollowedSource:
+    """A source at rest, made ready for many poses; made by `followed_source`.
+
+    vertices: how many it has; triangles (k, 3): those that something follows; inverses (k, 3, 3) of their rest frames;
+    averages (m, k); start (m, 3): the mean of the rest centroids of what each row follows.
+    """
+
+    vertices: int
+    triangles: Ints
+    inverses: Floats
+    averages: csr_array
+    start: Floats
+
+    def carried(self, deformed: ArrayLike) -> Carried:
+        """The `Carried` of the pose `deformed` (vertices, 3). TransferError for another number of vertices."""
+        positions = as_points("deformed source", deformed)
+        if len(positions) != self.vertices:
+            raise TransferError(f"the source has {self.vertices} vertices, the deformed one {len(positions)}.", REMEDY)
+        gradients = deformation_gradients(self.inverses, positions, self.triangles).reshape(-1, 9)
+        mean = (self.averages @ gradients).reshape(-1, 3, 3)
+        return Carried(mean, self.start, self.averages @ centroids(positions, self.triangles))
+
+
+def followed_source(averages: csr_array, rest: ArrayLike, triangles: ArrayLike) -> FollowedSource:
+    """`averages` (m, source triangles): the weights of what each row follows. TransferError where a triangle that
+    something follows does not exist or has no area.
+    """
+    positions, every = as_surface("source", rest, triangles)
+    if averages.shape[1] > len(every):
+        raise TransferError(
+            f"the pairs name triangle {averages.shape[1] - 1} of the source, which has {len(every)}.", REMEDY
+        )
+    named = np.flatnonzero(np.bincount(averages.indices, minlength=averages.shape[1]))
+    used, narrow = every[named], averages[:, named]
+    inverses = inverse_frames(positions, used, "the source", named)
+    return FollowedSource(len(positions), used, inverses, narrow, narrow @ centroids(positions, used))
