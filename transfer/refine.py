@@ -36,8 +36,9 @@ SMOOTHNESS, DAMPING = (4.0, 2.0, 1.0), (0.8, 0.6, 0.4)
 """lam_s and lam_d of the first three passes; later ones keep the last."""
 PASSES = 12
 """At most; measured: three leave 30 mm unrepaired, and what twelve do not repair more do not either."""
-FLOOR, CEILING = 0.1, 0.5
-"""eps is at least this share of the garment's median edge, and from curvature at most that share of the local one."""
+FLOOR, CEILING = 0.1, 0.15
+"""eps is this share of the garment's median edge, and for curvature at most that share of the local one: body meshes
+have creases. Measured on real suits: a floor of .05 leaves 2 intersecting pairs; a ceiling of .5 stretches by 1.52."""
 RESIDUAL, ITERATIONS = 1e-10, 1000
 
 
