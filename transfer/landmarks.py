@@ -7,7 +7,6 @@ face the same way.
 """
 
 import numpy as np
-from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -23,6 +22,8 @@ def derive_markers(source: tuple[Floats, Ints], target: tuple[Floats, Ints]) -> 
     Both are (positions (n, 3), triangles (m, 3)) of one connected piece. Tips are matched by their places in the
     bounding boxes, bends by the tips that they lie between. TransferError for a surface without five limbs.
     """
+    from scipy.optimize import linear_sum_assignment
+
     vertices, ways = zip(*(tips(*mesh) for mesh in (source, target)), strict=True)
     places = [in_box(*mesh)[found] for mesh, found in zip((source, target), vertices, strict=True)]
     distance = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)
