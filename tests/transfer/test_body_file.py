@@ -1,0 +1,145 @@
+"""SMPL-like files: read back exactly, and each fault refused with one sentence."""
+
+import numpy as np
+import pytest
+
+from transfer.body_file import KEYS, body_model, read_body_model
+from transfer.errors import TransferError
+
+
+def arrays(n=12, k=2, j=4):
+    rng = np.random.default_rng(3)
+    regressor, weights = rng.uniform(0, 1, (j, n)), rng.uniform(0, 1, (n, j))
+    return {
+        "v_template": rng.standard_normal((n, 3)).astype(np.float32),
+        "shapedirs": rng.standard_normal((n, 3, k)).astype(np.float32),
+        "posedirs": rng.standard_normal((n, 3, 9 * (j - 1))).astype(np.float32),
+        "J_regressor": regressor / regressor.sum(axis=1, keepdims=True),
+        "weights": (weights / weights.sum(axis=1, keepdims=True)).astype(np.float32),
+        "kintree_table": np.array([[2**32 - 1, 0, 0, 2], [0, 1, 2, 3]], np.uint32),
+        "f": np.array([[0, 1, 2], [2, 1, 3]], np.uint32),
+    }
+
+
+def test_a_file_is_read_as_it_was_written(tmp_path):
+    written = arrays()
+    np.savez(tmp_path / "body.npz", **written, gender="neutral")
+    model = read_body_model(tmp_path / "body.npz")
+    np.testing.assert_array_equal(model.template, written["v_template"])
+    np.testing.assert_array_equal(model.triangles, written["f"])
+    np.testing.assert_array_equal(model.parents, [-1, 0, 0, 2])
+    np.testing.assert_allclose(model.weights.sum(axis=1), 1, atol=1e-15)
+    assert model.template.dtype == np.float64
+    assert model.triangles.dtype == np.int64
+    np.testing.assert_allclose(model.vertices(), written["v_template"])
+
+
+@pytest.mark.parametrize("root", [-1, 2**32 - 1])
+@pytest.mark.parametrize("kind", [np.int64, np.uint32, np.int32])
+def test_the_root_is_known_in_every_integer_type(root, kind):
+    changed = arrays()
+    changed["kintree_table"] = np.array([[root, 10, 10, 12], [10, 11, 12, 13]], np.int64).astype(kind)
+    np.testing.assert_array_equal(body_model(changed).parents, [-1, 0, 0, 2])
+
+
+@pytest.mark.parametrize("key", KEYS)
+def test_a_missing_key_is_named(tmp_path, key):
+    left = {name: value for name, value in arrays().items() if name != key}
+    np.savez(tmp_path / "body.npz", **left)
+    with pytest.raises(TransferError, match=f"body.npz has no '{key}'"):
+        read_body_model(tmp_path / "body.npz")
+
+
+class Bomb:
+    def __reduce__(self):
+        return (pytest.fail, ("the pickle was run",))
+
+
+def test_pickles_are_refused_unread(tmp_path):
+    changed = arrays()
+    changed["J_regressor"] = np.array([Bomb()], object)
+    np.savez(tmp_path / "body.npz", **changed)
+    with pytest.raises(TransferError, match=r"'J_regressor' of body.npz is no plain array. Pickled data is not read"):
+        read_body_model(tmp_path / "body.npz")
+
+
+def test_a_pickle_file_is_refused_unread(tmp_path):
+    import pickle
+
+    (tmp_path / "body.pkl").write_bytes(pickle.dumps(Bomb()))
+    with pytest.raises(TransferError, match=r"body.pkl is no .npz file of plain arrays. Pickled files"):
+        read_body_model(tmp_path / "body.pkl")
+
+
+@pytest.mark.parametrize("content", [b"", b"PK\x03\x04broken", b"hello", b"\x93NUMPY"])
+def test_what_is_no_file_of_arrays_is_refused(tmp_path, content):
+    (tmp_path / "body.npz").write_bytes(content)
+    with pytest.raises(TransferError, match=r"body.npz is no .npz file"):
+        read_body_model(tmp_path / "body.npz")
+
+
+def test_a_cut_file_is_refused(tmp_path):
+    np.savez_compressed(tmp_path / "body.npz", **arrays())
+    whole = (tmp_path / "body.npz").read_bytes()
+    damaged = bytearray(whole)
+    damaged[60:90] = b"\xff" * 30
+    for content in (whole[: len(whole) // 2], bytes(damaged)):
+        (tmp_path / "body.npz").write_bytes(content)
+        with pytest.raises(TransferError):
+            read_body_model(tmp_path / "body.npz")
+
+
+def test_no_file_and_one_array(tmp_path):
+    with pytest.raises(TransferError, match=r"There is no file body.npz"):
+        read_body_model(tmp_path / "body.npz")
+    np.save(tmp_path / "body.npy", np.zeros(3))
+    with pytest.raises(TransferError, match=r"body.npy holds one array"):
+        read_body_model(tmp_path / "body.npy")
+
+
+def changed(key, change):
+    made = arrays()
+    made[key] = change(made[key])
+    return made
+
+
+def put(*index_and_value):
+    *index, value = index_and_value
+
+    def change(array):
+        array = array.copy()
+        array[tuple(index)] = value
+        return array
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("key", "change", "says"),
+    [
+        ("v_template", lambda a: a[:, :2], "v_template must have shape (any, 3), not (12, 2)"),
+        ("v_template", put(3, 1, np.nan), "v_template[3, 1] is not finite"),
+        ("v_template", lambda a: a.astype(str), "v_template must be numbers"),
+        ("shapedirs", lambda a: a[:5], "shapedirs must have shape (12, 3, any), not (5, 3, 2)"),
+        ("shapedirs", lambda a: a[:, :, 0], "shapedirs must have shape"),
+        ("posedirs", lambda a: a[:, :, :9], "posedirs must have shape (12, 3, 27), not (12, 3, 9)"),
+        ("J_regressor", lambda a: a.T, "J_regressor must have shape (4, 12), not (12, 4)"),
+        ("J_regressor", lambda a: 2 * a, "J_regressor[0] sums to 2, not to 1"),
+        ("weights", lambda a: a[:, :3], "weights must have shape (12, 4), not (12, 3)"),
+        ("weights", lambda a: a + np.array([1, -1, 0, 0]), "weights[0, 1] is -"),
+        ("weights", lambda a: 0 * a, "weights[0] sums to 0, not to 1"),
+        ("kintree_table", lambda a: a[0], "kintree_table must be whole numbers of shape (2, j)"),
+        ("kintree_table", lambda a: a.astype(float), "kintree_table must be whole numbers"),
+        ("kintree_table", put(0, 1, 3), "kintree_table gives joint 1 the parent 3"),
+        ("kintree_table", put(0, 1, 9), "kintree_table gives joint 1 the parent 9"),
+        ("kintree_table", put(0, 2, 2**32 - 1), "kintree_table has 2 roots"),
+        ("kintree_table", put(1, 2, 1), "kintree_table names a joint twice"),
+        ("f", put(1, 2, 12), "The body model's triangle 1 = [2, 1, 12] names a vertex outside 0..11"),
+        ("f", lambda a: a.astype(float), "The body model's triangles must be whole numbers"),
+        ("f", lambda a: a.ravel(), "The body model's triangles must have shape (m, 3)"),
+    ],
+)
+def test_arrays_that_do_not_fit_are_named(key, change, says):
+    with pytest.raises(TransferError) as caught:
+        body_model(changed(key, change))
+    assert str(caught.value).startswith(says)
