@@ -23,10 +23,6 @@ class Carried:
     start: Floats
     end: Floats
 
-    def move(self, points: Floats) -> Floats:
-        """Where `points` (m, 3), each fixed to what its row follows, are taken: b~ + S (p - b)."""
-        return self.end + np.einsum("tab,tb->ta", self.gradients, points - self.start)
-
     def vertices(self, positions: Floats, triangles: Ints) -> Floats:
         """Where vertices (n, 3) are taken: the mean over their triangles of b~ + S (x - b)."""
         n, m = len(positions), len(triangles)

@@ -65,9 +65,9 @@ def test_any_pose_is_reproduced_where_the_target_is_the_source():
 
 
 def test_a_pose_there_and_back_returns_the_start_within_a_hundredth_of_the_size():
-    pose = bent(BALL, angle=0.4)
+    pose = bent(BALL, angle=0.3)
     posed = deformation_transfer(TARGET, TRIANGLES, SAME).pose(BALL, TRIANGLES, pose)
-    assert np.abs(posed - TARGET).max() > 0.2 * SIZE
+    assert np.abs(posed - TARGET).max() > 0.15 * SIZE
     back = deformation_transfer(posed, TRIANGLES, SAME).pose(pose, TRIANGLES, BALL)
     assert np.abs(back - TARGET).max() < 0.01 * SIZE
 
