@@ -24,7 +24,12 @@ contact where that is needed, and draped. Leaves what a run leaves, fitted.obj, 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     fit = commands.add_parser("fit", help="fit a garment onto a body", description=_DESCRIPTION)
-    fit.add_argument("garment", type=Path, metavar="GARMENT", help="a mesh file, or MakeHuman clothes (.mhclo)")
+    fit.add_argument(
+        "garment",
+        type=Path,
+        metavar="GARMENT",
+        help="a mesh, .mhclo, or the .toml of a scene with it",
+    )
     fit.add_argument("--from", dest="made_for", type=Path, metavar="BODY", help="the body it lies on (default: --to)")
     fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body that shall wear it")
     fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the garment's name)")

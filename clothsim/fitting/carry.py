@@ -86,7 +86,7 @@ def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, 
     write_obj(folder / START, start, worn.garment.triangles)
     effects = {**settings["effects"], **({"self_contact": {}} if worn.self_contact else {})}
     return Scene(
-        cloth={"name": "garment", "mesh": REST, "fabric": worn.fabric},
+        cloth={"name": "garment", "mesh": REST, "fabric": worn.fabric, "sewn": worn.garment.sewn},
         body=body,
         effects=effects,
         solver=settings["solver"],

@@ -69,30 +69,37 @@ class Seeded:
 
 
 def seeded(task: Task) -> Seeded:
-    """Run the stages until one is clear of the body. InputError for a garment or a body that no stage can take."""
+    """Run the stages until one is clean. InputError for a garment or a body that no stage can take."""
     try:
         body = body_surface(task.target.positions, task.target.triangles)
         worn_by = body if task.same_body else body_surface(task.source.positions, task.source.triangles)
-        garment, heard = task.garment, task.heard
-        came = partial(staged, triangles=garment.triangles, heard=heard)
-        stages = [came("garment", body=worn_by, make=lambda: (garment.positions, f"as it lies on {task.source.name}"))]
-        carrier = task.target.positions
+        stages = _as_it_came(task, worn_by)
+        carrier, rest = task.target.positions, task.garment.positions
+        came = partial(staged, triangles=task.garment.triangles, heard=task.heard)
         if not task.same_body:
             moved: list[Transferred] = []
-            stages.append(came("transfer", body=body, make=partial(_moved, task, moved)))
+            stages.append(came("transfer", body=body, make=partial(_moved, stages[-1].positions, task, moved)))
             carrier = moved[0].body
-        rest = stages[-1].positions if task.resize else garment.positions
+            rest = moved[0].positions if task.resize else rest
         if not stages[-1].counts.clean:
             stages.append(came("refine", body=body, make=partial(_refined, stages[-1].positions, task)))
     except TransferError as error:
         raise InputError(error.sentence, error.remedy) from error
-    worn = Worn(garment, rest, task.fabric, body.triangles, self_contact=True)
+    worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
     found = Seeded(tuple(stages), worn)
     return found if found.last.counts.clean else _guaranteed(found, task, body, carrier)
 
 
-def _moved(task: Task, moved: list[Transferred]) -> tuple[Floats, str]:
-    moved.append(transferred(task.garment, task.source, task.target))
+def _as_it_came(task: Task, worn_by: BodySurface) -> list[Stage]:
+    """The garment on its own body, and freed of intersections with itself where it has some."""
+    garment, said = task.garment, f"as it lies on {task.source.name}"
+    stages = [staged("garment", garment.triangles, worn_by, lambda: (garment.positions, said), task.heard)]
+    freed = _untangled(garment.positions, stages[0], None, worn_by, task) if stages[0].counts.self_pairs else None
+    return stages if freed is None else [*stages, freed]
+
+
+def _moved(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats, str]:
+    moved.append(transferred(replace(task.garment, positions=shape), task.source, task.target))
     return moved[0].positions, moved[0].said
 
 
@@ -105,9 +112,9 @@ def _refined(positions: Floats, task: Task) -> tuple[Floats, str]:
 
 def _guaranteed(found: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
     """Deflate and grow; where no depth frees any shape, morph the one body into the other first."""
-    tried = found.stages if task.same_body else found.stages[1:]
+    tried = [stage for stage in found.stages if task.same_body or stage.name in ("transfer", "refine")]
     done = _freed(found, tried, task, body)
-    if done is None and not task.same_body and found.stages[0].counts.on_body:
+    if done is None and not task.same_body and _own(found).counts.on_body:
         found = _morphed(found, task, body, carrier)
         if found.failure or found.last.counts.clean:
             return found
@@ -126,12 +133,13 @@ def _freed(found: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
     None where no depth frees any.
     """
     clear = []
-    for stage in sorted(tried[::-1], key=lambda stage: stage.counts.self_pairs):
+    for stage in sorted(tried, key=lambda stage: (stage.counts.self_pairs, -tried.index(stage))):
         start = clearing(stage.positions, task.garment.triangles, body)
         if start is None:
             continue
         clear.append((stage, start))
-        freed = stage if not stage.counts.self_pairs else _untangled(found, stage, start, task)
+        thin = body_surface(start.body, body.triangles)
+        freed = stage if not stage.counts.self_pairs else _untangled(found.worn.rest, stage, thin, thin, task)
         if freed is not None:
             return _grown(found if freed is stage else found.after(freed), stage, start, freed.positions, task, body)
     if not clear:
@@ -142,16 +150,15 @@ def _freed(found: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
     return _grown(meeting, stage, start, stage.positions, task, body)
 
 
-def _untangled(found: Seeded, stage: Stage, start: Clearing, task: Task) -> Stage | None:
-    """The shape of a stage freed of intersections with itself and with the thin body; None where that fails."""
-    triangles = task.garment.triangles
-    thin = body_surface(start.body, task.target.triangles)
-    cloth = make_cloth("garment", found.worn.rest, triangles, FABRICS[task.fabric], positions=stage.positions)
-    started = perf_counter()
-    freed = untangled_from_itself(cloth, make_body("body", thin.positions, thin.triangles))
-    if freed is None:
-        return None
-    return staged("untangle", triangles, thin, lambda: freed, task.heard, started)
+def _untangled(
+    rest: Floats, stage: Stage, beside: BodySurface | None, counted_on: BodySurface, task: Task
+) -> Stage | None:
+    """The shape of a stage freed of intersections with itself and with the body `beside`; None where that fails."""
+    started, triangles = perf_counter(), task.garment.triangles
+    cloth = make_cloth("garment", rest, triangles, FABRICS[task.fabric], positions=stage.positions)
+    bodies = [] if beside is None else [make_body("body", beside.positions, beside.triangles)]
+    freed = untangled_from_itself(cloth, bodies)
+    return None if freed is None else staged("untangle", triangles, counted_on, lambda: freed, task.heard, started)
 
 
 def _grown(found: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface) -> Seeded:
@@ -162,13 +169,18 @@ def _grown(found: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Ta
     return _carried(found, "grow", shape, [start.body, body.positions], task, body, said)
 
 
+def _own(found: Seeded) -> Stage:
+    """The stage of the garment on its own body."""
+    return [stage for stage in found.stages if stage.name in ("garment", "untangle")][-1]
+
+
 def _morphed(found: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
     """The source body becomes the target, with the garment on it."""
-    garment = task.garment
-    worn = replace(found.worn, body_triangles=task.source.triangles, self_contact=not found.stages[0].counts.self_pairs)
+    start = _own(found)
+    worn = replace(found.worn, body_triangles=task.source.triangles, self_contact=not start.counts.self_pairs)
     said = f"{task.source.name} became {task.target.name} under IPC"
     frames = [task.source.positions, carrier]
-    done = _carried(replace(found, worn=worn), "morph", garment.positions, frames, task, body, said)
+    done = _carried(replace(found, worn=worn), "morph", start.positions, frames, task, body, said)
     return replace(done, worn=found.worn)
 
 

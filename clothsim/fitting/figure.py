@@ -12,12 +12,16 @@ from clothsim.io.meshes import MeshFile, read_mesh
 from clothsim.io.mhclo import read_clothes
 from clothsim.mesh.check import examine, refuse
 from clothsim.mesh.topology import components, half_edges
+from clothsim.scene.build import build
 from clothsim.scene.sewing import sewn
 from clothsim.scene.shape import Shape
+from clothsim.scene.toml import load_scene
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
 SMALLEST, LARGEST = 0.5, 3.0
 """The largest extent of a body [m]: beyond, its file is in another unit."""
+LONG = 0.5
+"""A piece of a file with at least this share of the file's extent may be the body."""
 
 
 @dataclass(frozen=True)
@@ -85,22 +89,42 @@ def read_garment(
     report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
     refuse(report)
     said = (*shape.notes, *(finding.sentence for finding in report.warnings))
-    return Garment(file.name, shape.positions, shape.triangles, tuple(f"{file.name}: {note}" for note in said))
+    notes = tuple(f"{file.name}: {note}" for note in said)
+    return Garment(file.name, shape.positions, shape.triangles, notes, sewn=bool(weld))
+
+
+def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
+    """The first cloth of a scene as it starts there, sewn and untangled as the scene says, and the first body.
+
+    InputError for a scene without a body, or one that cannot be built.
+    """
+    file = Path(path)
+    built = build(load_scene(file))
+    if not built.world.bodies:
+        raise InputError(f"{file} has no body.", "A scene to fit from holds the garment and the body that it lies on.")
+    cloth, body = built.world.cloths[0], built.world.bodies[0]
+    origin = built.world.origin
+    garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, built.notes, sewn=True)
+    return garment, Figure(body.name, body.positions + origin, body.triangles, 1.0, ())
 
 
 def _largest(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
-    """The largest closed piece of a file, by number of vertices."""
+    """The largest closed piece of a file by number of vertices, of those that are as long as a body: eyes are closed
+    too. Where none is closed, the largest of these.
+    """
     label = components(mesh.triangles, len(mesh.positions))
     of_triangle = label[mesh.triangles[:, 0]]
     pieces = np.unique(of_triangle)
-    sizes = np.bincount(label, minlength=len(label))[pieces]
+    sizes = np.bincount(label)[pieces]
     order = pieces[np.argsort(-sizes, kind="stable")]
-    for piece in order:
+    whole = np.ptp(mesh.positions[mesh.triangles.ravel()], axis=0).max()
+    long = [piece for piece in order if np.ptp(mesh.positions[label == piece], axis=0).max() > LONG * whole]
+    for piece in long:
         chosen = mesh.triangles[of_triangle == piece]
         if is_closed(chosen):
             return _only(mesh, chosen, f"the largest closed piece of {len(pieces)}", len(pieces))
-    chosen = mesh.triangles[of_triangle == order[0]]
-    return _only(mesh, chosen, f"no piece is closed: the largest of {len(pieces)}, and what is inside is a guess", 2)
+    chosen = mesh.triangles[of_triangle == (long or order)[0]]
+    return _only(mesh, chosen, f"the largest piece of {len(pieces)}, which is not closed", 2)
 
 
 def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> tuple[MeshFile, tuple[str, ...]]:

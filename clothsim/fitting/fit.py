@@ -13,7 +13,7 @@ from clothsim.fitting.carry import draped
 from clothsim.fitting.chain import Seeded, Task, seeded
 from clothsim.fitting.cost import Cost, cost_of
 from clothsim.fitting.counts import Counts
-from clothsim.fitting.figure import Figure, read_figure, read_garment
+from clothsim.fitting.figure import Figure, read_figure, read_garment, worn_in_scene
 from clothsim.fitting.stage import Garment, Heard, Stage, staged
 from clothsim.io.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.io.run import Run
@@ -71,21 +71,25 @@ def fit(
     progress: Listener | None = None,
     announce: Announcement | None = None,
 ) -> Fit:
-    """Fit the `garment` made for one body (a mesh file, or MakeHuman clothes) onto the body `to`.
+    """Fit the `garment` made for one body (a mesh file, MakeHuman clothes, or a scene's cloth) onto the body `to`.
 
-    made_for: the body that it lies on; None: `to` itself, on which it is repaired. scale: metres per unit of the
-    garment and of that body (None: as the body's height tells). body_group: a group of the body files. part: (lo, hi),
-    these vertices of the garment's file. weld: borders closer than that are sewn [m]. resize: the garment is made anew
-    in the other body's size; False: its own rest shape is worn. Leaves in `output` (None: a fresh temporary folder)
-    what a run leaves, `fitted.obj`, and the stages in the summary. InputError for bad input.
+    made_for: the body that it lies on (of a scene: its own); None: `to` itself, on which it is repaired. scale: metres
+    per unit of the garment and of that body (None: as the body's height tells). body_group: a group of the body files.
+    part: (lo, hi), these vertices of the garment's file. weld: borders closer than that are sewn [m]. resize: the
+    garment is made anew in the other body's size; False: its own rest shape is worn. Leaves in `output` (None: a fresh
+    temporary folder) what a run leaves, `fitted.obj`, and the stages in the summary. InputError for bad input.
     """
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
     if fabric not in FABRICS:
         raise InputError(f"fabric is {fabric!r}.", f"Known: {', '.join(FABRICS)}.")
-    source = read_figure(made_for or to, scale=scale, group=body_group)
-    target = source if made_for is None else read_figure(to, group=body_group)
-    worn = read_garment(garment, made_for or to, source.scale, part=part, weld=weld)
+    if Path(garment).suffix.lower() == ".toml":
+        worn, source = worn_in_scene(garment)
+        target = read_figure(to, group=body_group)
+    else:
+        source = read_figure(made_for or to, scale=scale, group=body_group)
+        target = source if made_for is None else read_figure(to, group=body_group)
+        worn = read_garment(garment, made_for or to, source.scale, part=part, weld=weld)
     _make_directory(directory)
     task = Task(worn, source, target, fabric, resize, directory, heard)
     found = seeded(task)

@@ -4,6 +4,7 @@ The body is deflated until the garment is clear of it, and grows back as a movin
 the garment was clear of the body that it was made for, that body becomes the other one and carries the garment along.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from clothsim.arrays import Floats, Ints
@@ -38,13 +39,13 @@ def clearing(garment: Floats, triangles: Ints, body: BodySurface) -> Clearing | 
     return None
 
 
-def untangled_from_itself(cloth: Cloth, body: Body) -> tuple[Floats, str] | None:
-    """The cloth's start (n, 3) [m] without intersections with itself and the body, and what was done.
+def untangled_from_itself(cloth: Cloth, bodies: Sequence[Body]) -> tuple[Floats, str] | None:
+    """The cloth's start (n, 3) [m] without intersections with itself and the bodies, and what was done.
 
     None where that fails.
     """
     try:
-        freed, said = untangled(make_world([cloth], [body]))
+        freed, said = untangled(make_world([cloth], bodies))
     except InputError:
         return None
     return freed.cloths[0].positions, said

@@ -12,12 +12,16 @@ from transfer.distance import BodySurface
 
 @dataclass(frozen=True)
 class Garment:
-    """positions (n, 3) [m] as it lies on the body that it was made for; triangles (m, 3); notes: what was chosen."""
+    """positions (n, 3) [m] as it lies on the body that it was made for; triangles (m, 3); notes: what was chosen.
+
+    sewn: its panels were welded, so that three may meet in a seam.
+    """
 
     name: str
     positions: Floats
     triangles: Ints
     notes: tuple[str, ...] = ()
+    sewn: bool = False
 
 
 @dataclass(frozen=True)

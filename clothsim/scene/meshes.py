@@ -23,7 +23,7 @@ from clothsim.scene.shape import PART, Shape, examined, name_of, placed
 
 PLACE = ("name", "mesh", "position", "rotation_degrees")
 FABRIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness")
-CLOTH = ("velocity", "fabric", "weld", "rest", *FABRIC)
+CLOTH = ("velocity", "fabric", "weld", "sewn", "rest", *FABRIC)
 MOTION = ("velocity", "rotate_degrees_per_second", "centre")
 
 
@@ -38,7 +38,8 @@ def cloth_of(
     """The cloth of a [cloth] table with its `cloth_shape`, and what the user should know of it.
 
     start: (n, 3) where the vertices of the shape start [m], if not where the table places them. Panels are sewn where
-    they touch: in the file; with rest = "vt" and a start, in the start, for such files hold the panels apart.
+    they touch: in the file (sewn = true: they are one mesh already, in which seams of three layers are no fault);
+    with rest = "vt" and a start, in the start, for such files hold the panels apart.
     """
     label = name_of(keys, where)
     fabric, fabric_note = _fabric(keys, where)
@@ -50,7 +51,8 @@ def cloth_of(
     gap = as_positive(f"{where}.weld", keys.get("weld", 0.0), zero=True)
     if gap:
         shape, start = sewn(label, shape, start, gap, at_start=rest == "vt")
-    warnings = examined(label, shape, "sewn cloth" if gap else "cloth")
+    layers = _flag(f"{where}.sewn", keys.get("sewn", False))
+    warnings = examined(label, shape, "sewn cloth" if gap or layers else "cloth")
     cloth = make_cloth(
         label,
         shape.positions,
@@ -74,6 +76,12 @@ def body_of(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body,
     refuse_unknown(f"{where}.motion", motion, MOTION)
     motion.setdefault("centre", as_vector(f"{where}.position", keys.get("position", (0, 0, 0))))
     return make_body(name_of(keys, where), positions, shape.triangles, rigid_motion(**motion)), notes
+
+
+def _flag(name: str, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise InputError(f"{name} is {value!r}.", "Give true or false.")
+    return value
 
 
 def _shape(keys: Mapping[str, Any], where: str, directory: Path, common: tuple[str, ...]) -> Shape:
