@@ -30,7 +30,7 @@ def contact_energy(
     backend: str,
 ) -> Energy:
     """The barrier of the effect `name` on `surface`. InputError where the start is not free of contact."""
-    distance = default_d_hat(edge_lengths(world)) if d_hat == "auto" else as_positive(f"effects.{name}.d_hat", d_hat)  # type: ignore[arg-type]
+    distance = _distance(name, world, d_hat)
     thickness = as_positive(f"effects.{name}.offset", offset, zero=True)
     adaptive = stiffness == "auto"
     kappa = 1.0 if adaptive else as_positive(f"effects.{name}.stiffness", stiffness)  # type: ignore[arg-type]
@@ -49,6 +49,21 @@ def contact_energy(
         searches = IpctkCandidates(surface, distance, reach=distance)
         return IpctkBarrier(searches, distance, 0.0, world.vertex_areas, world.masses, kappa, adaptive)
     return Barrier(candidates, distance, thickness, world.vertex_areas, world.masses, kappa, adaptive)
+
+
+def _distance(name: str, world: World, d_hat: float | str) -> float:
+    """d_hat [m]: "auto" from the mesh, else as given. InputError for one beyond which everything touches everything."""
+    usual = default_d_hat(edge_lengths(world))
+    if d_hat == "auto":
+        return usual
+    given = as_positive(f"effects.{name}.d_hat", d_hat)  # type: ignore[arg-type]
+    size = float(np.ptp(world.start()[: world.n_cloth], axis=0).max())
+    if given >= size:
+        raise InputError(
+            f"effects.{name}.d_hat is {given:g} m, and the whole cloth is {size:.3g} m long.",
+            f"It is the gap where contact begins to push: {usual:g} m would suit the mesh.",
+        )
+    return given
 
 
 def edge_lengths(world: World) -> Floats:

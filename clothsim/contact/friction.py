@@ -131,8 +131,16 @@ def friction(
     contact counts as sticking, "auto": a thousandth of the largest cloth a second; iterations: solves of a step.
     """
     table = np.full((len(world.names),) * 2, as_positive("effects.friction.coefficient", coefficient, zero=True))
+    given: dict[frozenset[int], int] = {}
     for number, entry in enumerate(pairs):
         a, b, mu = _pair(world, number, entry)
+        first = given.setdefault(frozenset((a, b)), number)
+        if first != number:
+            raise InputError(
+                f"effects.friction.pairs[{number}] gives {world.names[a]} and {world.names[b]} a coefficient again, "
+                f"after pairs[{first}].",
+                "Leave one of the two.",
+            )
         table[a, b] = table[b, a] = mu
     if not table.any():
         return Off("every coefficient is 0")

@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 from clothsim.energies.base import Constraint, Energy, Off
 from clothsim.errors import InputError
-from clothsim.mesh.motion import FrameMotion
 from clothsim.mesh.origin import about_its_own_origin
 from clothsim.mesh.world import World, make_world
 from clothsim.scene.effects import CONTACTS, EFFECTS
 from clothsim.scene.held import refuse_unheld
 from clothsim.scene.meshes import body_of, cloth_of, cloth_shape
+from clothsim.scene.remarks import remarks
 from clothsim.scene.scene import Scene
 from clothsim.scene.seed import seeded
 from clothsim.scene.untangle import untangled
@@ -52,19 +52,8 @@ def build(scene: Scene) -> Built:
         raise InputError("The scene has no effect that is on.", f"Name some: {', '.join(EFFECTS)}.")
     refuse_unheld(world, energies, constraints.values())
     dt = min(scene.solver_settings().dt, 1 / scene.run_settings().frames_per_second)
-    said = (*notes, *_without_effect(world, energies), *_cut_corners(world, dt))
+    said = (*notes, *remarks(world, energies, dt))
     return Built(world, energies, constraints, off, said)
-
-
-def _without_effect(world: World, energies: dict[str, Energy]) -> list[str]:
-    """What the scene says that no effect of it listens to."""
-    unheard = []
-    moving = [cloth.name for cloth in world.cloths if cloth.velocity.any()]
-    if moving and "inertia" not in energies:
-        unheard.append(f"{moving[0]}: velocity does nothing without effects.inertia.")
-    if len(world.ghosts) and "bending" not in energies:
-        unheard.append("pins: clamp does nothing without effects.bending.")
-    return unheard
 
 
 def _world(scene: Scene) -> tuple[World, list[str]]:
@@ -86,14 +75,3 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
         world, done = untangled(world)
         notes.append(done)
     return about_its_own_origin(world), notes
-
-
-def _cut_corners(world: World, dt: float) -> list[str]:
-    """Bodies whose frames are shorter than a step of `dt` [s]."""
-    said = []
-    for body in world.bodies:
-        motion = body.motion
-        if isinstance(motion, FrameMotion) and not motion.still and dt * motion.frames_per_second > 1 + 1e-9:
-            frame = 1 / motion.frames_per_second
-            said.append(f"{body.name}: within a step of {dt:g} s it moves straight past its frames of {frame:g} s.")
-    return said

@@ -61,7 +61,9 @@ class Seed:
 
     def __post_init__(self) -> None:
         if self.from_ == "transfer":
-            raise InputError('seed.from "transfer" is not built yet.', 'Use "rest" or "file".')
+            raise InputError(
+                'seed.from "transfer" is a command of its own.', "`clothsim fit GARMENT --from BODY --to BODY` does it."
+            )
         if self.from_ not in ("rest", "file"):
             raise InputError(f"seed.from is {self.from_!r}.", 'Known: "rest", "file".')
         if not self.file.isprintable():

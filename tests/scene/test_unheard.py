@@ -42,3 +42,37 @@ def test_a_body_that_leaps_through_the_cloth_is_refused():
     with pytest.raises(InputError, match="blade turns 180 degrees in a step") as refusal:
         prepare(scene, build(scene))
     assert "below 0.005 s" in refusal.value.remedy
+
+
+def contact_notes(cloth, effects, body):
+    scene = Scene(
+        cloth=cloth, body=body, effects={"membrane": {}, "inertia": {}, **effects}, solver={"linear": "superlu"}
+    )
+    return " ".join(prepare(scene, build(scene)).notes)
+
+
+BALL = {"name": "ball", "mesh": "sphere", "radius": 0.5}
+SMALL = {**CLOTH, "size": [0.1, 0.1]}
+
+
+def test_cloth_wholly_inside_a_body_is_told():
+    inside = contact_notes(SMALL, {"body_contact": {}}, BALL)
+    assert "cloth starts inside ball, all of it, such as vertex 0: contact keeps it in" in inside
+    above = {**SMALL, "position": [0, 0, 0.6]}
+    assert "starts inside" not in contact_notes(above, {"body_contact": {}}, BALL)
+    assert "starts inside" not in contact_notes(SMALL, {}, BALL)
+
+
+def test_a_d_hat_wider_than_the_edges_is_told_and_one_wider_than_the_cloth_refused():
+    above = {**SMALL, "position": [0, 0, 0.7]}
+    assert "more than the median edge" in contact_notes(above, {"body_contact": {"d_hat": 0.06}}, BALL)
+    assert "median edge" not in contact_notes(above, {"body_contact": {"d_hat": 0.01}}, BALL)
+    with pytest.raises(InputError, match=r"effects.body_contact.d_hat is 0.2 m.*the whole cloth is 0.1 m long"):
+        contact_notes(above, {"body_contact": {"d_hat": 0.2}}, BALL)
+
+
+def test_two_coefficients_for_one_pair_are_refused():
+    above = {**SMALL, "position": [0, 0, 0.7]}
+    effects = {"body_contact": {}, "friction": {"pairs": [["cloth", "ball", 0.2], ["ball", "cloth", 0.4]]}}
+    with pytest.raises(InputError, match=r"pairs\[1\] gives ball and cloth a coefficient again"):
+        contact_notes(above, effects, BALL)
