@@ -8,6 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
+from clothsim.mesh.mannequin.collapse import collapsed
 from clothsim.mesh.topology import border_edges, half_edges, interior_edges, unique_edges
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
@@ -37,24 +38,45 @@ def on_curve(points: Floats, field: Field, level: float, cut: Field, steps: int 
 def relaxed(
     positions: Floats, triangles: Ints, field: Field, level: float = 0.0, *, cut: Field | None = None, passes: int = 12
 ) -> tuple[Floats, Ints]:
-    """The half mesh with `passes` rounds of flips and moves. cut: where its border is held (0 on it), None: closed."""
-    middle = positions[:, 0] == 0
+    """The half mesh after `passes` rounds of flips and moves, with crowded vertices taken out on the way.
+
+    cut: a function that is 0 where the border is held; None: the whole mesh is closed.
+    """
+    for _ in range(2):
+        positions, triangles = _moved(positions, triangles, field, level, cut, passes // 3)
+        positions, triangles = collapsed(positions, triangles, _on_border(positions, triangles))
+    positions, triangles = _moved(positions, triangles, field, level, cut, passes // 3)
+    held = _on_border(positions, triangles)
+    return _put(positions, held, field, level, cut, 2), flipped(positions, triangles, positions[:, 0] == 0, held)
+
+
+def _moved(
+    positions: Floats, triangles: Ints, field: Field, level: float, cut: Field | None, passes: int
+) -> tuple[Floats, Ints]:
+    middle, held = positions[:, 0] == 0, _on_border(positions, triangles)
     border = _border(triangles, middle)
-    held = np.zeros(len(positions), bool)
-    held[border.ravel()] = True
     for _ in range(passes):
         triangles = flipped(positions, triangles, middle, held)
-        positions = positions + 0.6 * (_neighbour_means(positions, triangles, border, held) - positions)
-        positions[middle, 0] = 0.0
-        positions[~held] = on_surface(positions[~held], field, level, 1)
-        if cut is not None:
-            positions[held] = on_curve(positions[held], field, level, cut, 1)
-        positions[middle, 0] = 0.0
-    positions[~held] = on_surface(positions[~held], field, level)
+        moved = positions + 0.6 * (_neighbour_means(positions, triangles, border, held) - positions)
+        moved[middle, 0] = 0.0
+        positions = _put(moved, held, field, level, cut, 1)
+    return positions, triangles
+
+
+def _put(positions: Floats, held: np.ndarray, field: Field, level: float, cut: Field | None, steps: int) -> Floats:
+    """The vertices back on the surface, the `held` ones on the border as well."""
+    put = positions.copy()
+    put[~held] = on_surface(positions[~held], field, level, steps)
     if cut is not None:
-        positions[held] = on_curve(positions[held], field, level, cut)
-    positions[middle, 0] = 0.0
-    return positions, flipped(positions, triangles, middle, held)
+        put[held] = on_curve(positions[held], field, level, cut, steps)
+    put[positions[:, 0] == 0, 0] = 0.0
+    return put
+
+
+def _on_border(positions: Floats, triangles: Ints) -> np.ndarray:
+    held = np.zeros(len(positions), bool)
+    held[_border(triangles, positions[:, 0] == 0)] = True
+    return held
 
 
 def flipped(positions: Floats, triangles: Ints, middle: np.ndarray, held: np.ndarray) -> Ints:
@@ -81,6 +103,8 @@ def flipped(positions: Floats, triangles: Ints, middle: np.ndarray, held: np.nda
         _, keep = np.unique(pairs[chosen, 0], return_index=True)
         chosen = chosen[keep]
         chosen = chosen[~np.isin(pairs[chosen, 0], pairs[chosen, 1]) & _first(pairs[chosen, 1])]
+    loses = np.bincount(np.concatenate([start[chosen], end[chosen]]), minlength=len(positions))
+    chosen = chosen[(degree - loses)[corners[chosen, :2]].min(axis=1) >= 4]
     changed = triangles.copy()
     changed[pairs[chosen, 0]] = np.column_stack([start, two, one])[chosen]
     changed[pairs[chosen, 1]] = np.column_stack([two, end, one])[chosen]

@@ -48,7 +48,7 @@ def test_a_garment_is_a_sound_cloth_with_clean_borders(name, edge):
     for loop in borders:  # flat: a border is where one plane cuts
         singular = np.linalg.svd(positions[loop] - positions[loop].mean(axis=0), compute_uv=False)
         assert singular[2] / np.sqrt(len(loop)) < 1e-4
-    assert smallest_angle(positions, triangles) > 5
+    assert smallest_angle(positions, triangles) > 12
     ends = positions[unique_edges(triangles)]
     lengths = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
     assert np.median(lengths) == pytest.approx(edge, rel=0.12)

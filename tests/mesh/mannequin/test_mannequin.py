@@ -65,7 +65,7 @@ def test_it_is_a_closed_surface_of_the_promised_size():
 def test_its_triangles_are_no_slivers():
     positions, triangles = mannequin()
     angles = smallest_angles(positions, triangles)
-    assert angles.min() > 15
+    assert angles.min() > 20
     assert np.percentile(angles, 1) > 30
     edges = unique_edges(triangles)
     lengths = np.linalg.norm(positions[edges[:, 0]] - positions[edges[:, 1]], axis=1)
