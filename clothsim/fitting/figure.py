@@ -13,6 +13,7 @@ from clothsim.io.mhclo import read_clothes
 from clothsim.mesh.check import examine, refuse
 from clothsim.mesh.topology import components, half_edges
 from clothsim.scene.build import build
+from clothsim.scene.meshes import body_of
 from clothsim.scene.sewing import sewn
 from clothsim.scene.shape import Shape
 from clothsim.scene.toml import load_scene
@@ -42,11 +43,13 @@ class Figure:
 
 
 def read_figure(path: str | Path, *, scale: float | None = None, group: str | None = None) -> Figure:
-    """The body in a file: its `group`, else its largest closed piece, else (a note) its largest piece.
+    """The body in a file: its `group`, else its largest closed piece, else its largest; or the first body of a scene.
 
     scale: metres per unit; None: what makes its largest extent that of a person. InputError where none does.
     """
     file = Path(path)
+    if file.suffix.lower() == ".toml":
+        return _of_scene(file)
     if group is not None:
         mesh = read_mesh(file, group=group)
         said: tuple[str, ...] = ()
@@ -56,6 +59,15 @@ def read_figure(path: str | Path, *, scale: float | None = None, group: str | No
     factor, unit = (scale, ()) if scale is not None else _unit(file, extent)
     notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *said, *unit))
     return Figure(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
+
+
+def _of_scene(file: Path) -> Figure:
+    """The first body of a scene, as it stands there."""
+    scene = load_scene(file)
+    if not scene.bodies:
+        raise InputError(f"{file} has no body.", "Name a mesh file, or a scene with a [body].")
+    body, notes = body_of(scene.bodies[0], "body", scene.directory)
+    return Figure(body.name, body.positions, body.triangles, 1.0, notes)
 
 
 def read_garment(

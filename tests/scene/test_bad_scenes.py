@@ -137,7 +137,7 @@ NOT_BUILT = {
     for name in ("air", "pressure", "seams", "strain_limit", "fibres")
 } | {
     "bdf2": (changed("dt =", 'integrator = "bdf2"\ndt ='), "bdf2.* is not built yet", "backward_euler"),
-    "transfer": (changed("[run]", '[seed]\nfrom = "transfer"\n[run]'), "transfer.* a command of its own", "clothsim fit"),
+    "transfer": (changed("[run]", '[seed]\nfrom = "transfer"\n[run]'), "transfer.* command of its own", "clothsim fit"),
     "midedge": (with_effect('[effects.bending]\nmodel = "midedge"'), "midedge.* is not built yet", "hinge"),
 }
 
