@@ -22,6 +22,8 @@ from clothsim.scene.fabrics import FABRICS
 from transfer.distance import body_surface
 
 FITTED = "fitted.obj"
+FALLING = 0.5
+"""A garment that is faster than that at the end of its drape [m/s] is not settling."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,7 @@ def _simulated(
 ) -> Fit:
     """The drape, and what is left of it."""
     run, stages = None, found.stages
+    notes: tuple[str, ...] = ()
     status, reason = "failed", found.failure
     if not found.failure:
         body = body_surface(task.target.positions, task.target.triangles)
@@ -118,6 +121,7 @@ def _simulated(
         simulated = run.status == "completed" and stage.counts.on_body
         status, reason = ("completed" if simulated else "refined"), run.reason
         stages = (*stages, stage) if simulated else stages
+        notes = _unsettled(run)
     done = Fit(
         task.folder,
         status,
@@ -128,10 +132,19 @@ def _simulated(
         stages,
         run,
         cost_of(task.garment, stages[-1].positions),
-        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *found.notes),
+        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *found.notes, *notes),
     )
     _write(done, perf_counter() - started)
     return done
+
+
+def _unsettled(run: Run) -> tuple[str, ...]:
+    """A word where the garment is still under way when the drape ends."""
+    record = run.record()
+    fastest = record[-1]["fastest"] if record else 0.0
+    if fastest < FALLING:
+        return ()
+    return (f"At its end the garment still moves at {fastest:.2g} m/s: it may hang on nothing, and fall off.",)
 
 
 def _write(done: Fit, seconds: float) -> None:

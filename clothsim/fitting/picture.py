@@ -28,7 +28,14 @@ def draw_fit(done: "Fit", file: Path) -> str:
     for title, positions, figure, stretches in _panels(done):
         surfaces = _surfaces(done.garment, positions, figure, stretches)
         shot = take_aim(
-            [surfaces], size=SIZE, colour="stretch", up=figure.up, view=_view(figure), title=title, renderer="auto"
+            [surfaces],
+            size=SIZE,
+            colour="stretch",
+            up=figure.up,
+            view=_view(figure),
+            title=title,
+            renderer="auto",
+            focus=np.concatenate([figure.positions, positions]),
         )
         panels.append(expose(shot, surfaces))
         note = shot.note
