@@ -122,7 +122,8 @@ def _run(
 ) -> Run:
     """Step to the end of the scene, writing as it goes; whatever stops it, the frames so far are on disk."""
     surfaces = world_surfaces(session.built.world)
-    certificate = replace(certificate, moved_by_script=_scripted(session.built))
+    scripted = _scripted(session.built)
+    certificate = replace(certificate, moved_by_script=scripted, formula=session.integrator.formula)
     judge = judge_of(surfaces, session.scene.effects, session.built.energies)
     kept = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
     if not resumed:

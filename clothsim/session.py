@@ -11,6 +11,7 @@ from clothsim.mesh.motion import RigidMotion
 from clothsim.mesh.world import World
 from clothsim.scene.build import Built
 from clothsim.scene.scene import Scene
+from clothsim.sim.formula import BACKWARD_EULER
 from clothsim.sim.stepping import Integrator
 from clothsim.solve.ledger import Account, Ledger
 from clothsim.solve.linear import slowness
@@ -51,10 +52,12 @@ def prepare(scene: Scene, built: Built) -> Session:
     dt = min(settings.dt, run.duration, frame)
     if "body_contact" in built.energies:
         _refuse_leaps(built.world, dt)
-    integrator = Integrator(built.world, potential, built.constraints, system, newton, dt, ramp)
+    formula = settings.integrator if "inertia" in built.energies else BACKWARD_EULER
+    integrator = Integrator(built.world, potential, built.constraints, system, newton, dt, ramp, formula=formula)
     shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if frame < settings.dt else ""
     slow = slowness(system.solver) if settings.linear == "auto" else ""
-    notes = (*built.notes, *filter(None, [shorter, slow]))
+    unheard = "" if formula == settings.integrator else f"{settings.integrator} does nothing without effects.inertia."
+    notes = (*built.notes, *filter(None, [shorter, slow, unheard]))
     return Session(scene, built, integrator, notes)
 
 

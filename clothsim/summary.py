@@ -1,5 +1,6 @@
 """What a run tells of itself: a line a step, progress, the checkpoint's counters, and the summary at its end."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,7 @@ from clothsim.session import Session
 from clothsim.sim.certificate import Certificate
 from clothsim.sim.failure import Failure
 from clothsim.sim.judge import Judge
-from clothsim.sim.state import State
+from clothsim.sim.state import Previous, State
 from clothsim.sim.stepping import StepReport
 from clothsim.solve.ledger import Account, Ledger
 from clothsim.solve.memory import peak_memory
@@ -110,6 +111,7 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
         "phases": potential.ledger.phases,
         "linear_solves": potential.ledger.linear_solves,
     }
+    before = state.previous
     return Checkpoint(
         time=state.time,
         dt=state.dt,
@@ -122,15 +124,26 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
         counters=counters,
         blocked_at=state.blocked_at,
         blocked=state.blocked,
+        previous_positions=None if before is None else before.positions,
+        previous_velocities=None if before is None else before.velocities,
+        previous_dt=math.nan if before is None else before.dt,
     )
 
 
 def state_of(saved: Checkpoint) -> State:
     """The state that `checkpoint_of` kept."""
-    counts = saved.step, saved.frame
-    memory = saved.counters.get("memory", {})
+    x, v = saved.previous_positions, saved.previous_velocities
     return State(
-        saved.time, saved.dt, *counts, saved.positions, saved.velocities, saved.blocked_at, saved.blocked, memory
+        saved.time,
+        saved.dt,
+        saved.step,
+        saved.frame,
+        saved.positions,
+        saved.velocities,
+        saved.blocked_at,
+        saved.blocked,
+        memory=saved.counters.get("memory", {}),
+        previous=None if x is None or v is None else Previous(x, v, saved.previous_dt),
     )
 
 

@@ -122,6 +122,34 @@ def test_a_resumed_run_has_the_bits_of_one_that_never_stopped(run, tmp_path, ste
         assert resumed.summary[key] == run.summary[key]
 
 
+@pytest.mark.parametrize("steps", [1, 5])
+def test_a_resumed_run_of_bdf2_has_the_bits_of_one_that_never_stopped(tmp_path, steps):
+    """The checkpoint knows the state a step earlier; after the first step only the start is."""
+    effects = EFFECTS | {"friction": {"coefficient": 0.4}}
+    scene = small_scene(effects=effects, solver=SOLVER | {"integrator": "bdf2"}, run={"duration": 0.24})
+    whole = simulate(scene, tmp_path / "whole")
+    assert whole.status == "completed", whole.reason
+    assert whole.summary["certificate"]["minimum_gap"] > 0
+    assert whole.summary["certificate"]["energy_drift"] == "not judged (BDF2)"
+    assert whole.summary["certificate"]["step_energy_rise"] < 1e-12
+    stopped_after(tmp_path / "part", scene, steps)
+    assert (read_checkpoint(tmp_path / "part" / CHECKPOINT_NAME).previous_positions is None) == (steps == 1)
+    resumed = resume(tmp_path / "part")
+    assert np.array_equal(frames(resumed), frames(whole))
+    assert resumed.summary["certificate"] == whole.summary["certificate"]
+    assert never_intersects(whole)
+
+
+def test_bdf2_without_inertia_is_quasi_static_and_says_so(tmp_path):
+    effects = {"membrane": {}, "bending": {}, "gravity": {}, "pins": {"select": "left"}}
+    runs = []
+    for integrator in ("backward_euler", "bdf2"):
+        solver = SOLVER | {"dt": 0.08, "integrator": integrator}
+        runs.append(simulate(small_scene(body=(), effects=effects, solver=solver), tmp_path / integrator))
+    assert np.array_equal(*(frames(run) for run in runs))
+    assert "bdf2 does nothing without effects.inertia." in runs[1].summary["notes"]
+
+
 def test_resume_with_the_solver_that_is_chosen_by_itself(tmp_path):
     scene = small_scene(solver=SOLVER | {"linear": "auto"})
     whole = simulate(scene, tmp_path / "whole")

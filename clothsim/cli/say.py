@@ -47,7 +47,9 @@ def settings(session: "Session", directory: Path, before: str) -> str:
         names = ", ".join(body.name for body in world.bodies)
         sizes += f"; {body_vertices:,} vertices and {len(world.body_triangles):,} triangles of {names}"
     threads = _many(integrator.system.solver.threads, "thread")
-    kind = "backward Euler" if "inertia" in built.energies else "quasi-static, loads grow over the duration"
+    kind = {"backward_euler": "backward Euler", "bdf2": "BDF2"}[integrator.formula]
+    if "inertia" not in built.energies:
+        kind = "quasi-static, loads grow over the duration"
     rows = [
         ("output", f"{directory}{os.sep}"),
         ("mesh", sizes),

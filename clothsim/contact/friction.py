@@ -20,7 +20,7 @@ be a millionth of d_hat apart there would be glued by a force that nothing carri
 
 @dataclass(frozen=True)
 class Contacts:
-    """What slides: the bound barriers of the step, positions at its start (N, 3) [m] and its length dt [s].
+    """What slides: the bound barriers of the step; `start` (N, 3) [m] and dt [s]: the past that velocities come from.
 
     least_gap: share of d_hat that a gap counts as at least.
     """
@@ -72,7 +72,8 @@ class Friction(Energy):
         contacts = {name: energy for name, energy in step.bound.items() if isinstance(energy, Barrier)}
         stiffness = [step.memory.get(name, barrier.stiffness) for name, barrier in contacts.items()]
         least_gap = 0.0 if step.time > 0.0 else LEAST_GAP
-        bound = replace(self, contacts=Contacts(tuple(contacts.values()), step.positions, step.dt, least_gap))
+        past = step.past
+        bound = replace(self, contacts=Contacts(tuple(contacts.values()), past.positions, past.dt, least_gap))
         return bound._with_forces(step.positions, stiffness)
 
     def again(self, x: Floats) -> Self:

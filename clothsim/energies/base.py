@@ -12,6 +12,18 @@ from clothsim.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)
+class Past:
+    """The past as a step weighs it: it ends with the velocities v = (x - positions) / dt (FORMULAS 2).
+
+    Backward Euler: x_n, v_n (N, 3) and h [s]; BDF2: x^, v^ and b h. Inertia, damping and friction know no other time.
+    """
+
+    positions: Floats
+    velocities: Floats
+    dt: float
+
+
+@dataclass(frozen=True)
 class Step:
     """What an Energy may know when it is bound to a step of the integrator.
 
@@ -19,7 +31,7 @@ class Step:
     world's order (cloth, bodies, ghosts); load: the share of the loads that acts, 1 except in a quasi-static ramp;
     gradient: (N, 3) sum of the gradients of the other energies at the start [N], and bound: the energies that are bound
     to this step by now, by name: both are given to those that `begin_last`; memory: what each energy
-    `remembers` of the step before.
+    `remembers` of the step before; weighed: the past of a formula other than backward Euler's.
     """
 
     time: float
@@ -30,6 +42,12 @@ class Step:
     gradient: Floats
     bound: "Mapping[str, Energy]" = field(default_factory=dict)
     memory: Mapping[str, float] = field(default_factory=dict)
+    weighed: Past | None = None
+
+    @property
+    def past(self) -> Past:
+        """The past that velocities are taken from."""
+        return self.weighed or Past(self.positions, self.velocities, self.dt)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from clothsim.mesh.world import World
 class MassDamping(Energy):
     """E = rate sum m |x - x_n|^2 / (2 h): the force is -rate m v (Rayleigh's mass term).
 
-    masses (n,) [kg]; rate [1/s]; start x_n (n, 3) [m] and dt h [s] of the step.
+    masses (n,) [kg]; rate [1/s]; start x_n (n, 3) [m] and dt h [s] of the step; in BDF2 x^ and b h (FORMULAS 2).
     """
 
     masses: Floats
@@ -25,7 +25,8 @@ class MassDamping(Energy):
 
     def begin(self, step: Step) -> Self:
         """Bound to x_n and h of the step."""
-        return replace(self, start=step.positions[: len(self.masses)], dt=step.dt)
+        past = step.past
+        return replace(self, start=past.positions[: len(self.masses)], dt=past.dt)
 
     def value(self, x: Floats) -> float:
         """Incremental dissipation [J]."""

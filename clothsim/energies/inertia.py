@@ -1,4 +1,4 @@
-"""The effect `inertia`: the term that turns a sum of potentials into a time step of backward Euler."""
+"""The effect `inertia`: the term that turns a sum of potentials into a time step."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -13,9 +13,9 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class Inertia(Energy):
-    """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n (FORMULAS 2).
+    """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n; in BDF2 with x^, v^ and b h in their places (FORMULAS 2).
 
-    Gravity is an Energy of its own and no part of x~. masses (n,) [kg]; target x~ (n, 3) [m] and dt h [s] of the step.
+    Gravity is an Energy of its own and no part of x~. masses (n,) [kg]; target x~ (n, 3) [m]; dt: h or b h [s].
     """
 
     masses: Floats
@@ -26,8 +26,8 @@ class Inertia(Energy):
 
     def begin(self, step: Step) -> Self:
         """Bound to x~ and h of the step."""
-        n = len(self.masses)
-        return replace(self, target=step.positions[:n] + step.dt * step.velocities[:n], dt=step.dt)
+        n, past = len(self.masses), step.past
+        return replace(self, target=past.positions[:n] + past.dt * past.velocities[:n], dt=past.dt)
 
     def value(self, x: Floats) -> float:
         """Incremental kinetic energy [J]."""

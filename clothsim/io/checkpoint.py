@@ -25,6 +25,8 @@ class Checkpoint:
     time [s]; dt: length of the next step [s]; frame, step: how many are done; positions (N, 3) [m] and velocities
     (N, 3) [m/s] of all rows of x; stiffness of the contact barrier; scene_text: the scene; counters: what the summary
     adds up, as JSON knows it; blocked_at [s], blocked: where and how often the script was blocked of late.
+    previous_positions, previous_velocities, previous_dt: the state a step earlier and the step since then [s], or None,
+    None and nan where the integrator looks back no further.
     """
 
     time: float
@@ -38,12 +40,22 @@ class Checkpoint:
     counters: dict[str, Any]
     blocked_at: float = math.nan
     blocked: int = 0
+    previous_positions: Floats | None = None
+    previous_velocities: Floats | None = None
+    previous_dt: float = math.nan
 
 
 def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
     """Write `checkpoint` as a NumPy archive; the file is whole or not there. InputError where it cannot be written."""
     counters = json.dumps(checkpoint.counters, default=lambda number: number.tolist())
     archive = BytesIO()
+    earlier: dict[str, Any] = {}
+    if checkpoint.previous_positions is not None and checkpoint.previous_velocities is not None:
+        earlier = {
+            "previous_positions": np.asarray(checkpoint.previous_positions, np.float64),
+            "previous_velocities": np.asarray(checkpoint.previous_velocities, np.float64),
+            "previous_dt": np.array([checkpoint.previous_dt]),
+        }
     np.savez(
         archive,
         format=_text(_FORMAT),
@@ -54,6 +66,7 @@ def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
         stiffness=np.array([checkpoint.stiffness]),
         scene_text=_text(checkpoint.scene_text),
         counters=_text(counters),
+        **earlier,
     )
     write_atomically(Path(path), archive.getvalue())
 
@@ -91,7 +104,19 @@ def _from_arrays(arrays: Any) -> Checkpoint:
     if not isinstance(counters, dict):
         raise ValueError("its counters are no table")
     state = time, dt, frame, step, positions, velocities, stiffness
-    return Checkpoint(*state, scene_text, counters, blocked_at, blocked)
+    return Checkpoint(*state, scene_text, counters, blocked_at, blocked, *_previous(arrays, positions.shape))
+
+
+def _previous(arrays: Any, shape: tuple[int, ...]) -> tuple[Floats | None, Floats | None, float]:
+    """The state a step earlier, where there is one."""
+    if "previous_positions" not in arrays:
+        return None, None, math.nan
+    positions, velocities, dts = (arrays[f"previous_{key}"] for key in ("positions", "velocities", "dt"))
+    if any(a.dtype != np.float64 for a in (positions, velocities, dts)) or not 0 < (dt := float(dts[0])) < math.inf:
+        raise ValueError("the step before it is broken")
+    if positions.shape != shape or velocities.shape != shape:
+        raise ValueError(f"the step before it has positions {positions.shape}, not {shape}")
+    return positions, velocities, dt
 
 
 def _text(text: str) -> np.ndarray:

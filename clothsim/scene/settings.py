@@ -18,10 +18,8 @@ class Solver:
     max_iterations: int = 100
 
     def __post_init__(self) -> None:
-        if self.integrator == "bdf2":
-            raise InputError('solver.integrator "bdf2" is not built yet.', 'Use "backward_euler".')
-        if self.integrator != "backward_euler":
-            raise InputError(f"solver.integrator is {self.integrator!r}.", 'Known: "backward_euler".')
+        if self.integrator not in ("backward_euler", "bdf2"):
+            raise InputError(f"solver.integrator is {self.integrator!r}.", 'Known: "backward_euler", "bdf2".')
         if self.max_iterations == 0:
             raise InputError("solver.max_iterations must be at least 1.")
 

@@ -9,12 +9,21 @@ from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
+class Previous:
+    """The state a step earlier, for formulas of two steps: positions, velocities (N, 3); dt: the step since [s]."""
+
+    positions: Floats
+    velocities: Floats
+    dt: float
+
+
+@dataclass(frozen=True)
 class State:
     """time [s]; dt: length of the next step [s]; step, frame: how many are done; positions, velocities (N, 3) of x.
 
     memory: what each energy remembers of the last step (the barrier stiffness with which contact found its gaps).
     blocked_at: the time of the script [s] at which the last tries found no way on, nan where none did; blocked: how
-    many they were.
+    many they were. previous: None at a start and where the formula is of one step.
     """
 
     time: float
@@ -26,6 +35,7 @@ class State:
     blocked_at: float = math.nan
     blocked: int = 0
     memory: Mapping[str, float] = field(default_factory=dict)
+    previous: Previous | None = None
 
 
 def first_state(world: World, dt: float) -> State:

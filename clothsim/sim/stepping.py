@@ -8,8 +8,9 @@ import numpy as np
 from clothsim.energies.base import Constraint, Prescribed, Step
 from clothsim.mesh.world import World
 from clothsim.sim.failure import Failure, failure_of, told
+from clothsim.sim.formula import BACKWARD_EULER, BDF2, Formula, formula_of
 from clothsim.sim.motion import prescribed
-from clothsim.sim.state import State
+from clothsim.sim.state import Previous, State
 from clothsim.solve.newton import Newton, NewtonResult, NewtonSettings
 from clothsim.solve.observe import Observer, unobserved
 from clothsim.solve.outcome import Ending
@@ -37,10 +38,10 @@ def unwatched(step: int, dt: float, potential: Potential) -> Observer:
 
 @dataclass(frozen=True)
 class Integrator:
-    """Backward Euler on the incremental potential; quasi-static where the potential has no inertia.
+    """Steps of the incremental potential; quasi-static where the potential has no inertia.
 
     dt: the longest step [s]; ramp: the time over which loads grow from 0 to 1 [s], 0 where they act at once; watch:
-    who observes the solves.
+    who observes the solves; formula: "backward_euler" or "bdf2".
     """
 
     world: World
@@ -51,6 +52,7 @@ class Integrator:
     dt: float
     ramp: float
     watch: Watch = unwatched
+    formula: str = BACKWARD_EULER
 
 
 @dataclass(frozen=True)
@@ -100,9 +102,10 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
         h = left / pieces
         end = until if pieces == 1 else state.time + h
         target = prescribed(integrator.world, held, end)
-        bound, result = _solve(integrator, state, h, end, target)
+        formula = formula_of(integrator.formula, state, h)
+        bound, result = _solve(integrator, state, formula, h, end, target)
         if result.outcome.converged:
-            after = replace(_after(integrator, tried, result, h, end, dt), memory=bound.memory())
+            after = replace(_after(integrator, tried, formula, result, h, end, dt), memory=bound.memory())
             return _report(integrator, after, h, result, bound, failures)
         failures.append(f"dt {h:.3g} s: {told(integrator.world, held, result.outcome)}")
         dts.append(h)
@@ -125,11 +128,13 @@ def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -
 
 
 def _solve(
-    integrator: Integrator, state: State, h: float, end: float, target: Prescribed
+    integrator: Integrator, state: State, formula: Formula, h: float, end: float, target: Prescribed
 ) -> tuple[Potential, NewtonResult]:
     load = min(1.0, end / integrator.ramp) if integrator.ramp else 1.0
     zero = np.zeros_like(state.positions)
-    start = Step(state.time, h, state.positions, state.velocities, load, zero, memory=state.memory)
+    start = Step(
+        state.time, h, state.positions, state.velocities, load, zero, memory=state.memory, weighed=formula.past
+    )
     bound = integrator.potential.begin(start)
     integrator.system.begin(bound.couplings(state.positions))
     result = _newton(integrator, state, h, bound).minimise(state.positions, target)
@@ -148,13 +153,23 @@ def _newton(integrator: Integrator, state: State, h: float, bound: Potential) ->
     return Newton(bound, integrator.system, integrator.settings, h, observe)
 
 
-def _after(integrator: Integrator, state: State, result: NewtonResult, h: float, end: float, dt: float) -> State:
-    """The next state: v = (x - x_n) / h (backward Euler). What blocked the script is forgotten once it is passed."""
-    velocities = (result.x - state.positions) / h
+def _after(
+    integrator: Integrator, state: State, formula: Formula, result: NewtonResult, h: float, end: float, dt: float
+) -> State:
+    """The next state. What blocked the script is forgotten once it is passed."""
+    previous = Previous(state.positions, state.velocities, h) if integrator.formula == BDF2 else None
     grown = min(integrator.dt, dt * GROWTH)
     if end > state.blocked_at + SAME_PLACE * h:
         state = replace(state, blocked_at=np.nan, blocked=0)
-    return replace(state, time=end, dt=grown, step=state.step + 1, positions=result.x, velocities=velocities)
+    return replace(
+        state,
+        time=end,
+        dt=grown,
+        step=state.step + 1,
+        positions=result.x,
+        velocities=formula.velocities(result.x),
+        previous=previous,
+    )
 
 
 def _report(

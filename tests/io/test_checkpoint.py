@@ -58,6 +58,25 @@ def test_a_checkpoint_comes_back_to_the_last_bit(path):
     assert isinstance(read.step, int)
 
 
+EARLIER = replace(
+    CHECKPOINT, previous_positions=odd_floats(2, 50), previous_velocities=odd_floats(3, 50), previous_dt=1 / 7
+)
+
+
+def test_the_step_before_comes_back_to_the_last_bit(path):
+    write_checkpoint(path, EARLIER)
+    assert_same(read_checkpoint(path), EARLIER)
+
+
+@pytest.mark.parametrize(
+    "change", [{"previous_dt": np.nan}, {"previous_dt": 0.0}, {"previous_positions": np.zeros((49, 3))}]
+)
+def test_a_broken_step_before_is_refused(path, change):
+    write_checkpoint(path, replace(EARLIER, **change))
+    with pytest.raises(InputError, match="broken"):
+        read_checkpoint(path)
+
+
 def test_numpy_numbers_and_views_are_taken_too(path):
     counters = {"pairs": np.int64(3), "seconds": np.float64(0.1), "each": np.arange(3)}
     fortran = np.asfortranarray(CHECKPOINT.positions)

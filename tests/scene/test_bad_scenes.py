@@ -136,7 +136,6 @@ NOT_BUILT = {
     name: (with_effect(f"[effects.{name}]"), f"'{name}' is not built yet", "membrane")
     for name in ("air", "pressure", "seams", "strain_limit", "fibres")
 } | {
-    "bdf2": (changed("dt =", 'integrator = "bdf2"\ndt ='), "bdf2.* is not built yet", "backward_euler"),
     "transfer": (changed("[run]", '[seed]\nfrom = "transfer"\n[run]'), "transfer.* command of its own", "clothsim fit"),
     "midedge": (with_effect('[effects.bending]\nmodel = "midedge"'), "midedge.* is not built yet", "hinge"),
 }

@@ -109,6 +109,12 @@ def test_it_survives_the_checkpoint():
     assert certificate_from(json.loads(text)) == certificates[-1]
 
 
+def test_the_energy_of_bdf2_is_not_judged_but_each_step_s_descent_is():
+    told = replace(Certificate(), formula="bdf2", energy_rise=1.0, step_rise=0.5, energy_scale=2.0).as_dict({})
+    assert told["energy_drift"] == "not judged (BDF2)"
+    assert told["step_energy_rise"] == 0.25
+
+
 def test_it_says_what_was_judged_and_found():
     judged = {"cloth_body": "no body", "cloth_cloth": "not requested"}
     assert judged.items() <= Certificate().as_dict(judged).items()

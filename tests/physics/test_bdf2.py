@@ -1,0 +1,186 @@
+"""BDF2 with varying steps: free fall, orders, the pendulum, damping, pins (VALIDATION A4, FORMULAS 2)."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meshes import UNIT, cloth, irregular_grid, random_rotation, small_world
+from scipy.integrate import solve_ivp
+from scipy.special import ellipk
+from solving import integrator_of, run_of
+
+from clothsim.energies.damping import damping
+from clothsim.energies.gravity import gravity
+from clothsim.energies.inertia import inertia
+from clothsim.energies.membrane import membrane
+from clothsim.energies.pins import pins
+from clothsim.mesh.world import make_world
+from clothsim.sim import formula as formulas
+from clothsim.sim.state import Previous, first_state
+from clothsim.sim.stepping import advance
+
+G = np.array([0.3, -0.5, -9.81])
+
+
+def bdf2(*arguments, **keywords):
+    return replace(integrator_of(*arguments, **keywords), formula="bdf2")
+
+
+def fall(dt):
+    world = small_world()
+    energies = {"inertia": inertia(world), "membrane": membrane(world), "gravity": gravity(world, acceleration=G)}
+    return bdf2(world, energies, dt, tolerance=1e-9)
+
+
+@pytest.mark.parametrize("dt", [0.1, 0.02])
+def test_free_fall_keeps_the_error_of_its_first_step(dt):
+    """That of backward Euler, g dt^2/2, which the second root 1/3 carries on to 3/4 g dt^2; nothing else is wrong."""
+    integrator = fall(dt)
+    reports = run_of(integrator, 0.4)
+    for n, report in enumerate(reports, start=1):
+        t = n * dt
+        fallen = report.state.positions - integrator.world.start()
+        late = 0.75 * dt**2 * (1 - 3.0**-n)
+        assert np.abs(fallen - G * (t**2 / 2 + late)).max() < 1e-11
+        assert np.abs(report.state.velocities - G * t).max() < 1e-10
+
+
+def test_free_fall_is_exact_from_an_exact_past_whatever_the_steps():
+    integrator = fall(0.1)
+    start = integrator.world.start()
+
+    def place(t):
+        return start + G * t**2 / 2
+
+    h = 0.05
+    state = replace(first_state(integrator.world, h), time=h, positions=place(h), velocities=0 * start + G * h)
+    state = replace(state, previous=Previous(start, 0 * start, h))
+    for h in (0.05, 0.1, 0.03, 0.06, 0.02, 0.04):
+        state = advance(integrator, replace(state, dt=h), until=state.time + h).state
+        assert np.abs(state.positions - place(state.time)).max() < 1e-12
+        assert np.abs(state.velocities - G * state.time).max() < 1e-11
+
+
+# --- orders ---------------------------------------------------------------------------------------------------------
+
+
+def ringing():
+    """A strained sheet of 4 triangles: world, energies, and its motion by an explicit method of order 8."""
+    rest, triangles = irregular_grid(nx=2, ny=1)
+    start = rest @ np.diag([1.25, 0.9, 1.0]) @ random_rotation(2).T
+    world = make_world([replace(cloth(rest, triangles), positions=start)])
+    energies = {"inertia": inertia(world), "membrane": membrane(world)}
+    n = start.size
+
+    def rate(t, y):
+        force = -energies["membrane"].gradient(y[:n].reshape(-1, 3))
+        return np.concatenate([y[n:], (force / world.masses[:, None]).ravel()])
+
+    begin = np.concatenate([start.ravel(), np.zeros(n)])
+    exact = solve_ivp(rate, (0, 0.8), begin, method="DOP853", rtol=1e-11, atol=1e-12).y[:n, -1].reshape(-1, 3)
+    assert np.abs(exact - start).max() > 0.05
+    return world, energies, exact
+
+
+def errors(pattern, counts):
+    """Largest errors at .8 s of BDF2 with so many rounds of steps in the proportions of `pattern`."""
+    world, energies, exact = ringing()
+    found = []
+    for count in counts:
+        unit = 0.8 / (count * sum(pattern))
+        integrator = bdf2(world, energies, unit * max(pattern), tolerance=1e-9)
+        state = first_state(world, unit)
+        for share in pattern * count:
+            state = advance(integrator, replace(state, dt=share * unit), until=state.time + share * unit).state
+        found.append(np.abs(state.positions - exact).max())
+    return np.array(found)
+
+
+def orders(found):
+    return np.log2(found[:-1] / found[1:])
+
+
+def test_equal_steps_are_of_second_order():
+    found = errors([1], (40, 80))
+    assert orders(found)[-1] >= 1.85
+    assert found[-1] < 1e-2
+
+
+def test_varying_steps_are_of_second_order():
+    found = errors([1, 2, 1, 0.5], (20, 40))
+    assert orders(found)[-1] >= 1.85
+
+
+def test_the_constant_form_would_be_of_first_order_on_varying_steps(monkeypatch):
+    """What the formula with r is for (FORMULAS 2: 1.04 against 1.98)."""
+    right = formulas.bdf2_past
+    monkeypatch.setattr(formulas, "bdf2_past", lambda state, before, h, r: right(state, before, h, 1.0))
+    found = errors([1, 2, 1, 0.5], (20, 40))
+    assert orders(found)[-1] < 1.3
+
+
+# --- the pendulum ---------------------------------------------------------------------------------------------------
+
+HEIGHT = 0.8
+
+
+def pendulum(degrees):
+    """One triangle, so stiff that it keeps its shape, held at two corners; the third swings from `degrees`."""
+    rest = np.array([[-0.3, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, -HEIGHT, 0.0]])
+    angle = np.radians(degrees)
+    start = rest.copy()
+    start[2] = [0.0, -HEIGHT * np.cos(angle), HEIGHT * np.sin(angle)]
+    stiff = replace(UNIT, youngs_modulus=1e6)
+    world = make_world([replace(cloth(rest, np.array([[0, 1, 2]]), stiff), positions=start)])
+    world, held = pins(world, select=[0, 1])
+    weight = gravity(world, acceleration=(0.0, -9.81, 0.0))
+    return world, {"inertia": inertia(world), "membrane": membrane(world), "gravity": weight}, {"pins": held}
+
+
+def test_the_period_of_a_pendulum_at_sixty_degrees():
+    """T/T0 = 2 K(sin^2(30 deg))/pi = 1.0731820071; BDF2 is late by a share (w dt)^2/3, which two dt take out."""
+    exact = 2 * ellipk(np.sin(np.radians(30)) ** 2) / np.pi
+    assert exact == pytest.approx(1.0731820071, abs=1e-10)
+    world, energies, held = pendulum(60)
+    t0 = 2 * np.pi * np.sqrt(HEIGHT / 9.81)
+    ratios = []
+    for count in (100, 200):
+        integrator = bdf2(world, energies, t0 / count, held, tolerance=1e-6)
+        reports = run_of(integrator, 1.05 * t0)
+        z = np.array([report.state.positions[2, 2] for report in reports])
+        t = np.array([report.state.time for report in reports])
+        down, up = (np.flatnonzero((sign * z[:-1] > 0) & (sign * z[1:] <= 0))[0] for sign in (1, -1))
+        crossings = [t[k] + (t[k + 1] - t[k]) * z[k] / (z[k] - z[k + 1]) for k in (down, up)]
+        ratios.append(2 * (crossings[1] - crossings[0]) / t0)
+    assert abs(ratios[1] - exact) < 1e-3
+    assert (4 * ratios[1] - ratios[0]) / 3 == pytest.approx(exact, rel=1e-4)
+
+
+# --- what else takes velocities -------------------------------------------------------------------------------------
+
+
+def test_damping_takes_its_velocity_from_the_same_formula():
+    """A sheet that drifts slows down as e^(-rate t), to second order."""
+    world = make_world([cloth(*irregular_grid(), velocity=(1.0, 2.0, 3.0))])
+    energies = {"inertia": inertia(world), "damping": damping(world, rate=3.0)}
+    found = []
+    for dt in (0.02, 0.01, 0.005):
+        end = run_of(bdf2(world, energies, dt, tolerance=1e-10), 0.4)[-1].state
+        found.append(np.abs(end.velocities - world.start_velocities() * np.exp(-1.2)).max())
+    assert orders(np.array(found))[-1] >= 1.85
+
+
+def test_pins_have_the_velocity_of_their_script():
+    """From the second step on: the formula differentiates a straight way exactly."""
+    world = make_world([cloth(*irregular_grid())])
+    world, held = pins(world, select="left", motion={"velocity": [0.0, 0.3, 1.0]})
+    rows = held.at(0.0).vertices
+    energies = {"inertia": inertia(world), "membrane": membrane(world)}
+    for report in run_of(bdf2(world, energies, 0.02, {"pins": held}), 0.1):
+        assert np.abs(report.state.velocities[rows] - [0.0, 0.3, 1.0]).max() < 1e-12
+
+
+def test_rigid_translation_stays_exact():
+    world = make_world([cloth(*irregular_grid(), velocity=(3.0, -2.0, 1.0))])
+    end = run_of(bdf2(world, {"inertia": inertia(world), "membrane": membrane(world)}, 0.05), 0.4)[-1].state
+    assert np.abs(end.positions - world.start() - [1.2, -0.8, 0.4]).max() < 1e-12
