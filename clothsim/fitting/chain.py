@@ -82,7 +82,10 @@ def seeded(task: Task) -> Seeded:
             carrier = moved[0].body
             rest = moved[0].positions if task.resize else rest
         if not stages[-1].counts.clean:
-            stages.append(came("refine", body=body, make=partial(_refined, stages[-1].positions, task)))
+            shape = stages[-1].positions
+            stages.append(came("refine", body=body, make=partial(_refined, shape, task, along_normals=False)))
+            if not stages[-1].counts.on_body:  # thin limbs: the closest point may be on the wrong side
+                stages.append(came("refine", body=body, make=partial(_refined, shape, task, along_normals=True)))
     except TransferError as error:
         raise InputError(error.sentence, error.remedy) from error
     worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
@@ -103,11 +106,13 @@ def _moved(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats,
     return moved[0].positions, moved[0].said
 
 
-def _refined(positions: Floats, task: Task) -> tuple[Floats, str]:
+def _refined(positions: Floats, task: Task, along_normals: bool) -> tuple[Floats, str]:
     from transfer.refine import refine
 
-    done = refine(positions, task.garment.triangles, task.target.positions, task.target.triangles)
-    return done.positions, f"DRAPE, eps {1e3 * np.min(done.eps):.2g} to {1e3 * np.max(done.eps):.2g} mm"
+    body = task.target
+    done = refine(positions, task.garment.triangles, body.positions, body.triangles, along_normals=along_normals)
+    how = ", along the garment's normals" if along_normals else ""
+    return done.positions, f"DRAPE, eps {1e3 * np.min(done.eps):.2g} to {1e3 * np.max(done.eps):.2g} mm{how}"
 
 
 def _guaranteed(found: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
@@ -163,10 +168,10 @@ def _untangled(
 
 def _grown(found: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface) -> Seeded:
     """The thin body grows back to its size as a moving obstacle; nothing to do where it is not thinner."""
-    if not start.depth:
+    if len(start.frames) == 1:
         return found if found.last.positions is shape else found.after(replace(stage, seconds=0.0))
-    said = f"the body {1e3 * start.depth:.3g} mm thinner, from {stage.name}, grown back under IPC"
-    return _carried(found, "grow", shape, [start.body, body.positions], task, body, said)
+    said = f"the body {start.said}, from {stage.name}, grown back under IPC"
+    return _carried(found, "grow", shape, start.frames, task, body, said)
 
 
 def _own(found: Seeded) -> Stage:

@@ -103,7 +103,6 @@ def _simulated(
 ) -> Fit:
     """The drape, and what is left of it."""
     run, stages = None, found.stages
-    notes: tuple[str, ...] = ()
     status, reason = "failed", found.failure
     if not found.failure:
         body = body_surface(task.target.positions, task.target.triangles)
@@ -120,8 +119,10 @@ def _simulated(
         run = runs[0]
         simulated = run.status == "completed" and stage.counts.on_body
         status, reason = ("completed" if simulated else "refined"), run.reason
+        fallen = _fallen(run, task.target.name)
+        if fallen:
+            status, reason = "failed", fallen
         stages = (*stages, stage) if simulated else stages
-        notes = _unsettled(run)
     done = Fit(
         task.folder,
         status,
@@ -132,19 +133,22 @@ def _simulated(
         stages,
         run,
         cost_of(task.garment, stages[-1].positions),
-        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *found.notes, *notes),
+        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *found.notes),
     )
     _write(done, perf_counter() - started)
     return done
 
 
-def _unsettled(run: Run) -> tuple[str, ...]:
-    """A word where the garment is still under way when the drape ends."""
+def _fallen(run: Run, body: str) -> str:
+    """A sentence where the garment is still falling when the drape ends: it does not lie on the body."""
     record = run.record()
     fastest = record[-1]["fastest"] if record else 0.0
     if fastest < FALLING:
-        return ()
-    return (f"At its end the garment still moves at {fastest:.2g} m/s: it may hang on nothing, and fall off.",)
+        return ""
+    return (
+        f"The garment does not stay on {body}: at the end of its drape it still moves at {fastest:.2g} m/s. "
+        "Does it lie on the body that it was made for (--from, --scale)?"
+    )
 
 
 def _write(done: Fit, seconds: float) -> None:
