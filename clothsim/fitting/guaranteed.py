@@ -1,6 +1,7 @@
 """The guaranteed path: where no formula frees a garment of a body, the body lets it go and takes it back under IPC.
 
-The body is deflated until the garment is clear of it, and grows back as a moving obstacle. Where no depth clears it and
+The body is deflated until the garment is clear of it, and grows back as a moving obstacle; where no depth clears it, as
+between folds that lie on one another, its folds are opened first. Where that does not help either and
 the garment was clear of the body that it was made for, that body becomes the other one and carries the garment along.
 """
 
@@ -11,31 +12,59 @@ from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 from clothsim.fitting.counts import counted
 from clothsim.fitting.deflate import deflated, half_thickness
+from clothsim.fitting.unfold import unfolding
 from clothsim.mesh.body import Body
 from clothsim.mesh.cloth import Cloth
 from clothsim.mesh.world import make_world
 from clothsim.scene.untangle import untangled
 from transfer.distance import BodySurface, body_surface
 
-DEPTHS = (0.0, 0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
+DEPTHS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 """How far the body's surface is moved inward [m], in the order in which they are tried."""
+DEEPEST = DEPTHS[-3:-1]
+"""Those that are tried once its folds are open."""
 
 
 @dataclass(frozen=True)
 class Clearing:
-    """A body `depth` [m] thinner, its vertices (k, 3) [m]: a garment is clear of it."""
+    """Bodies from the thinnest, of which a garment is clear, to the body itself; each (k, 3) [m]; said: which it is.
 
-    depth: float
-    body: Floats
+    One frame only: nothing had to be made thinner.
+    """
+
+    frames: tuple[Floats, ...]
+    said: str = ""
+
+    @property
+    def body(self) -> Floats:
+        """The thinnest."""
+        return self.frames[0]
 
 
 def clearing(garment: Floats, triangles: Ints, body: BodySurface) -> Clearing | None:
-    """The least depth that frees `garment (n, 3)` [m] with `triangles (m, 3)` of the body; None where none does."""
+    """The least depth that frees `garment (n, 3)` [m] with `triangles (m, 3)` of the body, of itself or unfolded.
+
+    None where none does.
+    """
+
+    def clear_of(positions: Floats) -> bool:
+        surface = body_surface(positions, body.triangles)
+        return not surface.penetration(garment).count and counted(garment, triangles, surface).on_body
+
+    if clear_of(body.positions):
+        return Clearing((body.positions,))
     half = half_thickness(body)
     for depth in DEPTHS:
         thin = deflated(body, depth, half)
-        if counted(garment, triangles, body_surface(thin, body.triangles)).on_body:
-            return Clearing(depth, thin)
+        if clear_of(thin):
+            return Clearing((thin, body.positions), f"{1e3 * depth:.3g} mm thinner")
+    for opened in unfolding(body.positions, body.triangles):
+        smooth = body_surface(opened, body.triangles)
+        half = half_thickness(smooth)
+        for depth in DEEPEST:
+            thin = deflated(smooth, depth, half)
+            if clear_of(thin):
+                return Clearing((thin, opened, body.positions), f"without folds and {1e3 * depth:.3g} mm thinner")
     return None
 
 

@@ -1,0 +1,46 @@
+"""Small bodies and garments for the tests of a fit: capsules, and tubes round them."""
+
+import numpy as np
+
+from clothsim.fitting.chain import Task
+from clothsim.fitting.figure import Figure
+from clothsim.fitting.stage import Garment
+from clothsim.io.write_obj import write_obj
+from clothsim.mesh.generate import rectangle, tube
+from clothsim.mesh.shapes import capsule
+
+RADIUS = 0.1
+
+
+def capsule_figure(radius=RADIUS, segments=16, name="capsule"):
+    """A capsule 1 m high."""
+    return Figure(name, *capsule(radius=radius, height=1.0, segments=segments), 1.0, ())
+
+
+def wider(figure, factor, name="wide"):
+    """The figure with the same mesh, wider across its axis."""
+    return Figure(name, figure.positions * [factor, factor, 1.0], figure.triangles, 1.0, ())
+
+
+def tube_garment(radius, height=0.3, cells=(24, 10)):
+    return Garment("tube", *tube(radius=radius, height=height, cells=cells))
+
+
+def folded_sheet(apart=0.01, through=0.005):
+    """A sheet folded double 0.25 m beside the axis; a vertex of the upper layer `through` [m] beyond the lower one."""
+    points, triangles = rectangle(size=(1.0, 1.0), cells=(10, 10))
+    x, y, _ = points.T
+    folded = np.column_stack([0.25 + np.abs(x), y, np.where(x > 0.05, apart, 0.0)])
+    folded[np.argmin(np.linalg.norm(points - [0.3, 0.02, 0.0], axis=1)), 2] = -through
+    return Garment("folded", folded, triangles)
+
+
+def task(garment, source, target, folder, *, resize=True, heard=lambda stage: None):
+    return Task(garment, source, target, "cotton", resize, folder, heard)
+
+
+def in_file(folder, name, positions, triangles):
+    """The path of an .obj with these triangles, as text."""
+    file = folder / name
+    write_obj(file, positions, triangles)
+    return str(file)
