@@ -199,6 +199,9 @@ def _carried(
         ended.append("" if run.status == "completed" else run.reason)
         return run.positions(-1), said
 
-    stage = staged(name, task.garment.triangles, body, make, task.heard)
+    try:
+        stage = staged(name, task.garment.triangles, body, make, task.heard)
+    except InputError as error:
+        return replace(found, failure=f"The stage {name} could not begin: {error.sentence}")
     failure = ended[0] and f"In the stage {name}: {ended[0]}"
     return replace(found.after(stage), failure=failure)

@@ -4,7 +4,9 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.drape import Announcement, Listener
@@ -92,6 +94,7 @@ def fit(
         source = read_figure(made_for or to, scale=scale, group=body_group)
         target = source if made_for is None else read_figure(to, group=body_group)
         worn = read_garment(garment, made_for or to, source.scale, part=part, weld=weld)
+        _refuse_a_body(worn, source, target)
     _make_directory(directory)
     task = Task(worn, source, target, fabric, resize, directory, heard)
     found = seeded(task)
@@ -102,27 +105,10 @@ def _simulated(
     task: Task, found: Seeded, started: float, progress: Listener | None, announce: Announcement | None
 ) -> Fit:
     """The drape, and what is left of it."""
-    run, stages = None, found.stages
-    status, reason = "failed", found.failure
+    ended = _Ended("failed", found.failure, None, found.stages)
     if not found.failure:
-        body = body_surface(task.target.positions, task.target.triangles)
-        worn = found.worn
-        runs: list[Run] = []
-
-        def make() -> tuple[Floats, str]:
-            runs.append(
-                draped(worn, found.last.positions, body.positions, task.target.up, task.folder, progress, announce)
-            )
-            return runs[0].positions(-1), f"draped for {runs[0].times[-1]:g} s"
-
-        stage = staged("simulate", task.garment.triangles, body, make, task.heard)
-        run = runs[0]
-        simulated = run.status == "completed" and stage.counts.on_body
-        status, reason = ("completed" if simulated else "refined"), run.reason
-        fallen = _fallen(run, task.target.name)
-        if fallen:
-            status, reason = "failed", fallen
-        stages = (*stages, stage) if simulated else stages
+        ended = _draped(task, found, progress, announce)
+    status, reason, run, stages = ended
     done = Fit(
         task.folder,
         status,
@@ -137,6 +123,38 @@ def _simulated(
     )
     _write(done, perf_counter() - started)
     return done
+
+
+class _Ended(NamedTuple):
+    """How a drape ended."""
+
+    status: str
+    reason: str
+    run: Run | None
+    stages: tuple[Stage, ...]
+
+
+def _draped(task: Task, found: Seeded, progress: Listener | None, announce: Announcement | None) -> _Ended:
+    """The drape; where it cannot begin or go on, what it started from is the answer, and is called refined."""
+    body = body_surface(task.target.positions, task.target.triangles)
+    runs: list[Run] = []
+
+    def make() -> tuple[Floats, str]:
+        start, up = found.last.positions, task.target.up
+        runs.append(draped(found.worn, start, body.positions, up, task.folder, progress, announce))
+        return runs[0].positions(-1), f"draped for {runs[0].times[-1]:g} s"
+
+    try:
+        stage = staged("simulate", task.garment.triangles, body, make, task.heard)
+    except InputError as error:
+        return _Ended("refined", f"The drape could not begin: {error.sentence}", None, found.stages)
+    run = runs[0]
+    if run.status != "completed":
+        return _Ended("refined", run.reason, run, found.stages)
+    if not stage.counts.on_body:
+        return _Ended("refined", f"The drape ended with {stage.counts}, {stage.counts.where}.", run, found.stages)
+    fallen = _fallen(run, task.target.name)
+    return _Ended("failed" if fallen else "completed", fallen or run.reason, run, (*found.stages, stage))
 
 
 def _fallen(run: Run, body: str) -> str:
@@ -168,6 +186,15 @@ def _write(done: Fit, seconds: float) -> None:
         place, counts = done.counts.place, str(done.counts)
         fitted["failure"] = {"cause": "fit", "sentence": done.reason, "element": counts, "position": place}
     write_summary(file, {**kept, **fitted})
+
+
+def _refuse_a_body(worn: Garment, *figures: Figure) -> None:
+    for figure in figures:
+        if np.array_equal(worn.positions, figure.positions):
+            raise InputError(
+                f"{worn.name} and {figure.name} are the same mesh: a body does not wear itself.",
+                "Name the garment first, then --from and --to its bodies; --part takes some vertices of a file only.",
+            )
 
 
 def _make_directory(directory: Path) -> None:

@@ -18,6 +18,7 @@ from clothsim.mesh.cloth import Cloth
 from clothsim.mesh.world import make_world
 from clothsim.scene.untangle import untangled
 from transfer.distance import BodySurface, body_surface
+from transfer.errors import TransferError
 
 DEPTHS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 """How far the body's surface is moved inward [m], in the order in which they are tried."""
@@ -48,7 +49,10 @@ def clearing(garment: Floats, triangles: Ints, body: BodySurface) -> Clearing | 
     """
 
     def clear_of(positions: Floats) -> bool:
-        surface = body_surface(positions, body.triangles)
+        try:
+            surface = body_surface(positions, body.triangles)
+        except TransferError:  # nothing of a volume is left
+            return False
         return not surface.penetration(garment).count and counted(garment, triangles, surface).on_body
 
     if clear_of(body.positions):

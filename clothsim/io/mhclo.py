@@ -63,7 +63,7 @@ def read_clothes(path: Path) -> Clothes:
                 obj_file = path.parent / Path(words[1]).name
             elif words[0] == "verts":
                 in_vertices = True
-            elif in_vertices and words[0].lstrip("-").isdigit():
+            elif in_vertices and words[0][0] in "+-.0123456789":
                 rows.append(_row(words))
             else:
                 in_vertices = False

@@ -1,0 +1,130 @@
+"""`clothsim.fit` from files to files: what it leaves, and how it ends."""
+
+import json
+
+import numpy as np
+import pytest
+from dressing import capsule_figure, in_file, tube_garment, wider
+
+import clothsim
+from clothsim.errors import InputError
+from clothsim.fitting import carry
+from clothsim.fitting import fit as module
+from clothsim.fitting.picture import draw_fit
+from clothsim.io.meshes import read_mesh
+from clothsim.io.record import read_summary
+from clothsim.mesh.generate import rectangle
+
+BODY = capsule_figure(segments=10)
+SMALL = tube_garment(0.125, height=0.12, cells=(10, 3))
+STAGE_KEYS = {"name", "seconds", "penetrating_vertices", "intersecting_pairs"}
+SETTLED = {
+    **carry.DRAPING,
+    "effects": {name: keys for name, keys in carry.DRAPING["effects"].items() if name != "friction"},
+    "run": {"duration": 0.04, "frames_per_second": 25},
+}
+"""A short drape: the tube hangs on nothing, and has no time to fall."""
+
+
+@pytest.fixture
+def files(tmp_path, monkeypatch):
+    monkeypatch.setattr(carry, "DRAPING", SETTLED)
+    monkeypatch.setattr(module, "FALLING", 1.0)
+    return {
+        "garment": in_file(tmp_path, "garment.obj", SMALL.positions, SMALL.triangles),
+        "tight": in_file(tmp_path, "tight.obj", SMALL.positions * [0.76, 0.76, 1.0], SMALL.triangles),
+        "body": in_file(tmp_path, "body.obj", BODY.positions, BODY.triangles),
+        "wide": in_file(tmp_path, "wide.obj", wider(BODY, 1.3).positions, BODY.triangles),
+        "sheet": in_file(tmp_path, "sheet.obj", *rectangle(size=(0.5, 0.5), cells=(6, 6))),
+    }
+
+
+def test_a_fit_leaves_what_a_run_leaves_and_its_stages(files, tmp_path, monkeypatch):
+    out, heard = tmp_path / "out", []
+    done = clothsim.fit(files["garment"], files["wide"], files["body"], out, heard=heard.append)
+    assert done.status == "completed"
+    assert [stage.name for stage in done.stages] == ["garment", "transfer", "simulate"]
+    assert heard == list(done.stages)
+    left = {file.name for file in out.iterdir()}
+    assert {"summary.json", "record.jsonl", "fitted.obj", "garment_rest.obj", "garment_start.obj", "body.obj"} <= left
+    assert any(name.startswith("trajectory") for name in left)
+    assert any(name.startswith("checkpoint") for name in left)
+    summary = read_summary(out / "summary.json")
+    assert summary["status"] == "completed"
+    assert [stage["name"] for stage in summary["stages"]] == ["garment", "transfer", "simulate"]
+    assert all(set(stage) >= STAGE_KEYS for stage in summary["stages"])
+    assert summary["certificate"]["intersection_free"]
+    assert set(summary["cost"]) == {"stretch_low", "stretch_high", "displacement"}
+    assert {"reason", "wall_seconds", "newton_iterations", "fit_seconds"} <= set(summary)
+    np.testing.assert_allclose(read_mesh(out / "fitted.obj").positions, done.positions, atol=1e-6)
+    assert done.counts.clean
+    assert done.cost.high > 1.2
+    monkeypatch.setattr("clothsim.fitting.picture.SIZE", (64, 96))
+    monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")
+    draw_fit(done, tmp_path / "fit.png")
+    assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_without_the_other_body_a_garment_is_repaired_on_its_own(files, tmp_path):
+    done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out")
+    assert [stage.name for stage in done.stages] == ["garment", "refine", "simulate"]
+    assert done.source is done.target
+    assert done.stages[0].counts.penetrating_vertices > 0
+    assert done.counts.clean
+
+
+def test_a_simulation_that_cannot_go_on_leaves_the_refined_garment(files, tmp_path, monkeypatch):
+    hopeless = {**SETTLED, "solver": {"dt": 0.01, "tolerance": 1e-12, "max_iterations": 1}}
+    monkeypatch.setattr(carry, "DRAPING", hopeless)
+    done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out")
+    assert done.status == "refined"
+    assert done.run.status == "failed"
+    assert done.reason == done.run.reason
+    assert [stage.name for stage in done.stages] == ["garment", "refine"]
+    assert done.counts.clean
+    summary = read_summary(tmp_path / "out" / "summary.json")
+    assert (summary["status"], summary["reason"]) == ("refined", done.reason)
+    assert "simulate" not in [stage["name"] for stage in summary["stages"]]
+    fitted = read_mesh(tmp_path / "out" / "fitted.obj").positions
+    np.testing.assert_allclose(fitted, done.stages[-1].positions, atol=1e-6)
+
+
+def test_a_simulation_that_cannot_begin_leaves_the_refined_garment(files, tmp_path, monkeypatch):
+    monkeypatch.setattr(carry, "DRAPING", {**SETTLED, "effects": {"gravity": {}, "no_such_effect": {}}})
+    done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out")
+    assert (done.status, done.run) == ("refined", None)
+    assert done.reason.startswith("The drape could not begin: ")
+    assert "no_such_effect" in done.reason
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["status"] == "refined"
+    assert (tmp_path / "out" / "fitted.obj").is_file()
+
+
+def test_what_nothing_frees_fails_with_its_place_and_is_not_simulated(files, tmp_path):
+    done = clothsim.fit(files["sheet"], files["body"], output=tmp_path / "out")
+    assert (done.status, done.run) == ("failed", None)
+    assert "No deflation of body.obj frees the garment" in done.reason
+    assert not done.counts.clean
+    summary = read_summary(tmp_path / "out" / "summary.json")
+    assert summary["failure"]["sentence"] == done.reason == summary["reason"]
+    assert len(summary["failure"]["position"]) == 3
+    assert summary["certificate"] is None
+    assert not (tmp_path / "out" / "record.jsonl").exists()
+
+
+def test_a_garment_that_falls_off_is_a_failure(files, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "FALLING", 0.01)
+    done = clothsim.fit(files["garment"], files["body"], output=tmp_path / "out")
+    assert done.status == "failed"
+    assert "does not stay on body.obj" in done.reason
+    assert read_summary(tmp_path / "out" / "summary.json")["status"] == "failed"
+
+
+def test_a_garment_keeps_its_own_size_where_it_is_asked_to(files, tmp_path):
+    clothsim.fit(files["garment"], files["wide"], files["body"], tmp_path / "own", resize=False)
+    rest = read_mesh(tmp_path / "own" / "garment_rest.obj").positions
+    np.testing.assert_allclose(rest, SMALL.positions, atol=1e-6)
+
+
+def test_an_output_that_is_a_file_is_refused(files, tmp_path):
+    with pytest.raises(InputError, match="cannot be made a directory"):
+        clothsim.fit(files["garment"], files["body"], output=files["body"])
