@@ -16,17 +16,15 @@ from clothsim.linalg import dot
 
 RELATIVE_ERROR = 1e-2
 MAX_ITERATIONS = 10
-TRUST = 3.0
-"""How many times longer than the first direction x may become: a nearly flat valley says little about its far end."""
 
 
 def truncated_solve(
-    times: Callable[[Floats], Floats], precondition: Callable[[Floats], Floats], b: Floats
+    times: Callable[[Floats], Floats], precondition: Callable[[Floats], Floats], b: Floats, trust: float
 ) -> tuple[Floats, bool]:
     """x with A x = b to RELATIVE_ERROR in the preconditioner's norm, or where A curves down or x strays, on the radius.
 
-    times: v -> A v; precondition: r -> M r, M positive definite. The radius is TRUST times as long as M b. Also whether
-    it ended on the radius: then no quadratic says how far to go.
+    times: v -> A v; precondition: r -> M r, M positive definite. The radius is `trust` times as long as M b (see
+    `trust.Trust`). Also whether it ended on the radius: then no quadratic says how far to go.
     """
     residual = b.copy()
     direction = preconditioned = precondition(residual)
@@ -34,7 +32,7 @@ def truncated_solve(
     first = error = dot(residual, preconditioned)
     if not first > 0.0:
         return x, False
-    radius = TRUST * float(np.sqrt(dot(preconditioned, preconditioned)))
+    radius = trust * float(np.sqrt(dot(preconditioned, preconditioned)))
     for _ in range(MAX_ITERATIONS):
         image = times(direction)
         curvature = dot(direction, image)

@@ -18,6 +18,7 @@ from clothsim.solve.observe import Iterate, Observer, unobserved
 from clothsim.solve.outcome import Ending, Outcome, outcome
 from clothsim.solve.potential import Potential
 from clothsim.solve.system import System
+from clothsim.solve.trust import PROJECTED, Trust
 
 SMALLEST_FRACTION = 1e-12
 BLOCKED_FRACTION = 1e-8
@@ -45,13 +46,17 @@ class NewtonSettings:
 
 @dataclass(frozen=True)
 class NewtonResult:
-    """Where a solve ended: x (N, 3), its outcome, iterations that moved, last speed |dx|_inf/dt [m/s], residual [N]."""
+    """Where a solve ended: x (N, 3), its outcome, iterations that moved, last speed |dx|_inf/dt [m/s], residual [N].
+
+    left: about how far x is from the minimiser [m], the last step times the rate at which the steps became shorter.
+    """
 
     x: Floats
     outcome: Outcome
     iterations: int
     speed: float
     residual: float
+    left: float = np.inf
 
 
 @dataclass(frozen=True)
@@ -124,17 +129,16 @@ class Newton:
         settings = self.settings
         still = np.zeros_like(x)
         speed, residual = np.inf, np.inf
-        trusted = True
-        exact = False  # the first step from a start that may be far off is the projected Hessian's
+        trust = PROJECTED
         for count in range(iterations, iterations + settings.max_iterations):
-            direction = self._direction(x, still, fixed, exact)
+            direction = self._direction(x, still, fixed, trust)
             dx, gradient = direction.dx, direction.gradient
             residual = float(np.abs(gradient[: self.system.pattern.n_vertices][~fixed]).max(initial=0.0))
             if direction.end is not None:
                 return NewtonResult(x, direction.end, count, speed, residual)
-            speed = self._speed(dx)
+            before, speed = speed, self._speed(dx)
             if speed == 0.0:
-                return NewtonResult(x, outcome(Ending.CONVERGED), count, speed, residual)
+                return NewtonResult(x, outcome(Ending.CONVERGED), count, speed, residual, 0.0)
             limit = self._limit(x, dx)
             if limit < SMALLEST_FRACTION:
                 return NewtonResult(x, _at_fastest(Ending.NO_ROOM, x, dx, fraction=limit), count, speed, residual)
@@ -150,20 +154,20 @@ class Newton:
                 x = x + fraction * dx
                 self.observe(Iterate(x, fraction, speed, residual))
             if done:
-                return NewtonResult(x, outcome(Ending.CONVERGED), count + 1, speed, residual)
-            if fraction == 0.0 and not exact:
+                rate = min(1.0, speed / before) if np.isfinite(before) else 1.0
+                return NewtonResult(x, outcome(Ending.CONVERGED), count + 1, speed, residual, rate * speed * self.dt)
+            if fraction == 0.0 and not trust.exact:
                 return NewtonResult(x, _at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), count, speed, residual)
-            # at round-off the exact Hessian curves down for nothing, and its long steps cycle
             noise = fraction == 0.0 or (direction.bends and -slope < RESOLVED * round_off(self.potential.values(x)))
-            exact = trusted = trusted and not noise
+            trust = trust.after(fraction, direction.bends, noise)
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return NewtonResult(x, end, iterations + settings.max_iterations, speed, residual)
 
-    def _direction(self, x: Floats, way: Floats, fixed: np.ndarray, exact: bool = False) -> Direction:
+    def _direction(self, x: Floats, way: Floats, fixed: np.ndarray, trust: Trust = PROJECTED) -> Direction:
         """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere.
 
-        H is the projected Hessian; with `exact` the unprojected one (but for contact), as far as it curves upward.
+        H is the projected Hessian; where `trust` is exact the unprojected one (but for contact), within its radius.
         """
         n = self.system.pattern.n_vertices
         gradient = self.potential.gradient(x)
@@ -182,11 +186,11 @@ class Newton:
         if solution is None:
             return Direction(way, gradient, end=outcome(Ending.SINGULAR))
         bends = False
-        if exact:
+        if trust.exact:
             curved = self._assembled(x, self.potential.exact_hessians(x, hessians), fixed)
             with self.potential.ledger.phase("linear solve"):
                 times = self.system.pattern.times(curved)
-                solution, bends = truncated_solve(times, self.system.solver.back_solve, right.ravel())
+                solution, bends = truncated_solve(times, self.system.solver.back_solve, right.ravel(), trust.radius)
         dx = way.copy()
         dx[:n][~fixed] = solution.reshape(-1, 3)[~fixed]
         return Direction(dx, gradient, bends)
