@@ -31,7 +31,7 @@ DRAPING: dict[str, Any] = {
         "body_contact": {},
         "friction": {"coefficient": 0.3},
     },
-    "solver": {"dt": 0.01, "tolerance": 0.01, "max_iterations": 200},
+    "solver": {"dt": 0.02, "tolerance": 0.02, "max_iterations": 200},
     "run": {"duration": 1.0, "frames_per_second": 10},
 }
 
