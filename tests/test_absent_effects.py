@@ -117,7 +117,7 @@ assert clothsim.simulate(scene, {str(tmp_path)!r}).status == "completed"
 
 KERNELS = {
     "membrane": ["clothsim.energies.membrane_kernels", "clothsim.energies.neo_hookean"],
-    "bending": ["clothsim.energies.hinge_bending", "clothsim.energies.quadratic_bending"],
+    "bending": [f"clothsim.energies.{model}_bending" for model in ("hinge", "quadratic", "midedge")],
     "friction": ["clothsim.contact.friction_kernels"],
     "body_contact": [f"clothsim.contact.{module.name}" for module in pkgutil.iter_modules(clothsim.contact.__path__)],
 }

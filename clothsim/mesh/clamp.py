@@ -47,7 +47,8 @@ def _clamp_group(world: World, group: Ints) -> World:
     pinned[group] = True
     line = _clamp_lines(world.hinges, pinned)
     stiffness = np.where(line, 2 * world.hinges.stiffness, world.hinges.stiffness)
-    parts, ghosts = [replace(world.hinges, stiffness=stiffness)], [world.ghosts]
+    held = np.where(line, np.where(pinned[world.hinges.vertices[:, 2]], 0, 1), world.hinges.held)
+    parts, ghosts = [replace(world.hinges, stiffness=stiffness, held=held)], [world.ghosts]
     for k in range(len(world.cloths)):
         hinges, positions = _ghost_hinges(world, k, pinned, world.n_vertices + sum(map(len, ghosts[1:])))
         parts.append(hinges)
@@ -80,7 +81,7 @@ def _ghost_hinges(world: World, cloth_number: int, pinned: np.ndarray, first_gho
     vertices = vertices + offset
     vertices[:, 3] = first_ghost + np.arange(len(vertices))
     stiffness = np.full(len(vertices), 2 * cloth.fabric.bending_stiffness)
-    return Hinges(vertices, corners, np.zeros(len(vertices)), stiffness), ghosts
+    return Hinges(vertices, corners, np.zeros(len(vertices)), stiffness, np.ones(len(vertices), np.int64)), ghosts
 
 
 def _mirrored(name: str, positions: Floats, edges: Ints, corners: Ints) -> Floats:

@@ -17,13 +17,15 @@ class Hinges:
     vertices: (h, 4) edge start, edge end, opposite corner in the first and in the second triangle (world numbers);
     corners: (h, 4, 2) the four at rest in one plane [m], the hinge unfolded: edge along the first axis, the first
     triangle's corner above it, the second's below; rest_angles: (h,) dihedral angle at rest [rad], 0 where flat;
-    stiffness: (h,) bending stiffness D [N m], the mean of both sides', doubled on a clamp line (VALIDATION A3).
+    stiffness: (h,) bending stiffness D [N m], the mean of both sides', doubled on a clamp line (VALIDATION A3);
+    held: (h,) the side whose triangle a clamp holds and which does not bend: 0 the first, 1 the second, -1 neither.
     """
 
     vertices: Ints
     corners: Floats
     rest_angles: Floats
     stiffness: Floats
+    held: Ints
 
     @property
     def edge_lengths(self) -> Floats:
@@ -47,7 +49,7 @@ def cloth_hinges(cloth: Cloth, offset: int = 0) -> Hinges:
         corners[:, 2 + side, 1] = sign * height
     angles = np.zeros(len(vertices)) if cloth.flat else dihedral_angles(cloth.rest_positions, vertices)
     stiffness = np.full(len(vertices), cloth.fabric.bending_stiffness)
-    return Hinges(vertices + offset, corners, angles, stiffness)
+    return Hinges(vertices + offset, corners, angles, stiffness, np.full(len(vertices), -1))
 
 
 def join_hinges(parts: Sequence[Hinges]) -> Hinges:

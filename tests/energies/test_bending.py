@@ -15,7 +15,7 @@ from clothsim.linalg import kabsch
 from clothsim.mesh.hinges import dihedral_angles
 from clothsim.mesh.world import make_world
 
-MODELS = ["hinge", "quadratic"]
+MODELS = ["hinge", "quadratic", "midedge"]
 
 
 def step_at(x):
@@ -63,7 +63,10 @@ def test_energy_is_invariant_and_force_turns_along(model, curved):
     assert np.abs(there.gradient(moved) - force @ turn.T).max() < 1e-12 * np.abs(force).max()
 
 
-@pytest.mark.parametrize(("model", "curved"), [("hinge", False), ("hinge", True), ("quadratic", False)])
+@pytest.mark.parametrize(
+    ("model", "curved"),
+    [("hinge", False), ("hinge", True), ("quadratic", False), ("midedge", False), ("midedge", True)],
+)
 def test_force_and_torque_balance(model, curved):
     world = small_world(curved=curved)
     x = deformed(world)
@@ -195,7 +198,7 @@ def test_no_interior_edge_is_off():
 
 
 @pytest.mark.parametrize(
-    ("model", "words"), [("midedge", "not built yet"), ("hinges", "'hinge'"), ("quadratik", "'quadratic'")]
+    ("model", "words"), [("hinges", "'hinge'"), ("quadratik", "'quadratic'"), ("midegde", "'midedge'")]
 )
 def test_unknown_models_are_refused_by_name(model, words):
     with pytest.raises(InputError, match=words) as refusal:

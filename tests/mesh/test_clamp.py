@@ -53,11 +53,13 @@ def test_ghost_hinges_are_flat_twice_as_stiff_and_as_large_as_two_border_triangl
     assert np.allclose(held.hinges.edge_lengths[new], 1 / 3)
     assert np.allclose(held.hinges.areas[new], 2 * (1 / 12) / 2)
     assert np.abs(dihedral_angles(held.start(), held.hinges.vertices)).max() < 1e-15
+    assert (held.hinges.held[:old] == -1).all()
+    assert (held.hinges.held[new] == 1).all()
 
 
-@pytest.mark.parametrize("model", ["hinge", "quadratic"])
+@pytest.mark.parametrize("model", ["hinge", "quadratic", "midedge"])
 def test_a_sheet_turned_about_its_clamped_edge_is_bent_and_one_turned_with_it_is_not(model):
-    world = make_world([sheet()])
+    world = make_world([sheet(fabric=replace(UNIT, poisson_ratio=0.0))])
     (left, _), angle = left_and_right(world), 0.1
     held, (ghosts,) = clamped(world, [left])
     x = held.start()
@@ -105,6 +107,8 @@ def test_whole_pinned_triangles_double_the_hinges_on_their_line_and_need_no_ghos
     line = on_line & (np.abs(middle[:, 0] - 0.25) < 1e-9)
     assert line.sum() == 3
     assert (ratio == np.where(line, 2.0, 1.0)).all()
+    pinned = np.isin(held.hinges.vertices[:, 2:], band)
+    assert (held.hinges.held == np.where(line, np.where(pinned[:, 0], 0, 1), -1)).all()
     assert len(ghosts) == 0
     assert held.n_vertices == world.n_vertices
 

@@ -1,10 +1,10 @@
 """Plates that bend to a cylinder, against the elastica (VALIDATION A3).
 
 The vertices of a column are tied and the columns are a fixed distance apart: the unknowns are the slopes of the
-cells, x = P(slopes). So the numbers judge bending and the clamp alone, not the membrane. B = D: no narrowing.
+cells, x = P(slopes). So the numbers judge bending and the clamp alone, not the membrane. nu = 0, so B = D.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -19,11 +19,12 @@ from clothsim.mesh.clamp import clamped
 from clothsim.mesh.hinges import Hinges
 from clothsim.mesh.world import make_world
 
+SHEET = replace(UNIT, poisson_ratio=0.0)
 WIDTH, ROWS = 0.2, 2
 STIFFNESS = UNIT.bending_stiffness
 
 every_plate = pytest.mark.parametrize("diagonals", ["right", "alternating"])
-every_model = pytest.mark.parametrize("model", ["hinge", "quadratic"])
+every_model = pytest.mark.parametrize("model", ["hinge", "quadratic", "midedge"])
 every_clamp = pytest.mark.parametrize("clamp", ["edge", "band"])
 
 
@@ -59,7 +60,7 @@ def plate(cells, diagonals="right", clamp="edge", factor=2.0):
     positions[:, 0] -= held / cells
     if diagonals == "alternating":
         triangles = flip_every_other_diagonal(triangles, cells + held)
-    world = make_world([cloth(positions, triangles)])
+    world = make_world([cloth(positions, triangles, SHEET)])
     free = len(world.hinges.vertices)
     held_world, _ = clamped(world, [np.flatnonzero(positions[:, 0] < 1e-9)])
     ordinary = held_world.hinges.stiffness == STIFFNESS
@@ -227,7 +228,8 @@ def test_roll_up_by_an_end_moment(diagonals, model, turns):
         errors.append(np.abs(tip(p, slopes) - exact).max())
     assert errors[-1] <= 5e-3
     # The polygon of equal angles closes exactly: no error is left to have an order.
-    assert errors[-1] < 1e-12 if (model, turns) == ("hinge", 1.0) else order(errors) >= 1.9
+    exact_there = turns == 1.0 and model != "quadratic"
+    assert errors[-1] < 1e-12 if exact_there else order(errors) >= 1.9
 
 
 # --- what belongs to the mesh, not to the material ------------------------------------------------------------------
@@ -245,7 +247,7 @@ def stiffness_ratio(lattice, curvatures):
     middle = parameters[hinges.vertices[:, :2]].mean(axis=1)[:, :2] - 0.5 / cells * 0.1
     inside = ((middle > 0.25) & (middle < 0.75)).all(axis=1)
     assert inside.sum() == 3 * (cells // 2) ** 2
-    kept = Hinges(*(a[inside] for a in (hinges.vertices, hinges.corners, hinges.rest_angles, hinges.stiffness)))
+    kept = Hinges(*(getattr(hinges, field.name)[inside] for field in fields(hinges)))
     bent = flat.copy()
     bent[:, 2] = size * np.einsum("vi,ij,vj->v", flat[:, :2], curvatures, flat[:, :2]) / 2
     area = 0.25 * np.linalg.det(LATTICES[lattice])

@@ -137,7 +137,6 @@ NOT_BUILT = {
     for name in ("air", "pressure", "seams", "strain_limit", "fibres")
 } | {
     "transfer": (changed("[run]", '[seed]\nfrom = "transfer"\n[run]'), "transfer.* command of its own", "clothsim fit"),
-    "midedge": (with_effect('[effects.bending]\nmodel = "midedge"'), "midedge.* is not built yet", "hinge"),
 }
 
 
