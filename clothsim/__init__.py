@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from clothsim.io.run import Run, open_run
     from clothsim.scene.scene import Scene
     from clothsim.scene.toml import load_scene
+    from clothsim.study.accuracy.study import Study, study_accuracy
 
 __version__ = "0.1.0"
 
@@ -26,14 +27,29 @@ _HOMES = {
     "Fit": "clothsim.fitting.fit",
     "Run": "clothsim.io.run",
     "Scene": "clothsim.scene.scene",
+    "Study": "clothsim.study.accuracy.study",
     "fit": "clothsim.fitting.fit",
     "load_scene": "clothsim.scene.toml",
     "open_run": "clothsim.io.run",
     "resume": "clothsim.drape",
     "simulate": "clothsim.drape",
+    "study_accuracy": "clothsim.study.accuracy.study",
 }
 
-__all__ = ["ClothsimError", "Fit", "InputError", "Run", "Scene", "fit", "load_scene", "open_run", "resume", "simulate"]
+__all__ = [
+    "ClothsimError",
+    "Fit",
+    "InputError",
+    "Run",
+    "Scene",
+    "Study",
+    "fit",
+    "load_scene",
+    "open_run",
+    "resume",
+    "simulate",
+    "study_accuracy",
+]
 
 
 def __getattr__(name: str) -> Any:

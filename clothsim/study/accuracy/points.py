@@ -1,0 +1,105 @@
+"""Points of a study: which knobs are turned by how much, and what a run with them left."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from typing import Any
+
+from clothsim.arrays import Floats
+from clothsim.scene.presets import with_preset
+from clothsim.scene.scene import Scene
+from clothsim.study.accuracy.knobs import KNOBS, Knob, set_key
+
+
+@dataclass(frozen=True)
+class Point:
+    """levels: (knob, level) of the knobs that are not at the base, sorted; or a preset; seed: of its jitter, 0: none.
+
+    Made by `point`, so that equal settings are equal points.
+    """
+
+    levels: tuple[tuple[str, int], ...] = ()
+    preset: str = ""
+    seed: int = 0
+
+    def level(self, knob: str) -> int:
+        """The level of a knob."""
+        return dict(self.levels).get(knob, 0)
+
+    def label(self) -> str:
+        """A few letters for people."""
+        name = self.preset or ", ".join(f"{knob} {level:+d}" for knob, level in self.levels) or "base"
+        return f"{name}, seed {self.seed}" if self.seed else name
+
+
+def point(levels: Mapping[str, int], seed: int = 0) -> Point:
+    """The point with these levels."""
+    return Point(tuple(sorted((knob, level) for knob, level in levels.items() if level)), seed=seed)
+
+
+BASE = Point()
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run of a point left.
+
+    positions (n, 3): of the base's material points at the end [m]; seconds: of the processor, warm-up apart;
+    wall_seconds; counts: Newton iterations, steps, peak bytes; energy [J]; failed: why it is no data point, empty where
+    it is one.
+    """
+
+    point: Point
+    positions: Floats
+    seconds: float
+    wall_seconds: float
+    counts: Mapping[str, float]
+    energy: float
+    failed: str = ""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """A scene under study: as the user gave it, with everything written out (see `knobs.fixed`), and its knobs."""
+
+    given: Scene
+    base: Scene
+    knobs: Mapping[str, Knob]
+
+    def scene(self, where: Point) -> Scene:
+        """The scene of a point, without its jitter. InputError where there is none."""
+        if where.preset:
+            return set_key(with_preset(self.given, where.preset)[0], "solver.threads", 1)
+        scene = self.base
+        for name, level in where.levels:
+            scene = (self.knobs.get(name) or KNOBS[name]).put(self.base, scene, level)
+        return scene
+
+    def tight(self, level: int) -> tuple[Point, Point]:
+        """A point with a tight tolerance, and its twin with a jittered start."""
+        levels = {"tolerance": level}
+        return point(levels), point(levels, seed=1)
+
+    def settings(self, where: Point) -> dict[str, Any]:
+        """The values of the knobs at a point, or its preset."""
+        if where.preset:
+            return {"preset": where.preset}
+        turned = {name: KNOBS[name] for name, _ in where.levels}
+        return {name: knob.value(self.base, where.level(name)) for name, knob in {**self.knobs, **turned}.items()}
+
+    def key(self, where: Point) -> str:
+        """A name for the settings of a point and its seed: equal settings have equal names, however they came about."""
+        text = replace(self.scene(where), run=self.base.run).to_text()
+        return sha256(f"{text} {where.seed}".encode()).hexdigest()[:16]
+
+
+def written(name: str, value: Any) -> str:
+    """A value of a knob for people: "dt 1/60 s", "cells 40x40", "tolerance 0.001 m/s"."""
+    if name in ("dt",) and abs(1 / value - round(1 / value)) < 1e-6 / value and value < 1:
+        return f"dt 1/{round(1 / value)} s"
+    if isinstance(value, list):
+        return f"{name} {'x'.join(str(count) for count in value)}"
+    if name == "d_hat":
+        return f"d_hat {1e3 * value:.3g} mm"
+    unit = {"tolerance": " m/s", "eps_v": " m/s", "error": " m"}.get(name, "")
+    return f"{name} {value:.3g}{unit}" if isinstance(value, float) else f"{name} {value}"
