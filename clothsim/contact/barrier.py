@@ -45,7 +45,7 @@ class Barrier(Energy):
             float(self.masses.sum() / self.areas.sum()),
             float(speeds.max(initial=0.0)),
             self.d_hat,
-            step.dt,
+            step.answers_in or step.dt,
         )
         return replace(self, stiffness=stiffness)
 

@@ -31,7 +31,8 @@ class Step:
     world's order (cloth, bodies, ghosts); load: the share of the loads that acts, 1 except in a quasi-static ramp;
     gradient: (N, 3) sum of the gradients of the other energies at the start [N], and bound: the energies that are bound
     to this step by now, by name: both are given to those that `begin_last`; memory: what each energy
-    `remembers` of the step before; weighed: the past of a formula other than backward Euler's.
+    `remembers` of the step before; weighed: the past of a formula other than backward Euler's; answers_in: the time in
+    which contact answers [s], where that is not dt.
     """
 
     time: float
@@ -43,6 +44,7 @@ class Step:
     bound: "Mapping[str, Energy]" = field(default_factory=dict)
     memory: Mapping[str, float] = field(default_factory=dict)
     weighed: Past | None = None
+    answers_in: float | None = None
 
     @property
     def past(self) -> Past:

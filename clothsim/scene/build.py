@@ -51,7 +51,7 @@ def build(scene: Scene) -> Built:
     if not energies:
         raise InputError("The scene has no effect that is on.", f"Name some: {', '.join(EFFECTS)}.")
     refuse_unheld(world, energies, constraints.values())
-    dt = min(scene.solver_settings().dt, 1 / scene.run_settings().frames_per_second)
+    dt = min(scene.solver_settings().longest_step, 1 / scene.run_settings().frames_per_second)
     said = (*notes, *remarks(world, energies, dt))
     return Built(world, energies, constraints, off, said)
 

@@ -11,12 +11,15 @@ from clothsim.errors import InputError
 from clothsim.scene.keys import refuse_unknown
 from clothsim.scene.scene import SECTIONS, Scene
 
+_INSTEAD = {"error": "dt", "dt": "error"}
+
 
 def override(scene: Scene, assignment: str) -> Scene:
     """The scene with one key changed: "solver.dt=0.01", "effects.damping.rate=3", "body.mesh=person.obj".
 
     The value is read as TOML, and as plain text where it is none. A file that exists under the current folder is meant
     there, and so are the files that match a pattern ("shell*.obj"). In a list of cloths or bodies the first is changed.
+    solver.error takes the place of solver.dt, and the other way round.
     InputError for an assignment that names no key.
     """
     path, equals, text = assignment.partition("=")
@@ -34,6 +37,8 @@ def override(scene: Scene, assignment: str) -> Scene:
         new: Any = [_changed(old[0], keys, value), *old[1:]]
     else:
         new = _changed(old, keys, value)
+    if section == "solver" and keys[0] in _INSTEAD:
+        new.pop(_INSTEAD[keys[0]], None)
     changed: dict[str, Any] = {section: new}
     return replace(scene, **changed)
 

@@ -54,6 +54,8 @@ class Scene:
 
     def solver_settings(self) -> Solver:
         """[solver] with its defaults."""
+        if {"dt", "error"} <= table("solver", self.solver).keys():
+            raise InputError("solver has dt and error.", "Give one of them: with error the steps are chosen.")
         return settings(Solver, "solver", self.solver)
 
     def run_settings(self) -> RunSettings:

@@ -1,5 +1,6 @@
 """The sections of a scene that are plain numbers and names, with their defaults."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -8,7 +9,10 @@ from clothsim.errors import InputError
 
 @dataclass(frozen=True)
 class Solver:
-    """dt [s]; tolerance on |dx|_inf/dt [m/s]; integrator; linear solver; threads (0: all cores, 1: repeatable bits)."""
+    """dt [s]; tolerance on |dx|_inf/dt [m/s]; integrator; linear solver; threads (0: all cores, 1: repeatable bits).
+
+    error [m], in place of dt: what the steps may add to the positions in the whole run (RMS); 0 where dt is given.
+    """
 
     dt: float = 0.01
     tolerance: float = 1e-3
@@ -16,6 +20,12 @@ class Solver:
     linear: str = "auto"
     threads: int = 0
     max_iterations: int = 100
+    error: float = 0.0
+
+    @property
+    def longest_step(self) -> float:
+        """dt [s]; inf where the steps are chosen by their error."""
+        return math.inf if self.error else self.dt
 
     def __post_init__(self) -> None:
         if self.integrator not in ("backward_euler", "bdf2"):

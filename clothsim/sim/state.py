@@ -23,7 +23,8 @@ class State:
 
     memory: what each energy remembers of the last step (the barrier stiffness with which contact found its gaps).
     blocked_at: the time of the script [s] at which the last tries found no way on, nan where none did; blocked: how
-    many they were. previous: None at a start and where the formula is of one step.
+    many they were. previous: None at a start and where the formula is of one step. temporal_error: what the steps so
+    far added to the error of the positions, by `step_error` [m].
     """
 
     time: float
@@ -36,6 +37,7 @@ class State:
     blocked: int = 0
     memory: Mapping[str, float] = field(default_factory=dict)
     previous: Previous | None = None
+    temporal_error: float = 0.0
 
 
 def first_state(world: World, dt: float) -> State:

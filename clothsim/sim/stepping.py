@@ -1,4 +1,7 @@
-"""One step of the integrator: solve; on failure the same state with half the dt; on success dt grows back."""
+"""One step of the integrator: solve; on failure the same state with half the dt; on success dt grows back.
+
+Where an error is asked for, steps that add too much of it are tried again too, and the next dt is chosen from it.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -7,10 +10,12 @@ import numpy as np
 
 from clothsim.energies.base import Constraint, Prescribed, Step
 from clothsim.mesh.world import World
+from clothsim.sim.control import ErrorControl
 from clothsim.sim.failure import Failure, failure_of, told
 from clothsim.sim.formula import BACKWARD_EULER, BDF2, Formula, formula_of
 from clothsim.sim.motion import prescribed
 from clothsim.sim.state import Previous, State
+from clothsim.sim.step_error import StepError, step_error
 from clothsim.solve.newton import Newton, NewtonResult, NewtonSettings
 from clothsim.solve.observe import Observer, unobserved
 from clothsim.solve.outcome import Ending
@@ -19,6 +24,7 @@ from clothsim.solve.system import System
 
 GROWTH = 1.05
 MAX_HALVINGS = 10
+MOST_TRIES = 100
 MOST_BLOCKED = 4
 SAME_PLACE = 0.01
 """A scripted motion is infeasible when so many tries end at the same place of its way, to this share of a try's way.
@@ -41,7 +47,7 @@ class Integrator:
     """Steps of the incremental potential; quasi-static where the potential has no inertia.
 
     dt: the longest step [s]; ramp: the time over which loads grow from 0 to 1 [s], 0 where they act at once; watch:
-    who observes the solves; formula: "backward_euler" or "bdf2".
+    who observes the solves; formula: "backward_euler" or "bdf2"; control: who chooses dt, None where it is fixed.
     """
 
     world: World
@@ -53,6 +59,13 @@ class Integrator:
     ramp: float
     watch: Watch = unwatched
     formula: str = BACKWARD_EULER
+    control: ErrorControl | None = None
+
+    def shortest(self, dt: float) -> float:
+        """A step that was first tried with dt and does not succeed above this is given up [s]."""
+        if self.control is None:
+            return 0.999 * self.dt / 2**MAX_HALVINGS
+        return 0.999 * max(dt / 2**MAX_HALVINGS, self.control.shortest / 16)
 
 
 @dataclass(frozen=True)
@@ -60,7 +73,9 @@ class StepReport:
     """A step taken or given up: the state after it, its dt [s], the solve, the bound potential, failed tries.
 
     frame_done: whether it ended on a frame; minimum_gap [m]: the smallest distance below d_hat, else inf;
-    fastest [m/s]: the largest speed of a cloth vertex; failure: why the step was given up, None where it was taken.
+    fastest [m/s]: the largest speed of a cloth vertex; failure: why the step was given up, None where it was taken;
+    error: what it added to the error, None where there is no inertia; rejected: tries that added too much of it;
+    at_floor: whether it added too much, and was as short as a step may be.
     """
 
     state: State
@@ -72,6 +87,9 @@ class StepReport:
     fastest: float
     frame_done: bool = False
     failure: Failure | None = None
+    error: StepError | None = None
+    rejected: int = 0
+    at_floor: bool = False
 
     @property
     def converged(self) -> bool:
@@ -84,7 +102,8 @@ def advance(integrator: Integrator, state: State, until: float) -> StepReport:
 
     Steps share the way to `until` evenly, so that none is left over as a splinter. A failed solve is tried again from
     the same state with half the dt, down to the longest dt halved MAX_HALVINGS times: below that the run would creep
-    towards what stops it without end. The last report is then of a step not taken.
+    towards what stops it without end. The last report is then of a step not taken. A step that `control` refuses is
+    tried again too.
     """
     with integrator.potential.ledger.phase("step control"):
         return _advance(integrator, state, until)
@@ -95,9 +114,9 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
     failures: list[str] = []
     dts: list[float] = []
     tried, dt = state, state.dt
-    smallest = 0.999 * integrator.dt / 2**MAX_HALVINGS
+    smallest, rejected = integrator.shortest(dt), 0
     held = integrator.constraints.values()
-    for _ in range(MAX_HALVINGS + 1):
+    for _ in range(MOST_TRIES):
         pieces = max(1, int(np.ceil(left / dt - 1e-9)))
         h = left / pieces
         end = until if pieces == 1 else state.time + h
@@ -105,8 +124,14 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
         formula = formula_of(integrator.formula, state, h)
         bound, result = _solve(integrator, state, formula, h, end, target)
         if result.outcome.converged:
-            after = replace(_after(integrator, tried, formula, result, h, end, dt), memory=bound.memory())
-            return _report(integrator, after, h, result, bound, failures)
+            after, error = _after(integrator, tried, formula, result, h, end, target)
+            shorter = _shorter(integrator, state, h, error)
+            if shorter < h:
+                rejected, dt = rejected + 1, shorter
+                continue
+            grown = _next_dt(integrator, after, formula, h, dt, error, bool(failures or rejected))
+            report = _report(integrator, replace(after, dt=grown, memory=bound.memory()), h, result, bound, failures)
+            return replace(report, error=error, rejected=rejected, at_floor=shorter < np.inf)
         failures.append(f"dt {h:.3g} s: {told(integrator.world, held, result.outcome)}")
         dts.append(h)
         dt = 0.5 * h
@@ -115,7 +140,7 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
         if dt < smallest or tried.blocked == MOST_BLOCKED:
             break
     failure = failure_of(integrator.world, held, bound, tried, result, target, dts, tried.blocked == MOST_BLOCKED)
-    return replace(_report(integrator, state, h, result, bound, failures), failure=failure)
+    return replace(_report(integrator, state, h, result, bound, failures), failure=failure, rejected=rejected)
 
 
 def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -> State:
@@ -132,9 +157,9 @@ def _solve(
 ) -> tuple[Potential, NewtonResult]:
     load = min(1.0, end / integrator.ramp) if integrator.ramp else 1.0
     zero = np.zeros_like(state.positions)
-    start = Step(
-        state.time, h, state.positions, state.velocities, load, zero, memory=state.memory, weighed=formula.past
-    )
+    start = Step(state.time, h, state.positions, state.velocities, load, zero, memory=state.memory)
+    answers_in = None if integrator.control is None else integrator.control.answers_in
+    start = replace(start, weighed=formula.past, answers_in=answers_in)
     bound = integrator.potential.begin(start)
     integrator.system.begin(bound.couplings(state.positions))
     result = _newton(integrator, state, h, bound).minimise(state.positions, target)
@@ -154,22 +179,54 @@ def _newton(integrator: Integrator, state: State, h: float, bound: Potential) ->
 
 
 def _after(
-    integrator: Integrator, state: State, formula: Formula, result: NewtonResult, h: float, end: float, dt: float
-) -> State:
-    """The next state. What blocked the script is forgotten once it is passed."""
+    integrator: Integrator,
+    state: State,
+    formula: Formula,
+    result: NewtonResult,
+    h: float,
+    end: float,
+    target: Prescribed,
+) -> tuple[State, StepError | None]:
+    """The next state and what the step added to its error. What blocked the script is forgotten once it is passed."""
     previous = Previous(state.positions, state.velocities, h) if integrator.formula == BDF2 else None
-    grown = min(integrator.dt, dt * GROWTH)
+    velocities, error, spent = formula.velocities(result.x), None, 0.0
+    if "inertia" in integrator.potential.energies:
+        n = integrator.world.n_cloth
+        held = target.vertices[target.vertices < n]
+        error = step_error(integrator.formula, formula, state, velocities[:n], h, held)
+        spent = error.rms
     if end > state.blocked_at + SAME_PLACE * h:
         state = replace(state, blocked_at=np.nan, blocked=0)
-    return replace(
+    after = replace(
         state,
         time=end,
-        dt=grown,
         step=state.step + 1,
         positions=result.x,
-        velocities=formula.velocities(result.x),
+        velocities=velocities,
         previous=previous,
+        temporal_error=state.temporal_error + spent,
     )
+    return after, error
+
+
+def _shorter(integrator: Integrator, state: State, h: float, error: StepError | None) -> float:
+    """The dt to try after a step of length h [s] that added too much error; h at the floor, inf where it did not."""
+    if integrator.control is None or error is None or not integrator.control.exceeds(state, h, error.rms):
+        return np.inf
+    return integrator.control.retry(state, h, error.rms) if h > integrator.control.shortest else h
+
+
+def _next_dt(
+    integrator: Integrator, after: State, formula: Formula, h: float, dt: float, error: StepError | None, tried: bool
+) -> float:
+    """The dt of the next step; tried: whether this one needed more than one try."""
+    grown = min(integrator.dt, dt * GROWTH)
+    if integrator.control is None or error is None:
+        return grown
+    if formula.order == 1 and integrator.formula == BDF2:
+        return h  # the error of this step tells nothing of the next one's
+    chosen = integrator.control.next_dt(after, h, error.rms, formula.order)
+    return min(chosen, grown) if tried else chosen
 
 
 def _report(

@@ -23,11 +23,13 @@ class Potential:
         """Bound to the step: first the energies that stand alone, then those that need the others' gradient."""
         bound: dict[str, Energy] = {}
         gradient = np.zeros_like(step.positions)
+        slower = 1.0 if step.answers_in is None else step.past.dt / step.answers_in
         for name, energy in self.energies.items():
             if not energy.begins_last:
                 with self.ledger.effect(name, ""):
                     bound[name] = energy.begin(step)
-                    gradient += bound[name].gradient(step.positions)
+                    pull = bound[name].gradient(step.positions)
+                    gradient += slower * pull if energy.incremental else pull  # momentum m v / dt in contact's own time
         for name, energy in self.energies.items():
             if energy.begins_last:
                 with self.ledger.effect(name, ""):
