@@ -123,7 +123,9 @@ def _run(
     """Step to the end of the scene, writing as it goes; whatever stops it, the frames so far are on disk."""
     surfaces = world_surfaces(session.built.world)
     scripted = _scripted(session.built)
-    certificate = replace(certificate, moved_by_script=scripted, formula=session.integrator.formula)
+    asked = session.scene.solver_settings().error
+    formula = session.integrator.formula
+    certificate = replace(certificate, moved_by_script=scripted, formula=formula, asked=asked)
     judge = judge_of(surfaces, session.scene.effects, session.built.energies)
     kept = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
     if not resumed:

@@ -46,6 +46,9 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "minimum_gap": report.minimum_gap,
         "fastest": report.fastest,
         "failures": list(report.failures),
+        "error": None if report.error is None else report.error.rms,
+        "largest_error": None if report.error is None else report.error.largest,
+        "rejected": report.rejected,
     }
 
 
@@ -53,7 +56,7 @@ def progress_of(report: StepReport, session: Session, seconds: float) -> Progres
     """What a listener hears of a step; seconds: since the run began."""
     run, integrator = session.scene.run_settings(), session.integrator
     verdict = "moving"
-    if report.dt < integrator.dt / 8:
+    if integrator.control is None and report.dt < integrator.dt / 8:
         verdict = "stalled"
     elif report.fastest < 10 * integrator.settings.tolerance:
         verdict = "settled"
@@ -80,6 +83,7 @@ def summary_of(
 ) -> dict[str, Any]:
     """What DESIGN's contract asks of summary.json, the notes that were printed, and the failure of a failed run."""
     world, potential = session.built.world, session.integrator.potential
+    missed = certificate.estimate.missed(certificate.asked)
     return {
         "status": "completed" if failure is None else "failed",
         "reason": f"{state.time:g} s were simulated." if failure is None else failure.reason,
@@ -88,12 +92,13 @@ def summary_of(
         **seconds,
         "steps": state.step,
         "newton_iterations": sum(entry["newton_iterations"] for entry in record),
+        "rejected_steps": sum(entry.get("rejected", 0) for entry in record),
         "linear_solves": potential.ledger.linear_solves,
         "peak_memory_bytes": peak_memory(),
         "vertices": world.n_cloth,
         "triangles": len(world.triangles),
         "solver": session.integrator.system.solver.name,
-        "notes": list(session.notes),
+        "notes": [*session.notes, *filter(None, [missed])],
         "effects": potential.accounts(),
         "off": session.built.off,
         "phases": potential.ledger.phases,
@@ -106,6 +111,7 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
     potential = session.integrator.potential
     counters = {
         "memory": dict(state.memory),
+        "temporal_error": state.temporal_error,
         "certificate": certificate.as_json(),
         "effects": potential.accounts(),
         "phases": potential.ledger.phases,
@@ -143,6 +149,7 @@ def state_of(saved: Checkpoint) -> State:
         saved.blocked_at,
         saved.blocked,
         memory=saved.counters.get("memory", {}),
+        temporal_error=saved.counters.get("temporal_error", 0.0),
         previous=None if x is None or v is None else Previous(x, v, saved.previous_dt),
     )
 

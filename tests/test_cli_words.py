@@ -57,6 +57,27 @@ def test_lines_come_at_the_first_step_the_last_and_seldom_between(capsys):
     assert len(err) < 10
 
 
+@pytest.mark.parametrize(
+    ("estimate", "line"),
+    [
+        ({"temporal": 2e-3, "newton": 4e-6, "contact_gap": 0.53}, "about 2 mm, Newton 4 um, contact gap 0.53 d_hat"),
+        ({"temporal": 9e-4, "asked": 1e-3, "met": True}, "about 900 um (1 mm asked for), Newton 0 um"),
+        ({"temporal": 9e-3, "asked": 1e-3, "met": False}, "about 9 mm (MISSED: 1 mm asked for), Newton 0 um"),
+        ({"temporal": "not estimated (quasi-static)"}, "not estimated (quasi-static), Newton 0 um"),
+    ],
+)
+def test_the_error_of_a_run_is_one_line_of_its_verdict(tmp_path, estimate, line):
+    from small_scenes import small_scene
+
+    from clothsim import simulate
+    from clothsim.cli.say import verdict
+
+    run = simulate(small_scene(run={"duration": 0.02}), tmp_path)
+    nothing = {"newton": 0.0, "contact_gap": "not estimated (nothing touches)"}
+    run.summary["certificate"]["error_estimate"] = nothing | estimate
+    assert f"\n  error    time {line}\n" in verdict(run, [])
+
+
 @pytest.mark.parametrize(("seconds", "text"), [(3.21, "3.2 s"), (245, "4:05 min"), (7390, "2:03:10 h")])
 def test_clock(seconds, text):
     assert clock(seconds) == text

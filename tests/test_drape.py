@@ -140,6 +140,31 @@ def test_a_resumed_run_of_bdf2_has_the_bits_of_one_that_never_stopped(tmp_path, 
     assert never_intersects(whole)
 
 
+@pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
+def test_a_run_that_was_asked_for_an_error_tells_it_and_resumes_to_the_same_bits(tmp_path, integrator):
+    solver = {"error": 0.05, "integrator": integrator, "threads": 1, "linear": "superlu"}
+    scene = small_scene(effects=EFFECTS | {"friction": {"coefficient": 0.4}}, solver=solver, run={"duration": 0.24})
+    whole = simulate(scene, tmp_path / "whole")
+    assert whole.status == "completed", whole.reason
+    assert whole.times == pytest.approx(0.04 * np.arange(7))
+    told = whole.summary["certificate"]["error_estimate"]
+    record = whole.record()
+    assert told["asked"] == 0.05
+    assert told["met"] is True
+    assert 0.01 < told["temporal"] <= 0.05
+    assert told["temporal"] == pytest.approx(sum(entry["error"] for entry in record))
+    assert told["temporal_largest"] == pytest.approx(sum(entry["largest_error"] for entry in record))
+    assert 0 < told["contact_gap"] < 1
+    assert whole.summary["rejected_steps"] == sum(entry["rejected"] for entry in record) > 0
+    assert len({entry["dt"] for entry in record}) > 3
+    assert never_intersects(whole)
+    stopped_after(tmp_path / "part", scene, len(record) // 2)
+    resumed = resume(tmp_path / "part")
+    assert np.array_equal(frames(resumed), frames(whole))
+    assert resumed.summary["certificate"] == whole.summary["certificate"]
+    assert resumed.summary["rejected_steps"] == whole.summary["rejected_steps"]
+
+
 def test_bdf2_without_inertia_is_quasi_static_and_says_so(tmp_path):
     effects = {"membrane": {}, "bending": {}, "gravity": {}, "pins": {"select": "left"}}
     runs = []

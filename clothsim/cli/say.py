@@ -50,13 +50,17 @@ def settings(session: "Session", directory: Path, before: str) -> str:
     kind = {"backward_euler": "backward Euler", "bdf2": "BDF2"}[integrator.formula]
     if "inertia" not in built.energies:
         kind = "quasi-static, loads grow over the duration"
+    steps = f"steps of {integrator.dt:g} s"
+    if solver.error:
+        steps = f"steps chosen for an error of {length(solver.error)}, of {integrator.dt:g} s at most"
+    tolerance = integrator.settings.tolerance
     rows = [
         ("output", f"{directory}{os.sep}"),
         ("mesh", sizes),
         ("effects", ", ".join(on)),
         *(("off", f"{name}: {reason}") for name, reason in built.off.items()),
-        ("time", f"{run.duration:g} s in steps of {integrator.dt:g} s, {run.frames_per_second:g} frames a second"),
-        ("solver", f"{kind}; Newton to {solver.tolerance:g} m/s; {integrator.system.solver.name}, {threads}"),
+        ("time", f"{run.duration:g} s in {steps}, {run.frames_per_second:g} frames a second"),
+        ("solver", f"{kind}; Newton to {tolerance:g} m/s; {integrator.system.solver.name}, {threads}"),
         *(("note", note) for note in session.notes),
         *([("note", before)] if before else []),
     ]
@@ -64,16 +68,19 @@ def settings(session: "Session", directory: Path, before: str) -> str:
 
 
 def verdict(run: "Run", trouble: list[str]) -> str:
-    """How a run ended: status, reason, certificate in three lines, effort, files."""
+    """How a run ended: status, reason, certificate in three lines, error, effort, files."""
     summary = run.summary
     files = sorted(path.name for path in run.directory.iterdir() if path.suffix in _ENDINGS and path.is_file())
+    refused = summary["rejected_steps"]
+    rejected = f" ({refused:,} tried again for their error)" if refused else ""
     effort = (
         f"{clock(summary['wall_seconds'])} ({clock(summary['warmup_seconds'])} to start), "
-        f"{_many(summary['steps'], 'step')}, {_many(summary['newton_iterations'], 'Newton iteration')}, "
+        f"{_many(summary['steps'], 'step')}{rejected}, {_many(summary['newton_iterations'], 'Newton iteration')}, "
         f"{summary['peak_memory_bytes'] / 1e6:.0f} MB of memory at most"
     )
     rows = [
         *_certificate(summary["certificate"], "body_contact" in summary["effects"]),
+        ("error", _error(summary["certificate"]["error_estimate"])),
         ("effort", effort),
         ("files", f"{run.directory}{os.sep}: {', '.join(files)}"),
     ]
@@ -133,6 +140,17 @@ def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, 
         ("stretch", f"principal stretches {stretches}"),
         ("balance", f"force left over {certificate['residual']:.1e} N, {energy}"),
     ]
+
+
+def _error(estimate: dict[str, Any]) -> str:
+    """The estimate of the error in a line; MISSED where it is more than what was asked for."""
+    temporal, gap = estimate["temporal"], estimate["contact_gap"]
+    time = temporal if isinstance(temporal, str) else f"about {length(temporal)}"
+    asked = estimate.get("asked")
+    if asked:
+        time += f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} asked for)"
+    off = "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
+    return f"time {time}, Newton {length(estimate['newton'])}{off}"
 
 
 def _row(name: str, text: str) -> str:

@@ -1,7 +1,7 @@
 """What is known of a result: intersections, gap, stretches, residual, energy. Gathered as the run goes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -10,6 +10,7 @@ from clothsim.arrays import Floats
 from clothsim.kinematics.stretch import principal_stretches
 from clothsim.kinematics.triangle import deformation_gradients
 from clothsim.mesh.world import World
+from clothsim.sim.estimate import ErrorEstimate
 from clothsim.sim.formula import BACKWARD_EULER
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
@@ -23,7 +24,8 @@ class Certificate:
     smallest distance of cloth and body that was below d_hat, else inf; stretch_min, stretch_max; residual: the last
     step's largest force [N]; energy: kinetic and potential now [J]; energy_rise: the most that one step added [J];
     step_rise: the most by which a step's E(x) ended above where it began [J]; moved_by_script: whether bodies or pins
-    did work on the cloth, so that a rise is no error; formula: "backward_euler" or "bdf2".
+    did work on the cloth, so that a rise is no error; formula: "backward_euler" or "bdf2";
+    estimate: how wrong the result is; asked: the error that the user asked for [m], 0 where a dt was given.
 
     E(x) falls in every step. In backward Euler that is |v(n+1) - v(n)|^2_M/2 + Psi(n+1) <= |v(n)|^2_M/2 + Psi(n), and
     the energy itself falls where Psi is convex: a sheet that buckles within a large step may gain some. BDF2 has no
@@ -41,6 +43,8 @@ class Certificate:
     energy_scale: float = 0.0
     moved_by_script: bool = False
     formula: str = BACKWARD_EULER
+    estimate: ErrorEstimate = field(default_factory=ErrorEstimate)
+    asked: float = 0.0
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
         """The certificate after one more step, which started at `before`.
@@ -61,6 +65,7 @@ class Certificate:
             energy_rise=max(self.energy_rise, energy - energy_before),
             step_rise=max(self.step_rise, incremental - incremental_before),
             energy_scale=max(self.energy_scale, scale),
+            estimate=self.estimate.after(report),
         )
 
     def as_dict(self, judged: Mapping[str, str]) -> dict[str, Any]:
@@ -77,16 +82,19 @@ class Certificate:
             "residual": self.residual,
             "energy_drift": scripted if self.moved_by_script else drift,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
+            "error_estimate": self.estimate.as_dict(self.asked),
         }
 
     def as_json(self) -> dict[str, Any]:
         """Every field, for the checkpoint."""
-        return {name: getattr(self, name) for name in self.__dataclass_fields__}
+        return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, "estimate": asdict(self.estimate)}
 
 
 def certificate_from(fields: dict[str, Any]) -> Certificate:
     """The certificate that `as_json` wrote."""
-    return Certificate(**{**fields, "intersecting_frames": tuple(fields["intersecting_frames"])})
+    estimate = ErrorEstimate(**fields.get("estimate", {}))
+    frames = tuple(fields["intersecting_frames"])
+    return Certificate(**{**fields, "intersecting_frames": frames, "estimate": estimate})
 
 
 def world_stretches(world: World, x: Floats) -> Floats:

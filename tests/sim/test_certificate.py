@@ -105,6 +105,7 @@ def test_gap_and_residual():
 
 def test_it_survives_the_checkpoint():
     _, _, certificates = flight()
+    assert certificates[-1].estimate.temporal > 0
     text = json.dumps(certificates[-1].as_json())
     assert certificate_from(json.loads(text)) == certificates[-1]
 
