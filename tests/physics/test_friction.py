@@ -31,7 +31,7 @@ def gap_under(pressure):
     return D_HAT * brentq(lambda y: STIFFNESS / 4 * slope(y) - pressure, 1e-6, 1 - 1e-12, xtol=1e-15)
 
 
-def sliding(angle, mu, dt, duration, eps_v=1e-3, iterations=1, tolerance=1e-9):
+def sliding(angle, mu, dt, duration, eps_v=1e-3, iterations=1, tolerance=1e-9, formula="backward_euler"):
     """A sheet at rest on a floor, gravity turned by `angle`: the reports of the run and the sheet's displacement."""
     positions, triangles = irregular_grid()
     height = gap_under(UNIT.density * G * np.cos(angle))
@@ -44,7 +44,7 @@ def sliding(angle, mu, dt, duration, eps_v=1e-3, iterations=1, tolerance=1e-9):
         "body_contact": body_contact(world, d_hat=D_HAT, stiffness=STIFFNESS),
         "friction": friction(world, coefficient=mu, eps_v=eps_v, iterations=iterations, contacts=("body_contact",)),
     }
-    reports = run_of(integrator_of(world, energies, dt, tolerance=tolerance), duration)
+    reports = run_of(replace(integrator_of(world, energies, dt, tolerance=tolerance), formula=formula), duration)
     state = reports[-1].state
     n = world.n_cloth
     return (state.positions - world.start())[:n], state.velocities[:n]
@@ -63,10 +63,20 @@ def test_sliding_acceleration_is_g_sin_minus_mu_g_cos():
     assert np.abs(way[:, 1:]).max() < 1e-6
 
 
+def test_sliding_of_bdf2_is_as_far_as_its_free_fall():
+    """x = a (T^2/2 + 3/4 dt^2): friction takes its velocities from the same formula."""
+    angle, mu, dt, duration = np.radians(30), 0.5, 0.02, 0.5
+    way, velocity = sliding(angle, mu, dt, duration, eps_v=1e-5, formula="bdf2")
+    a = G * (np.sin(angle) - mu * np.cos(angle))
+    assert way[:, 0] == pytest.approx(a * (duration**2 / 2 + 0.75 * dt**2), abs=2e-5)
+    assert velocity[:, 0] == pytest.approx(a * duration, abs=2e-5)
+
+
+@pytest.mark.parametrize("formula", ["backward_euler", "bdf2"])
 @pytest.mark.parametrize("share", [0.25, 0.5, 0.9])
-def test_below_the_threshold_it_creeps_at_the_share_of_eps_v_that_ipc_friction_has(share):
+def test_below_the_threshold_it_creeps_at_the_share_of_eps_v_that_ipc_friction_has(share, formula):
     mu, eps_v = 0.6, 1e-2
-    _, velocity = sliding(np.arctan(share * mu), mu, 0.05, 1.0, eps_v)
+    _, velocity = sliding(np.arctan(share * mu), mu, 0.05, 1.0, eps_v, formula=formula)
     expected = 1 - np.sqrt(1 - share)
     if share == 0.5:
         assert expected == pytest.approx(0.29289322, abs=5e-9)

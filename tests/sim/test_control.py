@@ -4,12 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from meshes import small_world
+from meshes import cloth, grid, small_world
 from sim.test_stepping import Hurdle
 from solving import integrator_of
 
+from clothsim.contact.body_contact import body_contact
 from clothsim.energies.gravity import gravity
 from clothsim.energies.inertia import inertia
+from clothsim.energies.membrane import membrane
+from clothsim.mesh.body import make_body
+from clothsim.mesh.world import make_world
 from clothsim.sim.control import LARGEST_FACTOR, LARGEST_RETRY, MOST_STEPS, SHARE, SMALLEST_FACTOR, ErrorControl
 from clothsim.sim.formula import LARGEST_RATIO
 from clothsim.sim.simulator import steps
@@ -113,6 +117,23 @@ def test_what_never_converges_ends_here_too():
     report = advance(integrator, first_state(integrator.world, 0.1), until=1.0)
     assert not report.converged
     assert 5 < len(report.failures) < 20
+
+
+def test_contact_is_as_stiff_in_short_steps_as_in_long_ones():
+    """Else a barrier that stiffens as dt shrinks would throw what touches."""
+    positions, triangles = grid(2, 2)
+    sheet = replace(
+        cloth(positions, triangles, velocity=(0, 0, -0.1)), positions=positions + np.array([0.1, 0.2, 0.01])
+    )
+    plate = np.array([[-5.0, -4, 0], [5, -5, 0], [4.5, 5, 0], [-5, 5, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+    world = make_world([sheet], [make_body("plate", *plate)])
+    energies = {"inertia": inertia(world), "membrane": membrane(world), "gravity": gravity(world)}
+    energies["body_contact"] = body_contact(world, d_hat=0.02)
+    integrator = replace(integrator_of(world, energies, 0.01), control=ErrorControl(1.0, 1.0, 0.01))
+    found = [
+        advance(integrator, first_state(world, dt), until=dt).state.memory["body_contact"] for dt in (1e-2, 1e-3, 1e-5)
+    ]
+    assert found == pytest.approx([found[0]] * 3, rel=1e-9)
 
 
 def test_at_the_floor_steps_are_taken_and_told():
