@@ -104,6 +104,19 @@ def test_what_has_no_moment_across_the_border_is_exact_to_the_border(name, nu):
 
 
 @every_mesh
+@pytest.mark.parametrize("nu", [0.3, -0.5])
+def test_a_strip_may_curve_across_as_its_material_wants(name, nu):
+    """k_yy = -nu k_xx has no moment across the sides y = 0, 1: D (1 - nu^2) there too, away from the ends."""
+    positions, triangles = mesh(name)
+    world = make_world([cloth(positions, triangles, replace(UNIT, poisson_ratio=nu))])
+    found = densities(world, lifted(positions, np.diag([1.0, -nu])))
+    middle = positions[triangles].mean(axis=1)
+    away = np.abs(middle[:, 0] - 0.5) < 0.2
+    assert (np.abs(middle[away, 1] - 0.5) > 0.4).sum() > 3
+    assert found[away] == pytest.approx(1 - nu**2, rel=1e-8)
+
+
+@every_mesh
 def test_a_border_relaxes_until_it_has_no_moment(name):
     """A cylinder costs less at the border than inside, and never more: its own direction is free there."""
     positions, triangles = mesh(name)
