@@ -166,11 +166,12 @@ def test_hinge_energy_is_smooth_up_to_the_closed_fold(rest_angle):
     assert np.abs(values - exact).max() < 1e-12 * exact.max()
 
 
-def test_a_triangle_without_area_is_not_admissible_and_nothing_is_nan():
+@pytest.mark.parametrize("model", ["hinge", "midedge"])
+def test_a_triangle_without_area_is_not_admissible_and_nothing_is_nan(model):
     world = small_world()
     x = world.start()
     x[world.triangles[0]] = x[world.triangles[0, 0]]
-    energy = bending(world)
+    energy = bending(world, model=model)
     assert energy.value(x) == np.inf
     assert np.isfinite(energy.gradient(x)).all()
     assert np.isfinite(energy.hessian(x, project=False).blocks).all()
