@@ -12,6 +12,7 @@ from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.io.run import Run
+    from clothsim.scene.scene import Scene
     from clothsim.session import Session
 
 PICTURE_NAME, MOVIE_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "failure.png"
@@ -37,6 +38,7 @@ def add_to(commands: Any) -> None:
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the scene's name)")
     run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
     run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key: body.mesh=PATH")
+    run.add_argument("--preset", metavar="NAME", help="draft, standard or fine: prints how wrong each was measured")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", help="go on with a stopped run", description=_RESUME)
     resume.add_argument("directory", type=Path, metavar="DIR|FILE", help="what `clothsim run` or `bundle` left")
@@ -59,6 +61,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.scene.suffix == ".zip":
         raise InputError(f"{arguments.scene} is no scene file.", "`clothsim resume` replays an archive.")
     scene = load_scene(arguments.scene)
+    if arguments.preset is not None:
+        scene = _with_preset(scene, arguments)
     for assignment in arguments.set:
         scene = override(scene, assignment)
     if arguments.frames_per_second is not None:
@@ -66,6 +70,21 @@ def _run(arguments: argparse.Namespace) -> int:
         scene = replace(scene, run={**scene.run, "frames_per_second": rate})
     directory = arguments.output or Path(arguments.scene.stem)
     return _execute(arguments, directory, lambda **listeners: simulate(scene, directory, **listeners))
+
+
+def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
+    """The scene with the settings of a preset; prints them, and the errors that were measured with them."""
+    from clothsim.scene import preset_errors
+    from clothsim.scene.presets import with_preset
+
+    scene, said = with_preset(scene, arguments.preset)
+    if not arguments.quiet:
+        talk: IO[str] = sys.stderr if arguments.json else sys.stdout
+        lines = [f"preset {arguments.preset}: {said}", f"  its RMS error at the last frame, {preset_errors.DATE}:"]
+        lines += [f"    {line}" for line in preset_errors.measured(arguments.preset)]
+        lines.append("  Another scene has another error: `clothsim study` measures it.")
+        print("\n".join(lines), file=talk, flush=True)
+    return scene
 
 
 def _resume(arguments: argparse.Namespace) -> int:

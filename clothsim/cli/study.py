@@ -57,6 +57,8 @@ def _study(arguments: argparse.Namespace) -> int:
 
     budget = as_seconds("--budget", arguments.budget)
     knobs = None if arguments.knobs is None else [name.strip() for name in arguments.knobs.split(",") if name.strip()]
+    if knobs == []:
+        raise InputError("--knobs names nothing.", "Give some, such as --knobs dt,cells.")
     workers = None if arguments.workers is None else as_count("--workers", arguments.workers)
     scene = load_scene(arguments.scene)
     for assignment in arguments.set:

@@ -23,14 +23,15 @@ class Preset:
 PRESETS = {
     "draft": Preset(Fraction(1, 2), 0.04, 1e-2, 100, "quadratic"),
     "standard": Preset(Fraction(1), 0.01, 1e-3, 100, "hinge"),
-    "fine": Preset(Fraction(2), 0.0025, 1e-4, 200, "hinge"),
+    "fine": Preset(Fraction(2), 0.0025, 1e-4, 200, "midedge"),
 }
 
 
-def with_preset(scene: Scene, name: str) -> tuple[Scene, str]:
+def with_preset(scene: Scene, name: str, models: bool = True) -> tuple[Scene, str]:
     """`scene` with the settings of a preset, and what it set in words. InputError for a name that there is not.
 
-    A cloth that is a file keeps its mesh, and the words say so; a scene without bending gets none.
+    A cloth that is a file keeps its mesh, and the words say so; a scene without bending gets none. models: False keeps
+    the scene's own bending model.
     """
     refuse_unknown("--preset", [name], PRESETS)
     preset = PRESETS[name]
@@ -43,7 +44,7 @@ def with_preset(scene: Scene, name: str) -> tuple[Scene, str]:
     solver = {key: value for key, value in scene.solver.items() if key != "error"}
     solver.update(dt=preset.dt, tolerance=preset.tolerance, max_iterations=preset.max_iterations)
     effects = dict(scene.effects)
-    if "bending" in effects:
+    if models and "bending" in effects:
         effects["bending"] = {**effects["bending"], "model": preset.bending}
         said.append(f"bending {preset.bending}")
     return replace(scene, solver=solver, effects=effects), ", ".join(said)

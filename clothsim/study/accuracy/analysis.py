@@ -52,7 +52,7 @@ def sweeps_of(fields: Mapping[Point, Floats], knobs: Mapping[str, Knob]) -> dict
     """The one-knob runs {knob: {level: field}} of the knobs that have a finer one."""
     found: dict[str, dict[int, Floats]] = {name: {} for name in knobs}
     for where, each in fields.items():
-        if len(where.levels) == 1 and not where.preset and where.levels[0][0] in found:
+        if len(where.levels) == 1 and not where.variant and where.levels[0][0] in found:
             name, level = where.levels[0]
             found[name][level] = each
     return {name: sweep for name, sweep in found.items() if max(sweep, default=0) > 0}

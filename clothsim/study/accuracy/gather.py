@@ -18,6 +18,8 @@ from clothsim.study.accuracy.pool import Answer, Job, Runner
 from clothsim.study.accuracy.sample import Material, at_points_of, material_of
 
 STUDY_NAME, FOLDER = "study.json", "points"
+FIRST_GUESS = {"draft": 0.2, "fine": 12.0}
+"""What a preset costs, times the base."""
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,7 @@ class Gatherer:
             where = jobs[str(job.target)][0]
             done += 1
             if answer is None:
-                self.left_out.setdefault(where, "it did not end within the budget")
+                self.left_out.setdefault(where, "the budget was spent before its end")
                 continue
             self._keep(where, answer, job)
             self._tell(where.label(), len(jobs) - done)
@@ -141,8 +143,8 @@ class Gatherer:
     def _guess(self, where: Point) -> float:
         """Seconds that a point will take: nothing is known before the base, nor of a preset."""
         done = self.field_seconds()
-        if BASE not in done or where.preset:
-            return done.get(BASE, 0.0) * {"draft": 0.2, "fine": 12.0}.get(where.preset, 1.0)
+        if BASE not in done or where.variant:
+            return done.get(BASE, 0.0) * FIRST_GUESS.get(where.variant, 1.2)
         return predicted_seconds(where, done, self.bench.knobs)
 
     def _tell(self, label: str, left: int) -> None:

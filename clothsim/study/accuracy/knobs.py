@@ -122,7 +122,7 @@ KNOBS = {
     knob.name: knob
     for knob in (
         Knob("dt", "s", 2, _in_time, _dt, 1.8),
-        Knob("error", "m", 4, lambda scene: 0.5 if _in_time(scene) == 1 else 2 / 3, _error, 1.8),
+        Knob("error", "m", 4, lambda scene: 1.0, _error, 2.5),
         Knob("cells", "", 2, lambda scene: 2.0, _cells, 6.0),
         Knob("tolerance", "m/s", 4, lambda scene: None, _tolerance, 1.1),
         Knob("d_hat", "m", 2, lambda scene: 1.0, _d_hat, 1.3),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.scene.presets import PRESETS
 from clothsim.study.accuracy.analysis import RESOLVED, Findings
 from clothsim.study.accuracy.points import BASE, Point, written
 from clothsim.study.accuracy.report import MM, Told
@@ -43,7 +44,7 @@ def draw(told: Told, found: Findings, target: Path) -> None:
 
 
 def _against_seconds(axes: Any, told: Told, found: Findings) -> None:
-    """Log error against log seconds: a curve a knob, the front, the presets, what the reference does not resolve."""
+    """Log error against log seconds: a curve a knob, the front, the variants, what the reference does not resolve."""
     axes.set(xscale="log", yscale="log", xlabel="processor time of the run [s]")
     axes.set_ylabel(f"RMS error {'of the histogram of heights' if told.chaotic else 'at the last frame'} [mm]")
     axes.set_title(f"{told.name}: what accuracy costs", loc="left", fontsize=10)
@@ -52,8 +53,8 @@ def _against_seconds(axes: Any, told: Told, found: Findings) -> None:
     swept: set[Point] = {BASE}
     marks: list[Mark] = [(*_at(found, BASE), "as given", "black")]
     lines = [axes.transData.transform([_at(found, where) for where in found.errors])]
-    presets = [where for where in found.errors if where.preset]
-    marks += [(*_at(found, where), where.preset, "black") for where in presets]
+    variants = [where for where in found.errors if where.variant]
+    marks += [(*_at(found, where), where.variant, "black") for where in variants]
     for (name, knob), (colour, marker, line) in zip(told.bench.knobs.items(), STYLES * 2, strict=False):
         curve = sorted(_curve(found, name), key=lambda where: where.level(name))
         swept.update(curve)
@@ -67,10 +68,12 @@ def _against_seconds(axes: Any, told: Told, found: Findings) -> None:
         if np.ptp(axes.transData.transform(np.column_stack([x, y])), axis=0).max() < SHORT:
             ends, texts = ends[-1:], [name]
         marks += [(*_at(found, end), text, colour) for end, text in zip(ends, texts, strict=True)]
-    rest = [where for where in found.errors if where not in swept and not where.preset]
+    rest = [where for where in found.errors if where not in swept and not where.variant]
     axes.plot(*_coordinates(found, rest), ls="", marker=".", ms=6, color="0.45", zorder=2)
     axes.plot(*_coordinates(found, list(found.front)), color="0.84", lw=8, solid_capstyle="round", zorder=1)
-    axes.plot(*_coordinates(found, presets), ls="", marker="*", ms=12, mfc="0.1", mec="white", zorder=5)
+    for where in variants:
+        star = {"marker": "*", "ms": 12} if where.variant in PRESETS else {"marker": "X", "ms": 7}
+        axes.plot(*_coordinates(found, [where]), ls="", mfc="0.1", mec="white", zorder=5, **star)
     axes.plot(*_coordinates(found, [BASE]), ls="", marker="o", ms=9, mfc="none", mec="black", mew=1.4, zorder=6)
     corner = found.front[len(found.front) // 2]
     marks.append((*_at(found, corner), "front", "0.4"))
@@ -81,7 +84,7 @@ def _curve(found: Findings, name: str) -> list[Point]:
     return [
         where
         for where in found.errors
-        if where == BASE or (not where.preset and len(where.levels) == 1 and where.levels[0][0] == name)
+        if where == BASE or (not where.variant and len(where.levels) == 1 and where.levels[0][0] == name)
     ]
 
 

@@ -6,20 +6,20 @@ from hashlib import sha256
 from typing import Any
 
 from clothsim.arrays import Floats
-from clothsim.scene.presets import with_preset
+from clothsim.scene.presets import PRESETS, with_preset
 from clothsim.scene.scene import Scene
 from clothsim.study.accuracy.knobs import KNOBS, Knob, set_key
 
 
 @dataclass(frozen=True)
 class Point:
-    """levels: (knob, level) of the knobs that are not at the base, sorted; or a preset; seed: of its jitter, 0: none.
+    """levels: (knob, level) of the knobs that are not at the base, sorted; or a variant; seed: of its jitter, 0: none.
 
-    Made by `point`, so that equal settings are equal points.
+    Made by `point`, so that equal settings are equal points. variant: a preset or one of VARIANTS.
     """
 
     levels: tuple[tuple[str, int], ...] = ()
-    preset: str = ""
+    variant: str = ""
     seed: int = 0
 
     def level(self, knob: str) -> int:
@@ -28,7 +28,7 @@ class Point:
 
     def label(self) -> str:
         """A few letters for people."""
-        name = self.preset or ", ".join(f"{knob} {level:+d}" for knob, level in self.levels) or "base"
+        name = self.variant or ", ".join(f"{knob} {level:+d}" for knob, level in self.levels) or "base"
         return f"{name}, seed {self.seed}" if self.seed else name
 
 
@@ -38,6 +38,10 @@ def point(levels: Mapping[str, int], seed: int = 0) -> Point:
 
 
 BASE = Point()
+
+CONVERGENT = "midedge"
+VARIANTS = {"bdf2": ("solver.integrator", "bdf2"), CONVERGENT: ("effects.bending.model", CONVERGENT)}
+"""Other ways to compute the same scene: the key and its value. Other bending models have limits of their own."""
 
 
 @dataclass(frozen=True)
@@ -66,26 +70,48 @@ class Bench:
     base: Scene
     knobs: Mapping[str, Knob]
 
+    @property
+    def convergent(self) -> bool:
+        """True where the bending model has a limit that belongs to the fabric, not to the mesh (VALIDATION A3)."""
+        bending = self.given.effects.get("bending")
+        return bending is None or bending.get("model", "hinge") == CONVERGENT
+
     def scene(self, where: Point) -> Scene:
-        """The scene of a point, without its jitter. InputError where there is none."""
-        if where.preset:
-            return set_key(with_preset(self.given, where.preset)[0], "solver.threads", 1)
+        """The scene of a point, without its jitter. InputError where there is none.
+
+        A preset keeps the scene's bending model unless that is the convergent one: another has another limit.
+        """
+        if where.variant in PRESETS:
+            return set_key(with_preset(self.given, where.variant, self.convergent)[0], "solver.threads", 1)
         scene = self.base
+        if where.variant:
+            path, value = VARIANTS[where.variant]
+            scene = set_key(scene, path, value)
         for name, level in where.levels:
             scene = (self.knobs.get(name) or KNOBS[name]).put(self.base, scene, level)
         return scene
+
+    def variants(self) -> list[Point]:
+        """Those that the scene has and is not itself."""
+        names = []
+        if "inertia" in self.base.effects and self.base.solver_settings().integrator != "bdf2":
+            names.append("bdf2")
+        if not self.convergent:
+            names.append(CONVERGENT)
+        return [Point(variant=name) for name in names]
+
+    def settings(self, where: Point) -> dict[str, Any]:
+        """The values of the knobs at a point, or its preset; with a variant its name too."""
+        if where.variant in PRESETS:
+            return {"preset": where.variant}
+        turned = {name: KNOBS[name] for name, _ in where.levels}
+        values = {name: knob.value(self.base, where.level(name)) for name, knob in {**self.knobs, **turned}.items()}
+        return {**values, VARIANTS[where.variant][0].split(".")[-1]: where.variant} if where.variant else values
 
     def tight(self, level: int) -> tuple[Point, Point]:
         """A point with a tight tolerance, and its twin with a jittered start."""
         levels = {"tolerance": level}
         return point(levels), point(levels, seed=1)
-
-    def settings(self, where: Point) -> dict[str, Any]:
-        """The values of the knobs at a point, or its preset."""
-        if where.preset:
-            return {"preset": where.preset}
-        turned = {name: KNOBS[name] for name, _ in where.levels}
-        return {name: knob.value(self.base, where.level(name)) for name, knob in {**self.knobs, **turned}.items()}
 
     def key(self, where: Point) -> str:
         """A name for the settings of a point and its seed: equal settings have equal names, however they came about."""

@@ -11,7 +11,7 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.study.accuracy.analysis import Findings, Recommendation, findings, half, recommendations
 from clothsim.study.accuracy.gather import Gatherer
-from clothsim.study.accuracy.points import BASE, Bench, Point, written
+from clothsim.study.accuracy.points import BASE, CONVERGENT, Bench, Point, written
 from clothsim.study.accuracy.reference import Norm
 
 MM = 1e-3
@@ -39,7 +39,7 @@ class Told:
         """Seconds of each point of `fields`; the median of its seeds."""
         done = self.gatherer.field_seconds()
         alike = {
-            where: [s for p, s in done.items() if (p.levels, p.preset) == (where.levels, where.preset)]
+            where: [s for p, s in done.items() if (p.levels, p.variant) == (where.levels, where.variant)]
             for where in self.fields
         }
         return {where: float(np.median(each)) if self.chaotic else done[where] for where, each in alike.items()}
@@ -85,6 +85,7 @@ def document(told: Told, found: Findings, spent: Mapping[str, float], invariants
         },
         "knobs": {name: _knob(told, found, name) for name in bench.knobs},
         "remainder": found.remainder / MM,
+        "bending_model": _model(told),
         "missing_knobs": dict(told.missing),
         "left_out": {where.label(): reason for where, reason in gatherer.left_out.items()},
         "chaotic": told.chaotic,
@@ -95,6 +96,15 @@ def document(told: Told, found: Findings, spent: Mapping[str, float], invariants
         "date": datetime.now().astimezone().isoformat(timespec="minutes"),
         **spent,
     }
+
+
+def _model(told: Told) -> dict[str, Any] | None:
+    """How far the convergent bending model moves the result, and what it costs; None where that was not run."""
+    done = told.gatherer.outcomes.get(Point(variant=CONVERGENT))
+    if done is None or done.failed or told.chaotic:
+        return None
+    moved = told.norm(done.positions - told.fields[BASE])
+    return {"model": CONVERGENT, "moves": moved / MM, "unit": "mm", "seconds": done.seconds}
 
 
 def measure(chaotic: bool) -> str:
@@ -175,6 +185,12 @@ def answer(result: Mapping[str, Any]) -> list[str]:
     if largest:
         worst = max(largest, key=lambda name: result["knobs"][name]["adds"])
         lines.append(f"Most of it comes from {worst}: {_mm(result['knobs'][worst]['adds'])}.")
+    model = result["bending_model"]
+    if model is not None:
+        lines.append(
+            f"What its bending model adds is not in that: {model['model']}, which tends to the fabric's own stiffness, "
+            f"moves the result by {_mm(model['moves'])} and takes {_s(model['seconds'])}."
+        )
     if result["chaotic"]:
         lines.append(
             f"The folds of this scene are chaotic: twins that differ by a millionth of the size at the start end "

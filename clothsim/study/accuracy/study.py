@@ -21,7 +21,7 @@ from clothsim.study.accuracy import analysis
 from clothsim.study.accuracy.gather import FOLDER, Gatherer, Progress, stored_points, write_points
 from clothsim.study.accuracy.invariants import drape_coefficient, height_quantiles
 from clothsim.study.accuracy.knobs import fixed, usable
-from clothsim.study.accuracy.points import BASE, Bench, Point, point
+from clothsim.study.accuracy.points import BASE, CONVERGENT, Bench, Point, point
 from clothsim.study.accuracy.pool import Runner, cores, worker_processes
 from clothsim.study.accuracy.reference import Limit, Norm
 from clothsim.study.accuracy.report import Told, document, markdown
@@ -138,8 +138,13 @@ class _Observer:
         return Norm(self.areas / self.areas.sum())
 
     def fields(self) -> dict[Point, Floats]:
-        """What is compared, of each data point: with chaotic folds the mean over its seeds."""
-        outcomes = [each for each in self.gatherer.outcomes.values() if not each.failed]
+        """What is compared, of each data point: with chaotic folds the mean over its seeds.
+
+        A variant with another bending model is none: it tends to something else.
+        """
+        outcomes = [
+            each for each in self.gatherer.outcomes.values() if not each.failed and each.point.variant != CONVERGENT
+        ]
         if not self.chaotic:
             return {each.point: each.positions for each in outcomes if not each.point.seed}
         several: dict[Point, list[Floats]] = {}
@@ -172,7 +177,7 @@ def _gathered(gatherer: Gatherer, world: World) -> _Observer:
     _refuse_no_base(gatherer)
     gatherer.gather(_alone(bench, (-1, 1)))
     observer = _observer(gatherer, world, tight)
-    gatherer.gather([Point(preset=name) for name in PRESETS], LATE)
+    gatherer.gather([*bench.variants(), *(Point(variant=name) for name in PRESETS)], LATE)
     if observer.chaotic:
         seeds = [replace(where, seed=seed) for seed in range(1, SEEDS + 1) for where in (BASE, *_alone(bench, (1,)))]
         gatherer.gather(seeds, LATE)
