@@ -13,6 +13,7 @@ from clothsim.io.write_obj import write_obj
 from clothsim.scene.scene import Scene
 
 REST, START = "garment_rest.obj", "garment_start.obj"
+FRAMES = "body[0-9][0-9][0-9].obj"
 
 CARRYING_SECONDS = 0.5
 """How long a body takes from its first frame to its last: slow beside the damping, which holds the garment to it."""
@@ -57,10 +58,12 @@ def carried(worn: Worn, start: Floats, frames: Sequence[Floats], folder: Path, l
     All files of the run are in `folder`, a scene among them that runs it again.
     """
     _make(folder)
+    for old in folder.glob(FRAMES):  # of an earlier fit with more frames
+        old.unlink()
     for k, frame in enumerate(frames):
         write_obj(folder / f"body{k:03d}.obj", frame, worn.body_triangles)
     rate = (len(frames) - 1) / CARRYING_SECONDS
-    body = {"name": "body", "frames": "body[0-9][0-9][0-9].obj", "frames_per_second": rate}
+    body = {"name": "body", "frames": FRAMES, "frames_per_second": rate}
     return simulate(_scene(worn, start, body, CARRYING, folder), folder, listener)
 
 
@@ -72,11 +75,17 @@ def draped(
     folder: Path,
     listener: Listener | None,
     announce: Announcement | None,
+    duration: float | None = None,
 ) -> Run:
-    """The garment, from `start (n, 3)` [m], on the standing `body (k, 3)` [m] under gravity against `up (3,)`."""
+    """The garment, from `start (n, 3)` [m], on the standing `body (k, 3)` [m] under gravity against `up (3,)`.
+
+    duration [s]: None: as in DRAPING.
+    """
     _make(folder)
     write_obj(folder / "body.obj", body, worn.body_triangles)
     settings = {**DRAPING, "effects": {**DRAPING["effects"], "gravity": {"acceleration": (-9.81 * up).tolist()}}}
+    if duration is not None:
+        settings["run"] = {**settings["run"], "duration": duration}
     scene = _scene(worn, start, {"name": "body", "mesh": "body.obj"}, settings, folder)
     return simulate(scene, folder, listener, announce)
 

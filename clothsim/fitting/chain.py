@@ -17,7 +17,7 @@ from clothsim.arrays import Floats
 from clothsim.errors import InputError
 from clothsim.fitting.carry import Worn, carried
 from clothsim.fitting.figure import Figure
-from clothsim.fitting.guaranteed import Clearing, clearing, untangled_from_itself
+from clothsim.fitting.guaranteed import Clearing, clearings, untangled_from_itself
 from clothsim.fitting.stage import Garment, Heard, Stage, staged
 from clothsim.fitting.transferred import Transferred, transferred
 from clothsim.mesh.body import make_body
@@ -119,7 +119,7 @@ def _guaranteed(found: Seeded, task: Task, body: BodySurface, carrier: Floats) -
     """Deflate and grow; where no depth frees any shape, morph the one body into the other first."""
     tried = [stage for stage in found.stages if task.same_body or stage.name in ("transfer", "refine")]
     done = _freed(found, tried, task, body)
-    if done is None and not task.same_body and _own(found).counts.on_body:
+    if (done is None or done.failure) and not task.same_body and _own(found).counts.on_body:
         found = _morphed(found, task, body, carrier)
         if found.failure or found.last.counts.clean:
             return found
@@ -135,21 +135,35 @@ def _freed(found: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
     """The shape of one of the stages `tried`, clear of the body and, where that can be had, of itself.
 
     The shape with the fewest intersections with itself comes first: they are harder to mend than those with the body.
-    None where no depth frees any.
+    Where a growth fails the next start is tried. None where no depth frees any.
     """
-    clear = []
+    clear: list[tuple[Stage, Clearing]] = []
+    failed = None
     for stage in sorted(tried, key=lambda stage: (stage.counts.self_pairs, -tried.index(stage))):
-        start = clearing(stage.positions, task.garment.triangles, body)
-        if start is None:
-            continue
-        clear.append((stage, start))
-        thin = body_surface(start.body, body.triangles)
-        freed = stage if not stage.counts.self_pairs else _untangled(found.worn.rest, stage, thin, thin, task)
-        if freed is not None:
-            return _grown(found if freed is stage else found.after(freed), stage, start, freed.positions, task, body)
+        for start in clearings(stage.positions, task.garment.triangles, body):
+            clear.append((stage, start))
+            thin = body_surface(start.body, body.triangles)
+            freed = stage if not stage.counts.self_pairs else _untangled(found.worn.rest, stage, thin, thin, task)
+            if freed is None:
+                continue
+            before = found if freed is stage else found.after(freed)
+            grown = _grown(before, stage, start, freed.positions, task, body)
+            if not grown.failure:
+                return grown
+            failed = grown
+            found = replace(found, notes=(*found.notes, f"Tried {start.said or 'as it is'}: {grown.failure}"))
     if not clear:
         return None
-    stage, start = clear[0]
+    return _meeting_itself(found, clear, failed, task, body)
+
+
+def _meeting_itself(
+    found: Seeded, clear: Sequence[tuple[Stage, Clearing]], failed: Seeded | None, task: Task, body: BodySurface
+) -> Seeded:
+    """The garment that could not be untangled, worn as it is; where all that failed was its growth, that failure."""
+    stage, start = min(clear, key=lambda one: len(one[1].frames))
+    if failed is not None and len(start.frames) > 1:
+        return failed
     note = "The garment intersects itself and could not be untangled: self_contact is off."
     meeting = replace(found, worn=replace(found.worn, self_contact=False), notes=(*found.notes, note))
     return _grown(meeting, stage, start, stage.positions, task, body)

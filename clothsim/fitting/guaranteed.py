@@ -5,7 +5,7 @@ between folds that lie on one another, its folds are opened first. Where that do
 the garment was clear of the body that it was made for, that body becomes the other one and carries the garment along.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from clothsim.arrays import Floats, Ints
@@ -22,7 +22,7 @@ from transfer.errors import TransferError
 
 DEPTHS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 """How far the body's surface is moved inward [m], in the order in which they are tried."""
-DEEPEST = DEPTHS[-3:-1]
+DEEPEST = DEPTHS[-4:-1]
 """Those that are tried once its folds are open."""
 
 
@@ -42,10 +42,10 @@ class Clearing:
         return self.frames[0]
 
 
-def clearing(garment: Floats, triangles: Ints, body: BodySurface) -> Clearing | None:
-    """The least depth that frees `garment (n, 3)` [m] with `triangles (m, 3)` of the body, of itself or unfolded.
+def clearings(garment: Floats, triangles: Ints, body: BodySurface) -> Iterator[Clearing]:
+    """The least depth that frees `garment (n, 3)` [m] with `triangles (m, 3)` of the body, then of the body unfolded.
 
-    None where none does.
+    The second is for a growth that fails: creases that only ever close pinch what lies in them.
     """
 
     def clear_of(positions: Floats) -> bool:
@@ -55,21 +55,23 @@ def clearing(garment: Floats, triangles: Ints, body: BodySurface) -> Clearing | 
             return False
         return not surface.penetration(garment).count and counted(garment, triangles, surface).on_body
 
+    def thinner(of: BodySurface, depths: Sequence[float]) -> tuple[float, Floats] | None:
+        half = half_thickness(of)
+        thin = ((depth, deflated(of, depth, half)) for depth in depths)
+        return next((found for found in thin if clear_of(found[1])), None)
+
     if clear_of(body.positions):
-        return Clearing((body.positions,))
-    half = half_thickness(body)
-    for depth in DEPTHS:
-        thin = deflated(body, depth, half)
-        if clear_of(thin):
-            return Clearing((thin, body.positions), f"{1e3 * depth:.3g} mm thinner")
+        yield Clearing((body.positions,))
+        return
+    found = thinner(body, DEPTHS)
+    if found is not None:
+        yield Clearing((found[1], body.positions), f"{1e3 * found[0]:.3g} mm thinner")
     for opened in unfolding(body.positions, body.triangles):
-        smooth = body_surface(opened, body.triangles)
-        half = half_thickness(smooth)
-        for depth in DEEPEST:
-            thin = deflated(smooth, depth, half)
-            if clear_of(thin):
-                return Clearing((thin, opened, body.positions), f"without folds and {1e3 * depth:.3g} mm thinner")
-    return None
+        found = thinner(body_surface(opened, body.triangles), DEEPEST)
+        if found is not None:
+            said = f"without folds and {1e3 * found[0]:.3g} mm thinner"
+            yield Clearing((found[1], opened, body.positions), said)
+            return
 
 
 def untangled_from_itself(cloth: Cloth, bodies: Sequence[Body]) -> tuple[Floats, str] | None:

@@ -109,6 +109,32 @@ def test_a_growth_that_stops_is_a_failure_with_its_reason(tmp_path, monkeypatch)
     assert found.failure == "In the stage grow: At 0.1 s: Newton did not converge."
 
 
+def test_where_a_growth_fails_the_next_start_is_tried(tmp_path, monkeypatch):
+    monkeypatch.setattr(chain, "_refined", lambda positions, *_, **__: (positions, "none"))
+    garment, frames = tube_garment(0.097, cells=(8, 2)), []
+
+    class Grown:
+        reason = "At 0.1 s: the scripted motion is blocked."
+
+        def __init__(self, status):
+            self.status = status
+
+        def positions(self, _):
+            return tube_garment(0.12, cells=(8, 2)).positions
+
+    def carried(_worn, _start, bodies, *_):
+        frames.append(len(bodies))
+        return Grown("failed" if len(frames) == 1 else "completed")
+
+    monkeypatch.setattr(chain, "carried", carried)
+    found = seeded(task(garment, COARSE, COARSE, tmp_path))
+    assert frames == [2, 3]
+    assert not found.failure
+    assert found.last.counts.clean
+    assert "without folds" in found.last.said
+    assert [note for note in found.notes if note.startswith("Tried 5 mm thinner: In the stage grow: At 0.1 s")]
+
+
 def test_a_growth_that_cannot_begin_is_a_failure_with_its_reason(tmp_path, monkeypatch):
     monkeypatch.setattr(chain, "_refined", lambda positions, *_, **__: (positions, "none"))
 
@@ -123,7 +149,7 @@ def test_a_growth_that_cannot_begin_is_a_failure_with_its_reason(tmp_path, monke
 def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, monkeypatch):
     """Deflation and refinement are taken away: the garment is clean on its body and is carried to the wider one."""
     monkeypatch.setattr(chain, "_refined", lambda positions, *_, **__: (positions, "none"))
-    monkeypatch.setattr(chain, "clearing", lambda *_: None)
+    monkeypatch.setattr(chain, "clearings", lambda *_: iter(()))
     monkeypatch.setattr(
         chain, "transferred", lambda garment, source, target: chain.Transferred(garment.positions, target.positions, "")
     )

@@ -6,12 +6,18 @@ from dressing import capsule_figure, folded_sheet, tube_garment, wider
 
 from clothsim.fitting import guaranteed
 from clothsim.fitting.counts import counted
-from clothsim.fitting.guaranteed import DEPTHS, clearing, untangled_from_itself
+from clothsim.fitting.guaranteed import DEPTHS, clearings, untangled_from_itself
 from clothsim.intersection.pairs import intersecting_pairs
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.generate import rectangle
 from clothsim.scene.fabrics import FABRICS
 from transfer.distance import body_surface
+
+
+def clearing(*arguments):
+    """The first."""
+    return next(clearings(*arguments), None)
+
 
 FIGURE = capsule_figure()
 BODY = body_surface(FIGURE.positions, FIGURE.triangles)
@@ -44,7 +50,7 @@ def test_where_no_depth_frees_it_folds_are_opened_first(monkeypatch):
     monkeypatch.setattr(guaranteed, "DEPTHS", ())
     garment = tube_garment(0.075)
     found = clearing(garment.positions, garment.triangles, BODY)
-    assert found.said == "without folds and 40 mm thinner"
+    assert found.said == "without folds and 20 mm thinner"
     thin, opened, whole = found.frames
     assert clear(garment, thin)
     assert not clear(garment, opened)
@@ -81,3 +87,12 @@ def test_a_wider_body_of_the_same_mesh_needs_more():
     wide = wider(FIGURE, 1.2)
     found = clearing(garment.positions, garment.triangles, body_surface(wide.positions, wide.triangles))
     assert found.said == "40 mm thinner"
+
+
+def test_after_the_least_depth_comes_the_unfolded_body():
+    garment = tube_garment(0.091)
+    first, second = clearings(garment.positions, garment.triangles, BODY)
+    assert first.said == "10 mm thinner"
+    assert second.said.startswith("without folds and ")
+    assert clear(garment, second.body)
+    assert len(list(clearings(tube_garment(0.11).positions, garment.triangles, BODY))) == 1
