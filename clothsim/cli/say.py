@@ -144,13 +144,13 @@ def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, 
 
 def _error(estimate: dict[str, Any]) -> str:
     """The estimate of the error in a line; MISSED where it is more than what was asked for."""
-    temporal, gap = estimate["temporal"], estimate["contact_gap"]
+    temporal, newton, gap = estimate["temporal"], estimate["newton"], estimate["contact_gap"]
     time = temporal if isinstance(temporal, str) else f"about {length(temporal)}"
     asked = estimate.get("asked")
     if asked:
         time += f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} asked for)"
     off = "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
-    return f"time {time}, Newton {length(estimate['newton'])}{off}"
+    return f"time {time}, Newton {newton if isinstance(newton, str) else length(newton)}{off}"
 
 
 def _row(name: str, text: str) -> str:

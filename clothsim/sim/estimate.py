@@ -18,7 +18,8 @@ class ErrorEstimate:
     turn about or are damped, and less where a motion is unstable; nan where there is no inertia. newton: the last
     Newton step of each solve times the rate at which Newton came closer; of the last solve alone where there is no
     inertia. contact_gap: the smallest gap at the last step as share of its d_hat, inf where nothing touches: how far
-    contact stands off. at_floor: steps that were as short as they may be and still added too much.
+    contact stands off. at_floor: steps that were as short as they may be and still added too much. steps: how many there
+    were; of none nothing is estimated.
     """
 
     temporal: float = 0.0
@@ -26,6 +27,7 @@ class ErrorEstimate:
     newton: float = 0.0
     contact_gap: float = np.inf
     at_floor: int = 0
+    steps: int = 0
 
     def after(self, report: StepReport) -> Self:
         """The estimate after one more step."""
@@ -41,10 +43,14 @@ class ErrorEstimate:
             newton=report.result.left + (0.0 if error is None else self.newton),
             contact_gap=float(min(shares)),
             at_floor=self.at_floor + report.at_floor,
+            steps=self.steps + 1,
         )
 
     def as_dict(self, asked: float = 0.0) -> dict[str, Any]:
         """As the certificate keeps it; asked: the error that was asked for [m], 0 where none was."""
+        if not self.steps:
+            parts = dict.fromkeys(("temporal", "temporal_largest", "newton", "contact_gap"), "not estimated (no step)")
+            return {**parts, **({"asked": asked, "met": False} if asked else {})}
         static = bool(np.isnan(self.temporal))
         return {
             "temporal": "not estimated (quasi-static)" if static else self.temporal,
@@ -56,9 +62,10 @@ class ErrorEstimate:
 
     def missed(self, error: float) -> str:
         """What the user must know where the `error` asked for [m] was not kept, else empty."""
-        if not self.at_floor or self.temporal <= (1 + SHARE) * error:
+        if not self.temporal > (1 + SHARE) * error:
             return ""
+        why = f": {self.at_floor} steps were as short as they may be" if self.at_floor else ""
         return (
-            f"The error asked for, {error:g} m, was not kept: {self.at_floor} steps were as short as they may be. "
-            f'The estimate is {self.temporal:.2g} m. Ask for less, or take integrator = "bdf2".'
+            f"The error asked for, {error:g} m, was not kept{why}. "
+            f'The estimate is {self.temporal:.2g} m. Ask for less accuracy, or take integrator = "bdf2".'
         )

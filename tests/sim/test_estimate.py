@@ -75,8 +75,21 @@ def test_a_quasi_static_run_has_no_error_of_time():
 
 
 def test_what_was_asked_for_is_told_with_whether_it_was_met():
-    held, missed = ErrorEstimate(temporal=0.9e-3), ErrorEstimate(temporal=3e-3, at_floor=7)
+    held, missed = ErrorEstimate(temporal=0.9e-3, steps=9), ErrorEstimate(temporal=3e-3, at_floor=7, steps=9)
     assert held.as_dict(1e-3) | {"asked": 1e-3, "met": True} == held.as_dict(1e-3)
     assert missed.as_dict(1e-3)["met"] is False
     assert held.missed(1e-3) == ""
     assert "7 steps were as short as they may be" in missed.missed(1e-3)
+
+
+def test_more_than_was_asked_for_is_missed_however_long_the_steps_were():
+    long = ErrorEstimate(temporal=3e-3, steps=9)
+    assert long.as_dict(1e-3)["met"] is False
+    assert long.missed(1e-3).startswith("The error asked for, 0.001 m, was not kept. The estimate is 0.003 m")
+
+
+def test_of_no_step_nothing_is_estimated_and_nothing_met():
+    told = ErrorEstimate().as_dict(1e-3)
+    assert told.pop("asked") == 1e-3
+    assert told.pop("met") is False
+    assert set(told.values()) == {"not estimated (no step)"}
