@@ -18,8 +18,8 @@ class ErrorEstimate:
     turn about or are damped, and less where a motion is unstable; nan where there is no inertia. newton: the last
     Newton step of each solve times the rate at which Newton came closer; of the last solve alone where there is no
     inertia. contact_gap: the smallest gap at the last step as share of its d_hat, inf where nothing touches: how far
-    contact stands off. at_floor: steps that were as short as they may be and still added too much. steps: how many there
-    were; of none nothing is estimated.
+    contact stands off. at_floor: steps that were as short as they may be and still added too much. steps: how many
+    there were; of none nothing is estimated.
     """
 
     temporal: float = 0.0
