@@ -27,7 +27,7 @@ RESOLVED = 10.0
 class Findings:
     """reference; errors {point: RMS}, largest {point: max} and seconds of the data points [m, s].
 
-    bars {knob: what it adds to the base's error}; remainder: what they leave of it; front: points, the cheapest first.
+    bars {knob: what it adds to the base's error}; remainder: what they leave of it, nan where no run tells; front: points, the cheapest first.
     """
 
     reference: Reference
@@ -113,7 +113,7 @@ def findings(
         largest,
         seconds,
         {name: norm(part) for name, part in parts.items()},
-        norm(whole - sum(parts.values(), start=np.zeros_like(whole))),
+        norm(whole - sum(parts.values(), start=np.zeros_like(whole))) if found.joint else np.nan,
         tuple(points[row] for row in rows),
     )
 

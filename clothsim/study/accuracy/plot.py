@@ -168,9 +168,10 @@ def _overlap(one: Box, other: Box) -> bool:
 def _bars(axes: Any, told: Told, found: Findings) -> None:
     """What each knob adds to the error of the scene as given, and what they leave."""
     rows = sorted(found.bars.items(), key=lambda row: row[1])
-    names = ["remainder", *(_slopes(told, found, name) for name, _ in rows)]
-    values = [found.remainder / MM, *(each / MM for _, each in rows)]
-    shades = ["0.85", *(["0.45"] * len(rows))]
+    rest = [("remainder", found.remainder / MM)] if found.reference.joint else []
+    names = [*(name for name, _ in rest), *(_slopes(told, found, name) for name, _ in rows)]
+    values = [*(value for _, value in rest), *(each / MM for _, each in rows)]
+    shades = [*(["0.85"] * len(rest)), *(["0.45"] * len(rows))]
     axes.barh(names, values, color=shades, edgecolor="black", lw=0.6, height=0.5)
     whole = found.errors[BASE] / MM
     span = max([whole, *values]) * 1.25

@@ -32,12 +32,16 @@ class Limit:
 
 @dataclass(frozen=True)
 class Reference:
-    """field (n, k); error: its own (RMS); limits: of each knob; cross: size of what the knobs add only together."""
+    """field (n, k); error: its own (RMS); limits: of each knob; cross: size of what the knobs add only together.
+
+    joint: how many runs with two knobs at once tell of that; without any, cross is a guess.
+    """
 
     field: Floats
     error: float
     limits: Mapping[str, Limit]
     cross: float
+    joint: int
 
 
 @dataclass(frozen=True)
@@ -126,7 +130,7 @@ def reference(
         doubt = errors[0] * errors[1] / max(norm(centred), np.finfo(float).tiny)
     own = [each.error for each in limits.values()]
     error = float(np.sqrt(sum(each**2 for each in own) + doubt**2 + noise**2))
-    return Reference(field + cross, error, limits, norm(crosses[-1]) if crosses else doubt)
+    return Reference(field + cross, error, limits, norm(crosses[-1]) if crosses else doubt, len(crosses))
 
 
 def _cross(

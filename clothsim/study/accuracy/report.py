@@ -154,7 +154,7 @@ def markdown(told: Told, found: Findings, result: Mapping[str, Any]) -> str:
         _table(("error at most", "settings", "measured error", "processor time"), _advice_rows(result)),
         "## Where the error comes from",
         _table(("knob", "at the base", "adds", "expected slope", "observed slope"), _knob_rows(result)),
-        f"The remainder, which the knobs add only together: {_mm(result['remainder'])}.",
+        f"The remainder, which the knobs add only together: {_remainder(result['remainder'])}.",
         "## Every point",
         _table(("settings", "error (RMS)", "largest", "of the size", "processor time", "front"), _point_rows(result)),
         "## How this was measured",
@@ -208,6 +208,11 @@ def answer(result: Mapping[str, Any]) -> list[str]:
 def settings_text(settings: Mapping[str, Any]) -> str:
     """ "dt 1/60 s, cells 40x40" """
     return ", ".join(written(name, value) for name, value in settings.items())
+
+
+def _remainder(millimetres: float | None) -> str:
+    known = millimetres is not None and math.isfinite(millimetres)
+    return _mm(millimetres) if known and millimetres is not None else "not measured, for want of a run with two of them"
 
 
 def _advice_rows(result: Mapping[str, Any]) -> list[list[str]]:

@@ -39,6 +39,8 @@ FINER = 3
 """How many more levels are run of the knob whose limit is least certain, one at a time."""
 FOR_FILES = 0.15, 8.0
 """What is kept of the budget for picture and tables: that share of it, that many seconds at most."""
+COMPUTES = ("mesh", "kinematics", "energies", "contact", "solve", "sim")
+"""The folders of the package on which a result depends: a study made with other code is made anew."""
 REPORT_NAME, PICTURE_NAME = "study.md", "study.png"
 
 
@@ -158,6 +160,12 @@ class _Observer:
         bench = self.gatherer.bench
         return analysis.limits_of(self.fields(), bench.knobs, bench.base, self.norm, self.noise)
 
+    def worth_trying(self) -> list[Point]:
+        """Combinations to run next; none where no limit is known."""
+        limits, knobs = self.limits(), self.gatherer.bench.knobs
+        known = self.fields(), self.gatherer.field_seconds(), limits
+        return analysis.next_points(*known, knobs, self.norm, COMBINATIONS) if limits else []
+
     def spread(self) -> float:
         """With chaotic folds: RMS distance of the base's seeds to their mean, over the root of their number [m]."""
         seeds = [
@@ -183,13 +191,11 @@ def _gathered(gatherer: Gatherer, world: World) -> _Observer:
         gatherer.gather(seeds, LATE)
         return replace(observer, noise=observer.spread())
     gatherer.gather(_alone(bench, (-2, 2)), LATE)
-    knobs, norm = bench.knobs, observer.norm
-    limits = analysis.limits_of(observer.fields(), knobs, bench.base, norm, observer.noise)
-    gatherer.gather(analysis.joint_points(limits, gatherer.outcomes[BASE].positions, norm))
-    if limits:
-        fields = observer.fields()
-        limits = analysis.limits_of(fields, knobs, bench.base, norm, observer.noise)
-        gatherer.gather(analysis.next_points(fields, gatherer.field_seconds(), limits, knobs, norm, COMBINATIONS), LATE)
+    gatherer.gather(analysis.joint_points(observer.limits(), gatherer.outcomes[BASE].positions, observer.norm))
+    gatherer.gather(observer.worth_trying(), LATE)
+    for _ in range(FINER):
+        gatherer.gather(analysis.finer_point(observer.fields(), observer.limits()), LATE)
+    gatherer.gather(observer.worth_trying(), LATE)
     return observer
 
 
@@ -243,13 +249,16 @@ def _refuse_no_base(gatherer: Gatherer) -> None:
 
 
 def _fingerprint(base: Scene, world: World) -> str:
-    """What tells a scene and its meshes from others."""
-    from clothsim import __version__
+    """What tells a scene, its meshes and the code that computes them from others."""
+    import clothsim
 
-    arrays = [world.start(), world.triangles, world.body_triangles, world.rest_shapes]
-    digest = sha256(f"{__version__} {base.to_text()}".encode())
-    for array in arrays:
+    digest = sha256(f"{clothsim.__version__} {base.to_text()}".encode())
+    for array in (world.start(), world.triangles, world.body_triangles, world.rest_shapes):
         digest.update(np.ascontiguousarray(array).tobytes())
+    home = Path(clothsim.__file__).parent
+    for folder in COMPUTES:
+        for file in sorted((home / folder).rglob("*.py")):
+            digest.update(file.read_bytes())
     return digest.hexdigest()[:16]
 
 
