@@ -12,7 +12,7 @@ from clothsim.io.run import Run
 from clothsim.io.write_obj import write_obj
 from clothsim.scene.scene import Scene
 
-REST, START = "garment_rest.obj", "garment_start.obj"
+REST, START, BODY = "garment_rest.obj", "garment_start.obj", "body.obj"
 FRAMES = "body[0-9][0-9][0-9].obj"
 
 CARRYING_SECONDS = 0.5
@@ -82,11 +82,11 @@ def draped(
     duration [s]: None: as in DRAPING.
     """
     _make(folder)
-    write_obj(folder / "body.obj", body, worn.body_triangles)
+    write_obj(folder / BODY, body, worn.body_triangles)
     settings = {**DRAPING, "effects": {**DRAPING["effects"], "gravity": {"acceleration": (-9.81 * up).tolist()}}}
     if duration is not None:
         settings["run"] = {**settings["run"], "duration": duration}
-    scene = _scene(worn, start, {"name": "body", "mesh": "body.obj"}, settings, folder)
+    scene = _scene(worn, start, {"name": "body", "mesh": BODY}, settings, folder)
     return simulate(scene, folder, listener, announce)
 
 

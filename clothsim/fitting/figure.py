@@ -122,7 +122,7 @@ def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
 
 def _largest(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
     """The largest closed piece of a file by number of vertices, of those that are as long as a body: eyes are closed
-    too. Where none is closed, the largest of these.
+    too. Where none is closed, the largest of these. Where none is long, of all.
     """
     label = components(mesh.triangles, len(mesh.positions))
     of_triangle = label[mesh.triangles[:, 0]]
@@ -131,11 +131,12 @@ def _largest(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
     order = pieces[np.argsort(-sizes, kind="stable")]
     whole = np.ptp(mesh.positions[mesh.triangles.ravel()], axis=0).max()
     long = [piece for piece in order if np.ptp(mesh.positions[label == piece], axis=0).max() > LONG * whole]
-    for piece in long:
+    candidates = long or list(order)
+    for piece in candidates:
         chosen = mesh.triangles[of_triangle == piece]
         if is_closed(chosen):
             return _only(mesh, chosen, f"the largest closed piece of {len(pieces)}", len(pieces))
-    chosen = mesh.triangles[of_triangle == (long or order)[0]]
+    chosen = mesh.triangles[of_triangle == candidates[0]]
     return _only(mesh, chosen, f"the largest piece of {len(pieces)}, which is not closed", 2)
 
 

@@ -1,6 +1,7 @@
 """`clothsim.fit`: a garment made for one body, draped and free of intersections on another."""
 
 import tempfile
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -11,19 +12,23 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.drape import Announcement, Listener
 from clothsim.errors import InputError
-from clothsim.fitting.carry import draped
+from clothsim.fitting.carry import BODY, REST, START, draped
 from clothsim.fitting.chain import Seeded, Task, seeded
 from clothsim.fitting.cost import Cost, cost_of
 from clothsim.fitting.counts import Counts
 from clothsim.fitting.figure import Figure, read_figure, read_garment, worn_in_scene
 from clothsim.fitting.stage import Garment, Heard, Stage, staged
-from clothsim.io.record import SUMMARY_NAME, read_summary, write_summary
+from clothsim.io.checkpoint import CHECKPOINT_NAME
+from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.io.run import Run
+from clothsim.io.trajectory import TRAJECTORY_NAME
 from clothsim.io.write_obj import write_obj
 from clothsim.scene.fabrics import FABRICS
 from transfer.distance import body_surface
 
 FITTED = "fitted.obj"
+LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY)
+"""What a fit leaves in its directory."""
 FALLING = 0.5
 """A garment that is faster than that at the end of its drape [m/s] is not settling."""
 
@@ -77,25 +82,31 @@ def fit(
 ) -> Fit:
     """Fit the `garment` made for one body (a mesh file, MakeHuman clothes, or a scene's cloth) onto the body `to`.
 
-    made_for: the body that it lies on (of a scene: its own); None: `to` itself, on which it is repaired. scale: metres
-    per unit of the garment and of that body (None: as the body's height tells). body_group: a group of the body files.
-    part: (lo, hi), these vertices of the garment's file. weld: borders closer than that are sewn [m]. resize: the
-    garment is made anew in the other body's size; False: its own rest shape is worn. Leaves in `output` (None: a fresh
-    temporary folder) what a run leaves, `fitted.obj`, and the stages in the summary. InputError for bad input.
+    made_for: the body that it lies on; None: `to` itself, on which it is repaired. scale: metres per unit of the
+    garment and of that body (None: as the body's height tells). body_group: a group of the body files. part: (lo, hi),
+    these vertices of the garment's file. weld: borders closer than that are sewn [m]. A scene says all this itself, but
+    for body_group of `to`. resize: the garment is made anew in the other body's size; False: its own rest shape stays.
+    Leaves in `output` (None: a fresh temporary folder) what a run leaves, `fitted.obj`, and the stages in the summary;
+    files of an earlier fit there are removed. InputError for bad input.
     """
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
     if fabric not in FABRICS:
         raise InputError(f"fabric is {fabric!r}.", f"Known: {', '.join(FABRICS)}.")
     if Path(garment).suffix.lower() == ".toml":
+        if made_for is not None or scale is not None or part is not None or weld:
+            raise InputError(
+                f"{garment} is a scene: its body, unit, part and seams are its own.",
+                "Leave --from, --scale, --part and --weld out, or give the garment's file.",
+            )
         worn, source = worn_in_scene(garment)
-        target = read_figure(to, group=body_group)
+        target = source if _same_file(garment, to) else read_figure(to, group=body_group)
     else:
         source = read_figure(made_for or to, scale=scale, group=body_group)
-        target = source if made_for is None else read_figure(to, group=body_group)
+        target = source if _same_file(made_for or to, to) else read_figure(to, group=body_group)
         worn = read_garment(garment, made_for or to, source.scale, part=part, weld=weld)
         _refuse_a_body(worn, source, target)
-    _make_directory(directory)
+    _make_directory(directory, [Path(file) for file in (garment, to, made_for) if file is not None])
     task = Task(worn, source, target, fabric, resize, directory, heard)
     found = seeded(task)
     return _simulated(task, found, started, progress, announce)
@@ -109,6 +120,8 @@ def _simulated(
     if not found.failure:
         ended = _draped(task, found, progress, announce)
     status, reason, run, stages = ended
+    if not stages[-1].counts.clean:  # self_contact was off, or nothing freed it
+        status = "failed"
     done = Fit(
         task.folder,
         status,
@@ -151,8 +164,9 @@ def _draped(task: Task, found: Seeded, progress: Listener | None, announce: Anno
     run = runs[0]
     if run.status != "completed":
         return _Ended("refined", run.reason, run, found.stages)
-    if not stage.counts.on_body:
-        return _Ended("refined", f"The drape ended with {stage.counts}, {stage.counts.where}.", run, found.stages)
+    if not stage.counts.clean:
+        reason = f"The drape ended with {stage.counts}, {stage.counts.where}."
+        return _Ended("refined", reason, run, found.stages if found.last.counts.clean else (*found.stages, stage))
     fallen = _fallen(run, task.target.name)
     return _Ended("failed" if fallen else "completed", fallen or run.reason, run, (*found.stages, stage))
 
@@ -188,6 +202,10 @@ def _write(done: Fit, seconds: float) -> None:
     write_summary(file, {**kept, **fitted})
 
 
+def _same_file(one: str | Path, other: str | Path) -> bool:
+    return Path(one).resolve() == Path(other).resolve()
+
+
 def _refuse_a_body(worn: Garment, *figures: Figure) -> None:
     for figure in figures:
         if np.array_equal(worn.positions, figure.positions):
@@ -197,8 +215,15 @@ def _refuse_a_body(worn: Garment, *figures: Figure) -> None:
             )
 
 
-def _make_directory(directory: Path) -> None:
+def _make_directory(directory: Path, sources: Sequence[Path]) -> None:
+    """An output directory without files of an earlier fit. InputError where one of them is among `sources`."""
+    folder = directory.resolve()
+    for source in sources:
+        if source.resolve().parent == folder and source.name in LEFT:
+            raise InputError(f"{source} would be replaced by the fit's own {source.name}.", "Choose another directory.")
     try:
         directory.mkdir(parents=True, exist_ok=True)
+        for name in LEFT:
+            (directory / name).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{directory} cannot be made a directory: {error.strerror}.", "Choose another.") from error

@@ -76,6 +76,13 @@ def test_where_no_piece_is_closed_the_largest_is_the_body_and_that_is_said(tmp_p
     assert any("not closed" in note for note in figure.notes)
 
 
+def test_of_two_closed_bodies_far_apart_one_is_taken_and_called_closed(tmp_path):
+    x, triangles = stacked(sphere(radius=0.3, subdivisions=1), (sphere(radius=0.3)[0] + [1, 0, 0], sphere()[1]))
+    figure = read_figure(in_file(tmp_path, "two.obj", x, triangles))
+    assert len(figure.positions) == len(sphere()[0])
+    assert any("the largest closed piece of 2" in note for note in figure.notes)
+
+
 def test_closed_means_two_triangles_at_each_edge():
     assert is_closed(CAPSULE[1])
     assert not is_closed(CAPSULE[1][1:])

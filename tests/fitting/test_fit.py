@@ -128,3 +128,42 @@ def test_a_garment_keeps_its_own_size_where_it_is_asked_to(files, tmp_path):
 def test_an_output_that_is_a_file_is_refused(files, tmp_path):
     with pytest.raises(InputError, match="cannot be made a directory"):
         clothsim.fit(files["garment"], files["body"], output=files["body"])
+
+
+def test_a_garment_that_still_meets_itself_after_its_drape_is_not_called_completed(files, tmp_path):
+    positions, triangles = rectangle(size=(0.3, 0.3), cells=(3, 3))
+    upright = positions[:, [0, 2, 1]] + np.array([0.03, 0.02, 0.01])
+    two = np.concatenate([positions, upright]) + np.array([0.35, 0.0, 0.0])
+    both = np.concatenate([triangles, triangles + len(positions)])
+    done = clothsim.fit(in_file(tmp_path, "two.obj", two, both), files["body"], output=tmp_path / "out")
+    assert done.counts.self_pairs > 0
+    assert done.status == "failed"
+    assert done.stages[-1].name == "simulate"
+    assert f"The drape ended with {done.counts}" in done.reason
+    assert len(read_summary(tmp_path / "out" / "summary.json")["failure"]["position"]) == 3
+
+
+def test_a_scene_leaves_no_room_for_what_it_says_itself(files, tmp_path):
+    scene = tmp_path / "scene.toml"
+    scene.write_text('[cloth]\nmesh = "garment.obj"\n[body]\nmesh = "body.obj"\n[effects.inertia]\n')
+    for extra in ({"made_for": files["wide"]}, {"scale": 2.0}, {"part": (0, 3)}, {"weld": 0.1}):
+        with pytest.raises(InputError, match="is a scene"):
+            clothsim.fit(scene, files["body"], output=tmp_path / "out", **extra)
+
+
+def test_the_same_file_twice_is_the_same_body(files, tmp_path):
+    done = clothsim.fit(files["garment"], files["body"], files["body"], tmp_path / "out")
+    assert [stage.name for stage in done.stages] == ["garment", "simulate"]
+    assert done.source is done.target
+
+
+def test_nothing_of_an_earlier_fit_is_left_and_no_input_is_overwritten(files, tmp_path):
+    out = tmp_path / "out"
+    clothsim.fit(files["garment"], files["body"], output=out)
+    assert (out / "checkpoint.npz").is_file()
+    assert clothsim.fit(files["sheet"], files["body"], output=out).status == "failed"
+    assert {file.name for file in out.iterdir()} == {"summary.json", "fitted.obj"}
+    before = (tmp_path / "body.obj").read_bytes()
+    with pytest.raises(InputError, match=r"would be replaced by the fit's own body\.obj"):
+        clothsim.fit(files["garment"], files["body"], output=tmp_path)
+    assert (tmp_path / "body.obj").read_bytes() == before
