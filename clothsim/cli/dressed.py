@@ -4,6 +4,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from clothsim.cli.arguments import as_positive_number, as_range
+from clothsim.cli.progress import length
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,6 +21,8 @@ def check_dressed(arguments: argparse.Namespace) -> int:
 
     if not arguments.on.exists():
         raise InputError(f"There is no {arguments.on}.", "Name the file of a body.")
+    if arguments.output is not None and arguments.output.is_dir():
+        raise InputError(f"{arguments.output} is a directory.", "Name a picture in it with -o.")
     if arguments.output is not None and not arguments.output.resolve().parent.is_dir():
         raise InputError(
             f"There is no directory {arguments.output.parent}.", "Make it first, or choose another with -o."
@@ -39,7 +42,12 @@ def check_dressed(arguments: argparse.Namespace) -> int:
     if arguments.output is not None:
         from clothsim.fitting.marks import draw_dressed
 
-        print(f"  {arguments.output}: {draw_dressed(found, arguments.output)}")
+        try:
+            print(f"  {arguments.output}: {draw_dressed(found, arguments.output)}")
+        except OSError as error:
+            raise InputError(
+                f"{arguments.output} cannot be written ({error.strerror}).", "Choose another with -o."
+            ) from error
     if found.counts.clean:
         print("Nothing is wrong.")
         return 0
@@ -63,7 +71,8 @@ def _lines(found: "Dressed") -> list[str]:
         for vertex, depth, place in worst_places(found):
             lines.append(f"  vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(place)}")
     else:
-        lines.append(f"none of {n:,} vertices is inside the body")
+        nearest = float(found.closest.signed_distance.min())
+        lines.append(f"none of {n:,} vertices is inside the body; the nearest is {length(nearest)} away")
     x, own = found.garment.positions, found.garment.triangles
     for who, pairs, other in (
         ("the garment and the body", found.body_pairs, found.body.triangles + n),

@@ -83,7 +83,9 @@ def state(progress: "Progress") -> str:
 
 
 def length(metres: float) -> str:
-    """A small length in the unit that suits it."""
+    """A length in the unit that suits it."""
+    if metres >= 1:
+        return f"{metres:.3g} m"
     if metres >= 1e-3:
         return f"{1e3 * metres:.3g} mm"
     return f"{1e6 * metres:.3g} um"

@@ -70,11 +70,13 @@ def read_dressed(
 ) -> Dressed:
     """The garment in `path` on the body in `on`, judged; keywords as of `read_figure` and `read_garment`.
 
-    scale: metres per unit of both files; body_scale: of the body's, where it is in another unit.
+    scale: metres per unit of both files; body_scale: of the body's, where it is in another unit; then the garment's
+    numbers are metres unless `scale` says otherwise. MakeHuman clothes are placed by the body, so in its unit.
     """
     figure = read_figure(on, scale=scale if body_scale is None else body_scale, group=body_group)
-    garment = read_garment(path, on, figure.scale if scale is None else scale, part=part, weld=weld)
-    return dressed(garment, figure)
+    own = scale if scale is not None else figure.scale if body_scale is None else 1.0
+    on_base = Path(path).suffix.lower() == ".mhclo"
+    return dressed(read_garment(path, on, figure.scale if on_base else own, part=part, weld=weld), figure)
 
 
 def worst_places(found: Dressed, count: int = 5) -> list[tuple[int, float, Floats]]:

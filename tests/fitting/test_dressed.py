@@ -81,6 +81,38 @@ def test_the_command_refuses_what_does_not_go_together(tmp_path, capsys):
     assert "There is no directory" in capsys.readouterr().err
 
 
+def test_the_body_s_scale_is_not_the_garment_s(tmp_path):
+    body = write_obj(tmp_path / "box.obj", 100 * BODY.positions, BODY.triangles)
+    loose = write_obj(tmp_path / "loose.obj", LOOSE, TRIANGLES)
+    found = read_dressed(loose, body, body_scale=0.01)
+    np.testing.assert_allclose(found.garment.positions, LOOSE, atol=1e-6)
+    np.testing.assert_allclose(found.figure.positions, BODY.positions, atol=1e-6)
+    both = read_dressed(loose, body, scale=0.5, body_scale=0.01)
+    np.testing.assert_allclose(both.garment.positions, 0.5 * LOOSE, atol=1e-6)
+    np.testing.assert_allclose(both.figure.positions, BODY.positions, atol=1e-6)
+
+
+def test_a_garment_that_nobody_wears_is_seen_by_its_distance(tmp_path, capsys):
+    body = write_obj(tmp_path / "box.obj", BODY.positions, BODY.triangles)
+    far = write_obj(tmp_path / "far.obj", LOOSE + np.array([40.0, 0.0, 0.0]), TRIANGLES)
+    assert main(["check", far, "--on", body]) == 0
+    assert "the nearest is 39.5 m away" in capsys.readouterr().out
+
+
+def test_a_picture_that_cannot_be_written_is_bad_input(tmp_path, capsys, monkeypatch):
+    body = write_obj(tmp_path / "box.obj", BODY.positions, BODY.triangles)
+    loose = write_obj(tmp_path / "loose.obj", LOOSE, TRIANGLES)
+    assert main(["check", loose, "--on", body, "-o", str(tmp_path)]) == 2
+    assert "is a directory" in capsys.readouterr().err
+
+    def full(found, file):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("clothsim.fitting.marks.draw_dressed", full)
+    assert main(["check", loose, "--on", body, "-o", str(tmp_path / "a.png")]) == 2
+    assert "a.png cannot be written (No space left on device)." in capsys.readouterr().err
+
+
 def test_a_flat_body_is_refused_in_a_sentence(tmp_path, capsys):
     loose = write_obj(tmp_path / "loose.obj", LOOSE, TRIANGLES)
     flat = write_obj(tmp_path / "flat.obj", *rectangle(cells=(2, 2)))
