@@ -24,6 +24,9 @@ from clothsim.sim.state import State, first_state
 from clothsim.sim.stepping import StepReport
 from clothsim.summary import Progress, checkpoint_of, entry_of, progress_of, restore, state_of, summary_of
 
+FITTED = "fitted.obj"
+"""What only a fit leaves."""
+
 Listener = Callable[[Progress], None]
 """Called after each step."""
 
@@ -62,9 +65,10 @@ def resume(
     """Go on from the checkpoint in `directory`; with threads = 1 the frames equal an unstopped run's, bit for bit.
 
     Of a failed run that is its last good state: it fails again at once. A directory without a trajectory gets one that
-    starts there.
+    starts there. A finished fit is refused: it is more than its drape.
     """
     folder = Path(directory)
+    _refuse_a_fit(folder)
     started = perf_counter()
     saved = read_checkpoint(folder / CHECKPOINT_NAME)
     scene = scene_from_text(saved.scene_text, folder)
@@ -211,6 +215,15 @@ def _remove(file: Path) -> None:
         file.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{file} cannot be replaced: {error.strerror}.", "Choose another directory.") from error
+
+
+def _refuse_a_fit(folder: Path) -> None:
+    """A finished drape that is run on would be called completed, whatever was said of the fit."""
+    summary = folder / SUMMARY_NAME
+    if (folder / FITTED).is_file() and summary.is_file() and b'"fit_seconds"' in summary.read_bytes():
+        raise InputError(
+            f"{folder} is a finished fit.", "`clothsim bundle` it: its drape is replayed from the archive."
+        )
 
 
 def _make_directory(directory: Path) -> None:

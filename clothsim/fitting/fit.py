@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.drape import Announcement, Listener
+from clothsim.drape import FITTED, Announcement, Listener
 from clothsim.errors import InputError
 from clothsim.fitting.carry import BODY, REST, START, draped
 from clothsim.fitting.chain import Seeded, Task, seeded
@@ -26,9 +26,9 @@ from clothsim.io.write_obj import write_obj
 from clothsim.scene.fabrics import FABRICS
 from transfer.distance import body_surface
 
-FITTED = "fitted.obj"
 LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY)
 """What a fit leaves in its directory."""
+REMEDY = "Look at fit.png, and at the garment on its own body: `clothsim check GARMENT --on BODY -o FILE`."
 FALLING = 0.5
 """A garment that is faster than that at the end of its drape [m/s] is not settling."""
 
@@ -198,7 +198,8 @@ def _write(done: Fit, seconds: float) -> None:
     }
     if done.status == "failed":
         place, counts = done.counts.place, str(done.counts)
-        fitted["failure"] = {"cause": "fit", "sentence": done.reason, "element": counts, "position": place}
+        failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": place, "remedy": REMEDY}
+        fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
     write_summary(file, {**kept, **fitted})
 
 

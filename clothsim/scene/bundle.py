@@ -145,7 +145,7 @@ def _readme(name: str, saved: Checkpoint, summary: dict) -> str:
         f"  clothsim resume {name}",
         "",
     ]
-    if failure:
+    if failure.get("step"):  # a fit that failed did so in no step
         lines += [
             f"The Newton iterates of the step that fails: clothsim resume {name} --dump-iterates {failure['step']}",
             "",

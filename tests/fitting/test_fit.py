@@ -14,6 +14,7 @@ from clothsim.fitting.picture import draw_fit
 from clothsim.io.meshes import read_mesh
 from clothsim.io.record import read_summary
 from clothsim.mesh.generate import rectangle
+from clothsim.scene.bundle import unpack_bundle, write_bundle
 
 BODY = capsule_figure(segments=10)
 SMALL = tube_garment(0.125, height=0.12, cells=(10, 3))
@@ -167,3 +168,19 @@ def test_nothing_of_an_earlier_fit_is_left_and_no_input_is_overwritten(files, tm
     with pytest.raises(InputError, match=r"would be replaced by the fit's own body\.obj"):
         clothsim.fit(files["garment"], files["body"], output=tmp_path)
     assert (tmp_path / "body.obj").read_bytes() == before
+
+
+def test_a_failed_fit_stays_one_and_is_replayed_from_its_archive(files, tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "FALLING", 0.01)
+    out = tmp_path / "out"
+    clothsim.fit(files["garment"], files["body"], output=out)
+    before = (out / "summary.json").read_bytes()
+    with pytest.raises(InputError, match="out is a finished fit"):
+        clothsim.resume(out)
+    assert (out / "summary.json").read_bytes() == before
+    assert set(read_summary(out / "summary.json")["failure"]) == {
+        *("cause", "sentence", "element", "position", "remedy", "step", "time", "dt")
+    }
+    write_bundle(out, tmp_path / "fit.zip")
+    unpack_bundle(tmp_path / "fit.zip", tmp_path / "replayed")
+    assert clothsim.resume(tmp_path / "replayed").status == "completed"
