@@ -1,1 +1,1 @@
-"""Floor 8: measures the package: benchmarks now, accuracy against time later."""
+"""Floor 8: measures the package: benchmarks, hard cases, and what accuracy costs in time."""

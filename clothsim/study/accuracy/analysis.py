@@ -27,7 +27,8 @@ RESOLVED = 10.0
 class Findings:
     """reference; errors {point: RMS}, largest {point: max} and seconds of the data points [m, s].
 
-    bars {knob: what it adds to the base's error}; remainder: what they leave of it, nan where no run tells; front: points, the cheapest first.
+    bars {knob: what it adds to the base's error}; remainder: what they leave of it, nan where no run tells; front:
+    points, the cheapest first.
     """
 
     reference: Reference

@@ -1,5 +1,6 @@
 """Runs the points of a study that are not known yet, keeps each as it comes, and names those that were left out."""
 
+import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -163,8 +164,10 @@ def write_points(directory: Path, fingerprint: str, points: list[dict[str, Any]]
         **rest,
         "failed": [entry for entry in points if entry.get("failed")],
     }
-    write_atomically(directory / STUDY_NAME, (to_json(result, indent=1) + "\n").encode())
-    return result
+    text = to_json(result, indent=1)
+    write_atomically(directory / STUDY_NAME, f"{text}\n".encode())
+    plain: dict[str, Any] = json.loads(text)
+    return plain
 
 
 def stored_points(directory: Path, fingerprint: str) -> dict[str, dict[str, Any]]:

@@ -1,7 +1,7 @@
 """Measures the presets on scenes: `python -m clothsim.study.accuracy.presets SCENE ... [--budget 120] [--write]`.
 
 Each scene is studied; what its presets came to is printed, and with --write kept in `clothsim.scene.preset_errors`,
-from where `clothsim run --preset` prints it.
+from where `clothsim run --preset` prints it; what it says of other scenes stays.
 """
 
 import argparse
@@ -74,7 +74,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     print(text_table(("preset", "scene", "error [mm]", "of size [%]", "reference's own [mm]", "seconds"), cells))
     if arguments.write:
         file = Path(preset_errors.__file__)
-        file.write_text(written_into(file.read_text(encoding="utf-8"), rows, date), encoding="utf-8")
+        again = {row.scene for row in rows}
+        kept = [row for row in preset_errors.MEASURED if row.scene not in again]
+        file.write_text(written_into(file.read_text(encoding="utf-8"), [*kept, *rows], date), encoding="utf-8")
     return 0
 
 

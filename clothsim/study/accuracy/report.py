@@ -185,6 +185,9 @@ def answer(result: Mapping[str, Any]) -> list[str]:
     if largest:
         worst = max(largest, key=lambda name: result["knobs"][name]["adds"])
         lines.append(f"Most of it comes from {worst}: {_mm(result['knobs'][worst]['adds'])}.")
+    unknown = [name for name in result["knobs"] if result["knobs"][name]["adds"] is None]
+    if unknown:
+        lines.append(f"What {' and '.join(unknown)} add is not in that: no finer run of them fitted into the budget.")
     model = result["bending_model"]
     if model is not None:
         lines.append(
@@ -262,7 +265,18 @@ def _method(result: Mapping[str, Any]) -> list[str]:
         f"{result['workers']:g} processes at a time.",
         f"{result['date']}: {result['seconds']:.0f} s of a budget of {result['budget']:.0f} s, "
         f"{result['reused']} runs taken from an earlier study.",
+        *(f"{text}." for text in _invariants(result["invariants"])),
         *(f"No knob {name}: {reason}." for name, reason in result["missing_knobs"].items()),
+    ]
+
+
+def _invariants(invariants: Mapping[str, Any]) -> list[str]:
+    """What chaotic folds leave alone, at the base: mean and spread over its seeds."""
+    units = {"drape_coefficient": ("Drape coefficient", ""), "energy": ("Energy", " J")}
+    return [
+        f"{units[name][0]} as given, over {each['seeds']} seeds: {each['mean']:.4g}{units[name][1]}, spread "
+        f"{each['spread']:.2g}{units[name][1]}"
+        for name, each in invariants.items()
     ]
 
 

@@ -102,6 +102,7 @@ def study_accuracy(
             stored_points(directory, fingerprint),
         )
         observer = _gathered(gatherer, built.world)
+    _refuse_nothing_finer(gatherer, observer)
     told = Told(
         name,
         bench,
@@ -246,6 +247,15 @@ def _refuse_no_base(gatherer: Gatherer) -> None:
     raise InputError(
         f"The scene alone takes longer than the budget of {gatherer.budget:g} s.", "Give --budget more seconds."
     )
+
+
+def _refuse_nothing_finer(gatherer: Gatherer, observer: _Observer) -> None:
+    if not observer.limits():
+        raise InputError(
+            f"No finer run of the scene came to its end within the budget of {gatherer.budget:g} s, so its error is "
+            "unknown.",
+            "Give --budget more seconds: the runs so far are kept.",
+        )
 
 
 def _fingerprint(base: Scene, world: World) -> str:

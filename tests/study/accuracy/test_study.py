@@ -10,6 +10,7 @@ from made_up_study import SHEET, A, B, C, Runners, answer, positions
 
 from clothsim.errors import InputError
 from clothsim.scene.meshes import cloth_shape
+from clothsim.scene.scene import scene_from_text
 from clothsim.study.accuracy.points import written
 from clothsim.study.accuracy.report import answer as told
 from clothsim.study.accuracy.sample import material_of, point_areas
@@ -102,6 +103,12 @@ def test_points_of_another_scene_are_not_reused(made, tmp_path):
     assert runners.jobs
 
 
+def test_without_a_run_of_two_knobs_no_remainder_is_told(tmp_path):
+    result = study_accuracy(SHEET, tmp_path, ["dt"], budget=1e9, workers=1, runners=Runners()).result
+    assert result["remainder"] is None
+    assert "not measured" in (tmp_path / "study.md").read_text()
+
+
 def test_what_does_not_fit_is_not_run_and_named(tmp_path):
     runners = Runners(lambda job: answer(job, seconds=25.0))
     result = study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=runners).result
@@ -109,6 +116,30 @@ def test_what_does_not_fit_is_not_run_and_named(tmp_path):
     assert "fine" not in ran
     assert "it would take about" in result["left_out"]["fine"]
     assert not ran & set(result["left_out"])
+
+
+def only(*allowed):
+    """A runner for which every job but those with such settings fails."""
+
+    def reply(job):
+        cells, dt = scene_from_text(job.scene).cloth["cells"][0], scene_from_text(job.scene).solver["dt"]
+        return answer(job) if (cells, dt) in allowed else {"failed": "It fell apart."}
+
+    return Runners(reply)
+
+
+def test_without_any_finer_run_no_error_is_told(tmp_path):
+    with pytest.raises(InputError, match="No finer run of the scene came to its end"):
+        study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=only((4, 0.02), (2, 0.02)))
+    kept = json.loads((tmp_path / "study.json").read_text())["points"]
+    assert {"base", "cells -1"} <= {each["label"] for each in kept}
+
+
+def test_a_knob_without_a_finer_run_is_said_to_be_unknown(tmp_path):
+    runners = only((4, 0.02), (4, 0.01), (4, 0.005))
+    result = study_accuracy(SHEET, tmp_path, KNOBS, budget=1e9, workers=1, runners=runners).result
+    assert result["knobs"]["cells"]["adds"] is None
+    assert "What cells add is not in that" in " ".join(told(result))
 
 
 def test_a_capped_solve_is_no_data_point(tmp_path):
