@@ -61,8 +61,8 @@ class ErrorEstimate:
         }
 
     def missed(self, error: float) -> str:
-        """What the user must know where the `error` asked for [m] was not kept, else empty."""
-        if not self.temporal > (1 + SHARE) * error:
+        """What the user must know where the `error` asked for [m] was not kept, else empty; 0: none was asked for."""
+        if not error or not self.temporal > (1 + SHARE) * error:
             return ""
         why = f": {self.at_floor} steps were as short as they may be" if self.at_floor else ""
         return (

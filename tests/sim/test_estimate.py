@@ -85,6 +85,7 @@ def test_what_was_asked_for_is_told_with_whether_it_was_met():
 def test_more_than_was_asked_for_is_missed_however_long_the_steps_were():
     long = ErrorEstimate(temporal=3e-3, steps=9)
     assert long.as_dict(1e-3)["met"] is False
+    assert long.missed(0.0) == ""
     assert long.missed(1e-3).startswith("The error asked for, 0.001 m, was not kept. The estimate is 0.003 m")
 
 
