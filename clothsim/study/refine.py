@@ -8,7 +8,7 @@ that does not free the garment, the guaranteed path, which takes minutes on a bo
 import argparse
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
@@ -101,10 +101,16 @@ def _used(positions: Floats, triangles: Ints) -> Garment:
     return Garment("torso", positions[used], renumbered.reshape(-1, 3).astype(np.int64))
 
 
-def measure(positions: Floats, triangles: Ints, depths: Sequence[float], chain: bool = False) -> list[Row]:
+def measure(
+    positions: Floats,
+    triangles: Ints,
+    depths: Sequence[float],
+    chain: bool = False,
+    heard: Callable[[Row], None] = lambda row: None,
+) -> list[Row]:
     """Refine the torso of the body (n, 3) [m], (m, 3) against the body inflated by each of `depths` [m].
 
-    chain: a row for the whole chain too.
+    chain: a row for the whole chain too; heard: called with that row as it ends.
     """
     body = body_surface(positions, triangles)
     garment = torso(body)
@@ -121,6 +127,7 @@ def measure(positions: Floats, triangles: Ints, depths: Sequence[float], chain: 
             rows.append(Row(depth, method, left, cost_of(garment, refined.positions), refined.passes, seconds))
         if chain:
             rows.append(chained(garment, inflated, depth))
+            heard(rows[-1])
     return rows
 
 
@@ -155,8 +162,12 @@ def as_text(rows: Sequence[Row]) -> str:
         ]
         for row in rows
     ]
-    stages = [f"{1e3 * row.depth:g} mm, {row.method}: {row.said}" for row in rows if row.said]
-    return "\n".join([text_table(header, cells), *stages])
+    return text_table(header, cells)
+
+
+def _say(row: Row) -> None:
+    """Each stage of a chain takes minutes: what it came to is told at once."""
+    print(f"{1e3 * row.depth:g} mm, {row.method}: {row.left}; {row.said}", file=sys.stderr, flush=True)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -176,7 +187,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         else:
             mesh = read_mesh(arguments.body)
             positions, triangles = mesh.positions, mesh.triangles
-        print(as_text(measure(positions, triangles, depths, arguments.chain)))
+        print(as_text(measure(positions, triangles, depths, arguments.chain, _say)))
     except (ClothsimError, ValueError) as error:
         print(error, file=sys.stderr)
         return 2

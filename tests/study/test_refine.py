@@ -1,10 +1,13 @@
 """The refinement study on its own small body."""
 
+import numpy as np
 import pytest
 
 from clothsim.errors import InputError
+from clothsim.fitting.counts import counted
+from clothsim.mesh.check import examine
 from clothsim.mesh.shapes import capsule, slab
-from clothsim.study.refine import METHODS, as_text, main, measure, torso
+from clothsim.study.refine import CHAIN, METHODS, as_text, main, measure, torso
 from transfer.distance import body_surface
 
 BODY = capsule(radius=0.1, height=1.2, segments=16)
@@ -18,6 +21,22 @@ def test_each_method_is_judged_at_each_depth():
     assert all(row.left.on_body for row in rows if row.method == "edges and triangles too")
     assert all(1 < row.cost.high < 1.5 for row in rows if row.passes)
     assert len(as_text(rows).splitlines()) == 2 + len(rows)
+
+
+def test_the_whole_chain_is_a_row_of_its_own(capsys):
+    assert main(["--depths", "10", "--chain"]) == 0
+    said = capsys.readouterr()
+    assert len([line for line in said.out.splitlines() if CHAIN in line]) == 1
+    assert said.err.startswith(f"10 mm, {CHAIN}: 0 vertices inside, 0 pairs with the body, 0 with itself; garment ")
+
+
+def test_the_torso_is_clear_of_its_body_and_of_itself():
+    """A body with a deep waist, where a shell outside it folds over itself."""
+    waist = 1 - 0.8 * np.exp(-((BODY[0][:, 2] / 0.012) ** 2))
+    body = body_surface(BODY[0] * np.column_stack([waist, waist, np.ones(len(waist))]), BODY[1])
+    garment = torso(body)
+    assert counted(garment.positions, garment.triangles, body).clean
+    assert not examine("torso", garment.positions, garment.triangles).errors
 
 
 def test_the_torso_is_round_the_middle():
