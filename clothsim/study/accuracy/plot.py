@@ -194,4 +194,4 @@ def _slopes(told: Told, found: Findings, name: str) -> str:
     if expected is None or not each.extrapolated:
         return name
     observed = f"{each.order:.2f}" if each.order == each.order else "not seen"
-    return f"{name}\nslope {observed} ({expected:.2g})"
+    return f"{name}\nslope {observed},\nexpected {expected:.2g}"
