@@ -33,10 +33,8 @@ def add_to(commands: Any) -> None:
     fit.add_argument("--from", dest="made_for", type=Path, metavar="BODY", help="the body it lies on (default: --to)")
     fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body that shall wear it")
     fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the garment's name)")
-    fit.add_argument("--scale", metavar="S", help="metres per unit of the garment and its body (default: as tall)")
-    fit.add_argument(
-        "--body-group", metavar="NAME", help="this group of the body files (default: the largest closed piece)"
-    )
+    fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: as tall)")
+    fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: largest closed piece)")
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment that are closer than that [m]")
     fit.add_argument("--fabric", default="cotton", metavar="NAME", help="what it is made of (default cotton)")

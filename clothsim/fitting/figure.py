@@ -21,6 +21,8 @@ from clothsim.scene.toml import load_scene
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
 SMALLEST, LARGEST = 0.5, 3.0
 """The largest extent of a body [m]: beyond, its file is in another unit."""
+FARTHEST = 1e6
+"""No coordinate of a garment is larger [m]: distances to a body would lose all their digits, or overflow."""
 LONG = 0.5
 """A piece of a file with at least this share of the file's extent may be the body."""
 
@@ -100,6 +102,9 @@ def read_garment(
         shape, _ = sewn(file.name, shape, None, weld, at_start=False)
     report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
     refuse(report)
+    reach = float(np.abs(shape.positions).max())
+    if reach > FARTHEST:
+        raise InputError(f"{file.name} reaches {reach:.3g} m from the origin.", "Say what its unit is: --scale.")
     said = (*shape.notes, *(finding.sentence for finding in report.warnings))
     notes = tuple(f"{file.name}: {note}" for note in said)
     return Garment(file.name, shape.positions, shape.triangles, notes, sewn=bool(weld))

@@ -146,6 +146,13 @@ def test_a_mesh_that_is_no_cloth_is_refused(tmp_path, bad):
         read_garment(in_file(tmp_path, "garment.obj", x, triangles), "body.obj", 1.0)
 
 
+@pytest.mark.parametrize("scale", [1e7, 1e200])
+def test_a_garment_out_of_this_world_is_refused(tmp_path, scale):
+    file = in_file(tmp_path, "garment.obj", *rectangle(size=(0.5, 0.5), cells=(2, 2)))
+    with pytest.raises(InputError, match=r"garment\.obj reaches 2\.5e\+\d+ m from the origin"):
+        read_garment(file, file, scale)
+
+
 def test_the_cloth_and_the_body_of_a_scene(tmp_path):
     file = tmp_path / "scene.toml"
     file.write_text(SCENE)
