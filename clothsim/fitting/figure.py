@@ -121,7 +121,9 @@ def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
         raise InputError(f"{file} has no body.", "A scene to fit from holds the garment and the body that it lies on.")
     cloth, body = built.world.cloths[0], built.world.bodies[0]
     origin = built.world.origin
-    garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, built.notes, sewn=True)
+    several = ((len(built.world.cloths), "cloths"), (len(built.world.bodies), "bodies"))
+    said = tuple(f"{file.name}: only the first of {count} {what} is fitted" for count, what in several if count > 1)
+    garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, (*built.notes, *said), sewn=True)
     return garment, Figure(body.name, body.positions + origin, body.triangles, 1.0, ())
 
 

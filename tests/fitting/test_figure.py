@@ -164,6 +164,18 @@ def test_the_cloth_and_the_body_of_a_scene(tmp_path):
     np.testing.assert_array_equal(alone.positions, figure.positions)
 
 
+def test_of_several_cloths_and_bodies_the_first_is_taken_and_that_is_said(tmp_path):
+    file = tmp_path / "scene.toml"
+    body = SCENE[SCENE.index("[body]") : SCENE.index("[effects.inertia]")]
+    several = SCENE.replace("[cloth]", "[[cloth]]").replace("[body]", "[[body]]")
+    second = body.replace("[body]", "[[body]]").replace('"post"', '"other"\nposition = [5.0, 0.0, 0.0]')
+    file.write_text(several.replace("[effects.inertia]", f"{second}[effects.inertia]"))
+    garment, figure = worn_in_scene(file)
+    assert figure.name == "post"
+    assert "scene.toml: only the first of 2 bodies is fitted" in garment.notes
+    assert not any("cloths" in note for note in garment.notes)
+
+
 def test_a_scene_far_from_the_origin_comes_back_where_it_is(tmp_path):
     file = tmp_path / "far.toml"
     file.write_text(SCENE.replace("0.9]", "0.9e3]").replace('name = "post"', 'name = "post"\nposition = [0, 0, 899.1]'))

@@ -83,7 +83,7 @@ def study_accuracy(
     found, missing = usable(base, None if knobs is None else list(knobs))
     bench = Bench(scene, base, found)
     count = workers or cores()
-    (directory / FOLDER).mkdir(parents=True, exist_ok=True)
+    _make_folder(directory / FOLDER)
     material = material_of([c.rest_positions for c in built.world.cloths], [c.triangles for c in built.world.cloths])
     fingerprint = _fingerprint(base, built.world)
     with runners(count) as runner:
@@ -234,6 +234,13 @@ def _coarsest(bench: Bench) -> Point:
             continue
         levels[name] = -1
     return point(levels)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be made a directory: {error.strerror}.", "Choose another output.") from error
 
 
 def _refuse_no_base(gatherer: Gatherer) -> None:

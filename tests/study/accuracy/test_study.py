@@ -109,6 +109,12 @@ def test_without_a_run_of_two_knobs_no_remainder_is_told(tmp_path):
     assert "not measured" in (tmp_path / "study.md").read_text()
 
 
+def test_an_output_that_is_a_file_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot be made a directory"):
+        study_accuracy(SHEET, tmp_path / "file", ["dt"], budget=1e9, workers=1, runners=Runners())
+
+
 def test_what_does_not_fit_is_not_run_and_named(tmp_path):
     runners = Runners(lambda job: answer(job, seconds=25.0))
     result = study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=runners).result
