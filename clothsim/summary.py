@@ -102,7 +102,7 @@ def summary_of(
         "effects": potential.accounts(),
         "off": session.built.off,
         "phases": potential.ledger.phases,
-        "certificate": certificate.as_dict(judge.says()),
+        "certificate": certificate.as_dict(judge.says(), completed=failure is None),
     }
 
 

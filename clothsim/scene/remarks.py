@@ -9,6 +9,9 @@ from clothsim.mesh.topology import components
 from clothsim.mesh.world import World
 from clothsim.scene.effects import CONTACTS
 
+INSIDE = 0.9
+"""A start closer than this share of d_hat is told."""
+
 
 def remarks(world: World, energies: dict[str, Energy], dt: float) -> tuple[str, ...]:
     """All of them, of a world that is stepped by at most `dt` [s]."""
@@ -17,6 +20,7 @@ def remarks(world: World, energies: dict[str, Energy], dt: float) -> tuple[str, 
         *_cut_corners(world, dt),
         *_swallowed(world, energies),
         *_wide(world, energies),
+        *_pushed_off(world, energies),
     )
 
 
@@ -69,3 +73,16 @@ def _wide(world: World, energies: dict[str, Energy]) -> list[str]:
         for name, d_hat in wide.items()
         if d_hat > edge
     ]
+
+
+def _pushed_off(world: World, energies: dict[str, Energy]) -> list[str]:
+    """Contact that pushes before anything has moved: a gap well inside d_hat is no rest, and its energy is set free."""
+    said = []
+    for name in CONTACTS:
+        d_hat = float(getattr(energies.get(name), "d_hat", 0.0))
+        gap = energies[name].minimum_gap(world.start()) if d_hat else np.inf
+        if gap < INSIDE * d_hat:
+            said.append(
+                f"{name}: the start is {gap:.2g} m from contact, inside d_hat of {d_hat:g} m: it is pushed off."
+            )
+    return said

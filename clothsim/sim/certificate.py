@@ -68,8 +68,8 @@ class Certificate:
             estimate=self.estimate.after(report),
         )
 
-    def as_dict(self, judged: Mapping[str, str]) -> dict[str, Any]:
-        """As the summary keeps it. judged: what was tested in each frame, as `Judge.says`."""
+    def as_dict(self, judged: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
+        """As the summary keeps it. judged: what was tested in each frame, as `Judge.says`; completed: the whole run."""
         scale, scripted = self.energy_scale or 1.0, "bodies or pins do work"
         drift: float | str = self.energy_rise / scale if self.formula == BACKWARD_EULER else "not judged (BDF2)"
         return {
@@ -82,7 +82,7 @@ class Certificate:
             "residual": self.residual,
             "energy_drift": scripted if self.moved_by_script else drift,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
-            "error_estimate": self.estimate.as_dict(self.asked),
+            "error_estimate": self.estimate.as_dict(self.asked, completed),
         }
 
     def as_json(self) -> dict[str, Any]:

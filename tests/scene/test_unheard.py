@@ -76,3 +76,10 @@ def test_two_coefficients_for_one_pair_are_refused():
     effects = {"body_contact": {}, "friction": {"pairs": [["cloth", "ball", 0.2], ["ball", "cloth", 0.4]]}}
     with pytest.raises(InputError, match=r"pairs\[1\] gives ball and cloth a coefficient again"):
         contact_notes(above, effects, BALL)
+
+
+def test_a_start_inside_d_hat_is_told():
+    near = {**SMALL, "position": [0, 0, 0.501]}
+    assert "from contact, inside d_hat of 0.005 m: it is pushed off" in contact_notes(near, {"body_contact": {}}, BALL)
+    far = {**SMALL, "position": [0, 0, 0.6]}
+    assert "pushed off" not in contact_notes(far, {"body_contact": {}}, BALL)

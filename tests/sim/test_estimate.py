@@ -94,3 +94,9 @@ def test_of_no_step_nothing_is_estimated_and_nothing_met():
     assert told.pop("asked") == 1e-3
     assert told.pop("met") is False
     assert set(told.values()) == {"not estimated (no step)"}
+
+
+def test_a_run_that_was_not_completed_has_not_met_what_was_asked():
+    held = ErrorEstimate(temporal=1e-4, temporal_largest=2e-4, steps=3)
+    assert held.as_dict(1e-3)["met"] is True
+    assert held.as_dict(1e-3, completed=False)["met"] is False
