@@ -6,6 +6,7 @@ import shutil
 
 import numpy as np
 import pytest
+from command_line import FREE, SHEET, refused, with_keywords
 
 from clothsim.cli import main
 from clothsim.cli.progress import Lines
@@ -17,27 +18,6 @@ from clothsim.io.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_traje
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.toml import load_scene
 
-SHEET = """
-[cloth]
-mesh = "rectangle"
-cells = [4, 4]
-position = [0.0, 0.0, 0.31]
-[[body]]
-name = "ball"
-mesh = "sphere"
-radius = 0.3
-[effects.inertia]
-[effects.membrane]
-[effects.gravity]
-[effects.damping]
-rate = 0.0
-[effects.body_contact]
-[solver]
-linear = "superlu"
-threads = 1
-[run]
-duration = 0.04
-"""
 CROSSING = """
 [[cloth]]
 name = "flag"
@@ -46,20 +26,6 @@ size = [0.2, 0.2]
 cells = [2, 2]
 position = [0.3, 0.3, 0.32]
 rotation_degrees = [90, 0, 0]
-"""
-FREE = """
-[cloth]
-mesh = "rectangle"
-cells = [4, 4]
-[effects.inertia]
-[effects.gravity]
-acceleration = [0.0, -9.81, 0.0]
-[solver]
-linear = "superlu"
-dt = 0.005
-[run]
-duration = 0.04
-frames_per_second = 100
 """
 COUNTERS = ("evaluations", "gradients", "hessians", "pairs", "ccd_calls", "seconds", "hessian_nonzeros")
 
@@ -89,17 +55,6 @@ def free(tmp_path_factory):
     (folder / "free.toml").write_text(FREE)
     assert main(["run", str(folder / "free.toml"), "-o", str(folder / "out"), "--no-picture", "--quiet"]) == 0
     return folder / "out"
-
-
-def refused(capsys, *words):
-    """The two lines of bad input."""
-    assert main(list(words)) == 2
-    out, err = capsys.readouterr()
-    assert "Traceback" not in out + err
-    lines = err.splitlines()
-    assert len(lines) == 2
-    assert all(lines)
-    return lines
 
 
 def test_run_prints_settings_progress_and_verdict(capsys, tmp_path):
@@ -144,16 +99,12 @@ def test_picture_and_movie_are_left(capsys, tmp_path, monkeypatch):
     from clothsim.cli import render
 
     small = {"size": (64, 64)}
-    monkeypatch.setattr(render, "draw_frame", _with(render.draw_frame, small))
-    monkeypatch.setattr(render, "draw_movie", _with(render.draw_movie, small))
+    monkeypatch.setattr(render, "draw_frame", with_keywords(render.draw_frame, small))
+    monkeypatch.setattr(render, "draw_movie", with_keywords(render.draw_movie, small))
     assert main(["run", "free.toml", "--movie", "--frames-per-second", "25"]) == 0
     assert (tmp_path / "free/picture.png").read_bytes().startswith(b"\x89PNG")
     assert list((tmp_path / "free").glob("movie.*"))
     assert "picture.png" in capsys.readouterr().out
-
-
-def _with(function, settings):
-    return lambda *arguments, **keywords: function(*arguments, **{**keywords, **settings})
 
 
 def test_a_picture_that_fails_is_told_and_leaves_the_run_completed(capsys, monkeypatch):
@@ -426,73 +377,3 @@ def test_a_key_is_changed_from_the_command_line(capsys, tmp_path):
     assert main(["run", "free.toml", "--no-picture", "--quiet", "--set", "run.duration=0.02"]) == 0
     assert open_run(tmp_path / "free").times[-1] == 0.02
     assert "duration" in refused(capsys, "run", "free.toml", "--set", "run.duratoin=1")[1]
-
-
-PRESS = """
-[cloth]
-mesh = "rectangle"
-size = [0.5, 0.5]
-cells = [4, 4]
-position = [0, 0, 0.008]
-[[body]]
-name = "press"
-mesh = "slab"
-size = [1, 1, 0.1]
-position = [0, 0, 0.06]
-motion = { velocity = [0, 0, -0.2] }
-[[body]]
-name = "table"
-mesh = "slab"
-size = [1, 1, 0.1]
-position = [0, 0, -0.05]
-[effects.inertia]
-[effects.membrane]
-[effects.body_contact]
-d_hat = 0.01
-[solver]
-dt = 0.02
-threads = 1
-linear = "superlu"
-[run]
-duration = 0.1
-"""
-
-
-def test_a_failed_run_leaves_its_place_its_iterates_and_what_to_do(capsys, tmp_path, monkeypatch):
-    from clothsim.render import place
-
-    monkeypatch.setattr(place, "draw_place", _with(place.draw_place, {"size": (128, 96)}))
-    (tmp_path / "press.toml").write_text(PRESS)
-    assert main(["run", "press.toml"]) == 1
-    out = capsys.readouterr().out
-    failure = read_summary(tmp_path / "press/summary.json")["failure"]
-    assert failure["remedy"] in out.splitlines()
-    assert (tmp_path / "press/failure.png").read_bytes().startswith(b"\x89PNG")
-    assert f"resume press --dump-iterates {failure['step']}" in out
-    assert main(["resume", "press", "--no-picture", "--dump-iterates", str(failure["step"])]) == 1
-    assert not (tmp_path / "press/failure.png").exists()
-    with np.load(tmp_path / f"press/iterates_{failure['step']}.npz", allow_pickle=False) as iterates:
-        assert iterates["positions"].shape[1:] == (25 + 16, 3)
-    assert "cloth is pinched between press and table" in capsys.readouterr().out
-
-
-def test_a_bundle_is_replayed_with_one_command(capsys, tmp_path):
-    (tmp_path / "press.toml").write_text(PRESS)
-    assert main(["run", "press.toml", "--no-picture", "--quiet"]) == 1
-    first = read_summary(tmp_path / "press/summary.json")
-    assert main(["bundle", "press", "-o", "sent.zip"]) == 0
-    assert capsys.readouterr().out.splitlines()[-1].endswith("clothsim resume sent.zip")
-    shutil.rmtree(tmp_path / "press")
-    assert main(["resume", "sent.zip", "--no-picture", "--dump-iterates", str(first["failure"]["step"])]) == 1
-    assert f"failed: {first['reason']}" in capsys.readouterr().out
-    assert read_summary(tmp_path / "sent/summary.json")["failure"] == first["failure"]
-    assert (tmp_path / f"sent/iterates_{first['failure']['step']}.npz").is_file()
-    assert "sent is there already." in refused(capsys, "resume", "sent.zip")[0]
-    assert main(["resume", "sent.zip", "-o", "other", "--no-picture", "--quiet"]) == 1
-
-
-def test_iterates_of_a_step_that_never_came_are_missed(capsys, tmp_path):
-    assert main(["run", "free.toml", "--no-picture", "--dump-iterates", "99"]) == 0
-    assert "No iterates_99.npz: the run took 8 steps." in capsys.readouterr().out
-    assert "Step 3 cannot be dumped: 8 steps are done." in refused(capsys, "resume", "free", "--dump-iterates", "3")[0]
-    assert "--dump-iterates is 'two'" in refused(capsys, "run", "free.toml", "--dump-iterates", "two")[0]

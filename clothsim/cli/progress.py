@@ -2,9 +2,9 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar, cast
 
 if TYPE_CHECKING:
     from clothsim.summary import Progress
@@ -12,16 +12,24 @@ if TYPE_CHECKING:
 SECONDS_BETWEEN_LINES = 5.0
 
 
+Listener = TypeVar("Listener", bound=Callable[..., None])
+
+
 @contextmanager
-def shown(quiet: bool) -> "Iterator[Callable[[Progress], None]]":
-    """A listener for `simulate` that shows each step on stderr."""
+def told(quiet: bool, bar: "Callable[[], AbstractContextManager[Listener]]", lines: Listener) -> "Iterator[Listener]":
+    """What hears of progress: nobody, a bar on a terminal, else lines."""
     if quiet:
-        yield lambda progress: None
+        yield cast(Listener, lambda progress: None)
     elif sys.stderr.isatty():
-        with _bar() as listener:
+        with bar() as listener:
             yield listener
     else:
-        yield Lines()
+        yield lines
+
+
+def shown(quiet: bool) -> "AbstractContextManager[Callable[[Progress], None]]":
+    """A listener for `simulate` that shows each step on stderr."""
+    return told(quiet, _bar, Lines())
 
 
 class Lines:

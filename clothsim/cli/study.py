@@ -4,12 +4,12 @@ import argparse
 import re
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_count
-from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock
+from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, told
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -84,16 +84,9 @@ def _study(arguments: argparse.Namespace) -> int:
     return 0
 
 
-@contextmanager
-def shown(quiet: bool) -> "Iterator[Callable[[Progress], None]]":
+def shown(quiet: bool) -> "AbstractContextManager[Callable[[Progress], None]]":
     """A listener that shows on stderr how far a study is: a bar on a terminal, else a line every few seconds."""
-    if quiet:
-        yield lambda progress: None
-    elif sys.stderr.isatty():
-        with _bar() as listener:
-            yield listener
-    else:
-        yield _lines()
+    return told(quiet, _bar, _lines())
 
 
 def _lines() -> "Callable[[Progress], None]":

@@ -45,6 +45,11 @@ class Counts:
 
 def counted(garment: Floats, triangles: Ints, body: BodySurface) -> Counts:
     """The counts of `garment (n, 3)` [m] with `triangles (m, 3)` on `body`."""
+    return judged(garment, triangles, body)[0]
+
+
+def judged(garment: Floats, triangles: Ints, body: BodySurface) -> tuple[Counts, Ints, Ints]:
+    """The counts, and the pairs (p, 2) of intersecting triangles: of garment and body, of the garment with itself."""
     within = body.penetration(garment)
     x = np.concatenate([garment, body.positions])
     faces = body.triangles + len(garment)
@@ -56,4 +61,4 @@ def counted(garment: Floats, triangles: Ints, body: BodySurface) -> Counts:
         place = places(x, triangles, faces, with_body[:1])[0]
     elif len(own):
         place = places(x, triangles, triangles, own[:1])[0]
-    return Counts(within.count, within.depth, len(with_body), len(own), place)
+    return Counts(within.count, within.depth, len(with_body), len(own), place), with_body, own

@@ -7,10 +7,9 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
-from clothsim.fitting.counts import Counts, counted
+from clothsim.fitting.counts import Counts, judged
 from clothsim.fitting.figure import Figure, read_figure, read_garment
 from clothsim.fitting.stage import Garment
-from clothsim.intersection.pairs import intersecting_pairs
 from transfer.distance import BodySurface, Closest, body_surface
 from transfer.errors import TransferError
 
@@ -51,11 +50,8 @@ def dressed(garment: Garment, figure: Figure) -> Dressed:
         body = body_surface(figure.positions, figure.triangles)
     except TransferError as error:
         raise InputError(f"{figure.name}: {error.sentence}", error.remedy) from error
-    counts, x = counted(garment.positions, garment.triangles, body), garment.positions
-    both = np.concatenate([x, body.positions])
-    with_body = intersecting_pairs(both, garment.triangles, body.triangles + len(x))
-    own = intersecting_pairs(x, garment.triangles)
-    return Dressed(garment, figure, body, counts, body.closest(x), with_body, own)
+    counts, with_body, own = judged(garment.positions, garment.triangles, body)
+    return Dressed(garment, figure, body, counts, body.closest(garment.positions), with_body, own)
 
 
 def read_dressed(

@@ -39,6 +39,22 @@ def test_a_tube_five_millimetres_inside_is_refined(tmp_path):
     assert found.worn.rest is garment.positions
 
 
+def test_where_the_first_refinement_leaves_something_inside_the_second_goes_along_the_normals(tmp_path, monkeypatch):
+    garment, asked = tube_garment(0.095), []
+    freed = tube_garment(0.11).positions
+
+    def refined(positions, _, along_normals):
+        asked.append((positions, along_normals))
+        return (freed if along_normals else 0.99 * positions), "refined"
+
+    monkeypatch.setattr(chain, "_refined", refined)
+    found = seeded(task(garment, FIGURE, FIGURE, tmp_path))
+    assert names(found) == ["garment", "refine", "refine"]
+    assert [along for _, along in asked] == [False, True]
+    assert all(positions is garment.positions for positions, _ in asked)  # the second does not go on from the first
+    assert found.last.positions is freed
+
+
 def test_a_tube_that_no_formula_frees_is_grown_out(tmp_path, monkeypatch):
     """Refinement is taken away: growth alone has to bring the tube from 3 mm inside to the outside."""
     monkeypatch.setattr(chain, "_refined", lambda positions, *_, **__: (positions, "none"))

@@ -1,9 +1,8 @@
 """A garment judged on a body, by arrays, by files and by the command."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from real_data import DATA, needs_data
 
 from clothsim.cli import main
 from clothsim.fitting.dressed import dressed, read_dressed, worst_places
@@ -12,8 +11,6 @@ from clothsim.fitting.stage import Garment
 from clothsim.mesh.generate import rectangle, tube
 from clothsim.mesh.shapes import slab
 
-DATA = Path(__file__).parents[3] / "shared" / "data"
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real data (../shared/data) is not here")
 BODY = Figure("box", *slab(size=(0.4, 0.4, 1.8), cells=(4, 4, 9)), 1.0, ())
 LOOSE, TRIANGLES = tube(radius=0.3, height=0.6, cells=(24, 8))
 

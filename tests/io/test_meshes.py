@@ -1,21 +1,18 @@
 """Mesh files: every format there and back, parts, quads, broken files, the real data."""
 
 import importlib.util
-from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from meshes import irregular_grid
+from real_data import DATA, needs_data
 
 from clothsim.errors import InputError
 from clothsim.io.meshes import ENDINGS, MeshFile, read_mesh
 from clothsim.mesh.check import examine
 from clothsim.mesh.generate import slab, sphere
-
-DATA = Path(__file__).parents[3] / "shared" / "data"
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real data (../shared/data) is not here")
 
 QUAD = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0.0]])
 OBJ = """

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from meshes import UNIT, cloth, irregular_grid, random_rotation, small_world
-from scipy.integrate import solve_ivp
+from meshes import UNIT, cloth, irregular_grid, small_world
+from ringing import ringing
 from scipy.special import ellipk
 from solving import integrator_of, run_of
 
@@ -62,24 +62,6 @@ def test_free_fall_is_exact_from_an_exact_past_whatever_the_steps():
 
 
 # --- orders ---------------------------------------------------------------------------------------------------------
-
-
-def ringing():
-    """A strained sheet of 4 triangles: world, energies, and its motion by an explicit method of order 8."""
-    rest, triangles = irregular_grid(nx=2, ny=1)
-    start = rest @ np.diag([1.25, 0.9, 1.0]) @ random_rotation(2).T
-    world = make_world([replace(cloth(rest, triangles), positions=start)])
-    energies = {"inertia": inertia(world), "membrane": membrane(world)}
-    n = start.size
-
-    def rate(t, y):
-        force = -energies["membrane"].gradient(y[:n].reshape(-1, 3))
-        return np.concatenate([y[n:], (force / world.masses[:, None]).ravel()])
-
-    begin = np.concatenate([start.ravel(), np.zeros(n)])
-    exact = solve_ivp(rate, (0, 0.8), begin, method="DOP853", rtol=1e-11, atol=1e-12).y[:n, -1].reshape(-1, 3)
-    assert np.abs(exact - start).max() > 0.05
-    return world, energies, exact
 
 
 def errors(pattern, counts):

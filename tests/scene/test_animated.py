@@ -1,9 +1,8 @@
 """Animated bodies: what their table says, what is refused, and cloth that meets them."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from real_data import DATA, needs_data
 from scipy.spatial.transform import Rotation
 from small_scenes import SHEET, small_scene
 
@@ -13,9 +12,6 @@ from clothsim.explain import explain_scene
 from clothsim.io.meshes import read_mesh
 from clothsim.mesh.generate import sphere
 from clothsim.scene.build import build
-
-DATA = Path(__file__).parents[3] / "shared" / "data"
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real data (../shared/data) is not here")
 
 POSITIONS, TRIANGLES = sphere(radius=0.3, subdivisions=1)
 

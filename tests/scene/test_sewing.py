@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from meshes import grid
+from real_data import DATA, needs_data
 
 from clothsim import InputError, Scene
 from clothsim.intersection.pairs import intersecting_pairs
@@ -14,8 +15,6 @@ from clothsim.scene.build import build
 from clothsim.scene.scene import make_scene
 
 ROOT = Path(__file__).parents[2]
-DATA = ROOT.parent / "shared" / "data"
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real data (../shared/data) is not here")
 
 PANEL, FACES = grid(3, 3)
 ASIDE = np.array([2.5, 0.0, 0.0])

@@ -19,3 +19,9 @@ def test_it_stays_stable(case, seed, request):
     if (case.name, seed) in KNOWN:
         request.applymarker(pytest.mark.xfail(strict=True, reason=KNOWN[case.name, seed]))
     assert run_case(case, seed).wrong == ""
+
+
+def test_newton_gets_through_a_curved_valley():
+    """B17b from this start took more than 400 iterations a step while the trust radius was held at 3."""
+    case = next(case for case in CASES if case.name == "B17b")
+    assert run_case(case, 12).wrong == ""

@@ -1,10 +1,9 @@
 """Correspondence of meshes that share no topology: markers met, surfaces laid over one another, bad markers named."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from people import person
+from real_data import DATA, needs_data
 
 from clothsim.mesh.generate import GENERATORS
 from transfer.closest import facing_surface
@@ -14,8 +13,7 @@ from transfer.errors import TransferError
 from transfer.gradients import centroids
 from transfer.surface import triangle_normals
 
-DATA = Path(__file__).parents[3] / "shared" / "data" / "bodies"
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real data (../shared/data) is not here")
+FOLDER = DATA / "bodies"
 
 BALL = GENERATORS["sphere"](radius=1.0, subdivisions=2)
 FINE = GENERATORS["sphere"](radius=1.0, subdivisions=3)
@@ -153,7 +151,7 @@ def test_real_bodies_of_other_topology_derive_landmarks_that_mean_the_same():
     from clothsim.io.meshes import read_mesh
     from transfer.landmarks import derive_markers
 
-    meshes = [read_mesh(DATA / name) for name in ("f_smpl_average_A40.obj", "mean_female.obj")]
+    meshes = [read_mesh(FOLDER / name) for name in ("f_smpl_average_A40.obj", "mean_female.obj")]
     source, target = ((mesh.positions, mesh.triangles) for mesh in meshes)
     markers = derive_markers(source, target)
     apart = np.linalg.norm(source[0][markers[:, 0]] - target[0][markers[:, 1]], axis=1)

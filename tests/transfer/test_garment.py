@@ -1,10 +1,9 @@
 """A garment goes with its body: exact for what the body does as a whole, close to it for what it does in parts."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from people import person
+from real_data import DATA, needs_data
 
 from clothsim.mesh.generate import GENERATORS
 from transfer.adjacency import largest_component, vertex_components
@@ -13,8 +12,7 @@ from transfer.errors import TransferError
 from transfer.garment import followed, garment_transfer, transfer_garment
 from transfer.surface import vertex_normals
 
-DATA = Path(__file__).parents[3] / "shared" / "data" / "dress_on_body"
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real data (../shared/data) is not here")
+FOLDER = DATA / "dress_on_body"
 
 BODY, TRIANGLES = person(0.04)
 TURN = np.array([[0, 0, 1.0], [0, 1, 0], [-1, 0, 0]])
@@ -116,8 +114,8 @@ def test_a_real_dress_goes_along_with_a_kick_and_almost_stays_outside():
     """Transfer alone left 3 % and 6 mm in the literature's form; anchors and means leave .2 % and 1 mm."""
     from clothsim.io.meshes import read_mesh
 
-    dress = read_mesh(DATA / "dress_knife_drape.obj", vertices=(0, 15656))
-    before, after = (read_mesh(DATA / "kick" / f"shell{frame:03d}.obj") for frame in (0, 10))
+    dress = read_mesh(FOLDER / "dress_knife_drape.obj", vertices=(0, 15656))
+    before, after = (read_mesh(FOLDER / "kick" / f"shell{frame:03d}.obj") for frame in (0, 10))
     worn = dress.positions + np.array([0, 0.75, 0])  # the frames stand that much higher than the draped body
     assert np.abs(after.positions - before.positions).max() > 0.3
     half = dress.triangles[worn[dress.triangles][:, 0, 0] < 0]  # of the leg that moves

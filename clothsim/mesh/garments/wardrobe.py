@@ -35,9 +35,7 @@ def shirt(
     its edges; sleeve [m]: from the shoulder joint to the cuff, for a height of 1.7 m. InputError names a bad key.
     """
     figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
-    length = as_positive("sleeve", sleeve)
-    if not 0.13 <= length <= 0.46:
-        raise InputError(f"sleeve must be from 0.13 to 0.46 m, not {length:g}.")
+    length = _within("sleeve", sleeve, 0.13, 0.46)
     trunk = tube_limb((0.83, 0.010, 0.164, 0.114), (1.04, 0.010, 0.150, 0.105), (1.25, 0.010, 0.143, 0.103))
     wide = [(0.0, 0.050, 0.048), (0.5, 0.056, 0.052), (1.0, 0.050, 0.048)]
     tip = _SHOULDER + 0.54 * ARM
@@ -67,9 +65,7 @@ def skirt(
 ) -> tuple[Floats, Ints]:
     """A flared skirt from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as a shirt's."""
     figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
-    low = as_positive("hem", hem)
-    if not 0.15 <= low <= 0.75:
-        raise InputError(f"hem must be from 0.15 to 0.75 m, not {low:g}.")
+    low = _within("hem", hem, 0.15, 0.75)
     cone = tube_limb((0.12, 0.010, 0.290, 0.240), (0.78, 0.010, 0.180, 0.135), (1.10, 0.010, 0.112, 0.080))
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.055))))
     pattern = Pattern(("pelvis", "spine", *_LEGS), (cone,), cuts, (0, -0.24, low - 0.02), (0.30, 0.26, 1.08))
@@ -89,11 +85,17 @@ def trousers(
 ) -> tuple[Floats, Ints]:
     """Trousers from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as a shirt's."""
     figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
-    low = as_positive("hem", hem)
-    if not 0.10 <= low <= 0.60:
-        raise InputError(f"hem must be from 0.1 to 0.6 m, not {low:g}.")
+    low = _within("hem", hem, 0.10, 0.60)
     profile = [(0.0, 0.060, 0.070), (0.5, 0.056, 0.064), (1.0, 0.054, 0.058)]
     leg = limb(PLACES[joint("left_hip")], (0.115, 0.012, 0.05), np.array([1.0, 0.0, 0.0]), profile, (0.03, 0.03))
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.045))))
     pattern = Pattern(("pelvis", "spine", *_LEGS), both_sides(leg), cuts, (0, -0.13, low - 0.02), (0.19, 0.15, 1.07))
     return sewn_garment(pattern, figure, ease, edge)
+
+
+def _within(name: str, value: float, least: float, most: float) -> float:
+    """`value` [m], where it lies between the bounds. InputError names it."""
+    length = as_positive(name, value)
+    if not least <= length <= most:
+        raise InputError(f"{name} must be from {least:g} to {most:g} m, not {length:g}.")
+    return length
