@@ -22,6 +22,8 @@ def test_it_stays_stable(case, seed, request):
 
 
 def test_newton_gets_through_a_curved_valley():
-    """B17b from this start took more than 400 iterations a step while the trust radius was held at 3."""
+    """B17b from this start: 294 iterations; 959, after tries that were given up, with the trust radius held at 3."""
     case = next(case for case in CASES if case.name == "B17b")
-    assert run_case(case, 12).wrong == ""
+    result = run_case(case, 12)
+    assert result.wrong == ""
+    assert result.newton_iterations < 600
