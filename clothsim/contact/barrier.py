@@ -37,14 +37,17 @@ class Barrier(Energy):
         if not self.adaptive:
             return self
         n = len(self.areas)
-        touching = self.gradient(step.positions)[:n].any(axis=1)
-        loads = np.linalg.norm(step.gradient[:n], axis=1) / self.areas
+        push = -self.gradient(step.positions)[:n]
+        toward, touching = _toward(push)
+        loads = -(step.gradient[:n] * toward).sum(axis=1) / self.areas
         speeds = np.linalg.norm(step.velocities[:n], axis=1)
+        approach = np.where(touching, (step.velocities[:n] * toward).sum(axis=1), speeds)
         stiffness = barrier_stiffness(
             float(loads[touching].max(initial=0.0)),
             float(self.masses.sum() / self.areas.sum()),
-            float(speeds.max(initial=0.0)),
+            float(approach.max(initial=0.0)),
             self.d_hat,
+            step.dt,
             step.answers_in or step.dt,
         )
         return replace(self, stiffness=stiffness)
@@ -106,3 +109,10 @@ class Barrier(Energy):
     def _pairs(self, x: Floats) -> tuple[Ints, Floats, Floats, int, float, float]:
         pairs = self.candidates.near(x)
         return pairs.elements, pairs.weights, pairs.thresholds, pairs.n_points, self.offset, self.d_hat
+
+
+def _toward(push: Floats) -> tuple[Floats, np.ndarray]:
+    """The unit vectors (n, 3) against which contact pushes, zero where it does not; and where it does, (n,)."""
+    length = np.linalg.norm(push, axis=1)
+    touching = length > 0
+    return -push / np.where(touching, length, 1.0)[:, None], touching

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from clothsim.energies.base import ANSWERS
 from clothsim.sim.state import State
 
 SAFETY = 0.9
@@ -12,9 +13,6 @@ SHARE = 0.05
 """Of what is left of the error: so much one step may add, whatever its length. An impact changes a velocity by a jump,
 and its error falls only with h, as does what a step may add in its time: no step would ever be short enough."""
 LARGEST_RETRY = 0.7
-CONTACT = 0.01
-"""In which contact answers [s], the dt that scenes have: its stiffness must not follow a dt that changes all the time,
-or whatever touches gains the energy of a barrier that becomes stiffer."""
 MOST_STEPS = 100_000
 """No step is chosen shorter than the duration over this."""
 
@@ -39,8 +37,11 @@ class ErrorControl:
 
     @property
     def answers_in(self) -> float:
-        """The time in which contact answers [s]."""
-        return min(self.longest, CONTACT)
+        """The time in which contact answers [s]: the same for each dt.
+
+        Whatever touches would gain the energy of a barrier that becomes stiffer.
+        """
+        return min(self.longest, ANSWERS)
 
     def exceeds(self, state: State, h: float, error: float) -> bool:
         """Whether a step of length h [s] from `state` added too much `error` [m]."""

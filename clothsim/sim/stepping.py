@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.energies.base import Constraint, Prescribed, Step
+from clothsim.energies.base import ANSWERS, Constraint, Prescribed, Step
 from clothsim.mesh.world import World
 from clothsim.sim.control import ErrorControl
 from clothsim.sim.failure import Failure, failure_of, told
@@ -158,7 +158,7 @@ def _solve(
     load = min(1.0, end / integrator.ramp) if integrator.ramp else 1.0
     zero = np.zeros_like(state.positions)
     start = Step(state.time, h, state.positions, state.velocities, load, zero, memory=state.memory)
-    answers_in = None if integrator.control is None else integrator.control.answers_in
+    answers_in = max(h, ANSWERS) if integrator.control is None else integrator.control.answers_in
     start = replace(start, weighed=formula.past, answers_in=answers_in)
     bound = integrator.potential.begin(start)
     integrator.system.begin(bound.couplings(state.positions))

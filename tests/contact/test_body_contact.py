@@ -112,15 +112,56 @@ def test_the_stiffness_of_a_step_depends_on_that_step_alone():
     first.value(x)
     first.step_limit(x, 0.01 * rng.standard_normal(x.shape))
     assert first.begin(step).stiffness == contact.begin(step).stiffness == first.stiffness
-    assert first.begin(replace(step, dt=0.001)).stiffness > first.stiffness
+    assert first.begin(replace(step, dt=0.1)).stiffness < first.stiffness
 
 
 def test_the_stiffness_is_the_largest_of_three_pressures():
-    settings = {"pressure": 3.0, "area_density": 0.2, "speed": 1.0, "d_hat": 1e-3, "dt": 0.1}
+    settings = {"pressure": 3.0, "area_density": 0.2, "speed": 1.0, "d_hat": 1e-3, "dt": 0.1, "answers_in": 0.1}
     assert barrier_stiffness(**settings) == 3.0
     assert barrier_stiffness(**settings | {"speed": 50.0}) == pytest.approx(0.2 * 50 / 0.1)
-    assert barrier_stiffness(**settings | {"d_hat": 0.5, "dt": 0.01}) == pytest.approx(0.2 * 0.5 / 1e-4)
+    assert barrier_stiffness(**settings | {"d_hat": 0.5, "dt": 0.01, "answers_in": 0.01}) == pytest.approx(1e3)
     assert barrier_stiffness(**settings | {"pressure": 0.0, "speed": 0.0}) > 0
+
+
+def test_the_stiffness_stops_growing_as_dt_goes_to_zero():
+    """A fast vertex is stopped within d_hat; a slow one in the time in which contact answers."""
+    settings = {"pressure": 0.0, "area_density": 0.2, "d_hat": 1e-3, "answers_in": 0.01}
+    fast = [barrier_stiffness(**settings, speed=2.0, dt=dt) for dt in (1e-2, 1e-3, 1e-4, 1e-5)]
+    assert fast[0] < fast[1] < fast[2] == fast[3] == pytest.approx(0.2 * 2.0**2 / 1e-3)
+    slow = [barrier_stiffness(**settings, speed=0.02, dt=dt) for dt in (1e-2, 1e-5)]
+    assert slow[0] == slow[1] == pytest.approx(0.2 * 1e-3 / 0.01**2)
+
+
+def test_what_leaves_contact_makes_it_no_stiffer():
+    world = world_at(0.31)
+    contact = body_contact(world, d_hat=0.025)
+    x = world.start()
+    away = -contact.gradient(x)[: world.n_cloth]
+    touching = np.linalg.norm(away, axis=1) > 0
+    velocities = np.zeros_like(x)
+    velocities[: world.n_cloth][touching] = 50.0 * away[touching] / np.linalg.norm(away[touching], axis=1)[:, None]
+    leaving, still, coming = (contact.begin(step_at(x, k * velocities, dt=0.01)).stiffness for k in (1, 0, -1))
+    assert touching.any()
+    assert leaving == still < coming
+
+
+def height_of_the_bounce(dt, folder):
+    """How high a sheet flies that starts at an eighth of d_hat above a slab [m]."""
+    scene = clothsim.Scene(
+        cloth={"mesh": "rectangle", "size": [0.3, 0.3], "cells": [4, 4], "position": [0, 0, 0.0505]},
+        body={"mesh": "slab", "size": [1, 1, 0.1]},
+        effects={"inertia": {}, "membrane": {}, "gravity": {}, "body_contact": {"d_hat": 4e-3}},
+        solver={"dt": dt, "linear": "superlu"},
+        run={"duration": 0.1, "frames_per_second": 50},
+    )
+    run = clothsim.simulate(scene, folder / str(dt))
+    return max(run.positions(k)[:, 2].max() for k in range(6)) - 0.0505
+
+
+def test_a_start_inside_d_hat_is_not_shot_off_the_faster_the_finer_dt(tmp_path):
+    """The way flown is bounded: with a stiffness that goes with 1 / dt^2 it is six times as long at half the dt."""
+    coarse, fine = (height_of_the_bounce(dt, tmp_path) for dt in (0.0025, 0.00125))
+    assert fine < 2 * coarse
 
 
 @pytest.mark.parametrize("gap", [1e-3, 1e-4, 1e-6, 1e-9, 1e-12])
