@@ -9,6 +9,7 @@ from clothsim.mesh.world import World, make_world
 from clothsim.scene.effects import CONTACTS, EFFECTS
 from clothsim.scene.held import refuse_unheld
 from clothsim.scene.meshes import body_of, cloth_of, cloth_shape
+from clothsim.scene.number_files import with_arrays
 from clothsim.scene.remarks import remarks
 from clothsim.scene.scene import Scene
 from clothsim.scene.seed import seeded
@@ -37,8 +38,9 @@ def build(scene: Scene) -> Built:
         if name not in scene.effects:
             continue
         filled = {"backend": backend, "contacts": tuple(contact for contact in CONTACTS if contact in energies)}
+        keys = with_arrays(f"effects.{name}", scene.effects[name], scene.directory)
         try:
-            made = effect.build(world, scene.effects[name], filled)
+            made = effect.build(world, keys, filled)
         except (TypeError, ValueError) as error:
             raise InputError(f"effects.{name} has a value of the wrong type: {error}.") from error
         if isinstance(made, Off):

@@ -1,4 +1,4 @@
-"""The files that a scene names: meshes, the frames of animated bodies, and the seed."""
+"""The files that a scene names: meshes, the frames of animated bodies, numbers over the cloth, and the seed."""
 
 import json
 import re
@@ -8,6 +8,7 @@ from typing import Any
 
 from clothsim.errors import InputError
 from clothsim.mesh.generate import GENERATORS
+from clothsim.scene.number_files import named_arrays
 from clothsim.scene.scene import Scene, scene_from_text
 
 FOLDER = "meshes"
@@ -60,6 +61,8 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
                 yield f"{section}{k}", table, "mesh"
             if "frames" in table:
                 yield f"{section}{k}", table, "frames"
+    for name, keys in data["effects"].items():
+        yield from named_arrays(f"effect_{name}", keys)
     if data["seed"].get("file"):
         yield "seed", data["seed"], "file"
 

@@ -109,7 +109,9 @@ def _several(name: str, value: Any) -> tuple[Table, ...]:
 
 
 def _plain(value: Any) -> Any:
-    """NumPy arrays and scalars, tuples, read-only mappings and paths as JSON knows them."""
+    """NumPy arrays and scalars, tuples, read-only mappings and paths as JSON knows them; of a function its name."""
+    if callable(value):
+        return {"function": getattr(value, "__qualname__", type(value).__name__)}
     if hasattr(value, "tolist"):
         return value.tolist()
     return dict(value) if isinstance(value, Mapping) else str(value)

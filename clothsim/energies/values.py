@@ -1,0 +1,148 @@
+"""Values that vary: over the cloth, from triangle to triangle, and over time.
+
+Over the cloth a scene may say a number; an array with one for each triangle or for each vertex (averaged over the
+corners; where there are as many triangles as vertices they are the triangles'); a table of these by the name of a
+cloth, "other" standing for those that it does not name. Over time it may say a number; key frames [[t0, v0], [t1, v1]],
+linear between and held outside; in Python a function of the time. A table by cloth may hold key frames.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from clothsim.arrays import Floats, as_number
+from clothsim.errors import InputError
+from clothsim.mesh.world import World
+
+FUNCTION = "function"
+"""What the scene file of a run says in the place of a Python function: {function = "its name"}."""
+OTHER = "other"
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A number over time: times (k,) [s] and values (k,), k >= 1, or a function of the time in their place.
+
+    name: the scene's key, for what is said of it; least: no value may be less.
+    """
+
+    name: str
+    times: Floats
+    values: Floats
+    least: float = -math.inf
+    function: Callable[[float], float] | None = None
+
+    def at(self, time: float) -> float:
+        """The value at `time` [s]. InputError where the function gives no finite number, or too small a one."""
+        if self.function is None:
+            return float(np.interp(time, self.times, self.values))
+        return _bounded(f"{self.name} at {time:g} s", self.function(time), self.least)
+
+    @property
+    def is_constant(self) -> bool:
+        """True where it is the same at all times."""
+        return self.function is None and bool((self.values == self.values[0]).all())
+
+    @property
+    def is_zero(self) -> bool:
+        """True where it is 0 at all times: what it drives is off."""
+        return self.is_constant and float(self.values[0]) == 0.0
+
+
+def schedule(name: str, value: Any, least: float = -math.inf) -> Schedule:
+    """The schedule of a scene's value: a number, key frames or a function. InputError names a bad key frame."""
+    if callable(value):
+        return Schedule(name, np.zeros(0), np.zeros(0), least, value)
+    if isinstance(value, Mapping):
+        raise lost(name, value) if set(value) == {FUNCTION} else InputError(f"{name} must be a number or key frames.")
+    if not isinstance(value, list | tuple | np.ndarray) or np.ndim(np.asarray(value, object)) == 0:
+        return Schedule(name, np.zeros(1), np.array([_bounded(name, value, least)]), least)
+    if not len(value):
+        raise InputError(f"{name} has no key frame.", "Give a number, or [[time, value], ...].")
+    times, values = np.empty(len(value)), np.empty(len(value))
+    for k, frame in enumerate(value):
+        if not isinstance(frame, list | tuple | np.ndarray) or len(frame) != 2:
+            raise InputError(f"{name}[{k}] is {frame!r}, no key frame.", "Key frames are [[time, value], ...].")
+        times[k] = _bounded(f"{name}[{k}][0]", frame[0], -math.inf)
+        values[k] = _bounded(f"{name}[{k}][1]", frame[1], least)
+        if k and times[k] <= times[k - 1]:
+            raise InputError(f"{name}[{k}] is at {times[k]:g} s, not after {times[k - 1]:g} s.", "Put them in order.")
+    return Schedule(name, times, values, least)
+
+
+def by_cloth(name: str, value: Any, world: World, least: float = -math.inf) -> tuple[Schedule, ...]:
+    """A schedule for each cloth: one value for all, or a table of them by name. InputError names what is wrong."""
+    if isinstance(value, Mapping) and set(value) != {FUNCTION}:
+        named = _of_each_cloth(name, value, world)
+        return tuple(
+            schedule(f"{name}.{cloth.name}", one, least) for cloth, one in zip(world.cloths, named, strict=True)
+        )
+    return (schedule(name, value, least),) * len(world.cloths)
+
+
+def over_cloth(name: str, value: Any, world: World, least: float = -math.inf) -> Floats:
+    """A number for each triangle of the world's cloths, (m,). InputError names the cloth and index of a bad one."""
+    if not isinstance(value, Mapping):
+        return _over(name, value, world.triangles, world.n_cloth, least)
+    named = _of_each_cloth(name, value, world)
+    parts = [
+        _over(f"{name}.{cloth.name}", one, cloth.triangles, len(cloth.positions), least)
+        for cloth, one in zip(world.cloths, named, strict=True)
+    ]
+    return np.concatenate(parts)
+
+
+def lost(name: str, value: Mapping[str, Any]) -> InputError:
+    """What to say where a run's scene only has the name of the Python function that it was made with."""
+    return InputError(
+        f"{name} was the Python function {value[FUNCTION]!r}, which the run's own scene does not hold.",
+        "Simulate from the Python program again, or give key frames.",
+    )
+
+
+def _of_each_cloth(name: str, table: Mapping[str, Any], world: World) -> list[Any]:
+    """What a table says of each cloth."""
+    if set(table) == {FUNCTION}:
+        raise lost(name, table)
+    names = [cloth.name for cloth in world.cloths]
+    unknown = next((key for key in table if key not in (*names, OTHER)), None)
+    if unknown is not None:
+        raise InputError(
+            f"{name} names {unknown!r}, and no cloth is called so.", f"Cloths: {', '.join(names)}; or other."
+        )
+    silent = next((cloth for cloth in names if cloth not in table and OTHER not in table), None)
+    if silent is not None:
+        raise InputError(f"{name} says nothing of the cloth {silent!r}.", "Add it, or a value for `other`.")
+    return [table.get(cloth, table.get(OTHER)) for cloth in names]
+
+
+def _over(name: str, value: Any, triangles: np.ndarray, n_vertices: int, least: float) -> Floats:
+    """(m,) from a number, an array by triangle or one by vertex."""
+    if callable(value) or isinstance(value, Mapping):
+        raise InputError(f"{name} must be a number or an array over the cloth.")
+    if not isinstance(value, list | tuple | np.ndarray) or np.ndim(np.asarray(value, object)) == 0:
+        return np.full(len(triangles), _bounded(name, value, least))
+    try:
+        numbers = np.asarray(value, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be numbers: {error}.") from error
+    if numbers.shape not in ((len(triangles),), (n_vertices,)):
+        shape = f"{len(numbers)} numbers" if numbers.ndim == 1 else f"the shape {numbers.shape}"
+        has = f"Give one for each of the {len(triangles)} triangles or of the {n_vertices} vertices."
+        raise InputError(f"{name} has {shape}.", has)
+    for index in np.flatnonzero(~(np.isfinite(numbers) & (numbers >= least)))[:1]:
+        _bounded(f"{name}[{index}]", numbers[index], least)
+    return numbers.copy() if len(numbers) == len(triangles) else numbers[triangles].mean(axis=1)
+
+
+def _bounded(name: str, value: Any, least: float) -> float:
+    """`value` as a finite number of at least `least`."""
+    number = as_number(name, value)
+    if not math.isfinite(number):
+        raise InputError(f"{name} is {number}, not a finite number.")
+    if number < least:
+        raise InputError(f"{name} must be at least {least:g}, not {number:g}.")
+    return number

@@ -1,0 +1,46 @@
+"""Numbers over the cloth that a scene keeps in a NumPy file: a text that ends in .npy is read as its array."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clothsim.errors import InputError
+
+ENDING = ".npy"
+
+
+def with_arrays(where: str, value: Any, directory: Path) -> Any:
+    """`value` with every file of numbers in its tables read. InputError where one is missing or holds no numbers."""
+    if isinstance(value, Mapping):
+        return {key: with_arrays(f"{where}.{key}", inner, directory) for key, inner in value.items()}
+    return _read(where, directory / value) if names_numbers(value) else value
+
+
+def names_numbers(value: Any) -> bool:
+    """True for the name of a file of numbers."""
+    return isinstance(value, str) and value.endswith(ENDING)
+
+
+def named_arrays(where: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
+    """Each key of nested tables that names a file of numbers: what has it, its table, the key."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            yield from named_arrays(f"{where}_{key}", value)
+        elif names_numbers(value):
+            yield f"{where}_{key}", table, key
+
+
+def _read(where: str, path: Path) -> Any:
+    if not path.name.isprintable():
+        raise InputError(f"{where} is {path.name!r}, which names no file.")
+    try:
+        numbers = np.load(path, allow_pickle=False)
+    except FileNotFoundError as error:
+        raise InputError(f"{where}: there is no file {path}.") from error
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{where}: {path} is no NumPy file of numbers ({error}).") from error
+    if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iuf":
+        raise InputError(f"{where}: {path} holds no real numbers.")
+    return numbers
