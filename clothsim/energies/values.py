@@ -110,9 +110,7 @@ def _of_each_cloth(name: str, table: Mapping[str, Any], world: World) -> list[An
     names = [cloth.name for cloth in world.cloths]
     unknown = next((key for key in table if key not in (*names, OTHER)), None)
     if unknown is not None:
-        raise InputError(
-            f"{name} names {unknown!r}, and no cloth is called so.", f"Cloths: {', '.join(names)}; or other."
-        )
+        raise InputError(f"{name} names {unknown!r}, which is no cloth.", f"Cloths: {', '.join(names)}; or other.")
     silent = next((cloth for cloth in names if cloth not in table and OTHER not in table), None)
     if silent is not None:
         raise InputError(f"{name} says nothing of the cloth {silent!r}.", "Add it, or a value for `other`.")
