@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 PICTURE_NAME = "fit.png"
 
 _DESCRIPTION = """\
-Fit a garment made for one body onto another, or free it of the body that it is on: transferred, refined, grown under
-contact where that is needed, and draped. Leaves what a run leaves, fitted.obj, and before and after in fit.png.
+Fit a garment made for one body onto another, or free it of the body that it is on, and drape it. Leaves what a run
+leaves, fitted.obj, and before and after in fit.png.
 
   clothsim fit suit.mhclo --from base.obj --to base.obj -o fitted
 """
@@ -34,9 +34,10 @@ def add_to(commands: Any) -> None:
     fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body that shall wear it")
     fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the garment's name)")
     fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: as tall)")
-    fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: largest closed piece)")
+    fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: the largest)")
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
-    fit.add_argument("--weld", metavar="M", help="sew borders of the garment that are closer than that [m]")
+    fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
+    fit.add_argument("--markers", type=Path, metavar="FILE", help="x y z on each body, a line (default: none)")
     fit.add_argument("--fabric", default="cotton", metavar="NAME", help="what it is made of (default cotton)")
     fit.add_argument("--own-size", action="store_true", help="keep its own rest shape (default: made anew, resized)")
     fit.add_argument("--no-picture", action="store_true", help="draw nothing")
@@ -71,6 +72,7 @@ def _fit(arguments: argparse.Namespace) -> int:
             weld=0.0 if arguments.weld is None else as_positive_number("--weld", arguments.weld),
             fabric=arguments.fabric,
             resize=not arguments.own_size,
+            markers=arguments.markers,
             heard=lambda stage: say(_stage(stage)),
             progress=listener,
         )

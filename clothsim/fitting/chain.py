@@ -6,7 +6,7 @@ that the garment was made for becomes the other one under IPC and carries it alo
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -18,6 +18,7 @@ from clothsim.errors import InputError
 from clothsim.fitting.carry import Worn, carried
 from clothsim.fitting.figure import Figure
 from clothsim.fitting.guaranteed import Clearing, clearings, untangled_from_itself
+from clothsim.fitting.markers import NO_MARKERS
 from clothsim.fitting.stage import Garment, Heard, Stage, staged
 from clothsim.fitting.transferred import Transferred, transferred
 from clothsim.mesh.body import make_body
@@ -32,7 +33,7 @@ class Task:
     """A fit: garment, the body that it was made for, the one that it shall be worn by (the same: it is only repaired).
 
     resize: whether the garment's rest shape is the transferred one (it is made anew in the other size), or its own;
-    folder: where the guaranteed path leaves its runs; heard: called as each stage ends.
+    folder: where the guaranteed path leaves its runs; heard: called as each stage ends; markers (k, 6): see `markers`.
     """
 
     garment: Garment
@@ -42,6 +43,7 @@ class Task:
     resize: bool
     folder: Path
     heard: Heard
+    markers: Floats = field(default_factory=lambda: NO_MARKERS)
 
     @property
     def same_body(self) -> bool:
@@ -102,7 +104,7 @@ def _as_it_came(task: Task, worn_by: BodySurface) -> list[Stage]:
 
 
 def _moved(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats, str]:
-    moved.append(transferred(replace(task.garment, positions=shape), task.source, task.target))
+    moved.append(transferred(replace(task.garment, positions=shape), task.source, task.target, task.markers))
     return moved[0].positions, moved[0].said
 
 

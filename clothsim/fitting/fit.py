@@ -17,6 +17,7 @@ from clothsim.fitting.chain import Seeded, Task, seeded
 from clothsim.fitting.cost import Cost, cost_of
 from clothsim.fitting.counts import Counts
 from clothsim.fitting.figure import Figure, read_figure, read_garment, worn_in_scene
+from clothsim.fitting.markers import NO_MARKERS, read_markers
 from clothsim.fitting.stage import Garment, Heard, Stage, staged
 from clothsim.io.checkpoint import CHECKPOINT_NAME
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
@@ -76,6 +77,7 @@ def fit(
     weld: float = 0.0,
     fabric: str = "cotton",
     resize: bool = True,
+    markers: str | Path | None = None,
     heard: Heard = lambda stage: None,
     progress: Listener | None = None,
     announce: Announcement | None = None,
@@ -86,6 +88,7 @@ def fit(
     garment and of that body (None: as the body's height tells). body_group: a group of the body files. part: (lo, hi),
     these vertices of the garment's file. weld: borders closer than that are sewn [m]. A scene says all this itself, but
     for body_group of `to`. resize: the garment is made anew in the other body's size; False: its own rest shape stays.
+    markers: a file of places on both bodies that mean the same (None: derived where their meshes differ).
     Leaves in `output` (None: a fresh temporary folder) what a run leaves, `fitted.obj`, and the stages in the summary;
     files of an earlier fit there are removed. InputError for bad input.
     """
@@ -106,8 +109,9 @@ def fit(
         target = source if _same_file(made_for or to, to) else read_figure(to, group=body_group)
         worn = read_garment(garment, made_for or to, source.scale, part=part, weld=weld)
         _refuse_a_body(worn, source, target)
+    places = NO_MARKERS if markers is None else read_markers(markers)
     _make_directory(directory, [Path(file) for file in (garment, to, made_for) if file is not None])
-    task = Task(worn, source, target, fabric, resize, directory, heard)
+    task = Task(worn, source, target, fabric, resize, directory, heard, places)
     found = seeded(task)
     return _simulated(task, found, started, progress, announce)
 

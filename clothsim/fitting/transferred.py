@@ -6,6 +6,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.fitting.figure import Figure
+from clothsim.fitting.markers import NO_MARKERS, marked_vertices
 from clothsim.fitting.stage import Garment
 from transfer.correspond import correspond
 
@@ -19,13 +20,20 @@ class Transferred:
     said: str
 
 
-def transferred(garment: Garment, source: Figure, target: Figure) -> Transferred:
-    """The garment on the target, each triangle deformed as the body below it. TransferError as `transfer` has them."""
+def transferred(garment: Garment, source: Figure, target: Figure, markers: Floats = NO_MARKERS) -> Transferred:
+    """The garment on the target, each triangle deformed as the body below it. TransferError as `transfer` has them.
+
+    markers (k, 6): places on both that mean the same (see `markers`); none: derived where the bodies differ in mesh.
+    """
     from transfer.garment import transfer_garment
 
     body, said = target.positions, "the bodies share their mesh"
     if not np.array_equal(source.triangles, target.triangles):
-        found = correspond(source.positions, source.triangles, target.positions, target.triangles)
-        body, said = found.positions, f"{source.name} laid over {target.name} with {len(found.markers)} derived markers"
+        given = marked_vertices(markers, source, target) if len(markers) else None
+        found = correspond(source.positions, source.triangles, target.positions, target.triangles, given)
+        how = f"{len(found.markers)} {'derived' if found.derived else 'given'} markers"
+        body, said = found.positions, f"{source.name} laid over {target.name} with {how}"
+    elif len(markers):
+        said += ", so the markers are not needed"
     placed = transfer_garment(garment.positions, garment.triangles, source.positions, body, source.triangles)
     return Transferred(placed, body, said)

@@ -167,7 +167,7 @@ def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, m
     monkeypatch.setattr(chain, "_refined", lambda positions, *_, **__: (positions, "none"))
     monkeypatch.setattr(chain, "clearings", lambda *_: iter(()))
     monkeypatch.setattr(
-        chain, "transferred", lambda garment, source, target: chain.Transferred(garment.positions, target.positions, "")
+        chain, "transferred", lambda garment, _, target, *__: chain.Transferred(garment.positions, target.positions, "")
     )
     garment, wide = tube_garment(0.11, height=0.12, cells=(10, 3)), wider(COARSE, 1.15)
     found = seeded(task(garment, COARSE, wide, tmp_path))
