@@ -6,6 +6,7 @@ target's. The normal matrix depends on the target and the pairs only: it is fact
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -45,6 +46,24 @@ class DeformationTransfer:
     right_hand_side: csr_array
     factor: Any
 
+    @cached_property
+    def parts(self) -> csr_array:
+        """The mean over the triangles of each component, (components, m)."""
+        owner = self.components[self.triangles[:, 0]]
+        return csr_array((1.0 / np.bincount(owner)[owner], (owner, np.arange(len(owner)))))
+
+    @cached_property
+    def middles(self) -> csr_array:
+        """The mean over the triangles' centroids of each component, (components, n)."""
+        m, n = len(self.triangles), len(self.rest_positions)
+        corners = csr_array((np.full(3 * m, 1 / 3), (np.repeat(np.arange(m), 3), self.triangles.ravel())), shape=(m, n))
+        return (self.parts @ corners).tocsr()
+
+    @cached_property
+    def rest_middles(self) -> Floats:
+        """Of each component at rest, (components, 3)."""
+        return np.asarray(self.middles @ self.rest_positions)
+
     def pose(self, source_rest: ArrayLike, source_triangles: ArrayLike, source_deformed: ArrayLike) -> Floats:
         """Target positions (n, 3) for one pose of the source.
 
@@ -77,13 +96,12 @@ class DeformationTransfer:
         mean of b~ + S (p - b) over the triangles would not come back when the pose is undone (10 mm on a body whose
         arms are raised by 45 degrees).
         """
-        owner = self.components[self.triangles[:, 0]]
-        parts = csr_array((1.0 / np.bincount(owner)[owner], (owner, np.arange(len(owner)))))
-        offset = parts @ (centroids(self.rest_positions, self.triangles) - carried.start)
-        size = parts @ np.linalg.norm(carried.gradients, axis=(1, 2)) / np.sqrt(3.0)
-        turn = nearest_rotations((parts @ carried.gradients.reshape(-1, 9)).reshape(-1, 3, 3))
+        parts, gradients = self.parts, carried.gradients.reshape(-1, 9)
+        offset = self.rest_middles - parts @ carried.start
+        size = parts @ np.sqrt(np.einsum("tk,tk->t", gradients, gradients) / 3.0)
+        turn = nearest_rotations((parts @ gradients).reshape(-1, 3, 3))
         asked = parts @ carried.end + size[:, None] * np.einsum("cab,cb->ca", turn, offset)
-        shift = asked - parts @ centroids(positions, self.triangles)
+        shift = asked - self.middles @ positions
         return np.where(self.components[:, None] >= 0, shift[self.components], 0.0)
 
     def with_loose_vertices(self, positions: Floats, carried: Carried) -> Floats:

@@ -1,6 +1,7 @@
 """What a deforming source does, averaged for each triangle that follows some of its triangles."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,6 +49,13 @@ class FollowedSource:
     averages: csr_array
     start: Floats
 
+    @cached_property
+    def middles(self) -> csr_array:
+        """The mean centroid of what each row follows, from the source's vertices, (m, vertices)."""
+        k = len(self.triangles)
+        entries = (np.full(3 * k, 1 / 3), (np.repeat(np.arange(k), 3), self.triangles.ravel()))
+        return (self.averages @ csr_array(entries, shape=(k, self.vertices))).tocsr()
+
     def carried(self, deformed: ArrayLike) -> Carried:
         """The `Carried` of the pose `deformed` (vertices, 3). TransferError for another number of vertices."""
         positions = as_points("deformed source", deformed)
@@ -55,7 +63,7 @@ class FollowedSource:
             raise TransferError(f"the source has {self.vertices} vertices, the deformed one {len(positions)}.", REMEDY)
         gradients = deformation_gradients(self.inverses, positions, self.triangles).reshape(-1, 9)
         mean = (self.averages @ gradients).reshape(-1, 3, 3)
-        return Carried(mean, self.start, self.averages @ centroids(positions, self.triangles))
+        return Carried(mean, self.start, self.middles @ positions)
 
 
 def followed_source(averages: csr_array, rest: ArrayLike, triangles: ArrayLike) -> FollowedSource:
