@@ -20,7 +20,7 @@ from clothsim.scene.effects import EFFECTS as TABLE
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
 PINS = {"pins": {"select": "corners"}}
-ALL = EFFECTS | PINS | {"self_contact": {}, "friction": {}}
+ALL = EFFECTS | PINS | {"fibres": {"warp": 20.0}} | {"self_contact": {}, "friction": {}}
 
 
 def frames(run):
@@ -37,6 +37,7 @@ def run_of(folder, **sections):
 
 ZERO = {
     "gravity": ({"effects": EFFECTS | {"gravity": {"acceleration": [0, 0, 0]}}}, {"effects": without("gravity")}),
+    "fibres": ({"effects": EFFECTS | {"fibres": {"warp": 0, "angle_degrees": 30}}}, {}),
     "damping": ({"effects": EFFECTS | {"damping": {"rate": 0}}}, {"effects": without("damping")}),
     "bending": ({"cloth": SHEET | {"bending_stiffness": 0}}, {"effects": without("bending")}),
     "membrane": ({"cloth": SHEET | {"youngs_modulus": 0}}, {"effects": without("membrane")}),
@@ -118,6 +119,7 @@ assert clothsim.simulate(scene, {str(tmp_path)!r}).status == "completed"
 KERNELS = {
     "membrane": ["clothsim.energies.membrane_kernels", "clothsim.energies.neo_hookean"],
     "bending": [f"clothsim.energies.{model}_bending" for model in ("hinge", "quadratic", "midedge")],
+    "fibres": ["clothsim.energies.fibre_kernels"],
     "friction": ["clothsim.contact.friction_kernels"],
     "body_contact": [f"clothsim.contact.{module.name}" for module in pkgutil.iter_modules(clothsim.contact.__path__)],
 }

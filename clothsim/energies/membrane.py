@@ -1,13 +1,15 @@
 """The effect `membrane`: a sheet resists stretch and shear in its own plane."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import membrane_kernels as kernels
 from clothsim.energies.base import ElementHessian, Energy, Off
+from clothsim.energies.values import over_cloth
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
@@ -51,12 +53,37 @@ class NeoHookeanMembrane(Energy):
         return self.triangles, self.rest_shape_inverses, self.rest_areas, self.mu, self.lam
 
 
-MATERIALS = {"neo_hookean": NeoHookeanMembrane}
+MATERIALS: Mapping[str, tuple[str, ...]] = {
+    "neo_hookean": (),
+    "orthotropic": ("angle_degrees",),
+}
+"""The materials, and the keys that each of them has."""
 
 
-def membrane(world: World, *, material: str = "neo_hookean") -> Energy | Off:
-    """The membrane energy of all cloths; off where every fabric has Young's modulus 0."""
+def membrane(world: World, *, material: str = "neo_hookean", angle_degrees: Any = 0.0) -> Energy | Off:
+    """The membrane energy of all cloths; off where no fabric has a stiffness.
+
+    material: "neo_hookean" (alike in all directions) or "orthotropic" (the fabric's warp, weft and shear stiffness; see
+    `orthotropic`), whose warp is turned by angle_degrees from the cloth's first axis (`kinematics.threads`).
+    """
     if not isinstance(material, str) or material not in MATERIALS:
         raise InputError(f"effects.membrane.material is {material!r}.", f"Known: {', '.join(MATERIALS)}.")
-    energy = MATERIALS[material].of(world)
+    _refuse_others(material, {"angle_degrees": not (isinstance(angle_degrees, float | int) and angle_degrees == 0)})
+    energy: Any
+    if material == "neo_hookean":
+        energy = NeoHookeanMembrane.of(world)
+    else:
+        from clothsim.energies.orthotropic import orthotropic
+
+        energy = orthotropic(world, np.radians(over_cloth("effects.membrane.angle_degrees", angle_degrees, world)))
     return energy if len(energy.triangles) else Off("Young's modulus is 0")
+
+
+def _refuse_others(material: str, given: Mapping[str, bool]) -> None:
+    """InputError for a key that is given and that the material has not."""
+    for key, is_given in given.items():
+        if is_given and key not in MATERIALS[material]:
+            others = " or ".join(f'"{name}"' for name, keys in MATERIALS.items() if key in keys)
+            raise InputError(
+                f'effects.membrane.{key} does nothing with material = "{material}".', f"It is for {others}."
+            )

@@ -8,10 +8,12 @@ from clothsim.errors import InputError
 
 @dataclass(frozen=True)
 class Fabric:
-    """An isotropic sheet.
+    """A sheet: what every cloth has, and what a woven or knitted one has beside it.
 
     density: area density [kg/m2]; thickness [m]; youngs_modulus E of the material [Pa]; poisson_ratio in (-1, 0.5];
-    bending_stiffness D [N m].
+    bending_stiffness D [N m]. warp_stiffness, weft_stiffness, shear_stiffness [N/m] are those of the threads (see
+    `energies.orthotropic`; poisson_ratio is then the geometric mean of both): where not given, the isotropic ones.
+    bending_warp, bending_weft [N m] and friction are told to the user; None where no source gives them.
     """
 
     density: float
@@ -21,12 +23,21 @@ class Fabric:
     bending_stiffness: float
     name: str = "custom"
     source: str = ""
+    warp_stiffness: float | None = None
+    weft_stiffness: float | None = None
+    shear_stiffness: float | None = None
+    bending_warp: float | None = None
+    bending_weft: float | None = None
+    friction: float | None = None
 
     def __post_init__(self) -> None:
         as_positive("density", self.density)
         as_positive("thickness", self.thickness)
         as_positive("youngs_modulus", self.youngs_modulus, zero=True)
         as_positive("bending_stiffness", self.bending_stiffness, zero=True)
+        for name in ("warp_stiffness", "weft_stiffness", "shear_stiffness", "bending_warp", "bending_weft", "friction"):
+            if getattr(self, name) is not None:
+                as_positive(name, getattr(self, name), zero=True)
         if not -1 < self.poisson_ratio <= 0.5:
             raise InputError(f"poisson_ratio must lie in (-1, 0.5], not {self.poisson_ratio!r}.")
 
@@ -39,3 +50,22 @@ class Fabric:
     def lame_modulus(self) -> float:
         """Plane-stress lam = E2 nu / (1 - nu^2) [N/m]."""
         return self.youngs_modulus * self.thickness * self.poisson_ratio / (1 - self.poisson_ratio**2)
+
+    @property
+    def stiffness_along_warp(self) -> float:
+        """E1 [N/m]; E thickness where the fabric has none of its own."""
+        return self._own(self.warp_stiffness, self.youngs_modulus * self.thickness)
+
+    @property
+    def stiffness_along_weft(self) -> float:
+        """E2 [N/m]; E thickness where the fabric has none of its own."""
+        return self._own(self.weft_stiffness, self.youngs_modulus * self.thickness)
+
+    @property
+    def stiffness_in_shear(self) -> float:
+        """G [N/m]; mu where the fabric has none of its own."""
+        return self._own(self.shear_stiffness, self.shear_modulus)
+
+    @staticmethod
+    def _own(value: float | None, isotropic: float) -> float:
+        return isotropic if value is None else value

@@ -48,6 +48,7 @@ EFFECTS = {
     "pins": Effect("clothsim.energies.pins:pins", "vertices held or carried"),
     "inertia": Effect("clothsim.energies.inertia:inertia", "mass times acceleration"),
     "membrane": Effect("clothsim.energies.membrane:membrane", "stretch and shear"),
+    "fibres": Effect("clothsim.energies.fibres:fibres", "threads along warp and weft"),
     "bending": Effect("clothsim.energies.bending:bending", "resistance to folding"),
     "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
     "damping": Effect("clothsim.energies.damping:damping", "mass-proportional drag"),
@@ -58,7 +59,7 @@ EFFECTS = {
 
 CONTACTS = ("body_contact", "self_contact")
 
-NOT_BUILT = ("air", "pressure", "seams", "strain_limit", "fibres")
+NOT_BUILT = ("air", "pressure", "seams", "strain_limit")
 
 
 def refuse_not_built(name: str) -> None:

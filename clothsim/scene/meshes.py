@@ -22,7 +22,8 @@ from clothsim.scene.sewing import sewn
 from clothsim.scene.shape import PART, Shape, examined, name_of, placed
 
 PLACE = ("name", "mesh", "position", "rotation_degrees")
-FABRIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness")
+THREADS = ("warp_stiffness", "weft_stiffness", "shear_stiffness")
+FABRIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness", *THREADS)
 CLOTH = ("velocity", "fabric", "weld", "sewn", "rest", *FABRIC)
 MOTION = ("velocity", "rotate_degrees_per_second", "centre")
 
@@ -120,11 +121,12 @@ def _from_file(path: Path, keys: Mapping[str, Any], where: str, common: tuple[st
 
 
 def _fabric(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
-    """The named fabric with the keys that override it."""
+    """The named fabric with the keys that override it; a Young's modulus takes the place of what its threads have."""
     name = keys.get("fabric", "cotton")
     if not isinstance(name, str) or name not in FABRICS:
         raise InputError(f"{where}.fabric is {name!r}.", f"Known: {', '.join(FABRICS)}.")
     own = {key: as_number(f"{where}.{key}", keys[key]) for key in FABRIC if key in keys}
-    fabric = replace(FABRICS[name], **own)  # type: ignore[arg-type]
+    ruled = dict.fromkeys(THREADS) if "youngs_modulus" in own else {}
+    fabric = replace(FABRICS[name], **(ruled | own))  # type: ignore[arg-type]
     changed = f" with its own {', '.join(own)}" if own else ""
     return fabric, f"{name_of(keys, where)}: fabric {name}{changed}."

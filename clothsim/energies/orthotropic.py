@@ -1,0 +1,70 @@
+"""A woven or knitted sheet: warp, weft and shear each with a stiffness of its own.
+
+For small strains it is orthotropic plane stress: with the stiffnesses E1 along the warp, E2 along the weft and G in
+shear [N/m] and nu^2 = nu12 nu21 (nu12 E2 = nu21 E1, so nu12 = nu sqrt(E1/E2)),
+
+    C11 = E1/(1 - nu^2),  C22 = E2/(1 - nu^2),  C12 = nu sqrt(E1 E2)/(1 - nu^2),  C33 = G
+
+which is stable for every |nu| < 1. It is the sum of a Neo-Hookean sheet of shear modulus mu and lam = 0, which keeps
+the triangles from collapsing and resists shear, and of threads (see `fibres`) that hold the rest, C - diag(2 mu, 2 mu,
+mu): mu = min(G, half the smaller eigenvalue of [[C11, C12], [C12, C22]]) is the largest that leaves them semi-definite.
+Under E1 = E2 = 2 (1 + nu) G the small-strain limit is that of the isotropic membrane.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.energies.base import ElementHessian, Energy
+from clothsim.energies.fibres import Fibres, LinearThreads, ThreadLaw
+from clothsim.energies.membrane import NeoHookeanMembrane
+from clothsim.mesh.world import World
+
+
+@dataclass(frozen=True)
+class ThreadedMembrane(Energy):
+    """A sheet and the threads in it, over the same triangles; +inf where one has lost its area."""
+
+    sheet: NeoHookeanMembrane
+    threads: Fibres
+
+    @classmethod
+    def of(cls, world: World, chosen: Ints, angles: Floats, mu: Floats, law: ThreadLaw) -> Self:
+        """The `chosen (k,)` triangles of a world; mu (k,) of the sheet [N/m], angles (m,) of the warp [rad]."""
+        shapes, areas = world.rest_shape_inverses[chosen], world.rest_areas[chosen]
+        sheet = NeoHookeanMembrane(world.triangles[chosen], shapes, areas, mu, np.zeros(len(chosen)))
+        return cls(sheet, Fibres.of(world, chosen, angles, law))
+
+    @property
+    def triangles(self) -> Ints:
+        """The elastic triangles, (m, 3)."""
+        return self.sheet.triangles
+
+    def value(self, x: Floats) -> float:
+        """Elastic energy [J]; +inf where a triangle has lost its area."""
+        value = self.sheet.value(x)
+        return value + self.threads.value(x) if np.isfinite(value) else value
+
+    def gradient(self, x: Floats) -> Floats:
+        """dE/dx, (N, 3) [N]."""
+        return self.sheet.gradient(x) + self.threads.gradient(x)
+
+    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+        """Blocks (m, 9, 9) [N/m]; each part projected in closed form, or exact."""
+        blocks = self.sheet.hessian(x, project).blocks
+        blocks += self.threads.hessian(x, project).blocks
+        return ElementHessian(self.triangles, blocks)
+
+
+def orthotropic(world: World, angles: Floats) -> ThreadedMembrane:
+    """The sheets of all fabrics that have a stiffness; angles (m,) of the warp [rad]."""
+    warp, weft = world.per_triangle("stiffness_along_warp"), world.per_triangle("stiffness_along_weft")
+    shear, nu = world.per_triangle("stiffness_in_shear"), world.per_triangle("poisson_ratio")
+    chosen = np.flatnonzero(warp + weft + shear)
+    warp, weft, shear, nu = warp[chosen], weft[chosen], shear[chosen], nu[chosen]
+    c11, c22, c12 = warp / (1 - nu**2), weft / (1 - nu**2), nu * np.sqrt(warp * weft) / (1 - nu**2)
+    smaller = 0.5 * (c11 + c22) - np.hypot(0.5 * (c11 - c22), c12)
+    mu = np.minimum(shear, 0.5 * np.maximum(smaller, 0.0))
+    return ThreadedMembrane.of(world, chosen, angles, mu, LinearThreads(c11 - 2 * mu, c22 - 2 * mu, c12, shear - mu))
