@@ -5,9 +5,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from clothsim.study.kept import read_record, write_between
 from clothsim.study.stability.case import Case, run_case
 from clothsim.study.stability.cases import CASES
-from clothsim.study.stability.record import COLUMNS, cells, keep, markdown, read_record, summary, write_between
+from clothsim.study.stability.record import COLUMNS, cells, keep, markdown, summary
 from clothsim.study.text_table import text_table
 
 
@@ -30,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         print()
         print(text_table(("case", "what", *COLUMNS), rows))
     if arguments.readme:
-        write_between(arguments.readme, markdown(CASES, read_record(arguments.record)))
+        write_between(arguments.readme, "stability", markdown(CASES, read_record(arguments.record)))
     return 0 if passed else 1
 
 
