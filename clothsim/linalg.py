@@ -27,6 +27,14 @@ def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
     return float(np.einsum("i,i", a.ravel(), b.ravel()))
 
 
+def cross_matrices(vectors: NDArray[np.floating]) -> Floats:
+    """[a]x with [a]x b = a x b, (..., 3, 3), of `vectors (..., 3)`."""
+    matrices = np.zeros((*vectors.shape, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        matrices[..., j, i], matrices[..., i, j] = vectors[..., k], -vectors[..., k]
+    return matrices
+
+
 def eigen_2x2(matrices: NDArray[np.floating], semidefinite: bool = False) -> tuple[NDArray, NDArray]:
     """Eigenvalues (..., 2), the larger first, and eigenvectors (..., 2, 2) as columns of symmetric 2x2 matrices.
 

@@ -20,7 +20,7 @@ from clothsim.scene.effects import EFFECTS as TABLE
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
 PINS = {"pins": {"select": "corners"}}
-ALL = EFFECTS | PINS | {"fibres": {"warp": 20.0}} | {"self_contact": {}, "friction": {}}
+ALL = EFFECTS | PINS | {"fibres": {"warp": 20.0}} | {"pressure": {"value": 0.1}, "self_contact": {}, "friction": {}}
 
 
 def frames(run):
@@ -37,6 +37,7 @@ def run_of(folder, **sections):
 
 ZERO = {
     "gravity": ({"effects": EFFECTS | {"gravity": {"acceleration": [0, 0, 0]}}}, {"effects": without("gravity")}),
+    "pressure": ({"effects": EFFECTS | {"pressure": {"value": 0}}}, {}),
     "fibres": ({"effects": EFFECTS | {"fibres": {"warp": 0, "angle_degrees": 30}}}, {}),
     "damping": ({"effects": EFFECTS | {"damping": {"rate": 0}}}, {"effects": without("damping")}),
     "bending": ({"cloth": SHEET | {"bending_stiffness": 0}}, {"effects": without("bending")}),

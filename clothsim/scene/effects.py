@@ -51,6 +51,7 @@ EFFECTS = {
     "fibres": Effect("clothsim.energies.fibres:fibres", "threads along warp and weft"),
     "bending": Effect("clothsim.energies.bending:bending", "resistance to folding"),
     "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
+    "pressure": Effect("clothsim.energies.pressure:pressure", "a fluid that pushes along the normals"),
     "damping": Effect("clothsim.energies.damping:damping", "mass-proportional drag"),
     "body_contact": Effect("clothsim.contact.body_contact:body_contact", "cloth against bodies"),
     "self_contact": Effect("clothsim.contact.self_contact:self_contact", "cloth against cloth"),
@@ -59,7 +60,7 @@ EFFECTS = {
 
 CONTACTS = ("body_contact", "self_contact")
 
-NOT_BUILT = ("air", "pressure", "seams", "strain_limit")
+NOT_BUILT = ("air", "seams", "strain_limit")
 
 
 def refuse_not_built(name: str) -> None:

@@ -21,11 +21,12 @@ KEYS = {
     "pins": {"select": "corners", "motion": {"velocity": (1.0, 2.0, 3.0), "rotate_degrees_per_second": (0, 90, 0)}},
     "gravity": {"acceleration": (0.3, -0.4, -1.2)},
     "fibres": {"warp": 2.0, "weft": 1.5, "shear": 0.8, "angle_degrees": 20.0},
+    "pressure": {"value": 1.7},
     "body_contact": {"d_hat": 0.5, "stiffness": 2.0},
     "self_contact": {"d_hat": 0.4, "stiffness": 2.0},
     "friction": {"coefficient": 0.7, "eps_v": 0.3},
 }
-EXTERNAL = ("inertia", "gravity", "damping", "friction")
+EXTERNAL = ("inertia", "gravity", "pressure", "damping", "friction")
 WITH_BODIES = ("body_contact", "friction")
 
 

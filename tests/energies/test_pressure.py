@@ -1,0 +1,252 @@
+"""Pressure: exact on closed cloths and held borders, p A n / 3 on free ones; an inflated sphere and a disc (A6)."""
+
+import numpy as np
+import pytest
+from differences import dense_hessian, gradient_error, hessian_error
+from meshes import UNIT, cloth, deformed, grid, random_rotation, small_world
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, minimize_scalar
+from solving import equilibrium, held, integrator_of, run_of, step_at
+
+from clothsim import InputError
+from clothsim.energies.base import ElementHessian, Off
+from clothsim.energies.gravity import gravity
+from clothsim.energies.inertia import inertia
+from clothsim.energies.membrane import membrane
+from clothsim.energies.pressure import pressure
+from clothsim.linalg import project_psd
+from clothsim.mesh.fabric import Fabric
+from clothsim.mesh.generate import disk, sphere
+from clothsim.mesh.topology import border_vertices
+from clothsim.mesh.world import make_world
+
+RUBBER = Fabric(density=1.0, thickness=1.0, youngs_modulus=20 / 7, poisson_ratio=3 / 7, bending_stiffness=0.0)
+"""mu = 1, lam = 1.5."""
+
+
+def ball(subdivisions=1, fabric=UNIT, inward=False):
+    positions, triangles = sphere(radius=1.0, subdivisions=subdivisions)
+    return make_world([cloth(positions, triangles[:, ::-1].copy() if inward else triangles, fabric)])
+
+
+def bound(world, x, value=2.0, **step):
+    return pressure(world, value=value).begin(step_at(x, **step))
+
+
+def volume(x, triangles):
+    a, b, c = (x[triangles[:, k]] for k in range(3))
+    return float(np.einsum("ti,ti->", a, np.cross(b, c))) / 6
+
+
+def area_forces(x, triangles):
+    """p A n / 3 on each corner for p = 1, summed one by one."""
+    out = np.zeros_like(x)
+    for triangle in triangles:
+        a, b, c = x[triangle]
+        out[triangle] += np.cross(b - a, c - a) / 6
+    return out
+
+
+# --- the load -------------------------------------------------------------------------------------------------------
+
+
+def test_a_closed_cloth_has_the_energy_minus_p_v():
+    world = ball()
+    x = deformed(world)
+    assert bound(world, x).value(x) == pytest.approx(-2.0 * volume(x, world.triangles), rel=1e-13)
+
+
+@pytest.mark.parametrize("world", [ball(), small_world()], ids=["closed", "open"])
+def test_the_force_at_the_start_of_a_step_is_p_a_n_over_3_on_each_corner(world):
+    x = deformed(world)
+    force = -bound(world, x).gradient(x)
+    assert np.abs(force - 2.0 * area_forces(x, world.triangles)).max() < 1e-14
+
+
+def test_within_a_step_only_free_borders_lag():
+    world = small_world()
+    x = deformed(world)
+    energy = bound(world, x)
+    y = x + 0.05 * np.random.default_rng(5).standard_normal(x.shape)
+    wrong = np.abs(-energy.gradient(y) - 2.0 * area_forces(y, world.triangles)).max(axis=1)
+    border = border_vertices(world.triangles)
+    inside = np.setdiff1d(np.arange(world.n_cloth), border)
+    assert len(inside)
+    assert wrong[inside].max() < 1e-14
+    assert wrong[border].max() > 1e-3
+    again = bound(world, y)
+    assert np.abs(-again.gradient(y) - 2.0 * area_forces(y, world.triangles)).max() < 1e-14
+
+
+@pytest.mark.parametrize("world", [ball(), small_world()], ids=["closed", "open"])
+def test_derivatives_away_from_the_start_of_the_step(world):
+    x = deformed(world)
+    energy = bound(world, x)
+    y = x + 0.03 * np.random.default_rng(2).standard_normal(x.shape)
+    assert gradient_error(energy, y) < 1e-8
+    assert hessian_error(energy, y) < 1e-8
+
+
+def test_the_projected_hessian_is_the_positive_part_of_blocks_that_sum_to_the_exact_one():
+    """K_ij = [o_j - o_i]x / 12: from differences of p A n / 3, made symmetric."""
+    world = ball()
+    x = deformed(world)
+    energy = bound(world, x)
+    blocks = np.zeros((len(world.triangles), 9, 9))
+    for t, triangle in enumerate(world.triangles):
+        for column in range(9):
+            ahead, behind = x[triangle].copy(), x[triangle].copy()
+            ahead[column // 3, column % 3] += 0.5
+            behind[column // 3, column % 3] -= 0.5
+            force = [np.cross(c[1] - c[0], c[2] - c[0]) / 6 for c in (ahead, behind)]
+            blocks[t, :, column] = -2.0 * np.tile(force[0] - force[1], 3)
+    blocks = 0.5 * (blocks + blocks.transpose(0, 2, 1))
+    summed = ElementHessian(world.triangles, blocks).to_sparse(len(x)).toarray()
+    exact = dense_hessian(energy, x)
+    assert np.abs(summed - exact).max() < 1e-13 * np.abs(exact).max()
+    projected = energy.hessian(x).blocks
+    assert np.abs(projected).max() > 0.01
+    assert np.abs(projected - project_psd(blocks)).max() < 1e-14
+
+
+def test_a_closed_cloth_feels_no_net_force_or_torque_and_turns_along():
+    world = ball()
+    x = deformed(world)
+    force, turn = bound(world, x).gradient(x), random_rotation(4)
+    assert np.abs(force.sum(axis=0)).max() < 1e-14
+    assert np.abs(np.cross(x, force).sum(axis=0)).max() < 1e-14
+    moved = x @ turn.T + [3.0, -2.0, 1.0]
+    assert np.abs(bound(world, moved).gradient(moved) - force @ turn.T).max() < 1e-13
+
+
+def test_it_pushes_outward_whichever_way_the_triangles_face():
+    for world in (ball(), ball(inward=True)):
+        x = world.start()
+        assert (np.einsum("vi,vi->v", -bound(world, x).gradient(x), x) > 0).all()
+
+
+def test_it_pushes_a_flat_sheet_up():
+    positions, triangles = grid(3, 3)
+    world = make_world([cloth(positions, triangles)])
+    force = -bound(world, world.start()).gradient(world.start())
+    assert np.abs(force[:, :2]).max() < 1e-15
+    assert force[:, 2].sum() == pytest.approx(2.0, rel=1e-14)
+
+
+def test_a_scheduled_pressure_is_that_of_the_end_of_the_step_and_its_own_ramp():
+    world = ball()
+    x = world.start()
+    whole = bound(world, x, value=1.0).value(x)
+    assert bound(world, x, value=[[0, 0.0], [2.0, 4.0]], dt=0.5).value(x) == pytest.approx(whole)
+    assert bound(world, x, value=[[0, 0.0], [2.0, 4.0]], dt=0.5, load=0.25).value(x) == pytest.approx(whole)
+    assert bound(world, x, value=lambda time: 2 * time, dt=0.5).value(x) == pytest.approx(whole)
+    assert bound(world, x, value=1.0, dt=0.5, load=0.25).value(x) == pytest.approx(whole / 4)
+
+
+def test_each_cloth_may_have_its_own():
+    positions, triangles = sphere(radius=1.0, subdivisions=0)
+    world = make_world([cloth(positions + 3 * k, triangles, name=name) for k, name in enumerate("ab")])
+    x = world.start()
+    force = bound(world, x, value={"a": 0, "b": [[0, 1.0], [1, 3.0]]}, dt=1.0).gradient(x)
+    n = len(positions)
+    assert not force[:n].any()
+    assert np.abs(force[n:] + 3.0 * area_forces(positions, triangles)).max() < 1e-14
+
+
+@pytest.mark.parametrize("value", [0.0, [[0, 0.0], [1, 0.0]], {"other": 0}])
+def test_it_is_off_where_it_is_zero_at_all_times(value):
+    assert isinstance(pressure(ball(), value=value), Off)
+
+
+@pytest.mark.parametrize("value", ["much", [1.0, 2.0], {"nobody": 1.0}, [[1, 0], [0, 1]]])
+def test_a_bad_value_is_refused(value):
+    with pytest.raises(InputError, match=r"effects\.pressure\.value"):
+        pressure(ball(), value=value)
+
+
+@pytest.mark.parametrize("formula", ["backward_euler", "bdf2"])
+def test_a_free_sheet_floats_on_the_pressure_that_carries_its_weight(formula):
+    positions, triangles = grid(2, 2)
+    world = make_world([cloth(positions, triangles)])
+    energies = {"inertia": inertia(world), "membrane": membrane(world), "gravity": gravity(world)}
+    energies["pressure"] = pressure(world, value=9.81 * UNIT.density)
+    integrator = integrator_of(world, energies, 0.05, tolerance=1e-9)
+    end = run_of(integrator, 0.5)[-1].state
+    assert np.abs(end.positions - world.start()).max() < 1e-9
+
+
+# --- A6 -------------------------------------------------------------------------------------------------------------
+
+
+def first_stress(s1, s2, mu=1.0, lam=1.5):
+    """psi_1 of the Neo-Hookean density."""
+    return mu * s1 + (lam * np.log(s1 * s2) - mu) / s1
+
+
+def sphere_pressure(stretch):
+    """p R / mu of an inflated sphere: d/dR of 4 pi psi = p 4 pi l^2."""
+    return 2 * first_stress(stretch, stretch) / stretch**2
+
+
+def inflated_disc(load=1.0):
+    """H / R and V / R^3 of a clamped disc: X P1 sin(phi) = p r^2 / 2, (X P1 cos(phi))' = P2 - p r s1 sin(phi)."""
+
+    def rates(X, state):
+        r, pull = state[0], state[1]
+        lift = load * r * r / 2
+        along, s2 = np.hypot(pull, lift), r / X
+        s1 = brentq(lambda s: first_stress(s, s2) - along / X, 1e-3, 50, xtol=1e-14)
+        cosine, sine = pull / along, lift / along
+        return [s1 * cosine, first_stress(s2, s1) - load * r * s1 * sine, s1 * sine, np.pi * r * r * s1 * sine]
+
+    def end(pole):
+        X = 1e-6
+        start = [pole * X, X * first_stress(pole, pole), 0.0, 0.0]
+        return solve_ivp(rates, (X, 1.0), start, rtol=1e-10, atol=1e-12).y[:, -1]
+
+    _, _, height, enclosed = end(brentq(lambda pole: end(pole)[0] - 1.0, 1.05, 2.0, xtol=1e-11))
+    return height, enclosed
+
+
+def test_the_closed_forms_are_those_of_the_yardstick():
+    assert sphere_pressure(1.1) == pytest.approx(0.74519991, abs=5e-9)
+    assert sphere_pressure(1.25) == pytest.approx(1.26149699, abs=5e-9)
+    limit = minimize_scalar(
+        lambda s: -sphere_pressure(s), bounds=(1.1, 3.0), method="bounded", options={"xatol": 1e-10}
+    )
+    assert limit.x == pytest.approx(1.51121540, abs=1e-7)
+    assert inflated_disc() == pytest.approx((0.53152270, 0.95787436), abs=2e-8)
+
+
+@pytest.mark.parametrize("stretch", [1.1, 1.25])
+def test_an_inflated_sphere_converges_to_the_closed_form(stretch):
+    """Radius over rest radius; one vertex is held, where no force is left to hold."""
+    errors = []
+    for subdivisions in (1, 2, 3):
+        world = ball(subdivisions, RUBBER)
+        energies = {"membrane": membrane(world), "pressure": pressure(world, value=sphere_pressure(stretch))}
+        x = stretch * world.start()
+        x = equilibrium(world, energies, x, held(x, [0]), tolerance=1e-7)
+        radii = np.linalg.norm(x - x.mean(axis=0), axis=1)
+        errors.append(stretch - radii.mean())
+        assert np.ptp(radii) < 0.02
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert abs(errors[-1]) < 2.6e-3
+    assert (np.abs(orders - 2) < 0.25).all(), orders
+
+
+def test_an_inflated_disc_converges_to_its_height_and_volume():
+    errors = []
+    for cells in (4, 8, 16):
+        positions, triangles = disk(radius=1.0, cells=cells)
+        world = make_world([cloth(positions, triangles, RUBBER)])
+        rim = border_vertices(triangles)
+        x = world.start()
+        x[:, 2] = 0.5 * (1 - (positions**2).sum(axis=1))
+        x[rim] = positions[rim]
+        energies = {"membrane": membrane(world), "pressure": pressure(world, value=1.0)}
+        x = equilibrium(world, energies, x, held(x, rim), tolerance=1e-8)
+        errors.append(np.abs([x[:, 2].max() - 0.53152270, volume(x, triangles) - 0.95787436]))
+    orders = np.log2(np.divide(errors[:-1], errors[1:]))
+    assert (errors[-1] < [3e-4, 4e-3]).all(), errors
+    assert (orders > 1.6).all(), orders
