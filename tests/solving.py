@@ -10,6 +10,7 @@ from clothsim.study.validation.solving import (
     run_of,
     solve,
     step_at,
+    those_on,
 )
 
 __all__ = [
@@ -22,4 +23,5 @@ __all__ = [
     "run_of",
     "solve",
     "step_at",
+    "those_on",
 ]

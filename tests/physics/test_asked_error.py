@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from meshes import UNIT, cloth, grid
-from physics.test_bdf2 import ringing
+from ringing import ringing
 from scipy.integrate import solve_ivp
 from solving import integrator_of
 

@@ -4,13 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from meshes import UNIT, cloth, irregular_grid, small_world
-from ringing import ringing
+from meshes import cloth, irregular_grid
 from scipy.special import ellipk
 from solving import integrator_of, run_of
 
 from clothsim.energies.damping import damping
-from clothsim.energies.gravity import gravity
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.energies.pins import pins
@@ -18,8 +16,8 @@ from clothsim.mesh.world import make_world
 from clothsim.sim import formula as formulas
 from clothsim.sim.state import Previous, first_state
 from clothsim.sim.stepping import advance
-
-G = np.array([0.3, -0.5, -9.81])
+from clothsim.study.validation.time import GRAVITY as G
+from clothsim.study.validation.time import falling, ringing, swing_ratio
 
 
 def bdf2(*arguments, **keywords):
@@ -27,9 +25,7 @@ def bdf2(*arguments, **keywords):
 
 
 def fall(dt):
-    world = small_world()
-    energies = {"inertia": inertia(world), "membrane": membrane(world), "gravity": gravity(world, acceleration=G)}
-    return bdf2(world, energies, dt, tolerance=1e-9)
+    return falling("bdf2", dt)
 
 
 @pytest.mark.parametrize("dt", [0.1, 0.02])
@@ -103,37 +99,12 @@ def test_the_constant_form_would_be_of_first_order_on_varying_steps(monkeypatch)
 
 # --- the pendulum ---------------------------------------------------------------------------------------------------
 
-HEIGHT = 0.8
-
-
-def pendulum(degrees):
-    """One triangle, so stiff that it keeps its shape, held at two corners; the third swings from `degrees`."""
-    rest = np.array([[-0.3, 0.0, 0.0], [0.3, 0.0, 0.0], [0.0, -HEIGHT, 0.0]])
-    angle = np.radians(degrees)
-    start = rest.copy()
-    start[2] = [0.0, -HEIGHT * np.cos(angle), HEIGHT * np.sin(angle)]
-    stiff = replace(UNIT, youngs_modulus=1e6)
-    world = make_world([replace(cloth(rest, np.array([[0, 1, 2]]), stiff), positions=start)])
-    world, held = pins(world, select=[0, 1])
-    weight = gravity(world, acceleration=(0.0, -9.81, 0.0))
-    return world, {"inertia": inertia(world), "membrane": membrane(world), "gravity": weight}, {"pins": held}
-
 
 def test_the_period_of_a_pendulum_at_sixty_degrees():
     """T/T0 = 2 K(sin^2(30 deg))/pi = 1.0731820071; BDF2 is late by a share (w dt)^2/3, which two dt take out."""
     exact = 2 * ellipk(np.sin(np.radians(30)) ** 2) / np.pi
     assert exact == pytest.approx(1.0731820071, abs=1e-10)
-    world, energies, held = pendulum(60)
-    t0 = 2 * np.pi * np.sqrt(HEIGHT / 9.81)
-    ratios = []
-    for count in (100, 200):
-        integrator = bdf2(world, energies, t0 / count, held, tolerance=1e-6)
-        reports = run_of(integrator, 1.05 * t0)
-        z = np.array([report.state.positions[2, 2] for report in reports])
-        t = np.array([report.state.time for report in reports])
-        down, up = (np.flatnonzero((sign * z[:-1] > 0) & (sign * z[1:] <= 0))[0] for sign in (1, -1))
-        crossings = [t[k] + (t[k + 1] - t[k]) * z[k] / (z[k] - z[k + 1]) for k in (down, up)]
-        ratios.append(2 * (crossings[1] - crossings[0]) / t0)
+    ratios = [swing_ratio(count) for count in (100, 200)]
     assert abs(ratios[1] - exact) < 1e-3
     assert (4 * ratios[1] - ratios[0]) / 3 == pytest.approx(exact, rel=1e-4)
 

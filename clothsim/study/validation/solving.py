@@ -8,6 +8,7 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Constraint, ElementHessian, Energy, Off, Prescribed, Step
+from clothsim.energies.pins import pins
 from clothsim.errors import ClothsimError
 from clothsim.mesh.world import World
 from clothsim.sim.simulator import steps
@@ -90,6 +91,14 @@ def equilibrium(
     if not result.outcome.converged:
         raise ClothsimError(f"No equilibrium was found: {result.outcome.sentence}")
     return result.x
+
+
+def pinned(world: World, **keys: Any) -> tuple[World, Constraint]:
+    """The world with vertices held, and what holds them; the keys are those of the effect `pins`."""
+    found = pins(world, **keys)
+    if isinstance(found, Off):
+        raise ClothsimError(f"Nothing is pinned: {found.reason}.")
+    return found
 
 
 def integrator_of(

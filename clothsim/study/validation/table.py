@@ -5,10 +5,10 @@ from datetime import date
 from typing import Any
 
 from clothsim.study.kept import Record, markdown_table, when
-from clothsim.study.validation import bending, catenary, membrane
+from clothsim.study.validation import bending, catenary, membrane, time
 from clothsim.study.validation.row import Outcome, Row, Seen
 
-ROWS: tuple[Row, ...] = (*membrane.ROWS, *catenary.ROWS, *bending.ROWS)
+ROWS: tuple[Row, ...] = (*membrane.ROWS, *catenary.ROWS, *bending.ROWS, *time.ROWS)
 
 HEADER = ("row", "what", "ours", "exact", "off", "bar", "order", "CPU s", "passed")
 
@@ -63,7 +63,7 @@ def asked(outcome: Outcome) -> str:
 
 def off(deviation: float, unit: str) -> str:
     """A deviation with its unit; a share in percent."""
-    return f"{deviation:.1e} {unit}" if unit else f"{100 * deviation:.2g} %"
+    return f"{deviation:.2g} {unit}" if unit else f"{100 * deviation:.2g} %"
 
 
 def markdown(rows: Iterable[Row], record: Record) -> str:
