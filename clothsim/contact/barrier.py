@@ -95,6 +95,10 @@ class Barrier(Energy):
         """The smallest distance of a pair less the offset [m] where it is below d_hat, else inf."""
         return self.candidates.minimum_gap(x)
 
+    def gap_change(self, x: Floats, dx: Floats) -> float:
+        """The largest share by which the step changes the gap of a pair that is below d_hat before or after it."""
+        return self.candidates.gap_change(x, dx)
+
     def choices(self) -> tuple[str, ...]:
         """d_hat, and how the stiffness is set."""
         stiffness = "set anew at each step" if self.adaptive else f"{self.stiffness:g} Pa"

@@ -107,6 +107,15 @@ class Candidates:
         self.near(x)
         return self._gap
 
+    def gap_change(self, x: Floats, dx: Floats) -> float:
+        """The largest |g(x + dx) - g(x)| / g(x), g the distance less the offset, of the pairs near at x or at x + dx."""
+        change = 0.0
+        for place in (x + dx, x):
+            near = self.near(place)
+            before, after = (np.sqrt(near_pairs(at, near.elements, near.n_points, np.inf)[1]) for at in (x, x + dx))
+            change = max(change, float((np.abs(after - before) / (before - self.offset)).max(initial=0.0)))
+        return change
+
     def closest_pair(self, x: Floats) -> Ints:
         """The rows (4,) of the closest pair below `limit`; empty where there is none."""
         near = self.near(x)

@@ -121,6 +121,10 @@ class Energy(abc.ABC):
         """The smallest distance that it keeps [m], inf where it keeps none."""
         return float("inf")
 
+    def gap_change(self, x: Floats, dx: Floats) -> float:
+        """The largest share by which the step changes a distance that it keeps, 0 where it keeps none."""
+        return 0.0
+
     def couplings(self, x: Floats) -> Ints:
         """Rows (m, k) that its Hessian may couple near x beyond the mesh's own stencils: (0, 1) for all but contact."""
         return np.zeros((0, 1), np.int64)

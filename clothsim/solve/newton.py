@@ -28,7 +28,7 @@ SMALLEST_WAY = 1e-6
 LAST_PIECE = 1e-3
 """Share of a scripted way that may be gone at once, the free vertices standing, where contact leaves it free."""
 SHARE_OF_GAP = 0.1
-"""A step that is longer than this share of the smallest gap is no convergence: close to contact Newton's step on the
+"""A step that changes a gap by more than this share of it is no convergence: close to contact Newton's step on the
 logarithm is about as long as the gap itself, however large the force."""
 MAX_SHIFTS = 12
 LONGEST = 32.0
@@ -145,8 +145,8 @@ class Newton:
             with self.potential.ledger.phase("line search"):
                 slope = dot(gradient, dx)
                 fraction = armijo(self.potential, x, dx, slope, limit)
-                near = speed * self.dt > SHARE_OF_GAP * self.potential.minimum_gap(x)
-                close = speed < settings.tolerance and limit == 1.0 and not near
+                close = speed < settings.tolerance and limit == 1.0
+                close = close and self.potential.gap_change(x, dx) <= SHARE_OF_GAP
                 done = close and (fraction == 1.0 or self._below_noise(x + dx, dx, slope, speed))
             if direction.bends and fraction == 1.0 and not done:
                 fraction = self._lengthened(x, dx)

@@ -120,6 +120,15 @@ class Potential:
                     gap = min(gap, energy.minimum_gap(x))
         return gap
 
+    def gap_change(self, x: Floats, dx: Floats) -> float:
+        """The largest share by which the step changes a distance that any energy keeps."""
+        change = 0.0
+        for name, energy in self.energies.items():
+            if type(energy).gap_change is not Energy.gap_change:
+                with self.ledger.effect(name, ""):
+                    change = max(change, energy.gap_change(x, dx))
+        return change
+
     def accounts(self) -> dict[str, dict[str, Any]]:
         """The receipt of each effect: the fields of `Account`."""
         accounts = {}

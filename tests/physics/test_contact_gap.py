@@ -1,49 +1,18 @@
 """The gap of a sheet that lies on a slab, and the force that the slab gives back (VALIDATION A5)."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from meshes import UNIT, cloth, irregular_grid
-from scipy.optimize import brentq
+from meshes import UNIT
 from solving import equilibrium
 
-from clothsim.contact.body_contact import body_contact
 from clothsim.contact.stiffness import barrier_stiffness
 from clothsim.energies.base import Step
-from clothsim.energies.gravity import gravity
-from clothsim.energies.membrane import membrane
-from clothsim.mesh.body import make_body
-from clothsim.mesh.world import make_world
-
-G = 9.81
-SLAB = np.array([[-50.0, -50, 0], [50, -50, 0], [50, 50, 0], [-50, 50, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
-
-
-def slope(ratio):
-    """|b'| of b(d) = -(d^2 - dh^2)^2 ln(d^2/dh^2) / dh^3 at d = ratio dh."""
-    square = ratio**2 - 1
-    return 4 * ratio * square * np.log(ratio**2) + 2 * square**2 / ratio
-
-
-def gap_ratio(force):
-    """d/dh where |b'| = force."""
-    return brentq(lambda ratio: slope(ratio) - force, 1e-6, 1 - 1e-12, xtol=1e-15)
+from clothsim.study.validation.contact import G, gap_ratio, resting, slope
 
 
 def test_the_reference_has_the_digits_of_the_table():
     assert gap_ratio(1.0) == pytest.approx(0.78004076, abs=6e-9)
     assert slope(0.53) == pytest.approx(3.85, rel=0.02)
-
-
-def resting(d_hat, stiffness, height):
-    """A sheet over one triangle of a slab of two, away from the diagonal between them."""
-    positions, triangles = irregular_grid()
-    sheet = replace(cloth(positions, triangles), positions=positions + np.array([20.0, -20.0, height]))
-    world = make_world([sheet], [make_body("slab", *SLAB)])
-    contact = body_contact(world, d_hat=d_hat, stiffness=stiffness)
-    energies = {"membrane": membrane(world), "gravity": gravity(world), "body_contact": contact}
-    return world, energies
 
 
 @pytest.mark.parametrize(("d_hat", "stiffness"), [(0.1, 50.0), (0.01, 50.0), (0.01, 5e3), (0.001, 2.0)])
@@ -83,4 +52,4 @@ def test_what_pulls_at_a_pin_out_of_reach_does_not_stiffen_contact():
 
 def test_a_fast_sheet_is_stopped_within_the_step():
     speed, dt = 30.0, 0.01
-    assert barrier_stiffness(0.0, 1.3, speed, 0.001, dt) == pytest.approx(1.3 * speed / dt)
+    assert barrier_stiffness(0.0, 1.3, speed, 0.001, dt, dt) == pytest.approx(1.3 * speed / dt)
