@@ -108,7 +108,7 @@ class Candidates:
         return self._gap
 
     def gap_change(self, x: Floats, dx: Floats) -> float:
-        """The largest |g(x + dx) - g(x)| / g(x), g the distance less the offset, of the pairs near at x or at x + dx."""
+        """The largest |g(x + dx) - g(x)| / g(x) of the pairs near before or after; g: the distance less the offset."""
         change = 0.0
         for place in (x + dx, x):
             near = self.near(place)

@@ -10,7 +10,6 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 
-
 ANSWERS = 0.01
 """In which contact answers at the latest [s], the dt that scenes have. With a shorter dt its stiffness no longer grows:
 the energy of a gap below d_hat would go with 1 / dt^2, and finer steps would shoot off what starts there."""

@@ -139,3 +139,28 @@ def test_how_far_a_point_strays_from_its_way():
     start, end = np.zeros((3, 3)), np.array([[2.0, 0, 0], [0, 0, 0], [0, 1, 0]])
     points = np.array([[1.0, 0.3, 0], [0, 0, 0.2], [0, 1.5, 0]])
     assert strays(points, start, end) == pytest.approx(0.5)
+
+
+def test_the_change_of_a_gap_is_seen_pair_by_pair():
+    """Two layers that move as one keep their gap; a tenth of the way to the other layer is a tenth of the gap."""
+    surface, x = surface_and_start("self")
+    layers = np.array_split(surface.first.points, 2)
+    gap = np.abs(x[layers[0], 2].mean() - x[layers[1], 2].mean())
+    candidates = Candidates(surface, 1.5 * gap, D_HAT)
+    together = np.zeros_like(x)
+    together[surface.first.points] = [0.3, -0.2, 0.1]
+    closer = np.zeros_like(x)
+    closer[layers[0], 2] = 0.1 * (x[layers[1], 2].mean() - x[layers[0], 2].mean())
+    assert candidates.gap_change(x, together) < 1e-9
+    assert candidates.gap_change(x, closer) == pytest.approx(0.1, rel=1e-6)
+
+
+def test_a_gap_that_only_the_step_makes_small_counts_too():
+    surface, x = surface_and_start("self")
+    layers = np.array_split(surface.first.points, 2)
+    gap = np.abs(x[layers[0], 2].mean() - x[layers[1], 2].mean())
+    closer = np.zeros_like(x)
+    closer[layers[0], 2] = 0.5 * (x[layers[1], 2].mean() - x[layers[0], 2].mean())
+    candidates = Candidates(surface, 0.7 * gap, gap)
+    assert not len(candidates.near(x))
+    assert candidates.gap_change(x, closer) == pytest.approx(0.5, rel=1e-6)
