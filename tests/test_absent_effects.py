@@ -20,7 +20,8 @@ from clothsim.scene.effects import EFFECTS as TABLE
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
 PINS = {"pins": {"select": "corners"}}
-ALL = EFFECTS | PINS | {"fibres": {"warp": 20.0}} | {"pressure": {"value": 0.1}, "self_contact": {}, "friction": {}}
+SHEET_TOO = {"fibres": {"warp": 20.0}, "strain_limit": {"limit": 2.0}}
+ALL = EFFECTS | PINS | SHEET_TOO | {"pressure": {"value": 0.1}, "self_contact": {}, "friction": {}}
 
 
 def frames(run):
@@ -38,6 +39,7 @@ def run_of(folder, **sections):
 ZERO = {
     "gravity": ({"effects": EFFECTS | {"gravity": {"acceleration": [0, 0, 0]}}}, {"effects": without("gravity")}),
     "pressure": ({"effects": EFFECTS | {"pressure": {"value": 0}}}, {}),
+    "strain_limit": ({"effects": EFFECTS | {"strain_limit": {"limit": 0, "begins": 0.1}}}, {}),
     "fibres": ({"effects": EFFECTS | {"fibres": {"warp": 0, "angle_degrees": 30}}}, {}),
     "damping": ({"effects": EFFECTS | {"damping": {"rate": 0}}}, {"effects": without("damping")}),
     "bending": ({"cloth": SHEET | {"bending_stiffness": 0}}, {"effects": without("bending")}),
@@ -120,7 +122,7 @@ assert clothsim.simulate(scene, {str(tmp_path)!r}).status == "completed"
 KERNELS = {
     "membrane": ["clothsim.energies.membrane_kernels", "clothsim.energies.neo_hookean"],
     "bending": [f"clothsim.energies.{model}_bending" for model in ("hinge", "quadratic", "midedge")],
-    "fibres": ["clothsim.energies.fibre_kernels"],
+    "strain_limit": ["clothsim.energies.strain_limit_kernels"],
     "friction": ["clothsim.contact.friction_kernels"],
     "body_contact": [f"clothsim.contact.{module.name}" for module in pkgutil.iter_modules(clothsim.contact.__path__)],
 }

@@ -49,6 +49,7 @@ EFFECTS = {
     "inertia": Effect("clothsim.energies.inertia:inertia", "mass times acceleration"),
     "membrane": Effect("clothsim.energies.membrane:membrane", "stretch and shear"),
     "fibres": Effect("clothsim.energies.fibres:fibres", "threads along warp and weft"),
+    "strain_limit": Effect("clothsim.energies.strain_limit:strain_limit", "stretches stay below a limit"),
     "bending": Effect("clothsim.energies.bending:bending", "resistance to folding"),
     "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
     "pressure": Effect("clothsim.energies.pressure:pressure", "a fluid that pushes along the normals"),
@@ -60,7 +61,7 @@ EFFECTS = {
 
 CONTACTS = ("body_contact", "self_contact")
 
-NOT_BUILT = ("air", "seams", "strain_limit")
+NOT_BUILT = ("air", "seams")
 
 
 def refuse_not_built(name: str) -> None:

@@ -134,7 +134,7 @@ BAD = {
 }
 NOT_BUILT = {
     name: (with_effect(f"[effects.{name}]"), f"'{name}' is not built yet", "membrane")
-    for name in ("air", "seams", "strain_limit")
+    for name in ("air", "seams")
 } | {
     "transfer": (changed("[run]", '[seed]\nfrom = "transfer"\n[run]'), "transfer.* command of its own", "clothsim fit"),
 }

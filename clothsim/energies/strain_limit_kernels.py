@@ -1,0 +1,68 @@
+"""Element loops of the strain limit: stretches of a triangle, and what depends on its principal stretches.
+
+[u v] = F [a b] as in `fibre_kernels`: the principal stretches of F are those of [u v].
+"""
+
+import numpy as np
+from numba import njit
+
+from clothsim.energies.triangle_kernels import deformation_gradient, normal, principal, principal_block, principal_rates
+
+ALIKE = 1e-5
+"""Difference of two stretches below which a slope between them is taken as the curvature at their mean."""
+
+
+@njit(cache=True, error_model="numpy")
+def stretches(x, triangles, inverses):
+    """Principal stretches s1 >= s2, then the warp's la and the weft's lb, (m, 4)."""
+    out = np.empty((len(triangles), 4))
+    F = np.empty((3, 2))
+    for t in range(len(triangles)):
+        deformation_gradient(x, triangles[t], inverses[t], F)
+        uu = uv = vv = 0.0
+        for k in range(3):
+            uu += F[k, 0] * F[k, 0]
+            uv += F[k, 0] * F[k, 1]
+            vv += F[k, 1] * F[k, 1]
+        middle, radius = 0.5 * (uu + vv), np.hypot(0.5 * (uu - vv), uv)
+        s1 = np.sqrt(middle + radius)
+        out[t, 0], out[t, 1] = s1, (np.sqrt(max(uu * vv - uv * uv, 0.0)) / s1 if s1 > 0.0 else 0.0)
+        out[t, 2], out[t, 3] = np.sqrt(uu), np.sqrt(vv)
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def principal_gradient(x, triangles, inverses, slopes):
+    """dE/dx from slopes (m, 2) = dE/ds_i: the stress p1 w1 v1' + p2 w2 v2'."""
+    out = np.zeros_like(x)
+    F, n, V, W = np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3))
+    alpha, beta = np.empty(3), np.empty(3)
+    for t in range(len(triangles)):
+        deformation_gradient(x, triangles[t], inverses[t], F)
+        principal(F, n, normal(F, n), V, W)
+        principal_rates(inverses[t], V, alpha, beta)
+        for p in range(3):
+            for k in range(3):
+                out[triangles[t, p], k] += slopes[t, 0] * alpha[p] * W[0, k] + slopes[t, 1] * beta[p] * W[1, k]
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def principal_hessian(x, triangles, inverses, slopes, curvatures, between):
+    """Blocks (m, 9, 9) of d2E/dx2 of E = sum e(s1) + e(s2); between (m,): e'' half-way from s2 to s1.
+
+    The modes of `membrane_kernels.hessian`: e'' on the stretches, (e1' + e2')/(s1 + s2) twist, (e1' - e2')/(s1 - s2)
+    flip, e_i'/s_i out of plane. None is negative where e grows and is convex.
+    """
+    blocks = np.zeros((len(triangles), 9, 9))
+    F, n, V, W = np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3))
+    alpha, beta = np.empty(3), np.empty(3)
+    for t in range(len(triangles)):
+        deformation_gradient(x, triangles[t], inverses[t], F)
+        s1, s2 = principal(F, n, normal(F, n), V, W)
+        principal_rates(inverses[t], V, alpha, beta)
+        p1, p2 = slopes[t]
+        flip = (p1 - p2) / (s1 - s2) if s1 - s2 > ALIKE else between[t]
+        others = ((p1 + p2) / (s1 + s2), flip, p1 / s1, p2 / s2)
+        principal_block(blocks[t], 1.0, alpha, beta, W, n, (curvatures[t, 0], 0.0, curvatures[t, 1]), others)
+    return blocks
