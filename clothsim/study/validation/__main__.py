@@ -7,13 +7,13 @@ from pathlib import Path
 
 from clothsim.study.kept import Record, read_record, write_between, write_record
 from clothsim.study.text_table import text_table
-from clothsim.study.validation.row import seen
+from clothsim.study.validation.row import Row, seen
 from clothsim.study.validation.table import HEADER, ROWS, cells, chosen, entry, markdown
 
 MARK = "validation"
 
 
-def main(argv: Sequence[str] | None = None, rows: Sequence = ROWS) -> int:
+def main(argv: Sequence[str] | None = None, rows: Sequence[Row] = ROWS) -> int:
     """Run the rows, print a line for each as it ends, then the table; exit code 1 where one did not pass."""
     parser = argparse.ArgumentParser(prog="python -m clothsim.study.validation", description=__doc__.split(": ")[1])
     parser.add_argument("--rows", default="", metavar="A1,A3b", help="these rows only")
