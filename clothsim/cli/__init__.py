@@ -1,11 +1,11 @@
-"""The command `clothsim`: run, fit, study, resume, bundle, render, check, explain."""
+"""The command `clothsim`: run, fit, study, resume, bundle, render, check, explain, fabrics."""
 
 import contextlib
 import os
 import sys
 from collections.abc import Sequence
 
-from clothsim.cli import bundle, check, explain, fit, render, run, study
+from clothsim.cli import bundle, check, explain, fabrics, fit, render, run, study
 from clothsim.cli.arguments import Parser, join_vectors
 from clothsim.errors import ClothsimError
 
@@ -49,7 +49,7 @@ def _dispatch(words: Sequence[str]) -> int:
     parser = Parser(prog="clothsim", description=_DESCRIPTION)
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     commands = parser.add_subparsers(metavar="COMMAND", title="commands", dest="command", parser_class=Parser)
-    for module in (run, fit, study, bundle, render, check, explain):
+    for module in (run, fit, study, bundle, render, check, explain, fabrics):
         module.add_to(commands)
     arguments = parser.parse_args(words)
     if arguments.version:

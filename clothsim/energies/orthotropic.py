@@ -61,7 +61,7 @@ class ThreadedMembrane(Energy):
 def orthotropic(world: World, angles: Floats) -> ThreadedMembrane:
     """The sheets of all fabrics that have a stiffness; angles (m,) of the warp [rad]."""
     warp, weft = world.per_triangle("stiffness_along_warp"), world.per_triangle("stiffness_along_weft")
-    shear, nu = world.per_triangle("stiffness_in_shear"), world.per_triangle("poisson_ratio")
+    shear, nu = world.per_triangle("stiffness_in_shear"), world.per_triangle("poisson_ratio_of_threads")
     chosen = np.flatnonzero(warp + weft + shear)
     warp, weft, shear, nu = warp[chosen], weft[chosen], shear[chosen], nu[chosen]
     c11, c22, c12 = warp / (1 - nu**2), weft / (1 - nu**2), nu * np.sqrt(warp * weft) / (1 - nu**2)

@@ -24,7 +24,7 @@ from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_su
 from clothsim.io.run import Run
 from clothsim.io.trajectory import TRAJECTORY_NAME
 from clothsim.io.write_obj import write_obj
-from clothsim.scene.fabrics import FABRICS
+from clothsim.scene.fabrics import fabric_named
 from transfer.distance import body_surface
 
 LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY)
@@ -94,8 +94,7 @@ def fit(
     """
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
-    if fabric not in FABRICS:
-        raise InputError(f"fabric is {fabric!r}.", f"Known: {', '.join(FABRICS)}.")
+    fabric_named("fabric", fabric)
     if Path(garment).suffix.lower() == ".toml":
         if made_for is not None or scale is not None or part is not None or weld:
             raise InputError(

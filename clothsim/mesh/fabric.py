@@ -11,8 +11,8 @@ class Fabric:
     """A sheet: what every cloth has, and what a woven or knitted one has beside it.
 
     density: area density [kg/m2]; thickness [m]; youngs_modulus E of the material [Pa]; poisson_ratio in (-1, 0.5];
-    bending_stiffness D [N m]. warp_stiffness, weft_stiffness, shear_stiffness [N/m] are those of the threads (see
-    `energies.orthotropic`; poisson_ratio is then the geometric mean of both): where not given, the isotropic ones.
+    bending_stiffness D [N m]. warp_stiffness, weft_stiffness, shear_stiffness [N/m] and thread_poisson_ratio, the
+    geometric mean of both, are those of the threads (see `energies.orthotropic`): None takes the isotropic ones.
     bending_warp, bending_weft [N m] and friction are told to the user; None where no source gives them.
     """
 
@@ -26,6 +26,7 @@ class Fabric:
     warp_stiffness: float | None = None
     weft_stiffness: float | None = None
     shear_stiffness: float | None = None
+    thread_poisson_ratio: float | None = None
     bending_warp: float | None = None
     bending_weft: float | None = None
     friction: float | None = None
@@ -40,6 +41,9 @@ class Fabric:
                 as_positive(name, getattr(self, name), zero=True)
         if not -1 < self.poisson_ratio <= 0.5:
             raise InputError(f"poisson_ratio must lie in (-1, 0.5], not {self.poisson_ratio!r}.")
+
+        if self.thread_poisson_ratio is not None and not -1 < self.thread_poisson_ratio < 1:
+            raise InputError(f"thread_poisson_ratio must lie in (-1, 1), not {self.thread_poisson_ratio!r}.")
 
     @property
     def shear_modulus(self) -> float:
@@ -65,6 +69,11 @@ class Fabric:
     def stiffness_in_shear(self) -> float:
         """G [N/m]; mu where the fabric has none of its own."""
         return self._own(self.shear_stiffness, self.shear_modulus)
+
+    @property
+    def poisson_ratio_of_threads(self) -> float:
+        """The root of nu12 nu21; poisson_ratio where the fabric has none of its own."""
+        return self._own(self.thread_poisson_ratio, self.poisson_ratio)
 
     @staticmethod
     def _own(value: float | None, isotropic: float) -> float:

@@ -1,20 +1,19 @@
-"""Named fabrics, each with its source."""
+"""Named fabrics, as scenes name them; `fabric_table` has where their numbers come from."""
 
+import difflib
+from typing import Any
+
+from clothsim.errors import InputError
 from clothsim.mesh.fabric import Fabric
+from clothsim.scene.fabric_table import TABLE
 
-FABRICS = {
-    "cotton": Fabric(
-        name="cotton",
-        density=0.150,
-        thickness=0.318e-3,
-        youngs_modulus=0.821e6,
-        poisson_ratio=0.243,
-        bending_stiffness=5e-6,
-        source=(
-            "Density, thickness, Young's modulus and Poisson's ratio: Penava, Simic Penava and Knezic, Determination "
-            "of the elastic constants of plain woven fabrics by a tensile test in various directions, Fibres & "
-            "Textiles in Eastern Europe 22(2), 2014, tables 1 and 3 (their cotton, as C-IPC uses it). Bending "
-            "stiffness: not in that paper; typical of light plain cotton in KES tests, .05 gf cm2/cm = 4.9e-6 N m."
-        ),
-    ),
-}
+FABRICS = {name: named.fabric for name, named in TABLE.items()}
+
+
+def fabric_named(where: str, name: Any) -> Fabric:
+    """The fabric of that name. InputError that says `where`, with the nearest known name, where there is none."""
+    if isinstance(name, str) and name in FABRICS:
+        return FABRICS[name]
+    close = difflib.get_close_matches(str(name), FABRICS, n=1, cutoff=0.5)
+    known = f"Known: {', '.join(FABRICS)}."
+    raise InputError(f"{where} is {name!r}.", f"Did you mean {close[0]!r}? {known}" if close else known)

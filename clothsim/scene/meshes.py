@@ -16,13 +16,13 @@ from clothsim.mesh.fabric import Fabric
 from clothsim.mesh.generate import GENERATORS
 from clothsim.mesh.motion import rigid_motion
 from clothsim.scene.animated import animated_body
-from clothsim.scene.fabrics import FABRICS
+from clothsim.scene.fabrics import fabric_named
 from clothsim.scene.keys import refuse_unknown, table
 from clothsim.scene.sewing import sewn
 from clothsim.scene.shape import PART, Shape, examined, name_of, placed
 
 PLACE = ("name", "mesh", "position", "rotation_degrees")
-THREADS = ("warp_stiffness", "weft_stiffness", "shear_stiffness")
+THREADS = ("warp_stiffness", "weft_stiffness", "shear_stiffness", "thread_poisson_ratio")
 FABRIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness", *THREADS)
 CLOTH = ("velocity", "fabric", "weld", "sewn", "rest", *FABRIC)
 MOTION = ("velocity", "rotate_degrees_per_second", "centre")
@@ -123,10 +123,9 @@ def _from_file(path: Path, keys: Mapping[str, Any], where: str, common: tuple[st
 def _fabric(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
     """The named fabric with the keys that override it; a Young's modulus takes the place of what its threads have."""
     name = keys.get("fabric", "cotton")
-    if not isinstance(name, str) or name not in FABRICS:
-        raise InputError(f"{where}.fabric is {name!r}.", f"Known: {', '.join(FABRICS)}.")
+    named = fabric_named(f"{where}.fabric", name)
     own = {key: as_number(f"{where}.{key}", keys[key]) for key in FABRIC if key in keys}
     ruled = dict.fromkeys(THREADS) if "youngs_modulus" in own else {}
-    fabric = replace(FABRICS[name], **(ruled | own))  # type: ignore[arg-type]
+    fabric = replace(named, **(ruled | own))  # type: ignore[arg-type]
     changed = f" with its own {', '.join(own)}" if own else ""
     return fabric, f"{name_of(keys, where)}: fabric {name}{changed}."
