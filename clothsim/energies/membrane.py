@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import membrane_kernels as kernels
@@ -56,26 +57,44 @@ class NeoHookeanMembrane(Energy):
 MATERIALS: Mapping[str, tuple[str, ...]] = {
     "neo_hookean": (),
     "orthotropic": ("angle_degrees",),
+    "measured": ("angle_degrees", "warp", "weft", "shear"),
 }
 """The materials, and the keys that each of them has."""
 
 
-def membrane(world: World, *, material: str = "neo_hookean", angle_degrees: Any = 0.0) -> Energy | Off:
+def membrane(
+    world: World,
+    *,
+    material: str = "neo_hookean",
+    angle_degrees: Any = 0.0,
+    warp: ArrayLike = (),
+    weft: ArrayLike = (),
+    shear: ArrayLike = (),
+) -> Energy | Off:
     """The membrane energy of all cloths; off where no fabric has a stiffness.
 
-    material: "neo_hookean" (alike in all directions) or "orthotropic" (the fabric's warp, weft and shear stiffness; see
-    `orthotropic`), whose warp is turned by angle_degrees from the cloth's first axis (`kinematics.threads`).
+    material: "neo_hookean" (alike in all directions), "orthotropic" (the fabric's warp, weft and shear stiffness; see
+    `orthotropic`) or "measured" (tables of strain and stress [N/m] along warp, weft and in shear; see `measured`).
+    angle_degrees turns the warp from the cloth's first axis (`kinematics.threads`) and may vary over the cloth.
     """
     if not isinstance(material, str) or material not in MATERIALS:
         raise InputError(f"effects.membrane.material is {material!r}.", f"Known: {', '.join(MATERIALS)}.")
-    _refuse_others(material, {"angle_degrees": not (isinstance(angle_degrees, float | int) and angle_degrees == 0)})
+    tables = {"warp": warp, "weft": weft, "shear": shear}
+    turned = not (isinstance(angle_degrees, float | int) and angle_degrees == 0)
+    _refuse_others(material, {"angle_degrees": turned} | {key: np.size(table) > 0 for key, table in tables.items()})
     energy: Any
     if material == "neo_hookean":
         energy = NeoHookeanMembrane.of(world)
     else:
-        from clothsim.energies.orthotropic import orthotropic
+        angles = np.radians(over_cloth("effects.membrane.angle_degrees", angle_degrees, world))
+        if material == "orthotropic":
+            from clothsim.energies.orthotropic import orthotropic
 
-        energy = orthotropic(world, np.radians(over_cloth("effects.membrane.angle_degrees", angle_degrees, world)))
+            energy = orthotropic(world, angles)
+        else:
+            from clothsim.energies.measured import measured
+
+            energy = measured(world, angles, **tables)
     return energy if len(energy.triangles) else Off("Young's modulus is 0")
 
 

@@ -25,22 +25,29 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class ThreadedMembrane(Energy):
-    """A sheet and the threads in it, over the same triangles; +inf where one has lost its area."""
+    """A sheet and the threads in it, over the same triangles; +inf where one has lost its area. said: its choices."""
 
     sheet: NeoHookeanMembrane
     threads: Fibres
+    said: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, world: World, chosen: Ints, angles: Floats, mu: Floats, law: ThreadLaw) -> Self:
+    def of(
+        cls, world: World, chosen: Ints, angles: Floats, mu: Floats, law: ThreadLaw, said: tuple[str, ...] = ()
+    ) -> Self:
         """The `chosen (k,)` triangles of a world; mu (k,) of the sheet [N/m], angles (m,) of the warp [rad]."""
         shapes, areas = world.rest_shape_inverses[chosen], world.rest_areas[chosen]
         sheet = NeoHookeanMembrane(world.triangles[chosen], shapes, areas, mu, np.zeros(len(chosen)))
-        return cls(sheet, Fibres.of(world, chosen, angles, law))
+        return cls(sheet, Fibres.of(world, chosen, angles, law), said)
 
     @property
     def triangles(self) -> Ints:
         """The elastic triangles, (m, 3)."""
         return self.sheet.triangles
+
+    def choices(self) -> tuple[str, ...]:
+        """What it chose where the scene was silent."""
+        return self.said
 
     def value(self, x: Floats) -> float:
         """Elastic energy [J]; +inf where a triangle has lost its area."""

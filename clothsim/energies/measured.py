@@ -1,0 +1,138 @@
+"""A membrane from a table of stress and strain: what a tensile test of a strip along warp and weft printed.
+
+Each table is rows [strain, stress], the strain an engineering one and the stress in newtons per metre of width as cut.
+Between the rows it is a monotone cubic (Fritsch, Carlson 1980; scipy's PCHIP), integrated to an energy; beyond the last
+row it goes on straight, and in compression, which no such test measures, as straight as it begins. Shear is given by
+[sine of the angle by which warp and weft turn from their right angle, shear stress].
+
+Warp and weft are not coupled: a strip that is pulled does not narrow, and returns its table exactly. As in
+`orthotropic`, a Neo-Hookean sheet with lam = 0 keeps triangles from collapsing; mu is a tenth of the softest beginning
+of a table, and what it adds along the threads, mu (l - 1/l), and in shear, mu I8 to third order, is taken off again.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.arrays import Floats
+from clothsim.energies.orthotropic import ThreadedMembrane
+from clothsim.errors import InputError
+from clothsim.mesh.world import World
+
+SHEET = 0.1
+"""mu of the sheet, in shares of the softest beginning of a table."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A stress over strain from 0 to `last`, and straight outside: stress, its integral and its slope as polynomials.
+
+    first, end: the slopes [N/m] at 0 and at `last`, with which it goes on.
+    """
+
+    stress: Any
+    energy: Any
+    slope: Any
+    last: float
+    first: float
+    end: float
+
+    @classmethod
+    def through(cls, strains: Floats, stresses: Floats) -> Self:
+        """The monotone cubic through the rows of a table that begins with 0, 0."""
+        from scipy.interpolate import PchipInterpolator
+
+        stress = PchipInterpolator(strains, stresses)
+        slope = stress.derivative()
+        last = float(strains[-1])
+        return cls(stress, stress.antiderivative(), slope, last, float(slope(0.0)), float(slope(last)))
+
+    def at(self, strain: Floats) -> tuple[Floats, Floats, Floats]:
+        """Energy [J/m2], stress [N/m] and slope [N/m] at strains (m,)."""
+        inside = np.clip(strain, 0.0, self.last)
+        beyond, straight = strain - inside, np.where(strain > 0, self.end, self.first)
+        stress = self.stress(inside)
+        energy = self.energy(inside) + stress * beyond + 0.5 * straight * beyond**2
+        return energy, stress + straight * beyond, np.where(beyond == 0, self.slope(inside), straight)
+
+
+@dataclass(frozen=True)
+class MeasuredThreads:
+    """The law (see `fibres.ThreadLaw`) of three tables, less what the sheet of modulus mu [N/m] does there."""
+
+    warp: Curve
+    weft: Curve
+    shear: Curve
+    mu: float
+
+    def density(self, measured: Floats) -> Floats:
+        """psi, (m,) [J/m2]."""
+        la, lb, shear = measured.T
+        tables = self.warp.at(la - 1)[0] + self.weft.at(lb - 1)[0] + self.shear.at(np.abs(shear))[0]
+        sheet = sum(0.5 * (s * s - 1) - np.log(s) for s in (la, lb)) + 0.5 * shear**2
+        return np.asarray(tables - self.mu * sheet, np.float64)
+
+    def slopes(self, measured: Floats) -> Floats:
+        """d psi/d(la, lb, I8), (m, 3) [N/m]."""
+        la, lb, shear = measured.T
+        along = [curve.at(s - 1)[1] - self.mu * (s - 1 / s) for curve, s in ((self.warp, la), (self.weft, lb))]
+        across = np.sign(shear) * self.shear.at(np.abs(shear))[1] - self.mu * shear
+        return np.column_stack([*along, across])
+
+    def curvatures(self, measured: Floats) -> Floats:
+        """The second derivatives aa, ab, bb and 88, (m, 4) [N/m]."""
+        la, lb, shear = measured.T
+        aa, bb = (curve.at(s - 1)[2] - self.mu * (1 + 1 / s**2) for curve, s in ((self.warp, la), (self.weft, lb)))
+        return np.column_stack([aa, np.zeros(len(la)), bb, self.shear.at(np.abs(shear))[2] - self.mu])
+
+
+def measured(world: World, angles: Floats, warp: ArrayLike, weft: ArrayLike, shear: ArrayLike) -> ThreadedMembrane:
+    """The sheets of all cloths by tables (k, 2); angles (m,) of the warp [rad].
+
+    An empty weft is as the warp; an empty shear is straight with the fabric's own modulus. InputError names the row of
+    a table that is no rising curve.
+    """
+    rows = {"warp": warp, "weft": weft if np.size(weft) else warp, "shear": shear}
+    if not np.size(shear):
+        modulus = float(world.per_triangle("stiffness_in_shear").min())
+        if modulus == 0:
+            raise InputError("effects.membrane has no shear, and the fabric no modulus.", "Give shear = [[0.1, 3.0]].")
+        rows["shear"] = [[1.0, modulus]]
+    tables = {name: _table(f"effects.membrane.{name}", table) for name, table in rows.items()}
+    curves = {name: Curve.through(*table.T) for name, table in tables.items()}
+    mu = SHEET * min(float(table[1, 1] / table[1, 0]) for table in tables.values())
+    said = tuple(
+        f"the table of {name} ends at {100 * curves[name].last:g} %, beyond it goes on straight with "
+        f"{curves[name].end:.4g} N/m"
+        for name in ("warp", "weft")
+    )
+    every = np.arange(len(world.triangles))
+    law = MeasuredThreads(curves["warp"], curves["weft"], curves["shear"], mu)
+    return ThreadedMembrane.of(world, every, angles, np.full(len(every), mu), law, said)
+
+
+def _table(name: str, given: ArrayLike) -> Floats:
+    """The rows (k, 2) of a table, with 0, 0 before them."""
+    try:
+        rows = np.asarray(given, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be rows [strain, stress].", "Such as [[0.02, 5.0], [0.05, 20.0]].") from error
+    if rows.ndim != 2 or rows.shape[1] != 2 or not len(rows):
+        raise InputError(f"{name} must be rows [strain, stress].", "Such as [[0.02, 5.0], [0.05, 20.0]].")
+    skipped = int(not rows[0].any())
+    if len(rows) == skipped:
+        raise InputError(f"{name} has no row but 0, 0.", "Give one with a stress.")
+    whole = np.concatenate([np.zeros((1, 2)), rows[skipped:]])
+    for k, (before, row) in enumerate(zip(whole[:-1], whole[1:], strict=True), start=skipped):
+        if not np.isfinite(row).all():
+            raise InputError(f"{name}[{k}] is {row.tolist()}, not two finite numbers.")
+        if row[0] <= before[0]:
+            raise InputError(f"{name}[{k}] has strain {row[0]:g}, not above {before[0]:g}.", "Put the rows in order.")
+        if row[1] <= before[1]:
+            raise InputError(
+                f"{name}[{k}] has stress {row[1]:g} N/m, not above {before[1]:g}: a curve that falls is no stable sheet.",
+                "Leave the row out.",
+            )
+    return whole
