@@ -131,8 +131,6 @@ def _table(name: str, given: ArrayLike) -> Floats:
         if row[0] <= before[0]:
             raise InputError(f"{name}[{k}] has strain {row[0]:g}, not above {before[0]:g}.", "Put the rows in order.")
         if row[1] <= before[1]:
-            raise InputError(
-                f"{name}[{k}] has stress {row[1]:g} N/m, not above {before[1]:g}: a curve that falls is no stable sheet.",
-                "Leave the row out.",
-            )
+            sentence = f"{name}[{k}] has stress {row[1]:g} N/m, not above {before[1]:g}."
+            raise InputError(sentence, "A curve that does not rise is no stable sheet: leave the row out.")
     return whole
