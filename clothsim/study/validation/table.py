@@ -5,10 +5,18 @@ from datetime import date
 from typing import Any
 
 from clothsim.study.kept import Record, markdown_table, when
-from clothsim.study.validation import bending, catenary, contact, membrane, time
+from clothsim.study.validation import bending, catenary, contact, drape, membrane, time, wrinkles
 from clothsim.study.validation.row import Outcome, Row, Seen
 
-ROWS: tuple[Row, ...] = (*membrane.ROWS, *catenary.ROWS, *bending.ROWS, *time.ROWS, *contact.ROWS)
+ROWS: tuple[Row, ...] = (
+    *membrane.ROWS,
+    *catenary.ROWS,
+    *bending.ROWS,
+    *time.ROWS,
+    *contact.ROWS,
+    *drape.ROWS,
+    *wrinkles.ROWS,
+)
 
 HEADER = ("row", "what", "ours", "exact", "off", "bar", "order", "CPU s", "passed")
 
