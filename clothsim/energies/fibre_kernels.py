@@ -85,9 +85,8 @@ def hessian(x, triangles, inverses, measured, slopes, curvatures, project):
         alpha[0], beta[0] = -alpha[1] - alpha[2], -beta[1] - beta[2]
         for p in range(3):
             for q in range(3):
+                aa, ab, ba, bb = alpha[p] * alpha[q], alpha[p] * beta[q], beta[p] * alpha[q], beta[p] * beta[q]
                 for i in range(3):
                     for j in range(3):
-                        blocks[t, 3 * p + i, 3 * q + j] = alpha[p] * (alpha[q] * uu[i, j] + beta[q] * uv[i, j]) + beta[
-                            p
-                        ] * (alpha[q] * uv[j, i] + beta[q] * vv[i, j])
+                        blocks[t, 3 * p + i, 3 * q + j] = aa * uu[i, j] + ab * uv[i, j] + ba * uv[j, i] + bb * vv[i, j]
     return blocks
