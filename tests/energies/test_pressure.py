@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 from differences import dense_hessian, gradient_error, hessian_error
 from meshes import UNIT, cloth, deformed, grid, random_rotation, small_world
-from scipy.integrate import solve_ivp
-from scipy.optimize import brentq, minimize_scalar
-from solving import equilibrium, held, integrator_of, run_of, step_at
+from solving import integrator_of, run_of, step_at
 
 from clothsim import InputError
 from clothsim.energies.base import ElementHessian, Off
@@ -15,13 +13,17 @@ from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.energies.pressure import pressure
 from clothsim.linalg import project_psd
-from clothsim.mesh.fabric import Fabric
-from clothsim.mesh.generate import disk, sphere
+from clothsim.mesh.generate import sphere
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
-
-RUBBER = Fabric(density=1.0, thickness=1.0, youngs_modulus=20 / 7, poisson_ratio=3 / 7, bending_stiffness=0.0)
-"""mu = 1, lam = 1.5."""
+from clothsim.study.validation.inflation import (
+    inflated_disc,
+    inflated_height_and_volume,
+    inflated_radii,
+    limit_stretch,
+    sphere_pressure,
+    volume,
+)
 
 
 def ball(subdivisions=1, fabric=UNIT, inward=False):
@@ -31,11 +33,6 @@ def ball(subdivisions=1, fabric=UNIT, inward=False):
 
 def bound(world, x, value=2.0, **step):
     return pressure(world, value=value).begin(step_at(x, **step))
-
-
-def volume(x, triangles):
-    a, b, c = (x[triangles[:, k]] for k in range(3))
-    return float(np.einsum("ti,ti->", a, np.cross(b, c))) / 6
 
 
 def area_forces(x, triangles):
@@ -178,43 +175,10 @@ def test_a_free_sheet_floats_on_the_pressure_that_carries_its_weight(formula):
 # --- A6 -------------------------------------------------------------------------------------------------------------
 
 
-def first_stress(s1, s2, mu=1.0, lam=1.5):
-    """psi_1 of the Neo-Hookean density."""
-    return mu * s1 + (lam * np.log(s1 * s2) - mu) / s1
-
-
-def sphere_pressure(stretch):
-    """p R / mu of an inflated sphere: d/dR of 4 pi psi = p 4 pi l^2."""
-    return 2 * first_stress(stretch, stretch) / stretch**2
-
-
-def inflated_disc(load=1.0):
-    """H / R and V / R^3 of a clamped disc: X P1 sin(phi) = p r^2 / 2, (X P1 cos(phi))' = P2 - p r s1 sin(phi)."""
-
-    def rates(X, state):
-        r, pull = state[0], state[1]
-        lift = load * r * r / 2
-        along, s2 = np.hypot(pull, lift), r / X
-        s1 = brentq(lambda s: first_stress(s, s2) - along / X, 1e-3, 50, xtol=1e-14)
-        cosine, sine = pull / along, lift / along
-        return [s1 * cosine, first_stress(s2, s1) - load * r * s1 * sine, s1 * sine, np.pi * r * r * s1 * sine]
-
-    def end(pole):
-        X = 1e-6
-        start = [pole * X, X * first_stress(pole, pole), 0.0, 0.0]
-        return solve_ivp(rates, (X, 1.0), start, rtol=1e-10, atol=1e-12).y[:, -1]
-
-    _, _, height, enclosed = end(brentq(lambda pole: end(pole)[0] - 1.0, 1.05, 2.0, xtol=1e-11))
-    return height, enclosed
-
-
 def test_the_closed_forms_are_those_of_the_yardstick():
     assert sphere_pressure(1.1) == pytest.approx(0.74519991, abs=5e-9)
     assert sphere_pressure(1.25) == pytest.approx(1.26149699, abs=5e-9)
-    limit = minimize_scalar(
-        lambda s: -sphere_pressure(s), bounds=(1.1, 3.0), method="bounded", options={"xatol": 1e-10}
-    )
-    assert limit.x == pytest.approx(1.51121540, abs=1e-7)
+    assert limit_stretch() == pytest.approx(1.51121540, abs=1e-7)
     assert inflated_disc() == pytest.approx((0.53152270, 0.95787436), abs=2e-8)
 
 
@@ -223,11 +187,7 @@ def test_an_inflated_sphere_converges_to_the_closed_form(stretch):
     """Radius over rest radius; one vertex is held, where no force is left to hold."""
     errors = []
     for subdivisions in (1, 2, 3):
-        world = ball(subdivisions, RUBBER)
-        energies = {"membrane": membrane(world), "pressure": pressure(world, value=sphere_pressure(stretch))}
-        x = stretch * world.start()
-        x = equilibrium(world, energies, x, held(x, [0]), tolerance=1e-7)
-        radii = np.linalg.norm(x - x.mean(axis=0), axis=1)
+        radii = inflated_radii(stretch, subdivisions)
         errors.append(stretch - radii.mean())
         assert np.ptp(radii) < 0.02
     orders = np.log2(np.divide(errors[:-1], errors[1:]))
@@ -236,17 +196,7 @@ def test_an_inflated_sphere_converges_to_the_closed_form(stretch):
 
 
 def test_an_inflated_disc_converges_to_its_height_and_volume():
-    errors = []
-    for cells in (4, 8, 16):
-        positions, triangles = disk(radius=1.0, cells=cells)
-        world = make_world([cloth(positions, triangles, RUBBER)])
-        rim = border_vertices(triangles)
-        x = world.start()
-        x[:, 2] = 0.5 * (1 - (positions**2).sum(axis=1))
-        x[rim] = positions[rim]
-        energies = {"membrane": membrane(world), "pressure": pressure(world, value=1.0)}
-        x = equilibrium(world, energies, x, held(x, rim), tolerance=1e-8)
-        errors.append(np.abs([x[:, 2].max() - 0.53152270, volume(x, triangles) - 0.95787436]))
+    errors = [np.abs(inflated_height_and_volume(cells) - [0.53152270, 0.95787436]) for cells in (4, 8, 16)]
     orders = np.log2(np.divide(errors[:-1], errors[1:]))
     assert (errors[-1] < [3e-4, 4e-3]).all(), errors
     assert (orders > 1.6).all(), orders

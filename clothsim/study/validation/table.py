@@ -5,7 +5,7 @@ from datetime import date
 from typing import Any
 
 from clothsim.study.kept import Record, markdown_table, when
-from clothsim.study.validation import bending, catenary, contact, drape, membrane, time, wrinkles
+from clothsim.study.validation import bending, catenary, contact, drape, inflation, membrane, time, wrinkles
 from clothsim.study.validation.row import Outcome, Row, Seen
 
 ROWS: tuple[Row, ...] = (
@@ -14,6 +14,7 @@ ROWS: tuple[Row, ...] = (
     *bending.ROWS,
     *time.ROWS,
     *contact.ROWS,
+    *inflation.ROWS,
     *drape.ROWS,
     *wrinkles.ROWS,
 )
