@@ -53,3 +53,13 @@ def test_what_pulls_at_a_pin_out_of_reach_does_not_stiffen_contact():
 def test_a_fast_sheet_is_stopped_within_the_step():
     speed, dt = 30.0, 0.01
     assert barrier_stiffness(0.0, 1.3, speed, 0.001, dt, dt) == pytest.approx(1.3 * speed / dt)
+
+
+def test_the_error_of_the_gap_is_of_first_order_in_d_hat():
+    """A sheet at rest hovers where contact would let it lie as d_hat goes to zero: the same share of d_hat for each."""
+    heights = []
+    for d_hat in (0.08, 0.04, 0.02):
+        world, energies = resting(d_hat, 50.0, height=0.9 * d_hat)
+        heights.append(equilibrium(world, energies, world.start(), tolerance=1e-10)[: world.n_cloth, 2].mean())
+    orders = np.log2(np.array(heights[:-1]) / heights[1:])
+    np.testing.assert_allclose(orders, 1.0, atol=1e-6)
