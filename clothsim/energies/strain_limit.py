@@ -104,6 +104,15 @@ class StrainLimit(Energy):
             load = np.minimum(self._loads(start + np.repeat(fractions, 3)[:, None] * way, own, passing), goal)
         return float(fractions.min())
 
+    def gap_change(self, x: Floats, dx: Floats) -> float:
+        """The largest share of what is left to its limit that the step changes, of the triangles past a begin."""
+        near = (kernels.stretches(x, self.triangles, self.inverses) > self.begins).any(axis=1)
+        if not near.any():
+            return 0.0
+        load = self._loads(x, self.triangles)[near]
+        after = self._loads(x + dx, self.triangles)[near]
+        return float(np.max(np.abs(after - load) / (1 - load)))
+
     def beyond(self, x: Floats) -> Ints:
         """The triangles that are at a limit or beyond it."""
         return np.flatnonzero((self._loads(x, self.triangles) >= 1).any(axis=1))

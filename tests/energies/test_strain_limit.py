@@ -145,6 +145,18 @@ class TestNoStepPassesIt:
         assert energy.step_limit(x, 0.15 * x) == 1.0
 
 
+class TestNewtonsEnd:
+    def test_a_step_changes_a_share_of_what_is_left_to_the_limit(self):
+        """From 1.4 to 1.45 with a limit of 1.5 is half of it; below the begin nothing is kept, so nothing changes."""
+        world = small_world(0)
+        energy = strain_limit(world, limit=1.5)
+        x = stretched(world, 1.4, 1.0)
+        assert energy.gap_change(x, stretched(world, 1.45, 1.0) - x) == pytest.approx(0.5)
+        assert energy.gap_change(x, stretched(world, 1.39, 1.0) - x) == pytest.approx(0.1)
+        rest = stretched(world, 1.0, 1.0)
+        assert energy.gap_change(rest, x - rest) == 0.0
+
+
 class TestBadInput:
     def test_no_limit_is_off(self):
         off = strain_limit(small_world(0), limit=0)
@@ -208,3 +220,4 @@ class TestAHeavyStrip:
         held = simulate(scene({"strain_limit": {"limit": 1.05}}, density=4.0), tmp_path)
         assert held.status == "completed", held.reason
         assert held.summary["certificate"]["stretch_max"] < 1.05
+        assert held.summary["certificate"]["residual"] < 1e-2 * 4.0 * 0.06 * 9.81
