@@ -55,11 +55,13 @@ class NeoHookeanMembrane(Energy):
 
 
 MATERIALS: Mapping[str, tuple[str, ...]] = {
-    "neo_hookean": (),
+    "neo_hookean": ("elements",),
     "orthotropic": ("angle_degrees",),
     "measured": ("angle_degrees", "warp", "weft", "shear"),
 }
 """The materials, and the keys that each of them has."""
+ELEMENTS = ("triangles", "pairs")
+SLACK = "Young's modulus is 0"
 
 
 def membrane(
@@ -70,19 +72,29 @@ def membrane(
     warp: ArrayLike = (),
     weft: ArrayLike = (),
     shear: ArrayLike = (),
+    elements: str = "triangles",
 ) -> Energy | Off:
     """The membrane energy of all cloths; off where no fabric has a stiffness.
 
     material: "neo_hookean" (alike in all directions), "orthotropic" (the fabric's warp, weft and shear stiffness; see
     `orthotropic`) or "measured" (tables of strain and stress [N/m] along warp, weft and in shear; see `measured`).
     angle_degrees turns the warp from the cloth's first axis (`kinematics.threads`) and may vary over the cloth.
+    elements: "triangles", or "pairs" of them, which lock less where folds are as fine as the mesh (`paired_membrane`).
     """
     if not isinstance(material, str) or material not in MATERIALS:
         raise InputError(f"effects.membrane.material is {material!r}.", f"Known: {', '.join(MATERIALS)}.")
+    if not isinstance(elements, str) or elements not in ELEMENTS:
+        raise InputError(f"effects.membrane.elements is {elements!r}.", f"Known: {', '.join(ELEMENTS)}.")
     tables = {"warp": warp, "weft": weft, "shear": shear}
     turned = not (isinstance(angle_degrees, float | int) and angle_degrees == 0)
-    _refuse_others(material, {"angle_degrees": turned} | {key: np.size(table) > 0 for key, table in tables.items()})
+    given = {"angle_degrees": turned, "elements": elements != "triangles"}
+    _refuse_others(material, given | {key: np.size(table) > 0 for key, table in tables.items()})
     energy: Any
+    if elements == "pairs":
+        from clothsim.energies.paired_membrane import paired_membrane
+
+        energy = paired_membrane(world)
+        return energy if len(energy.elements) else Off(SLACK)
     if material == "neo_hookean":
         energy = NeoHookeanMembrane.of(world)
     else:
@@ -95,7 +107,7 @@ def membrane(
             from clothsim.energies.measured import measured
 
             energy = measured(world, angles, **tables)
-    return energy if len(energy.triangles) else Off("Young's modulus is 0")
+    return energy if len(energy.triangles) else Off(SLACK)
 
 
 def _refuse_others(material: str, given: Mapping[str, bool]) -> None:
