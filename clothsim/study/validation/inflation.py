@@ -179,13 +179,13 @@ def _disc(part: int, printed: str, bar: float) -> Outcome:
 
 
 @cache
-def _blown_up(cells: int) -> tuple[float, float]:
-    world = balloon(cells)
-    return blown_up(world, membrane(world))
+def _blown_up(elements: str) -> tuple[float, float]:
+    world = balloon(24)
+    return blown_up(world, membrane(world, elements=elements))
 
 
-def _mylar(part: int, printed: str) -> Outcome:
-    return Outcome(_blown_up(24)[part], mylar()[part], 2e-2, printed=printed)
+def _mylar(part: int, printed: str, elements: str = "triangles") -> Outcome:
+    return Outcome(_blown_up(elements)[part], mylar()[part], 2e-2, printed=printed)
 
 
 LOCKS = "the membrane locks where it must fold finer than the mesh: `python -m clothsim.study.locking`"
@@ -199,4 +199,6 @@ ROWS = (
     Row("A6e", "clamped disc, pR/mu = 1: volume / R^3", partial(_disc, 1, "0.9578744", 5e-3)),
     Row("A6f", "mylar balloon, 24 cells from pole to rim: r / a", partial(_mylar, 0, "0.76275976"), LOCKS),
     Row("A6g", "mylar balloon, 24 cells from pole to rim: V / a^3", partial(_mylar, 1, "1.21852422"), LOCKS),
+    Row("A6h", 'the same, elements = "pairs": r / a', partial(_mylar, 0, "0.76275976", "pairs")),
+    Row("A6i", 'the same, elements = "pairs": V / a^3', partial(_mylar, 1, "1.21852422", "pairs")),
 )
