@@ -204,9 +204,10 @@ def _frames_until(path: Path, time: float) -> int | None:
 
 
 def _scripted(built: Built) -> bool:
-    """True where a body or a pin moves."""
+    """True where a body or a pin moves, or where the wind blows."""
     held = built.constraints.values()
-    return not all([*(body.motion.still for body in built.world.bodies), *(constraint.still for constraint in held)])
+    still = all([*(body.motion.still for body in built.world.bodies), *(constraint.still for constraint in held)])
+    return not still or any(energy.drives for energy in built.energies.values())
 
 
 def _remove(file: Path) -> None:

@@ -21,7 +21,7 @@ from clothsim.scene.effects import EFFECTS as TABLE
 SHORT = {"duration": 0.08, "frames_per_second": 25}
 PINS = {"pins": {"select": "corners"}}
 SHEET_TOO = {"fibres": {"warp": 20.0}, "strain_limit": {"limit": 2.0}}
-ALL = EFFECTS | PINS | SHEET_TOO | {"pressure": {"value": 0.1}, "self_contact": {}, "friction": {}}
+ALL = EFFECTS | PINS | SHEET_TOO | {"pressure": {"value": 0.1}, "air": {}, "self_contact": {}, "friction": {}}
 
 
 def frames(run):
@@ -41,6 +41,7 @@ ZERO = {
     "pressure": ({"effects": EFFECTS | {"pressure": {"value": 0}}}, {}),
     "strain_limit": ({"effects": EFFECTS | {"strain_limit": {"limit": 0, "begins": 0.1}}}, {}),
     "fibres": ({"effects": EFFECTS | {"fibres": {"warp": 0, "angle_degrees": 30}}}, {}),
+    "air": ({"effects": EFFECTS | {"air": {"drag": 0, "wind": [5, 0, 0]}}}, {}),
     "damping": ({"effects": EFFECTS | {"damping": {"rate": 0}}}, {"effects": without("damping")}),
     "bending": ({"cloth": SHEET | {"bending_stiffness": 0}}, {"effects": without("bending")}),
     "membrane": ({"cloth": SHEET | {"youngs_modulus": 0}}, {"effects": without("membrane")}),

@@ -88,6 +88,11 @@ class Energy(abc.ABC):
     """False where the projected Hessian serves Newton for both: the exact one would cost more than it saves."""
 
     @property
+    def drives(self) -> bool:
+        """True where it may do work on the cloth from outside, as wind does: a rise of the energy is then no error."""
+        return False
+
+    @property
     def passes(self) -> int:
         """How often a step is solved; before each pass but the first the energy is bound `again`."""
         return 1

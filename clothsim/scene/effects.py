@@ -53,6 +53,7 @@ EFFECTS = {
     "bending": Effect("clothsim.energies.bending:bending", "resistance to folding"),
     "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
     "pressure": Effect("clothsim.energies.pressure:pressure", "a fluid that pushes along the normals"),
+    "air": Effect("clothsim.energies.air:air", "drag and lift in still air or wind"),
     "damping": Effect("clothsim.energies.damping:damping", "mass-proportional drag"),
     "body_contact": Effect("clothsim.contact.body_contact:body_contact", "cloth against bodies"),
     "self_contact": Effect("clothsim.contact.self_contact:self_contact", "cloth against cloth"),
@@ -61,7 +62,7 @@ EFFECTS = {
 
 CONTACTS = ("body_contact", "self_contact")
 
-NOT_BUILT = ("air", "seams")
+NOT_BUILT = ("seams",)
 
 
 def refuse_not_built(name: str) -> None:

@@ -23,8 +23,8 @@ class Certificate:
     intersecting_frames: numbers of the frames in which something judged intersected (see `judge`); gap [m]: the
     smallest distance of cloth and body that was below d_hat, else inf; stretch_min, stretch_max; residual: the last
     step's largest force [N]; energy: kinetic and potential now [J]; energy_rise: the most that one step added [J];
-    step_rise: the most by which a step's E(x) ended above where it began [J]; moved_by_script: whether bodies or pins
-    did work on the cloth, so that a rise is no error; formula: "backward_euler" or "bdf2";
+    step_rise: the most by which a step's E(x) ended above where it began [J]; moved_by_script: whether bodies, pins or
+    wind did work on the cloth, so that a rise is no error; formula: "backward_euler" or "bdf2";
     estimate: how wrong the result is; asked: the error that the user asked for [m], 0 where a dt was given.
 
     E(x) falls in every step. In backward Euler that is |v(n+1) - v(n)|^2_M/2 + Psi(n+1) <= |v(n)|^2_M/2 + Psi(n), and
@@ -70,7 +70,7 @@ class Certificate:
 
     def as_dict(self, judged: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
         """As the summary keeps it. judged: what was tested in each frame, as `Judge.says`; completed: the whole run."""
-        scale, scripted = self.energy_scale or 1.0, "bodies or pins do work"
+        scale, scripted = self.energy_scale or 1.0, "bodies, pins or wind do work"
         drift: float | str = self.energy_rise / scale if self.formula == BACKWARD_EULER else "not judged (BDF2)"
         return {
             "intersection_free": not self.intersecting_frames,

@@ -23,11 +23,12 @@ KEYS = {
     "strain_limit": {"limit": 3.0, "limit_warp": 3.5, "begins": 0.0},
     "fibres": {"warp": 2.0, "weft": 1.5, "shear": 0.8, "angle_degrees": 20.0},
     "pressure": {"value": 1.7},
+    "air": {"wind": {"kind": "vortex", "circulation": 9.0, "core": 0.5, "velocity": (1.0, 2.0, 0.5)}, "lift": 0.7},
     "body_contact": {"d_hat": 0.5, "stiffness": 2.0},
     "self_contact": {"d_hat": 0.4, "stiffness": 2.0},
     "friction": {"coefficient": 0.7, "eps_v": 0.3},
 }
-EXTERNAL = ("inertia", "gravity", "pressure", "damping", "friction")
+EXTERNAL = ("inertia", "gravity", "pressure", "air", "damping", "friction")
 WITH_BODIES = ("body_contact", "friction")
 
 

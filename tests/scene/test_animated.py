@@ -103,7 +103,7 @@ def test_a_run_with_an_animated_body(tmp_path):
     assert run.status == "completed", run.reason
     certificate = run.summary["certificate"]
     assert certificate["intersection_free"]
-    assert certificate["energy_drift"] == "bodies or pins do work"
+    assert certificate["energy_drift"] == "bodies, pins or wind do work"
     for frame in range(len(run.times)):
         k = min(frame, 2)
         ((_, points, _),) = run.bodies(frame)

@@ -120,4 +120,4 @@ def test_it_says_what_was_judged_and_found():
     judged = {"cloth_body": "no body", "cloth_cloth": "not requested"}
     assert judged.items() <= Certificate().as_dict(judged).items()
     assert Certificate(intersecting_frames=(3,)).as_dict(judged)["intersection_free"] is False
-    assert Certificate(moved_by_script=True).as_dict(judged)["energy_drift"] == "bodies or pins do work"
+    assert Certificate(moved_by_script=True).as_dict(judged)["energy_drift"] == "bodies, pins or wind do work"

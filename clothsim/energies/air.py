@@ -1,0 +1,123 @@
+"""The effect `air`: drag and lift on every triangle in the wind that it feels.
+
+A triangle of area A and normal n that moves with v against the air w, v_rel = v - w, feels
+
+    F = -(rho / 2) A |v_rel| (C_n n n' + C_t (1 - n n')) v_rel,    C_n = drag, C_t = (1 - lift) drag
+
+(normal and tangential parts as in Wejchert & Haumann 1991, "Animation aerodynamics", with the square of the speed).
+Face on that is rho/2 A drag v^2; at an angle b between plate and wind the part across the wind, the lift, is
+rho/2 A drag lift v^2 sin b cos b. lift = 1 is a thin plate without skin friction, lift = 0 pure drag along the wind.
+
+|v_rel|, A and n are taken at the start of the step and held within it. Then the force is linear in v_rel and has the
+potential T |v_rel|^2 h / 2 with a tensor T that is positive semi-definite: the step is implicit in the velocity, its
+derivatives are exact and it cannot overshoot the wind, whatever dt is. The coefficient lags by a step: an error of
+first order in dt, also in BDF2.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.arrays import Floats, Ints, as_positive
+from clothsim.energies.base import ElementHessian, Energy, Off, Step
+from clothsim.energies.values import Schedule, over_cloth, schedule
+from clothsim.energies.wind import Wind, wind_of
+from clothsim.errors import InputError
+from clothsim.mesh.world import World
+
+
+@dataclass(frozen=True)
+class Air(Energy):
+    """E = sum d' T d / (2 h), d = y - y_n - h w, y the mean of a triangle's corners, so that d / h = v_rel.
+
+    triangles (m, 3); pressures rho C_n / 2 and rho C_t / 2, across and along (m,) [kg/m3]; wind and its strength, a
+    factor; origin (3,) [m] of x. Bound to a step: tensors T (m, 3, 3) [N s/m]; carried y_n + h w (m, 3) [m], where the
+    air would take the triangles; dt h [s]. In BDF2 x^ and b h (FORMULAS 2).
+    """
+
+    triangles: Ints
+    across: Floats
+    along: Floats
+    wind: Wind
+    strength: Schedule
+    origin: Floats
+    tensors: Floats
+    carried: Floats
+    dt: float
+
+    incremental = True
+
+    @property
+    def drives(self) -> bool:
+        """True where there is wind."""
+        return not (self.wind.still or self.strength.is_zero)
+
+    def begin(self, step: Step) -> Self:
+        """Bound to |v_rel|, areas and normals at the start of the step, and to the wind at its end.
+
+        A quasi-static ramp scales a wind of constant strength; one that varies in time is its own ramp.
+        """
+        past, corners = step.past, step.positions[self.triangles]
+        now = step.time + step.dt
+        share = self.strength.at(now) * (step.load if self.strength.is_constant else 1.0)
+        wind = share * self.wind.at(corners.mean(axis=1) + self.origin, now)
+        twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        areas = np.linalg.norm(twice, axis=1) / 2
+        normals = twice / np.maximum(2 * areas, np.finfo(float).tiny)[:, None]
+        felt = np.linalg.norm(step.velocities[self.triangles].mean(axis=1) - wind, axis=1)
+        projector = normals[:, :, None] * normals[:, None, :]
+        shape = self.along[:, None, None] * np.eye(3) + (self.across - self.along)[:, None, None] * projector
+        carried = past.positions[self.triangles].mean(axis=1) + past.dt * wind
+        return replace(self, tensors=(areas * felt)[:, None, None] * shape, carried=carried, dt=past.dt)
+
+    def value(self, x: Floats) -> float:
+        """Incremental dissipation [J]."""
+        d = self._relative(x)
+        return float(np.einsum("ti,tij,tj->", d, self.tensors, d)) / (2 * self.dt)
+
+    def gradient(self, x: Floats) -> Floats:
+        """T d / (3 h) on each corner, (N, 3) [N]."""
+        pulls = np.einsum("tij,tj->ti", self.tensors, self._relative(x)) / (3 * self.dt)
+        corners = self.triangles.ravel()
+        thirds = np.repeat(pulls, 3, axis=0)
+        return np.stack([np.bincount(corners, thirds[:, k], len(x)) for k in range(3)], axis=1)
+
+    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+        """T / (9 h) for each pair of corners [N/m]: constant, positive semi-definite and exact in one."""
+        return ElementHessian(self.triangles, np.tile(self.tensors / (9 * self.dt), (1, 3, 3)))
+
+    def _relative(self, x: Floats) -> Floats:
+        return x[self.triangles].mean(axis=1) - self.carried
+
+
+def air(
+    world: World,
+    *,
+    density: float = 1.2,
+    drag: Any = 1.0,
+    lift: Any = 0.9,
+    wind: ArrayLike | Any = (0.0, 0.0, 0.0),
+    strength: Any = 1.0,
+) -> Energy | Off:
+    """Air of a `density` [kg/m3], still or with a `wind` (`energies.wind`) times its `strength` over time.
+
+    drag: the coefficient of a triangle face on; lift, 0 to 1: how much of it acts along the normal alone; both may vary
+    over the cloth (`energies.values`). Off where the density or every drag is 0.
+    """
+    rho = as_positive("effects.air.density", density, zero=True)
+    across = over_cloth("effects.air.drag", drag, world, least=0.0)
+    lifts = over_cloth("effects.air.lift", lift, world, least=0.0)
+    if (lifts > 1).any():
+        raise InputError(f"effects.air.lift is {lifts.max():g} on triangle {lifts.argmax()}.", "Give it from 0 to 1.")
+    field, pace = wind_of("effects.air.wind", wind), schedule("effects.air.strength", strength)
+    if rho == 0:
+        return Off("the density of the air is 0")
+    felt = np.flatnonzero(across)
+    if not len(felt):
+        return Off("drag is 0")
+    across, along = rho / 2 * across[felt], rho / 2 * (across * (1 - lifts))[felt]
+    none = np.zeros((len(felt), 3))
+    tensors = np.zeros((len(felt), 3, 3))
+    return Air(world.triangles[felt], across, along, field, pace, world.origin, tensors, none, 1.0)
