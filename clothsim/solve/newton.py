@@ -28,8 +28,11 @@ SMALLEST_WAY = 1e-6
 LAST_PIECE = 1e-3
 """Share of a scripted way that may be gone at once, the free vertices standing, where contact leaves it free."""
 SHARE_OF_GAP = 0.1
-"""A step that changes a gap by more than this share of it is no convergence: close to contact Newton's step on the
-logarithm is about as long as the gap itself, however large the force."""
+"""The last piece of a scripted way may not be longer than this share of the smallest gap."""
+CHANGE_OF_GAP = 0.3
+"""A step that changes a gap by more than this share of it is no convergence. Close to contact Newton's step on the
+logarithm is about as long as the gap itself, however large the force F: d -> 2 d - F d^2, a change by 1 - F d. Where the
+change is .3, one more step leaves its square, 9 %."""
 MAX_SHIFTS = 12
 LONGEST = 32.0
 """How many times longer than Newton says a step of negative curvature may be."""
@@ -146,7 +149,7 @@ class Newton:
                 slope = dot(gradient, dx)
                 fraction = armijo(self.potential, x, dx, slope, limit)
                 close = speed < settings.tolerance and limit == 1.0
-                close = close and self.potential.gap_change(x, dx) <= SHARE_OF_GAP
+                close = close and self.potential.gap_change(x, dx) <= CHANGE_OF_GAP
                 done = close and (fraction == 1.0 or self._below_noise(x + dx, dx, slope, speed))
             if direction.bends and fraction == 1.0 and not done:
                 fraction = self._lengthened(x, dx)
