@@ -54,7 +54,7 @@ EFFECTS = {
     "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
     "pressure": Effect("clothsim.energies.pressure:pressure", "a fluid that pushes along the normals"),
     "air": Effect("clothsim.energies.air:air", "drag and lift in still air or wind"),
-    "damping": Effect("clothsim.energies.damping:damping", "mass-proportional drag"),
+    "damping": Effect("clothsim.energies.damping:damping", "drag on velocity, strain and folding"),
     "body_contact": Effect("clothsim.contact.body_contact:body_contact", "cloth against bodies"),
     "self_contact": Effect("clothsim.contact.self_contact:self_contact", "cloth against cloth"),
     "friction": Effect("clothsim.contact.friction:friction", "resistance of contacts to sliding"),

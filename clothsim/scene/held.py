@@ -22,7 +22,7 @@ def refuse_unheld(world: World, energies: Mapping[str, Energy], constraints: Ite
     one, as one may lie on another.
     """
     # Friction resists too, but only where something touches: it begins last, with the forces of contact.
-    resisted = any(energy.incremental and not energy.begins_last for energy in energies.values())
+    resisted = any(_resists(world, energy) for energy in energies.values() if not energy.begins_last)
     if resisted or "body_contact" in energies:
         return
     pieces = np.zeros(world.n_cloth, np.int64) if "self_contact" in energies else _pieces(world)
@@ -41,6 +41,17 @@ def refuse_unheld(world: World, energies: Mapping[str, Energy], constraints: Ite
                 f"Nothing holds {part} against its load of {load:.3g} N: no pin, no body_contact and no inertia.",
                 "Add effects.pins, a body and effects.body_contact, or effects.inertia.",
             )
+
+
+def _resists(world: World, energy: Energy) -> bool:
+    """Whether an incremental energy pulls back on what is moved as a whole: a drag on strain does not."""
+    if not energy.incremental:
+        return False
+    start = world.start()
+    none = np.zeros_like(start)
+    bound = energy.begin(Step(0.0, 1.0, start, none, 1.0, none))
+    pull = bound.gradient(start + 1.0) - bound.gradient(start)
+    return bool(np.abs(pull.sum(axis=0)).max() > ROUND_OFF * np.abs(pull).sum())
 
 
 def _pieces(world: World) -> Ints:

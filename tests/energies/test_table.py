@@ -24,6 +24,7 @@ KEYS = {
     "fibres": {"warp": 2.0, "weft": 1.5, "shear": 0.8, "angle_degrees": 20.0},
     "pressure": {"value": 1.7},
     "air": {"wind": {"kind": "vortex", "circulation": 9.0, "core": 0.5, "velocity": (1.0, 2.0, 0.5)}, "lift": 0.7},
+    "damping": {"rate": 1.0, "stiffness": 0.3, "strain_rate": 0.2},
     "body_contact": {"d_hat": 0.5, "stiffness": 2.0},
     "self_contact": {"d_hat": 0.4, "stiffness": 2.0},
     "friction": {"coefficient": 0.7, "eps_v": 0.3},

@@ -20,6 +20,8 @@ def built(effects, cloth=SHEET, body=()):
         (LOADED, SHEET, (), "cloth"),
         (LOADED, SHEET, BALL, "cloth"),  # a body that nothing lets it touch
         (LOADED | {"pins": {"select": []}}, SHEET, (), "cloth"),
+        (LOADED | {"damping": {"rate": 0, "strain_rate": 1.0}}, SHEET, (), "cloth"),  # it resists strain alone
+        (LOADED | {"air": {}}, SHEET, (), "cloth"),  # still air resists what moves already
         (LOADED | {"pins": {"select": [3]}}, TWO, (), "b"),
         (LOADED | {"self_contact": {}, "friction": {}}, TWO, (), "a"),
     ],

@@ -1,0 +1,117 @@
+"""Drag on the rate of strain and on that of folding: internal friction, which leaves rigid motions alone exactly.
+
+In the plane of a triangle, with Green's strain E = (F'F - 1) / 2 and its rate (E - E^) / h (Kelvin and Voigt's solid):
+
+    E = sum A / (2 h) (a |E - E^|^2 + l tr(E - E^)^2)
+
+About a hinge: beta k (theta - theta^)^2 / (2 h), k its stiffness: the spring of `hinge_bending` with theta^ at rest.
+With a = 2 beta mu, l = beta lam this is Rayleigh's beta K in small strains: a mode of frequency w decays with
+exp(-beta w^2 t / 2). E^, theta^: the past of strain and angle as the step's formula weighs it (see `history`).
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.energies.hinge_bending import HingeBending
+from clothsim.energies.history import past_of
+from clothsim.kinematics.triangle import deformation_gradients
+from clothsim.linalg import eigen_2x2
+from clothsim.mesh.hinges import dihedral_angles
+
+
+@dataclass(frozen=True)
+class StrainDamping(Energy):
+    """triangles (m, 3); inverses Dm^-1 (m, 2, 2) [1/m]; areas at rest (m,) [m2]; shear a, trace l (m,) [N s/m].
+
+    Bound to a step: past E^ (m, 2, 2) and dt h [s].
+    """
+
+    triangles: Ints
+    inverses: Floats
+    areas: Floats
+    shear: Floats
+    trace: Floats
+    past: Floats
+    dt: float
+
+    incremental = True
+
+    def begin(self, step: Step) -> Self:
+        """Bound to the strains before the step."""
+        return replace(self, past=past_of(step, self._strain), dt=step.past.dt)
+
+    def value(self, x: Floats) -> float:
+        """Incremental dissipation [J]."""
+        return float(np.einsum("tij,tij->", self._stress(x), self._strain(x) - self.past)) / 2
+
+    def gradient(self, x: Floats) -> Floats:
+        """F S g_p on corner p, (N, 3) [N]; F = sum of x_p g_p'."""
+        shares = np.einsum("tij,tjk,tpk->tpi", self._deformation(x), self._stress(x), self._g)
+        corners, flat = self.triangles.ravel(), shares.reshape(-1, 3)
+        return np.stack([np.bincount(corners, flat[:, k], len(x)) for k in range(3)], axis=1)
+
+    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+        """Blocks (m, 9, 9) [N/m]: g_p.S g_q 1 + A/h (a/2 (g_p.g_q F F' + F g_q (F g_p)') + l F g_p (F g_q)').
+
+        Projected: S without its compression; the rest is positive semi-definite by itself.
+        """
+        F, S, g = self._deformation(x), self._stress(x), self._g
+        if project:
+            values, vectors = eigen_2x2(S)
+            S = np.einsum("tik,tk,tjk->tij", vectors, np.maximum(values, 0.0), vectors)
+        Fg, scale = np.einsum("tij,tpj->tpi", F, g), self.areas / self.dt
+        half = 0.5 * scale * self.shear
+        blocks = np.einsum("tpi,tij,tqj,kl->tpkql", g, S, g, np.eye(3))
+        blocks += np.einsum("t,tpi,tqi,tkj,tlj->tpkql", half, g, g, F, F, optimize=True)
+        blocks += np.einsum("t,tqk,tpl->tpkql", half, Fg, Fg)
+        blocks += np.einsum("t,tpk,tql->tpkql", scale * self.trace, Fg, Fg)
+        return ElementHessian(self.triangles, blocks.reshape(-1, 9, 9))
+
+    @property
+    def _g(self) -> Floats:
+        """The gradients of the corners' shape functions at rest, (m, 3, 2) [1/m]."""
+        return np.concatenate([-self.inverses.sum(axis=1, keepdims=True), self.inverses], axis=1)
+
+    def _deformation(self, x: Floats) -> Floats:
+        return np.asarray(deformation_gradients(x, self.triangles, self.inverses), np.float64)
+
+    def _strain(self, x: Floats) -> Floats:
+        F = self._deformation(x)
+        return np.asarray(0.5 * (np.einsum("tki,tkj->tij", F, F) - np.eye(2)), np.float64)
+
+    def _stress(self, x: Floats) -> Floats:
+        """S = A/h (a (E - E^) + l tr(E - E^) 1), (m, 2, 2) [N m]."""
+        change = self._strain(x) - self.past
+        isotropic = (self.trace * np.trace(change, axis1=1, axis2=2))[:, None, None] * np.eye(2)
+        return (self.areas / self.dt)[:, None, None] * (self.shear[:, None, None] * change + isotropic)
+
+
+@dataclass(frozen=True)
+class HingeDamping(Energy):
+    """viscosities beta k (h,) [N m s]; spring: the hinges, with beta k / h and theta^ once they are bound to a step."""
+
+    viscosities: Floats
+    spring: HingeBending
+
+    incremental = True
+
+    def begin(self, step: Step) -> Self:
+        """Bound to the angles before the step."""
+        angles = past_of(step, lambda x: dihedral_angles(x, self.spring.vertices))
+        return replace(self, spring=HingeBending(self.spring.vertices, angles, self.viscosities / step.past.dt))
+
+    def value(self, x: Floats) -> float:
+        """Incremental dissipation [J]."""
+        return self.spring.value(x)
+
+    def gradient(self, x: Floats) -> Floats:
+        """(N, 3) [N]."""
+        return self.spring.gradient(x)
+
+    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+        """12 x 12 a hinge [N/m]."""
+        return self.spring.hessian(x, project)
