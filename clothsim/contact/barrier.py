@@ -11,6 +11,8 @@ from clothsim.contact.candidates import Candidates
 from clothsim.contact.stiffness import barrier_stiffness
 from clothsim.energies.base import ElementHessian, Energy, Step
 
+NOTHING = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12)))
+
 
 @dataclass(frozen=True)
 class Barrier(Energy):
@@ -54,18 +56,25 @@ class Barrier(Energy):
 
     def value(self, x: Floats) -> float:
         """Barrier energy [J]; +inf where a pair touches."""
-        value = self.stiffness * kernels.value(x, *self._pairs(x))
+        pairs = self._pairs(x)
+        if not len(pairs[0]):
+            return 0.0
+        value = self.stiffness * kernels.value(x, *pairs)
         return value if np.isfinite(value) else np.inf
 
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]: also on the rows of bodies, where it is the reaction's negative."""
-        return self.stiffness * kernels.gradient(x, *self._pairs(x))
+        pairs = self._pairs(x)
+        return self.stiffness * kernels.gradient(x, *pairs) if len(pairs[0]) else np.zeros_like(x)
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Blocks (p, 12, 12) [N/m] of the pairs; projected pair by pair, or exact."""
-        blocks = kernels.hessian(x, *self._pairs(x), project)
+        pairs = self._pairs(x)
+        if not len(pairs[0]):
+            return NOTHING
+        blocks = kernels.hessian(x, *pairs, project)
         blocks *= self.stiffness
-        return ElementHessian(self.candidates.near(x).elements, blocks)
+        return ElementHessian(pairs[0], blocks)
 
     def couplings(self, x: Floats) -> Ints:
         """The rows (p, 4) of the pairs of cloth with cloth that are in reach of a small step."""
@@ -84,8 +93,11 @@ class Barrier(Energy):
         stiffness [Pa]: that with which the gaps at x were found; least: share of d_hat; a pair that is closer pushes as
         one at this gap.
         """
-        weights, lines, slopes = kernels.pull(x, *self._pairs(x), least * self.d_hat)
-        return self.candidates.near(x).elements, weights, lines, -stiffness * slopes
+        pairs = self._pairs(x)
+        if not len(pairs[0]):
+            return NOTHING.elements, np.zeros((0, 4)), np.zeros((0, 3)), np.zeros(0)
+        weights, lines, slopes = kernels.pull(x, *pairs, least * self.d_hat)
+        return pairs[0], weights, lines, -stiffness * slopes
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The fraction of dx that is free of collision."""

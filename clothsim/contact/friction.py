@@ -59,6 +59,11 @@ class Friction(Energy):
     exact_in_newton = False  # it is positive semi-definite: the projected Hessian is the exact one
 
     @property
+    def idle(self) -> bool:
+        """True where no contact was lagged."""
+        return not len(self.elements)
+
+    @property
     def passes(self) -> int:
         """`iterations`."""
         return self.iterations

@@ -54,6 +54,11 @@ class Air(Energy):
         """True where there is wind."""
         return not (self.wind.still or self.strength.is_zero)
 
+    @property
+    def idle(self) -> bool:
+        """True where no triangle moves against the air."""
+        return not self.tensors.any()
+
     def begin(self, step: Step) -> Self:
         """Bound to |v_rel|, areas and normals at the start of the step, and to the wind at its end.
 

@@ -93,6 +93,11 @@ class Energy(abc.ABC):
         return False
 
     @property
+    def idle(self) -> bool:
+        """True where, bound to this step, it is 0 with all its derivatives at every x: the step leaves it out."""
+        return False
+
+    @property
     def passes(self) -> int:
         """How often a step is solved; before each pass but the first the energy is bound `again`."""
         return 1

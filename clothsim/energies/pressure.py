@@ -49,6 +49,11 @@ class Pressure(Energy):
     missing: Floats
     places: Floats
 
+    @property
+    def idle(self) -> bool:
+        """True where there is no pressure at this time."""
+        return not self.pressures.any()
+
     def begin(self, step: Step) -> Self:
         """Bound to the pressure at the end of the step and to the borders at its start.
 
@@ -67,6 +72,8 @@ class Pressure(Energy):
             missing=np.zeros_like(self.missing),
             places=x[self.border],
         )
+        if bound.idle:
+            return bound
         return replace(bound, missing=(bound._true_forces(x) + bound.gradient(x))[self.border])
 
     def value(self, x: Floats) -> float:

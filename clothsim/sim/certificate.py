@@ -105,7 +105,7 @@ def world_stretches(world: World, x: Floats) -> Floats:
 
 def _energies(world: World, report: StepReport, state: State) -> tuple[float, float, float]:
     """In the potential of a step: kinetic energy and Psi of a state, the step's E at it, the largest part [J]."""
-    energies = report.potential.energies
+    energies = report.potential.acting
     values = {name: energy.value(state.positions) for name, energy in energies.items()}
     stored = [value for name, value in values.items() if not energies[name].incremental]
     dynamic = len(stored) < len(values)

@@ -46,7 +46,7 @@ class IterateLog:
 
         def observe(iterate: Iterate) -> None:
             # Not by `potential.value`: the receipt counts the run's own evaluations.
-            energy = sum(energy.value(iterate.x) for energy in potential.energies.values())
+            energy = sum(energy.value(iterate.x) for energy in potential.acting.values())
             self._kept.append((solve, iterate, float(energy)))
             if len(self._kept) * iterate.x.nbytes > MOST_BYTES:
                 self._kept.popleft()

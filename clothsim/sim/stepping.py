@@ -166,10 +166,12 @@ def _solve(
     for _ in range(1, bound.passes):
         if not result.outcome.converged:
             break
-        bound = bound.again(result.x)
-        before = result.iterations
+        before, bound = bound, bound.again(result.x)
+        if not (before.lagging or bound.lagging):
+            break  # nothing was lagged, and nothing is: the same problem again
+        iterations = result.iterations
         result = _newton(integrator, state, h, bound).minimise(result.x, target)
-        result = replace(result, iterations=before + result.iterations)
+        result = replace(result, iterations=iterations + result.iterations)
     return bound, result
 
 

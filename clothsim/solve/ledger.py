@@ -10,7 +10,8 @@ from time import perf_counter
 class Account:
     """Counters of one effect. seconds: all of its time; parts: those of them that went into named searches.
 
-    pairs: how many it acts on now; hessian_nonzeros: numbers in the Hessian that it handed over last.
+    pairs: how many it acts on now; hessian_nonzeros: numbers in the Hessian that it handed over last. steps: how often
+    it was bound to a step, a try that failed too; idle_steps: in how many of them it had nothing to do.
     """
 
     seconds: float = 0.0
@@ -20,6 +21,8 @@ class Account:
     pairs: int = 0
     ccd_calls: int = 0
     hessian_nonzeros: int = 0
+    steps: int = 0
+    idle_steps: int = 0
     parts: dict[str, float] = field(default_factory=dict)
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -14,7 +15,10 @@ from clothsim.solve.ledger import Ledger
 
 @dataclass(frozen=True)
 class Potential:
-    """The named energies of a scene and the ledger that counts their calls."""
+    """The named energies of a scene and the ledger that counts their calls.
+
+    Those that are idle in this step keep their place but are not called: what the others give has the same bits.
+    """
 
     energies: Mapping[str, Energy]
     ledger: Ledger
@@ -28,13 +32,29 @@ class Potential:
             if not energy.begins_last:
                 with self.ledger.effect(name, ""):
                     bound[name] = energy.begin(step)
+                    if bound[name].idle:
+                        continue
                     pull = bound[name].gradient(step.positions)
                     gradient += slower * pull if energy.incremental else pull  # momentum m v / dt in contact's own time
         for name, energy in self.energies.items():
             if energy.begins_last:
                 with self.ledger.effect(name, ""):
                     bound[name] = energy.begin(replace(step, gradient=gradient, bound=dict(bound)))
+        for name, energy in bound.items():
+            account = self.ledger.effects[name]
+            account.steps += 1
+            account.idle_steps += energy.idle
         return replace(self, energies={name: bound[name] for name in self.energies})
+
+    @cached_property
+    def acting(self) -> Mapping[str, Energy]:
+        """The energies that have something to do in this step."""
+        return {name: energy for name, energy in self.energies.items() if not energy.idle}
+
+    @property
+    def lagging(self) -> Mapping[str, Energy]:
+        """Those of them for which a step is solved more than once."""
+        return {name: energy for name, energy in self.acting.items() if energy.passes > 1}
 
     @property
     def passes(self) -> int:
@@ -56,7 +76,7 @@ class Potential:
     def values(self, x: Floats) -> list[float]:
         """The energies one by one [J]; the list ends at the first that refuses x."""
         values = []
-        for name, energy in self.energies.items():
+        for name, energy in self.acting.items():
             with self.ledger.effect(name, "evaluations"):
                 values.append(energy.value(x))
             if not np.isfinite(values[-1]):
@@ -66,20 +86,20 @@ class Potential:
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]."""
         total = np.zeros_like(x)
-        for name, energy in self.energies.items():
+        for name, energy in self.acting.items():
             with self.ledger.effect(name, "gradients"):
                 total += energy.gradient(x)
         return total
 
     def hessians(self, x: Floats) -> "list[ElementHessian | sparse.csr_array]":
-        """The projected Hessian of each energy [N/m], in the order of the energies."""
-        return [self._hessian(name, x, True) for name in self.energies]
+        """The projected Hessian of each energy that acts [N/m], in the order of the energies."""
+        return [self._hessian(name, x, True) for name in self.acting]
 
     def exact_hessians(
         self, x: Floats, projected: "list[ElementHessian | sparse.csr_array]"
     ) -> "list[ElementHessian | sparse.csr_array]":
-        """The exact Hessian of each energy [N/m], or the one `projected` where that serves (contact)."""
-        pairs = zip(self.energies.items(), projected, strict=True)
+        """The exact Hessian of each energy that acts [N/m], or the one `projected` where that serves (contact)."""
+        pairs = zip(self.acting.items(), projected, strict=True)
         return [self._hessian(name, x, False) if energy.exact_in_newton else known for (name, energy), known in pairs]
 
     def _hessian(self, name: str, x: Floats, project: bool) -> "ElementHessian | sparse.csr_array":
@@ -91,7 +111,7 @@ class Potential:
     def couplings(self, x: Floats) -> list[Ints]:
         """Rows (m, k) that contact may couple near x, energy by energy; none where there is no contact."""
         found = []
-        for name, energy in self.energies.items():
+        for name, energy in self.acting.items():
             if type(energy).couplings is not Energy.couplings:
                 with self.ledger.effect(name, ""):
                     found.append(energy.couplings(x))
@@ -100,7 +120,7 @@ class Potential:
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The smallest of the energies' step limits, in (0, 1]."""
         limit = 1.0
-        for name, energy in self.energies.items():
+        for name, energy in self.acting.items():
             if type(energy).step_limit is not Energy.step_limit:
                 with self.ledger.effect(name, ""):
                     limit = min(limit, energy.step_limit(x, dx))
@@ -114,7 +134,7 @@ class Potential:
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance that any energy keeps [m], inf where none keeps one."""
         gap = np.inf
-        for name, energy in self.energies.items():
+        for name, energy in self.acting.items():
             if type(energy).minimum_gap is not Energy.minimum_gap:
                 with self.ledger.effect(name, ""):
                     gap = min(gap, energy.minimum_gap(x))
@@ -123,7 +143,7 @@ class Potential:
     def gap_change(self, x: Floats, dx: Floats) -> float:
         """The largest share by which the step changes a distance that any energy keeps."""
         change = 0.0
-        for name, energy in self.energies.items():
+        for name, energy in self.acting.items():
             if type(energy).gap_change is not Energy.gap_change:
                 with self.ledger.effect(name, ""):
                     change = max(change, energy.gap_change(x, dx))
