@@ -21,7 +21,9 @@ from clothsim.scene.effects import EFFECTS as TABLE
 SHORT = {"duration": 0.08, "frames_per_second": 25}
 PINS = {"pins": {"select": "corners"}}
 SHEET_TOO = {"fibres": {"warp": 20.0}, "strain_limit": {"limit": 2.0}}
-ALL = EFFECTS | PINS | SHEET_TOO | {"pressure": {"value": 0.1}, "air": {}, "self_contact": {}, "friction": {}}
+CREASE = {"through": [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]], "angle_degrees": 20.0}
+CREASED = {"rest_angle": {"crease": [CREASE]}}
+ALL = EFFECTS | PINS | SHEET_TOO | CREASED | {"pressure": {"value": 0.1}, "air": {}, "self_contact": {}, "friction": {}}
 
 
 def frames(run):
@@ -40,6 +42,7 @@ ZERO = {
     "gravity": ({"effects": EFFECTS | {"gravity": {"acceleration": [0, 0, 0]}}}, {"effects": without("gravity")}),
     "pressure": ({"effects": EFFECTS | {"pressure": {"value": 0}}}, {}),
     "strain_limit": ({"effects": EFFECTS | {"strain_limit": {"limit": 0, "begins": 0.1}}}, {}),
+    "rest_angle": ({"effects": EFFECTS | {"rest_angle": {"crease": [CREASE | {"angle_degrees": 0}]}}}, {}),
     "fibres": ({"effects": EFFECTS | {"fibres": {"warp": 0, "angle_degrees": 30}}}, {}),
     "air": ({"effects": EFFECTS | {"air": {"drag": 0, "wind": [5, 0, 0]}}}, {}),
     "damping": ({"effects": EFFECTS | {"damping": {"rate": 0}}}, {"effects": without("damping")}),

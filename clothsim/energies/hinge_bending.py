@@ -21,7 +21,7 @@ from numba import njit
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ElementHessian, Energy
-from clothsim.kinematics.hinge import Points, hinge_angle, hinge_angle_gradient, hinge_angle_hessian, hinge_point
+from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_angle_hessian, hinge_points
 from clothsim.mesh.hinges import Hinges
 
 
@@ -60,7 +60,7 @@ def hinge_bending(hinges: Hinges) -> HingeBending:
 def _value(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats) -> float:
     energy = 0.0
     for h in range(len(vertices)):
-        a, b, c, d = _points(x, vertices, h)
+        a, b, c, d = hinge_points(x, vertices, h)
         energy += 0.5 * stiffnesses[h] * (hinge_angle(a, b, c, d) - rest_angles[h]) ** 2
     return energy
 
@@ -70,7 +70,7 @@ def _gradient(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Float
     """k (theta - theta0) dtheta/dx."""
     gradient = np.zeros_like(x)
     for h in range(len(vertices)):
-        a, b, c, d = _points(x, vertices, h)
+        a, b, c, d = hinge_points(x, vertices, h)
         angle = hinge_angle(a, b, c, d)
         if np.isinf(angle):
             continue
@@ -87,7 +87,7 @@ def _hessian(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats
     """k g g' with g = dtheta/dx, and k (theta - theta0) d2theta/dx2 where `exact`."""
     blocks = np.zeros((len(vertices), 12, 12))
     for h in range(len(vertices)):
-        a, b, c, d = _points(x, vertices, h)
+        a, b, c, d = hinge_points(x, vertices, h)
         angle = hinge_angle(a, b, c, d)
         if np.isinf(angle):
             continue
@@ -103,13 +103,3 @@ def _hessian(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats
                     for j in range(3):
                         block[3 * k + i, 3 * m + j] += row * g[m][j]
     return blocks
-
-
-@njit(cache=True, error_model="numpy")
-def _points(x: Floats, vertices: Ints, h: int) -> Points:
-    return (
-        hinge_point(x, vertices[h, 0]),
-        hinge_point(x, vertices[h, 1]),
-        hinge_point(x, vertices[h, 2]),
-        hinge_point(x, vertices[h, 3]),
-    )

@@ -5,16 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints, as_points
+from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Constraint, Off, Prescribed
+from clothsim.energies.selection import check_tables, selected_vertices
 from clothsim.errors import InputError
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.motion import RigidMotion, rigid_motion
-from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World
 
 GROUP = ("select", "clamp", "motion")
-NAMED = ("corners", "left", "right", "top", "bottom", "boundary")
 
 
 @dataclass(frozen=True)
@@ -65,13 +64,16 @@ def pins(
 
     Returns the world, which clamps enlarge by ghosts, and the constraint; Off where nothing is selected.
     """
-    _check_groups(group)
+    check_tables("effects.pins.group", group, GROUP, ("select",))
     specs: list[Mapping[str, object]] = [{"select": select, "clamp": clamp, "motion": motion}, *group]
     for spec in specs:
         if not isinstance(spec.get("clamp", False), bool):
             raise InputError(f"effects.pins.clamp must be true or false, not {spec['clamp']!r}.")
     names = ["pins", *(f"pins.group[{k}]" for k in range(len(group)))]
-    chosen = [(_selection(world, spec.get("select", ())), spec, name) for spec, name in zip(specs, names, strict=True)]
+    chosen = [
+        (selected_vertices("effects.pins.select", world, spec.get("select", ())), spec, name)
+        for spec, name in zip(specs, names, strict=True)
+    ]
     chosen = [(vertices, spec, name) for vertices, spec, name in chosen if len(vertices)]
     if not chosen:
         return Off("no vertex is selected")
@@ -91,17 +93,6 @@ def pins(
     return world, Pins(tuple(groups))
 
 
-def _check_groups(groups: Sequence[Mapping[str, object]]) -> None:
-    for number, spec in enumerate(groups):
-        if not isinstance(spec, Mapping):
-            raise InputError(f"effects.pins.group[{number}] must be a table of keys, not {spec!r}.")
-        unknown = sorted(set(spec) - set(GROUP))
-        if unknown:
-            raise InputError(f"effects.pins.group[{number}] has no key {unknown[0]!r}.", f"Known: {', '.join(GROUP)}.")
-        if "select" not in spec:
-            raise InputError(f"effects.pins.group[{number}] has no select.", f"Known: {', '.join(NAMED)}, [indices].")
-
-
 def _motion(keys: Mapping[str, Sequence[float]], origin: Floats) -> RigidMotion:
     """The motion of a scene's keys, relative to the world's origin."""
     try:
@@ -110,63 +101,6 @@ def _motion(keys: Mapping[str, Sequence[float]], origin: Floats) -> RigidMotion:
         known = "velocity, rotate_degrees_per_second, centre"
         raise InputError(f"effects.pins.motion has an unknown key: {error}.", f"Known: {known}.") from error
     return replace(motion, centre=motion.centre - origin)
-
-
-def _selection(world: World, select: object) -> Ints:
-    """Rows of x that `select` names."""
-    if isinstance(select, str):
-        if select not in NAMED:
-            raise InputError(
-                f"effects.pins.select is {select!r}.", f"Known: {', '.join(NAMED)}, [indices], {{ box = [lo, hi] }}."
-            )
-        parts = [
-            _named(select, cloth.rest_positions, cloth.triangles) + rows.start
-            for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
-        ]
-        return np.concatenate(parts)
-    if isinstance(select, Mapping):
-        if set(select) != {"box"}:
-            raise InputError(f"effects.pins.select has the keys {sorted(select)}.", "It takes { box = [lo, hi] }.")
-        box = as_points("effects.pins.select.box", select["box"])
-        if len(box) != 2:
-            raise InputError(f"effects.pins.select.box has {len(box)} corners.", "Give two: [lo, hi].")
-        low, high = box
-        start = world.start()[: world.n_cloth] + world.origin
-        found = np.flatnonzero(((start >= low) & (start <= high)).all(axis=1))
-        if not len(found):
-            raise InputError("effects.pins.select.box holds no cloth vertex.", "Move or enlarge it.")
-        return found
-    indices = np.asarray(select)
-    if indices.size == 0:
-        return np.zeros(0, np.int64)
-    if indices.ndim != 1 or not np.issubdtype(indices.dtype, np.integer):
-        raise InputError(f"effects.pins.select must be vertex numbers, not {select!r}.")
-    bad = np.flatnonzero((indices < 0) | (indices >= world.n_cloth))
-    if bad.size:
-        raise InputError(
-            f"effects.pins.select[{bad[0]}] = {indices[bad[0]]} is no cloth vertex.",
-            f"The cloth has the vertices 0..{world.n_cloth - 1}.",
-        )
-    return np.unique(indices).astype(np.int64)
-
-
-def _named(name: str, rest: Floats, triangles: Ints) -> Ints:
-    """A named selection in the mesh's own frame: left and right along its x, bottom and top along its y."""
-    border = border_vertices(triangles)
-    if name == "boundary":
-        return border
-    x, y = rest[:, 0], rest[:, 1]
-    near = 1e-6 * max(np.ptp(x), np.ptp(y))
-    sides = {
-        "left": x <= x.min() + near,
-        "right": x >= x.max() - near,
-        "bottom": y <= y.min() + near,
-        "top": y >= y.max() - near,
-    }
-    if name in sides:
-        return np.flatnonzero(sides[name])
-    corners = [(a, b) for a in (x.min(), x.max()) for b in (y.min(), y.max())]
-    return np.unique([border[np.hypot(x[border] - a, y[border] - b).argmin()] for a, b in corners])
 
 
 def _refuse_shared(groups: Sequence[Ints]) -> None:

@@ -16,7 +16,7 @@ A hinge with a triangle that has no area to round-off (sine of the angle at its 
 import numpy as np
 from numba import njit
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, Ints
 
 Point = tuple[float, float, float]
 Points = tuple[Point, Point, Point, Point]
@@ -29,6 +29,17 @@ _NO_AREA = 1e-28
 def hinge_point(x: Floats, vertex: int) -> Point:
     """Row `vertex` of x (n, 3) as a tuple."""
     return x[vertex, 0], x[vertex, 1], x[vertex, 2]
+
+
+@njit(cache=True, error_model="numpy")
+def hinge_points(x: Floats, vertices: Ints, h: int) -> Points:
+    """The four points of row h of `vertices (h, 4)`."""
+    return (
+        hinge_point(x, vertices[h, 0]),
+        hinge_point(x, vertices[h, 1]),
+        hinge_point(x, vertices[h, 2]),
+        hinge_point(x, vertices[h, 3]),
+    )
 
 
 @njit(cache=True, error_model="numpy")

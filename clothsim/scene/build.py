@@ -37,7 +37,8 @@ def build(scene: Scene) -> Built:
     for name, effect in EFFECTS.items():
         if name not in scene.effects:
             continue
-        filled = {"backend": backend, "contacts": tuple(contact for contact in CONTACTS if contact in energies)}
+        contacts = tuple(contact for contact in CONTACTS if contact in energies)
+        filled = {"backend": backend, "contacts": contacts, "built": energies}
         keys = with_arrays(f"effects.{name}", scene.effects[name], scene.directory)
         try:
             made = effect.build(world, keys, filled)

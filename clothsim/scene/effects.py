@@ -40,8 +40,9 @@ class Effect:
         return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
 
 
-FILLED = ("backend", "contacts")
-"""Keywords of builders that no scene gives: the backend of [contact], and the names of the contacts that are on."""
+FILLED = ("backend", "contacts", "built")
+"""Keywords of builders that no scene gives: the backend of [contact], the names of the contacts that are on, and the
+energies that are on so far, by name."""
 
 
 EFFECTS = {
@@ -51,6 +52,7 @@ EFFECTS = {
     "fibres": Effect("clothsim.energies.fibres:fibres", "threads along warp and weft"),
     "strain_limit": Effect("clothsim.energies.strain_limit:strain_limit", "stretches stay below a limit"),
     "bending": Effect("clothsim.energies.bending:bending", "resistance to folding"),
+    "rest_angle": Effect("clothsim.energies.rest_angle:rest_angle", "creases and pleats, folded at rest"),
     "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
     "pressure": Effect("clothsim.energies.pressure:pressure", "a fluid that pushes along the normals"),
     "air": Effect("clothsim.energies.air:air", "drag and lift in still air or wind"),

@@ -20,6 +20,7 @@ from clothsim.scene.effects import CONTACTS, EFFECTS
 KEYS = {
     "pins": {"select": "corners", "motion": {"velocity": (1.0, 2.0, 3.0), "rotate_degrees_per_second": (0, 90, 0)}},
     "gravity": {"acceleration": (0.3, -0.4, -1.2)},
+    "rest_angle": {"crease": [{"vertices": [1, 4, 7, 10], "angle_degrees": [[0.0, 10.0], [2.0, 70.0]]}]},
     "strain_limit": {"limit": 3.0, "limit_warp": 3.5, "begins": 0.0},
     "fibres": {"warp": 2.0, "weft": 1.5, "shear": 0.8, "angle_degrees": 20.0},
     "pressure": {"value": 1.7},
@@ -46,7 +47,8 @@ def table_world():
 def made(name):
     """The effect on the table world: the energy bound to a step of order one or the constraint, and the world."""
     world = table_world()
-    thing = EFFECTS[name].build(world, KEYS.get(name, {}), {"contacts": ("body_contact",)})
+    filled = {"contacts": ("body_contact",), "built": {"bending": EFFECTS["bending"].build(world, {}, {})}}
+    thing = EFFECTS[name].build(world, KEYS.get(name, {}), filled)
     if isinstance(thing, tuple):
         return thing[1], thing[0]
     assert isinstance(thing, Energy), f"{name} is {thing}: give it something to do in KEYS"

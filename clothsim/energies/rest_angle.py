@@ -1,0 +1,121 @@
+"""The effect `rest_angle`: creases and pleats, lines along which the cloth is at rest when it is folded.
+
+The hinges along a crease get the rest angle that the scene names, constant or over time; their stiffness stays
+bending's, k = D |e|^2/(A1 + A2), so that a crease holds its angle against loads no better than the cloth bends.
+Two flat panels joined by one crease are at rest at exactly its angle, whatever k is. Angles count as hinges' do: 0 is
+flat, and positive folds the cloth towards its back.
+
+A line is snapped to the edges of the mesh (`mesh.paths`): along rows of a grid it is exact; across a mesh it zigzags,
+and hinges that are not on one line cannot all turn by the angle without stretch: draw creases along edges.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+
+from clothsim.arrays import Ints, as_points
+from clothsim.energies.base import Energy, Off, Step
+from clothsim.energies.hinge_bending import HingeBending
+from clothsim.energies.selection import check_tables, cloth_number, vertex_numbers
+from clothsim.energies.shifted_hinges import ShiftedHinges, hinges_of_bending
+from clothsim.energies.values import Schedule, schedule
+from clothsim.errors import InputError
+from clothsim.mesh.paths import path_along
+from clothsim.mesh.topology import unique_edges
+from clothsim.mesh.world import World
+
+KEYS = ("angle_degrees", "through", "vertices", "cloth")
+
+
+@dataclass(frozen=True)
+class RestAngle(ShiftedHinges):
+    """schedules: the angle of each crease [degrees]; counts_of_hinges: how many of the hinges are along each."""
+
+    schedules: tuple[Schedule, ...]
+    counts_of_hinges: tuple[int, ...]
+
+    @property
+    def drives(self) -> bool:
+        """True where an angle changes in time: a crease that folds does work on the cloth."""
+        return not all(angle.is_constant for angle in self.schedules)
+
+    def begin(self, step: Step) -> Self:
+        """Bound to the angles at the end of the step; a quasi-static ramp folds along constant ones bit by bit."""
+        now = step.time + step.dt
+        goals = np.repeat([_radians(angle, now) for angle in self.schedules], self.counts_of_hinges)
+        shares = np.repeat([step.load if a.is_constant else 1.0 for a in self.schedules], self.counts_of_hinges)
+        return replace(self, shifts=shares * (goals - self.references))
+
+
+def rest_angle(
+    world: World, *, crease: Sequence[Mapping[str, Any]] = (), built: Mapping[str, Energy] | None = None
+) -> Energy | Off:
+    """Creases, each a table: angle_degrees, a number or key frames, and where it is: `through`, a line [[x, y, z], ...]
+    in the coordinates of the mesh before it is placed [m], or `vertices`, numbers of its vertices: all edges with both
+    ends among them that lie inside; `cloth`: its name, where there are several.
+
+    InputError for a crease that is nowhere, at a border, at another one's edge, or of 180 degrees and more.
+    """
+    check_tables("effects.rest_angle.crease", crease, KEYS, ("angle_degrees",))
+    if not crease:
+        return Off("there is no crease")
+    hinges = hinges_of_bending("rest_angle", (built or {}).get("bending"))
+    if hinges is None:
+        return Off("the scene has no bending")
+    names = [f"effects.rest_angle.crease[{k}]" for k in range(len(crease))]
+    rows = [_hinges_along(name, world, keys, hinges) for name, keys in zip(names, crease, strict=True)]
+    schedules = tuple(
+        schedule(f"{name}.angle_degrees", keys["angle_degrees"]) for name, keys in zip(names, crease, strict=True)
+    )
+    for angle in schedules:
+        for time in angle.times:
+            _radians(angle, time)
+    chosen = np.concatenate(rows)
+    _refuse_twice(hinges, chosen)
+    references, stiffnesses = hinges.rest_angles[chosen], hinges.stiffnesses[chosen]
+    if not references.any() and all(angle.is_zero for angle in schedules):
+        return Off("every crease is flat, and so is the cloth at rest")
+    none = np.zeros(len(chosen))
+    return RestAngle(hinges.vertices[chosen], references, stiffnesses, none, schedules, tuple(map(len, rows)))
+
+
+def _radians(angle: Schedule, time: float) -> float:
+    degrees = angle.at(time)
+    if not abs(degrees) < 180:
+        raise InputError(f"{angle.name} is {degrees:g} at {time:g} s.", "A fold is flat again at 180 degrees: less.")
+    return float(np.radians(degrees))
+
+
+def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: HingeBending) -> Ints:
+    """The numbers of the hinges along a crease."""
+    if ("through" in keys) == ("vertices" in keys):
+        raise InputError(f"{name} needs through or vertices, one of them.", "through = [[x, y, z], [x, y, z]].")
+    number = cloth_number(name, world, keys.get("cloth"))
+    cloth, first = world.cloths[number], world.cloth_slices[number].start
+    edges = unique_edges(cloth.triangles)
+    at = {tuple(edge): h for h, edge in enumerate(np.sort(hinges.vertices[:, :2], axis=1).tolist())}
+    if "vertices" in keys:
+        group = vertex_numbers(f"{name}.vertices", keys["vertices"], len(cloth.positions)) + first
+        found = [h for edge, h in at.items() if np.isin(edge, group).all()]
+        if not found:
+            raise InputError(f"{name} has no edge between two triangles.", "Give neighbours inside the cloth.")
+        return np.array(found, np.int64)
+    points = as_points(f"{name}.through", keys["through"])
+    path = path_along(f"{name}.through", cloth.rest_positions, edges, points)
+    edges = np.sort(np.column_stack([path[:-1], path[1:]]), axis=1)
+    along = [at.get(tuple(edge)) for edge in (edges + first).tolist()]
+    if not along:
+        raise InputError(f"{name}.through begins and ends at the vertex {path[0]}.", "Draw a longer line.")
+    if None in along:
+        a, b = edges[along.index(None)]
+        raise InputError(f"{name}: nothing bends at the edge {a}-{b}.", "A crease lies between two triangles.")
+    return np.array(along, np.int64)
+
+
+def _refuse_twice(hinges: HingeBending, chosen: Ints) -> None:
+    twice = np.flatnonzero(np.bincount(chosen) > 1)
+    if twice.size:
+        a, b = hinges.vertices[twice[0], :2]
+        raise InputError(f"effects.rest_angle creases the edge {a}-{b} twice.", "Give each edge one angle.")

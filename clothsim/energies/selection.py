@@ -1,0 +1,106 @@
+"""What the scene's keys select: vertices, lines of vertices, one of the cloths, and lists of tables of keys."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints, as_points
+from clothsim.errors import InputError
+from clothsim.mesh.topology import border_vertices
+from clothsim.mesh.world import World
+
+NAMED = ("corners", "left", "right", "top", "bottom", "boundary")
+
+
+def check_tables(
+    where: str, tables: Sequence[Mapping[str, Any]], known: Sequence[str], needed: Collection[str]
+) -> None:
+    """InputError unless each of `tables` is a table, of `known` keys, with all the `needed` ones."""
+    if isinstance(tables, str | Mapping) or not isinstance(tables, Sequence):
+        raise InputError(f"{where} is of the wrong type: it must be a list of tables.", f"Write [[{where}]].")
+    for number, table in enumerate(tables):
+        if not isinstance(table, Mapping):
+            raise InputError(f"{where}[{number}] must be a table of keys, not {table!r}.")
+        unknown = sorted(set(table) - set(known))
+        if unknown:
+            raise InputError(f"{where}[{number}] has no key {unknown[0]!r}.", f"Known: {', '.join(known)}.")
+        missing = next((key for key in needed if key not in table), None)
+        if missing is not None:
+            raise InputError(f"{where}[{number}] has no {missing}.")
+
+
+def cloth_number(where: str, world: World, name: object) -> int:
+    """Which of the world's cloths is called `name`; None is the only one. InputError where that is not clear."""
+    names = [cloth.name for cloth in world.cloths]
+    if name is None and len(names) == 1:
+        return 0
+    if name not in names:
+        said = "does not say which cloth" if name is None else f"names {name!r}, which is no cloth"
+        raise InputError(f"{where} {said}.", f"Cloths: {', '.join(names)}.")
+    return names.index(str(name))
+
+
+def selected_vertices(where: str, world: World, select: object) -> Ints:
+    """Rows of x that `select` names: a side of every cloth, { box = [lo, hi] } at the start [m], or vertex numbers."""
+    if isinstance(select, str):
+        if select not in NAMED:
+            raise InputError(f"{where} is {select!r}.", f"Known: {', '.join(NAMED)}, [indices], {{ box = [lo, hi] }}.")
+        parts = [
+            _named(select, cloth.rest_positions, cloth.triangles) + rows.start
+            for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)
+        ]
+        return np.concatenate(parts)
+    if isinstance(select, Mapping):
+        return _in_box(where, world, select)
+    indices = np.asarray(select)
+    if indices.size == 0:
+        return np.zeros(0, np.int64)
+    return np.unique(vertex_numbers(where, indices, world.n_cloth))
+
+
+def vertex_numbers(where: str, numbers: Any, n_vertices: int) -> Ints:
+    """`numbers` as (k,) vertices of a cloth that has `n_vertices`, in their order."""
+    indices = np.asarray(numbers)
+    if indices.ndim != 1 or not np.issubdtype(indices.dtype, np.integer):
+        raise InputError(f"{where} must be vertex numbers, not {numbers!r}.")
+    bad = np.flatnonzero((indices < 0) | (indices >= n_vertices))
+    if bad.size:
+        raise InputError(
+            f"{where}[{bad[0]}] = {indices[bad[0]]} is no cloth vertex.",
+            f"The cloth has the vertices 0..{n_vertices - 1}.",
+        )
+    return indices.astype(np.int64)
+
+
+def _in_box(where: str, world: World, select: Mapping[str, Any]) -> Ints:
+    if set(select) != {"box"}:
+        raise InputError(f"{where} has the keys {sorted(select)}.", "It takes { box = [lo, hi] }.")
+    box = as_points(f"{where}.box", select["box"])
+    if len(box) != 2:
+        raise InputError(f"{where}.box has {len(box)} corners.", "Give two: [lo, hi].")
+    low, high = box
+    start = world.start()[: world.n_cloth] + world.origin
+    found = np.flatnonzero(((start >= low) & (start <= high)).all(axis=1))
+    if not len(found):
+        raise InputError(f"{where}.box holds no cloth vertex.", "Move or enlarge it.")
+    return found
+
+
+def _named(name: str, rest: Floats, triangles: Ints) -> Ints:
+    """A named selection in the mesh's own frame: left and right along its x, bottom and top along its y."""
+    border = border_vertices(triangles)
+    if name == "boundary":
+        return border
+    x, y = rest[:, 0], rest[:, 1]
+    near = 1e-6 * max(np.ptp(x), np.ptp(y))
+    sides = {
+        "left": x <= x.min() + near,
+        "right": x >= x.max() - near,
+        "bottom": y <= y.min() + near,
+        "top": y >= y.max() - near,
+    }
+    if name in sides:
+        return np.flatnonzero(sides[name])
+    corners = [(a, b) for a in (x.min(), x.max()) for b in (y.min(), y.max())]
+    return np.unique([border[np.hypot(x[border] - a, y[border] - b).argmin()] for a, b in corners])
