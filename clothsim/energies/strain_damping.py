@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
+from numba import njit
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ElementHessian, Energy, Step
@@ -63,13 +64,8 @@ class StrainDamping(Energy):
         if project:
             values, vectors = eigen_2x2(S)
             S = np.einsum("tik,tk,tjk->tij", vectors, np.maximum(values, 0.0), vectors)
-        Fg, scale = np.einsum("tij,tpj->tpi", F, g), self.areas / self.dt
-        half = 0.5 * scale * self.shear
-        blocks = np.einsum("tpi,tij,tqj,kl->tpkql", g, S, g, np.eye(3))
-        blocks += np.einsum("t,tpi,tqi,tkj,tlj->tpkql", half, g, g, F, F, optimize=True)
-        blocks += np.einsum("t,tqk,tpl->tpkql", half, Fg, Fg)
-        blocks += np.einsum("t,tpk,tql->tpkql", scale * self.trace, Fg, Fg)
-        return ElementHessian(self.triangles, blocks.reshape(-1, 9, 9))
+        scale = self.areas / self.dt
+        return ElementHessian(self.triangles, _blocks(F, S, g, scale * self.shear, scale * self.trace))
 
     @property
     def _g(self) -> Floats:
@@ -115,3 +111,27 @@ class HingeDamping(Energy):
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """12 x 12 a hinge [N/m]."""
         return self.spring.hessian(x, project)
+
+
+@njit(cache=True, error_model="numpy")
+def _blocks(F: Floats, S: Floats, g: Floats, shear: Floats, trace: Floats) -> Floats:
+    """The blocks of `StrainDamping.hessian`; shear = A a / h, trace = A l / h."""
+    blocks = np.empty((len(F), 9, 9))
+    left, Fg = np.empty((3, 3)), np.empty((3, 3))
+    for t in range(len(F)):
+        for i in range(3):
+            for j in range(3):
+                left[i, j] = F[t, i, 0] * F[t, j, 0] + F[t, i, 1] * F[t, j, 1]
+                Fg[j, i] = F[t, i, 0] * g[t, j, 0] + F[t, i, 1] * g[t, j, 1]
+        for p in range(3):
+            for q in range(3):
+                along = 0.0
+                for i in range(2):
+                    along += g[t, p, i] * (S[t, i, 0] * g[t, q, 0] + S[t, i, 1] * g[t, q, 1])
+                turn = 0.5 * shear[t] * (g[t, p, 0] * g[t, q, 0] + g[t, p, 1] * g[t, q, 1])
+                for i in range(3):
+                    for j in range(3):
+                        swap, same = Fg[q, i] * Fg[p, j], Fg[p, i] * Fg[q, j]
+                        entry = turn * left[i, j] + 0.5 * shear[t] * swap + trace[t] * same
+                        blocks[t, 3 * p + i, 3 * q + j] = entry + along if i == j else entry
+    return blocks

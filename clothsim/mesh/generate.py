@@ -71,6 +71,20 @@ def tube(
     return positions, cut_quads(lattice_quads(around, along, closed=True), checkerboard(around, along))
 
 
+def pillow(radius: float = 0.5, cells: int = 20, gap: float = 0.002) -> tuple[Floats, Ints]:
+    """Two disks of `radius` [m] in `cells` rings, joined at their rim, facing outward: a closed balloon without air.
+
+    gap [m]: how far the disks are apart in the middle, falling to 0 at the rim as 1 - (r / radius)^2.
+    """
+    gap = as_positive("gap", gap)
+    flat, triangles = disk(radius, cells)
+    rim = len(flat) - 6 * cells
+    lift = np.zeros_like(flat)
+    lift[:rim, 2] = 0.5 * gap * (1 - (flat[:rim] ** 2).sum(axis=1) / radius**2)
+    below = np.concatenate([len(flat) + np.arange(rim), np.arange(rim, len(flat))])
+    return np.concatenate([flat + lift, (flat - lift)[:rim]]), np.concatenate([triangles, below[triangles[:, ::-1]]])
+
+
 def _right(nx: int, ny: int) -> tuple[Floats, Ints]:
     return lattice_points(nx, ny), cut_quads(lattice_quads(nx, ny), np.zeros(nx * ny, np.int64))
 
@@ -141,6 +155,7 @@ GENERATORS: dict[str, Callable[..., tuple[Floats, Ints]]] = {
     "rectangle": rectangle,
     "disk": disk,
     "tube": tube,
+    "pillow": pillow,
     "sphere": sphere,
     "slab": slab,
     "capsule": capsule,

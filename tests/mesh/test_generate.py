@@ -5,17 +5,18 @@ import pytest
 
 from clothsim.errors import InputError
 from clothsim.mesh.check import examine
-from clothsim.mesh.generate import GENERATORS, capsule, cone, disk, rectangle, slab, sphere, tube
+from clothsim.mesh.generate import GENERATORS, capsule, cone, disk, pillow, rectangle, slab, sphere, tube
 from clothsim.mesh.topology import border_edges, unique_edges
 
 DIAGONALS = ("right", "alternating", "crisscross", "delaunay")
-CLOSED = ("sphere", "slab", "capsule", "cone")
+CLOSED = ("pillow", "sphere", "slab", "capsule", "cone")
 STANDING = ("mannequin", "shirt", "skirt", "trousers")
 """Not centred: they are where they stand, and have tests of their own."""
 SMALL = {
     "rectangle": {"size": (0.7, 0.4), "cells": (6, 5)},
     "disk": {"radius": 0.3, "cells": 4},
     "tube": {"radius": 0.2, "height": 0.5, "cells": (10, 4)},
+    "pillow": {"radius": 0.3, "cells": 4, "gap": 0.01},
     "sphere": {"radius": 0.3, "subdivisions": 2},
     "slab": {"size": (0.5, 0.3, 0.1), "cells": (3, 2, 1)},
     "capsule": {"radius": 0.1, "height": 0.5, "segments": 12},
@@ -101,6 +102,19 @@ def test_delaunay_rectangle_is_irregular_decent_and_always_the_same():
     assert np.radians(20) < smallest_angle(positions, triangles) < np.radians(40)
     valence = np.bincount(triangles.ravel())
     assert valence.max() > 6
+
+
+def test_a_pillow_is_two_disks_joined_at_their_rim():
+    positions, triangles = pillow(radius=0.3, cells=5, gap=0.01)
+    flat, half = disk(radius=0.3, cells=5)
+    assert np.array_equal(positions[: len(flat), :2], flat[:, :2])
+    assert len(positions) == 2 * len(flat) - 30
+    assert len(triangles) == 2 * len(half)
+    rim = np.hypot(*positions[:, :2].T) > 0.3 - 1e-12
+    assert rim.sum() == 30
+    assert not positions[rim, 2].any()
+    assert np.ptp(positions[:, 2]) == pytest.approx(0.01)
+    assert volume(positions, triangles) == pytest.approx(np.pi * 0.3**2 * 0.01 / 2, rel=0.05)
 
 
 @pytest.mark.parametrize("rings", [1, 2, 7])
