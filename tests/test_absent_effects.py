@@ -12,6 +12,7 @@ import sys
 
 import numpy as np
 import pytest
+from import_graph import home, own
 from small_scenes import BALL, EFFECTS, SHEET, SOLVER, small_scene, without
 
 import clothsim.contact
@@ -22,7 +23,8 @@ SHORT = {"duration": 0.08, "frames_per_second": 25}
 PINS = {"pins": {"select": "corners"}}
 SHEET_TOO = {"fibres": {"warp": 20.0}, "strain_limit": {"limit": 2.0}}
 CREASE = {"through": [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]], "angle_degrees": 20.0}
-CREASED = {"rest_angle": {"crease": [CREASE]}}
+TETHER = {"select": "corners", "stiffness": 5.0}
+CREASED = {"rest_angle": {"crease": [CREASE]}, "springs": {"spring": [TETHER]}}
 ALL = EFFECTS | PINS | SHEET_TOO | CREASED | {"pressure": {"value": 0.1}, "air": {}, "self_contact": {}, "friction": {}}
 
 
@@ -43,6 +45,7 @@ ZERO = {
     "pressure": ({"effects": EFFECTS | {"pressure": {"value": 0}}}, {}),
     "strain_limit": ({"effects": EFFECTS | {"strain_limit": {"limit": 0, "begins": 0.1}}}, {}),
     "rest_angle": ({"effects": EFFECTS | {"rest_angle": {"crease": [CREASE | {"angle_degrees": 0}]}}}, {}),
+    "springs": ({"effects": EFFECTS | {"springs": {"spring": [TETHER | {"stiffness": 0}]}}}, {}),
     "fibres": ({"effects": EFFECTS | {"fibres": {"warp": 0, "angle_degrees": 30}}}, {}),
     "air": ({"effects": EFFECTS | {"air": {"drag": 0, "wind": [5, 0, 0]}}}, {}),
     "damping": ({"effects": EFFECTS | {"damping": {"rate": 0}}}, {"effects": without("damping")}),
@@ -123,14 +126,11 @@ assert clothsim.simulate(scene, {str(tmp_path)!r}).status == "completed"
     assert modules_after(code) == f"{heavy} True"
 
 
-KERNELS = {
-    "membrane": ["clothsim.energies.membrane_kernels", "clothsim.energies.neo_hookean"],
-    "bending": [f"clothsim.energies.{model}_bending" for model in ("hinge", "quadratic", "midedge")],
-    "strain_limit": ["clothsim.energies.strain_limit_kernels"],
-    "friction": ["clothsim.contact.friction_kernels"],
+SHARED = {
+    "bending": ["clothsim.energies.hinge_bending"],
     "body_contact": [f"clothsim.contact.{module.name}" for module in pkgutil.iter_modules(clothsim.contact.__path__)],
 }
-"""Modules that serve one effect alone, beside its builder's."""
+"""Modules that others import too, but that nobody calls in a scene without the effect (`scene_without`)."""
 
 
 def raising(name):
@@ -144,7 +144,7 @@ def poison(monkeypatch, name):
     """Every function and method in the modules of an effect raises; returns how many do."""
 
     count = 0
-    for module_name in {TABLE[name].builder.split(":")[0], *KERNELS.get(name, [])}:
+    for module_name in {home(name), *own(name), *SHARED.get(name, [])}:
         module = importlib.import_module(module_name)
         for key, thing in list(vars(module).items()):
             if getattr(thing, "__module__", None) != module_name:

@@ -19,11 +19,17 @@ SHORT = {"duration": 0.08, "frames_per_second": 25}
 FAR = BALL | {"position": [0.0, 0.0, -50.0]}
 AT_REST = {"inertia": {}, "damping": {}}
 LATER = [[0.0, 0.0], [0.05, 0.0], [0.06, 20.0]]
-"""Nothing until .05 s, then 20 [Pa]: at the end of the third step of .02 s."""
+"""Nothing until .05 s, then 20 [Pa, degrees]: at the end of the third step of .02 s."""
+CREASE = {"through": [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]]}
 
 LEFT_OUT = {
     "friction": ({"body": FAR, "effects": EFFECTS}, {"iterations": 3}, {}),
     "pressure": ({"effects": EFFECTS}, {"value": [[0.0, 0.0], [10.0, 0.0], [11.0, 5.0]]}, {"value": LATER}),
+    "rest_angle": (
+        {"effects": EFFECTS},
+        {"crease": [CREASE | {"angle_degrees": [[0.0, 0.0], [10.0, 0.0], [11.0, 30.0]]}]},
+        {"crease": [CREASE | {"angle_degrees": LATER}]},
+    ),
     "air": ({"body": (), "effects": AT_REST}, {}, {}),
 }
 """Scene without the effect; its keys, with which it is idle in every step; keys with which, on a falling sheet, it is

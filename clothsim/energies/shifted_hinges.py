@@ -33,6 +33,11 @@ class ShiftedHinges(Energy):
     stiffnesses: Floats
     shifts: Floats
 
+    @property
+    def idle(self) -> bool:
+        """True where no angle is shifted."""
+        return not self.shifts.any()
+
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
         active = self._active()

@@ -1,0 +1,71 @@
+"""Which modules of the package import which, read from the sources: what an effect needs, and what only it needs."""
+
+import ast
+from functools import cache
+from pathlib import Path
+
+import clothsim
+from clothsim.scene.effects import EFFECTS
+
+PACKAGE = Path(clothsim.__file__).parent
+FLOORS = ("clothsim.energies.", "clothsim.contact.")
+"""Where effects live."""
+
+
+def _name(file):
+    return ".".join(["clothsim", *file.relative_to(PACKAGE).with_suffix("").parts]).removesuffix(".__init__")
+
+
+FILES = {_name(file): file for file in PACKAGE.rglob("*.py")}
+
+
+@cache
+def imports(module, within_functions):
+    """The modules of the package that a module imports, at its top or also inside of its functions."""
+    found = set()
+    todo = [ast.parse(FILES[module].read_text(encoding="utf-8"))]
+    while todo:
+        for node in ast.iter_child_nodes(todo.pop()):
+            if isinstance(node, ast.FunctionDef) and not within_functions:
+                continue
+            if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+                continue
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            if isinstance(node, ast.ImportFrom) and node.module:
+                found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+            todo.append(node)
+    return frozenset(found & set(FILES))
+
+
+def reached(*roots, within_functions):
+    """The modules that importing the roots imports, or, within functions too, may come to import."""
+    seen, todo = set(), list(roots)
+    while todo:
+        module = todo.pop()
+        if module not in seen:
+            seen.add(module)
+            todo += [*imports(module, within_functions), *([module.rpartition(".")[0]] if "." in module else [])]
+    return seen
+
+
+def of_effects(modules):
+    """Those of the modules in which effects live."""
+    return {module for module in modules if module.startswith(FLOORS)}
+
+
+def home(name):
+    """The module of an effect's builder."""
+    return EFFECTS[name].builder.split(":")[0]
+
+
+def needed(*names):
+    """The modules of effects that a scene with these effects imports (a membrane of the default material)."""
+    return of_effects(reached("clothsim", "clothsim.drape", *map(home, names), within_functions=False))
+
+
+def own(name):
+    """The modules of effects that serve this one alone."""
+    others = [home(other) for other in EFFECTS if other != name]
+    mine, theirs = (of_effects(reached(*roots, within_functions=True)) for roots in ([home(name)], others))
+    return mine - theirs - needed()
