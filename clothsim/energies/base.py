@@ -98,6 +98,11 @@ class Energy(abc.ABC):
         return False
 
     @property
+    def holds(self) -> Ints:
+        """Rows of x that it ties to places of the world: what is held so has an equilibrium under a load."""
+        return np.zeros(0, np.int64)
+
+    @property
     def passes(self) -> int:
         """How often a step is solved; before each pass but the first the energy is bound `again`."""
         return 1

@@ -1,7 +1,7 @@
 """The effect `pins`: vertices that are held, or carried along a scripted rigid motion."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from clothsim.energies.base import Constraint, Off, Prescribed
 from clothsim.energies.selection import check_tables, selected_vertices
 from clothsim.errors import InputError
 from clothsim.mesh.clamp import clamped
-from clothsim.mesh.motion import RigidMotion, rigid_motion
+from clothsim.mesh.motion import RigidMotion, motion_of
 from clothsim.mesh.world import World
 
 GROUP = ("select", "clamp", "motion")
@@ -89,18 +89,8 @@ def pins(
             raise InputError(f"effects.pins.motion must be a table of keys, not {given!r}.")
         keys = dict(given)
         keys.setdefault("centre", start[vertices].mean(axis=0) + world.origin)
-        groups.append(PinGroup(rows, start[rows], _motion(keys, world.origin), name))
+        groups.append(PinGroup(rows, start[rows], motion_of("effects.pins.motion", keys, world.origin), name))
     return world, Pins(tuple(groups))
-
-
-def _motion(keys: Mapping[str, Sequence[float]], origin: Floats) -> RigidMotion:
-    """The motion of a scene's keys, relative to the world's origin."""
-    try:
-        motion = rigid_motion(**keys)  # type: ignore[arg-type]
-    except TypeError as error:
-        known = "velocity, rotate_degrees_per_second, centre"
-        raise InputError(f"effects.pins.motion has an unknown key: {error}.", f"Known: {known}.") from error
-    return replace(motion, centre=motion.centre - origin)
 
 
 def _refuse_shared(groups: Sequence[Ints]) -> None:

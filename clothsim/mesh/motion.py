@@ -1,6 +1,8 @@
 """How a body moves: rigidly, or through frames that somebody animated. Both carry its vertices of time 0 to a time."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -80,6 +82,16 @@ def rigid_motion(
         np.radians(as_vector("motion.rotate_degrees_per_second", rotate_degrees_per_second)),
         as_vector("motion.centre", centre),
     )
+
+
+def motion_of(where: str, keys: Mapping[str, Any], origin: Floats) -> RigidMotion:
+    """The motion of a scene's keys, relative to the world's `origin (3,)` [m]."""
+    try:
+        motion = rigid_motion(**keys)
+    except TypeError as error:
+        known = "velocity, rotate_degrees_per_second, centre"
+        raise InputError(f"{where} has an unknown key: {error}.", f"Known: {known}.") from error
+    return replace(motion, centre=motion.centre - origin)
 
 
 def frame_motion(frames: Floats, frames_per_second: float) -> FrameMotion:

@@ -54,6 +54,7 @@ EFFECTS = {
     "bending": Effect("clothsim.energies.bending:bending", "resistance to folding"),
     "rest_angle": Effect("clothsim.energies.rest_angle:rest_angle", "creases and pleats, folded at rest"),
     "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
+    "springs": Effect("clothsim.energies.springs:springs", "vertices tied to places: springs, tethers, soft pins"),
     "pressure": Effect("clothsim.energies.pressure:pressure", "a fluid that pushes along the normals"),
     "air": Effect("clothsim.energies.air:air", "drag and lift in still air or wind"),
     "damping": Effect("clothsim.energies.damping:damping", "drag on velocity, strain and folding"),

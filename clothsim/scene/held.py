@@ -16,7 +16,7 @@ ROUND_OFF = 1e-9
 
 
 def refuse_unheld(world: World, energies: Mapping[str, Energy], constraints: Iterable[Constraint]) -> None:
-    """InputError for a piece of cloth with a load, no pin, no contact with a body, and no inertia or damping.
+    """InputError for a piece of cloth with a load, no pin or spring, no contact with a body, and no inertia or damping.
 
     The forces within a piece cancel, so that what is left of their sum is a load. With self_contact all pieces count as
     one, as one may lie on another.
@@ -29,6 +29,8 @@ def refuse_unheld(world: World, energies: Mapping[str, Energy], constraints: Ite
     held = np.zeros(world.n_vertices, bool)
     for constraint in constraints:
         held[constraint.at(0.0).vertices] = True
+    for energy in energies.values():
+        held[energy.holds] = True
     forces = _forces(world, energies)
     for piece in np.setdiff1d(pieces, pieces[held[: world.n_cloth]]):
         of_piece = np.flatnonzero(pieces == piece)

@@ -26,11 +26,12 @@ KEYS = {
     "pressure": {"value": 1.7},
     "air": {"wind": {"kind": "vortex", "circulation": 9.0, "core": 0.5, "velocity": (1.0, 2.0, 0.5)}, "lift": 0.7},
     "damping": {"rate": 1.0, "stiffness": 0.3, "strain_rate": 0.2},
+    "springs": {"spring": [{"select": "left", "stiffness": 2.0, "to": [0.0, 0.0, 1.0], "rest_length": 0.6}]},
     "body_contact": {"d_hat": 0.5, "stiffness": 2.0},
     "self_contact": {"d_hat": 0.4, "stiffness": 2.0},
     "friction": {"coefficient": 0.7, "eps_v": 0.3},
 }
-EXTERNAL = ("inertia", "gravity", "pressure", "air", "damping", "friction")
+EXTERNAL = ("inertia", "gravity", "springs", "pressure", "air", "damping", "friction")
 WITH_BODIES = ("body_contact", "friction")
 
 

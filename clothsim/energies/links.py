@@ -1,0 +1,70 @@
+"""Straight links: springs and strings between points of the cloth, or from them to places.
+
+    E = sum k/2 (|r| - L)^2,   r = sum w x - c        [J]
+
+over the rows x of a link, with weights w; c is a place, or 0 where the weights sum to 0. A slack link is a string: it
+adds nothing, exactly, where |r| <= L. With n = r/|r| the Hessian in r is k n n' + k (1 - L/|r|) (I - n n'); projected,
+its second eigenvalue, negative in a compressed spring, is cut at 0. A stretched string is semi-definite as it is.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.energies.base import ElementHessian, Energy
+
+
+@dataclass(frozen=True)
+class Links(Energy):
+    """rows (m, j) of x and weights w (m, j); places c (m, 3) [m]; lengths L (m,) [m]; stiffnesses k (m,) [N/m];
+    slack (m,): which are strings. A link of no stiffness is not there.
+    """
+
+    rows: Ints
+    weights: Floats
+    places: Floats
+    lengths: Floats
+    stiffnesses: Floats
+    slack: np.ndarray
+
+    def value(self, x: Floats) -> float:
+        """E(x) [J]."""
+        active, _, distances = self._active(x)
+        return 0.5 * float(np.sum(self.stiffnesses[active] * (distances - self.lengths[active]) ** 2))
+
+    def gradient(self, x: Floats) -> Floats:
+        """dE/dx, (N, 3) [N]."""
+        active, lines, distances = self._active(x)
+        gradient = np.zeros_like(x)
+        tension = self.stiffnesses[active] * (distances - self.lengths[active])
+        pulls = (tension / np.where(distances > 0, distances, 1.0))[:, None] * lines
+        shares = self.weights[active][:, :, None] * pulls[:, None]
+        np.add.at(gradient, self.rows[active].ravel(), shares.reshape(-1, 3))
+        return gradient
+
+    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+        """Blocks (m', 3 j, 3 j) [N/m] of the links that act."""
+        active, lines, distances = self._active(x)
+        known = distances > 0
+        directions = lines / np.where(known, distances, 1.0)[:, None]
+        across = np.where(known, 1 - self.lengths[active] / np.where(known, distances, 1.0), 1.0)
+        if project:
+            across = np.maximum(across, 0.0)
+        along = directions[:, :, None] * directions[:, None, :]
+        inner = across[:, None, None] * np.eye(3) + (1 - across)[:, None, None] * along
+        inner *= self.stiffnesses[active][:, None, None]
+        w, j = self.weights[active], self.rows.shape[1]
+        blocks = np.einsum("ma,mb,mpq->mapbq", w, w, inner).reshape(-1, 3 * j, 3 * j)
+        return ElementHessian(self.rows[active], blocks)
+
+    def lines(self, x: Floats) -> Floats:
+        """r of every link, (m, 3) [m]."""
+        return np.einsum("mj,mjp->mp", self.weights, x[self.rows]) - self.places
+
+    def _active(self, x: Floats) -> tuple[Ints, Floats, Floats]:
+        """The links that act, their r (m', 3) and |r| (m',) [m]."""
+        lines = self.lines(x)
+        distances = np.linalg.norm(lines, axis=1)
+        active = np.flatnonzero((self.stiffnesses > 0) & (~self.slack | (distances > self.lengths)))
+        return active, lines[active], distances[active]
