@@ -17,6 +17,7 @@ from clothsim.study.accuracy.cost import predicted_seconds
 from clothsim.study.accuracy.points import BASE, Bench, Outcome, Point
 from clothsim.study.accuracy.pool import Answer, Job, Runner
 from clothsim.study.accuracy.sample import Material, at_points_of, material_of
+from clothsim.study.accuracy.worker import SHORT, TIMES
 
 STUDY_NAME, FOLDER = "study.json", "points"
 FIRST_GUESS = {"draft": 0.2, "fine": 12.0}
@@ -86,6 +87,7 @@ class Gatherer:
             where = jobs[str(job.target)][0]
             left = self.deadline - monotonic()
             guess = self._guess(where) * self.slowness
+            guess *= TIMES if guess < SHORT else 1
             if guess > left * (1.0 if share == 1.0 else share * self.cores):
                 self.left_out[where] = f"it would take about {guess:.0f} s, and {max(left, 0):.0f} s were left"
                 return False

@@ -13,6 +13,7 @@ from clothsim.study.accuracy.analysis import Findings, Recommendation, findings,
 from clothsim.study.accuracy.gather import Gatherer
 from clothsim.study.accuracy.points import BASE, CONVERGENT, Bench, Point, written
 from clothsim.study.accuracy.reference import Norm
+from clothsim.study.accuracy.worker import SHORT, TIMES
 
 MM = 1e-3
 """Errors are told in millimetres."""
@@ -262,7 +263,7 @@ def _method(result: Mapping[str, Any]) -> list[str]:
         "A point marked * is closer to it than ten times that.",
         f"Twins, one with a start jittered by a millionth of the size, end {_mm(result['twins_differ'])} apart.",
         f"Time: seconds of the processor, one thread, warm-up (up to {warm:.1f} s of loading and compiling) apart; "
-        f"{result['workers']:g} processes at a time.",
+        f"{result['workers']:g} processes at a time; runs below {SHORT:g} s: the median of {TIMES}.",
         f"{result['date']}: {result['seconds']:.0f} s of a budget of {result['budget']:.0f} s, "
         f"{result['reused']} runs taken from an earlier study.",
         *(f"{text}." for text in _invariants(result["invariants"])),
