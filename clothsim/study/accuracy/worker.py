@@ -54,10 +54,12 @@ def _run(job: dict[str, Any]) -> dict[str, Any]:
             scene = replace(scene, seed=_jittered(scene, job["seed"], Path(folder)))
         session: list[Any] = []
         timed: list[tuple[float, float]] = []
-        while not timed or (len(timed) < TIMES and timed[0][0] < SHORT and run.status == "completed"):
+        for _ in range(TIMES):
             started, processor = perf_counter(), process_time()
             run = simulate(scene, Path(folder) / "run", announce=session.append)
             timed.append((process_time() - processor, perf_counter() - started))
+            if timed[0][0] >= SHORT or run.status != "completed":
+                break
         seconds, wall = sorted(timed)[len(timed) // 2]
         record = run.record()
         failed = _failure(run.status, run.reason, record)
