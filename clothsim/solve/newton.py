@@ -31,7 +31,7 @@ SHARE_OF_GAP = 0.1
 """The last piece of a scripted way may not be longer than this share of the smallest gap."""
 CHANGE_OF_GAP = 0.3
 """A step that changes a gap by more than this share of it is no convergence. Close to contact Newton's step on the
-logarithm is about as long as the gap itself, however large the force F: d -> 2 d - F d^2, a change by 1 - F d. Where the
+logarithm is about as long as the gap, however large the force F: d -> 2 d - F d^2, a change by 1 - F d. Where the
 change is .3, one more step leaves its square, 9 %."""
 MAX_SHIFTS = 12
 LONGEST = 32.0
