@@ -19,8 +19,10 @@ SHORT = {"duration": 0.08, "frames_per_second": 25}
 FAR = BALL | {"position": [0.0, 0.0, -50.0]}
 AT_REST = {"inertia": {}, "damping": {}}
 LATER = [[0.0, 0.0], [0.05, 0.0], [0.06, 20.0]]
-"""Nothing until .05 s, then 20 [Pa, degrees]: at the end of the third step of .02 s."""
+"""Nothing until .05 s, then 20 [Pa, N/m, degrees]: at the end of the third step of .02 s."""
 CREASE = {"through": [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]]}
+TETHER = {"select": "corners"}
+SIDES = {"from": {"side": "left"}, "to": {"side": "right"}}
 
 LEFT_OUT = {
     "friction": ({"body": FAR, "effects": EFFECTS}, {"iterations": 3}, {}),
@@ -29,6 +31,16 @@ LEFT_OUT = {
         {"effects": EFFECTS},
         {"crease": [CREASE | {"angle_degrees": [[0.0, 0.0], [10.0, 0.0], [11.0, 30.0]]}]},
         {"crease": [CREASE | {"angle_degrees": LATER}]},
+    ),
+    "springs": (
+        {"effects": EFFECTS},
+        {"spring": [TETHER | {"stiffness": [[0.0, 0.0], [10.0, 0.0], [11.0, 30.0]]}]},
+        {"spring": [TETHER | {"stiffness": LATER}]},
+    ),
+    "seams": (
+        {"effects": EFFECTS},
+        {"seam": [SIDES | {"start": 10, "end": 11}]},
+        {"seam": [SIDES | {"start": 0.05, "end": 0.5}]},
     ),
     "air": ({"body": (), "effects": AT_REST}, {}, {}),
 }

@@ -28,6 +28,11 @@ class Links(Energy):
     stiffnesses: Floats
     slack: np.ndarray
 
+    @property
+    def idle(self) -> bool:
+        """True where no link has a stiffness."""
+        return not self.stiffnesses.any()
+
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
         active, _, distances = self._active(x)
