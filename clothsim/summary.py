@@ -81,8 +81,11 @@ def summary_of(
     record: Sequence[Mapping[str, Any]],
     seconds: Mapping[str, float],
 ) -> dict[str, Any]:
-    """What DESIGN's contract asks of summary.json, the notes that were printed, and the failure of a failed run."""
+    """What DESIGN's contract asks of summary.json, the notes that were printed, what effects found at the end, and
+    why a failed run failed.
+    """
     world, potential = session.built.world, session.integrator.potential
+    energies = session.built.energies.items()
     missed = certificate.estimate.missed(certificate.asked)
     return {
         "status": "completed" if failure is None else "failed",
@@ -99,6 +102,7 @@ def summary_of(
         "triangles": len(world.triangles),
         "solver": session.integrator.system.solver.name,
         "notes": [*session.notes, *filter(None, [missed])],
+        "found": [f"{name}: {said}." for name, energy in energies for said in energy.found(state.positions)],
         "effects": potential.accounts(),
         "off": session.built.off,
         "phases": potential.ledger.phases,

@@ -23,8 +23,9 @@ SHORT = {"duration": 0.08, "frames_per_second": 25}
 PINS = {"pins": {"select": "corners"}}
 SHEET_TOO = {"fibres": {"warp": 20.0}, "strain_limit": {"limit": 2.0}}
 CREASE = {"through": [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]], "angle_degrees": 20.0}
+SEAM = {"from": {"side": "left"}, "to": {"side": "right"}}
 TETHER = {"select": "corners", "stiffness": 5.0}
-CREASED = {"rest_angle": {"crease": [CREASE]}, "springs": {"spring": [TETHER]}}
+CREASED = {"rest_angle": {"crease": [CREASE]}, "springs": {"spring": [TETHER]}, "seams": {"seam": [SEAM]}}
 ALL = EFFECTS | PINS | SHEET_TOO | CREASED | {"pressure": {"value": 0.1}, "air": {}, "self_contact": {}, "friction": {}}
 
 
@@ -46,6 +47,7 @@ ZERO = {
     "strain_limit": ({"effects": EFFECTS | {"strain_limit": {"limit": 0, "begins": 0.1}}}, {}),
     "rest_angle": ({"effects": EFFECTS | {"rest_angle": {"crease": [CREASE | {"angle_degrees": 0}]}}}, {}),
     "springs": ({"effects": EFFECTS | {"springs": {"spring": [TETHER | {"stiffness": 0}]}}}, {}),
+    "seams": ({"effects": EFFECTS | {"seams": {"seam": []}}}, {}),
     "fibres": ({"effects": EFFECTS | {"fibres": {"warp": 0, "angle_degrees": 30}}}, {}),
     "air": ({"effects": EFFECTS | {"air": {"drag": 0, "wind": [5, 0, 0]}}}, {}),
     "damping": ({"effects": EFFECTS | {"damping": {"rate": 0}}}, {"effects": without("damping")}),

@@ -68,7 +68,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
 
 
 def verdict(run: "Run", trouble: list[str]) -> str:
-    """How a run ended: status, reason, certificate in three lines, error, effort, files."""
+    """How a run ended: status, reason, certificate in three lines, error, what was found, effort, files."""
     summary = run.summary
     files = sorted(path.name for path in run.directory.iterdir() if path.suffix in _ENDINGS and path.is_file())
     refused = summary["rejected_steps"]
@@ -81,6 +81,7 @@ def verdict(run: "Run", trouble: list[str]) -> str:
     rows = [
         *_certificate(summary["certificate"], "body_contact" in summary["effects"]),
         ("error", _error(summary["certificate"]["error_estimate"])),
+        *(("found", said) for said in summary.get("found", [])),
         ("effort", effort),
         ("files", f"{run.directory}{os.sep}: {', '.join(files)}"),
     ]

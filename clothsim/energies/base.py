@@ -152,6 +152,10 @@ class Energy(abc.ABC):
         """What it chose where the scene was silent, for the user to read."""
         return ()
 
+    def found(self, x: Floats) -> tuple[str, ...]:
+        """What there is to say of it at the end of a run, where the cloth is at x."""
+        return ()
+
     def counts(self) -> dict[str, float]:
         """Work that only it can count, by the names of the ledger (pairs, ccd_calls) and of its phases (seconds)."""
         return {}

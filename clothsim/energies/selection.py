@@ -30,6 +30,13 @@ def check_tables(
             raise InputError(f"{where}[{number}] has no {missing}.")
 
 
+def as_flag(name: str, value: object) -> bool:
+    """`value` as true or false; InputError otherwise."""
+    if not isinstance(value, bool):
+        raise InputError(f"{name} must be true or false, not {value!r}.")
+    return value
+
+
 def cloth_number(where: str, world: World, name: object) -> int:
     """Which of the world's cloths is called `name`; None is the only one. InputError where that is not clear."""
     names = [cloth.name for cloth in world.cloths]

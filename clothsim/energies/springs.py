@@ -14,7 +14,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints, as_points, as_positive, as_vector
 from clothsim.energies.base import Energy, Off, Step
 from clothsim.energies.links import Links
-from clothsim.energies.selection import check_tables, selected_vertices
+from clothsim.energies.selection import as_flag, check_tables, selected_vertices
 from clothsim.energies.values import Schedule, schedule
 from clothsim.errors import InputError
 from clothsim.mesh.motion import RigidMotion, motion_of
@@ -95,7 +95,7 @@ def springs(world: World, *, spring: Sequence[Mapping[str, Any]] = ()) -> Energy
         distances = np.linalg.norm(start[vertices] - places.start, axis=1)
         given = as_positive(f"{name}.rest_length", keys.get("rest_length", 0.0), zero=True)
         lengths.append(np.full(len(vertices), given) if "rest_length" in keys else distances)
-        slack.append(np.full(len(vertices), _flag(f"{name}.slack", keys.get("slack", False))))
+        slack.append(np.full(len(vertices), as_flag(f"{name}.slack", keys.get("slack", False))))
         rows.append(vertices)
         ends.append(places)
     tied = np.concatenate(rows)
@@ -122,9 +122,3 @@ def _places(name: str, keys: Mapping[str, Any], world: World, start: Floats, sti
         raise InputError(f"{name}.motion must be a table of keys, not {motion!r}.")
     centred = {"centre": places.mean(axis=0) + world.origin, **motion}
     return Places(places, motion_of(f"{name}.motion", centred, world.origin), frames[:, 0], frames[:, 1:], stiffness)
-
-
-def _flag(name: str, value: object) -> bool:
-    if not isinstance(value, bool):
-        raise InputError(f"{name} must be true or false, not {value!r}.")
-    return value

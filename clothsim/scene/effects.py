@@ -11,8 +11,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from clothsim.errors import InputError
-
 
 @dataclass(frozen=True)
 class Effect:
@@ -60,15 +58,8 @@ EFFECTS = {
     "damping": Effect("clothsim.energies.damping:damping", "drag on velocity, strain and folding"),
     "body_contact": Effect("clothsim.contact.body_contact:body_contact", "cloth against bodies"),
     "self_contact": Effect("clothsim.contact.self_contact:self_contact", "cloth against cloth"),
+    "seams": Effect("clothsim.energies.seams:seams", "borders pulled together over time, then held"),
     "friction": Effect("clothsim.contact.friction:friction", "resistance of contacts to sliding"),
 }
 
 CONTACTS = ("body_contact", "self_contact")
-
-NOT_BUILT = ("seams",)
-
-
-def refuse_not_built(name: str) -> None:
-    """InputError for an effect that is planned but not there."""
-    if name in NOT_BUILT:
-        raise InputError(f"The effect {name!r} is not built yet.", f"Built: {', '.join(EFFECTS)}.")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from clothsim.errors import InputError
-from clothsim.scene.effects import EFFECTS, refuse_not_built
+from clothsim.scene.effects import EFFECTS
 from clothsim.scene.keys import refuse_deep, refuse_unknown, settings, table
 from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
 
@@ -34,9 +34,7 @@ class Scene:
     def __post_init__(self) -> None:
         for name in SECTIONS:
             refuse_deep(name, getattr(self, name))
-        for name in table("effects", self.effects):
-            refuse_not_built(name)
-        refuse_unknown("effects", self.effects, EFFECTS)
+        refuse_unknown("effects", table("effects", self.effects), EFFECTS)
         for name, keys in self.effects.items():
             refuse_unknown(f"effects.{name}", table(f"effects.{name}", keys), EFFECTS[name].keys())
         for check in (self.solver_settings, self.run_settings, self.seed_settings, self.contact_settings):

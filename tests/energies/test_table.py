@@ -29,6 +29,7 @@ KEYS = {
     "springs": {"spring": [{"select": "left", "stiffness": 2.0, "to": [0.0, 0.0, 1.0], "rest_length": 0.6}]},
     "body_contact": {"d_hat": 0.5, "stiffness": 2.0},
     "self_contact": {"d_hat": 0.4, "stiffness": 2.0},
+    "seams": {"seam": [{"from": {"vertices": [0, 1, 2]}, "to": {"vertices": [9, 10, 11]}, "stiffness": 2.0}]},
     "friction": {"coefficient": 0.7, "eps_v": 0.3},
 }
 EXTERNAL = ("inertia", "gravity", "springs", "pressure", "air", "damping", "friction")

@@ -133,8 +133,6 @@ BAD = {
     "unknown key of a pin group": (with_effect("[[effects.pins.group]]\nselct = [1]"), "'selct'", "select"),
 }
 NOT_BUILT = {
-    name: (with_effect(f"[effects.{name}]"), f"'{name}' is not built yet", "membrane") for name in ("seams",)
-} | {
     "transfer": (changed("[run]", '[seed]\nfrom = "transfer"\n[run]'), "transfer.* command of its own", "clothsim fit"),
 }
 
