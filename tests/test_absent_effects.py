@@ -26,6 +26,7 @@ CREASE = {"through": [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]], "angle_degrees": 20.0}
 SEAM = {"from": {"side": "left"}, "to": {"side": "right"}}
 TETHER = {"select": "corners", "stiffness": 5.0}
 CREASED = {"rest_angle": {"crease": [CREASE]}, "springs": {"spring": [TETHER]}, "seams": {"seam": [SEAM]}}
+CREASED |= {"plastic_bending": {"yield_angle_degrees": 1.0}}
 ALL = EFFECTS | PINS | SHEET_TOO | CREASED | {"pressure": {"value": 0.1}, "air": {}, "self_contact": {}, "friction": {}}
 
 
@@ -48,6 +49,7 @@ ZERO = {
     "rest_angle": ({"effects": EFFECTS | {"rest_angle": {"crease": [CREASE | {"angle_degrees": 0}]}}}, {}),
     "springs": ({"effects": EFFECTS | {"springs": {"spring": [TETHER | {"stiffness": 0}]}}}, {}),
     "seams": ({"effects": EFFECTS | {"seams": {"seam": []}}}, {}),
+    "plastic_bending": ({"effects": EFFECTS | {"plastic_bending": {"hardening": 0.5}}}, {}),
     "fibres": ({"effects": EFFECTS | {"fibres": {"warp": 0, "angle_degrees": 30}}}, {}),
     "air": ({"effects": EFFECTS | {"air": {"drag": 0, "wind": [5, 0, 0]}}}, {}),
     "damping": ({"effects": EFFECTS | {"damping": {"rate": 0}}}, {"effects": without("damping")}),

@@ -42,6 +42,7 @@ LEFT_OUT = {
         {"seam": [SIDES | {"start": 10, "end": 11}]},
         {"seam": [SIDES | {"start": 0.05, "end": 0.5}]},
     ),
+    "plastic_bending": ({"effects": EFFECTS}, {"yield_angle_degrees": 179.0}, {"yield_angle_degrees": 0.02}),
     "air": ({"body": (), "effects": AT_REST}, {}, {}),
 }
 """Scene without the effect; its keys, with which it is idle in every step; keys with which, on a falling sheet, it is

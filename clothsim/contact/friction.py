@@ -75,7 +75,7 @@ class Friction(Energy):
         them.
         """
         contacts = {name: energy for name, energy in step.bound.items() if isinstance(energy, Barrier)}
-        stiffness = [step.memory.get(name, barrier.stiffness) for name, barrier in contacts.items()]
+        stiffness = [float(step.memory.get(name, barrier.stiffness)) for name, barrier in contacts.items()]
         least_gap = 0.0 if step.time > 0.0 else LEAST_GAP
         past = step.past
         bound = replace(self, contacts=Contacts(tuple(contacts.values()), past.positions, past.dt, least_gap))

@@ -46,7 +46,7 @@ class Step:
     load: float
     gradient: Floats
     bound: "Mapping[str, Energy]" = field(default_factory=dict)
-    memory: Mapping[str, float] = field(default_factory=dict)
+    memory: Mapping[str, float | Floats] = field(default_factory=dict)
     weighed: Past | None = None
     answers_in: float | None = None
 
@@ -144,8 +144,10 @@ class Energy(abc.ABC):
         return np.zeros((0, 1), np.int64)
 
     @property
-    def remembers(self) -> float:
-        """A number of this step that the binding of the next one needs (contact: its stiffness [Pa]), else nan."""
+    def remembers(self) -> float | Floats:
+        """What the binding of the next step needs of this one, a number (contact: its stiffness [Pa]) or an array
+        (plastic bending: its angles), else nan.
+        """
         return float("nan")
 
     def choices(self) -> tuple[str, ...]:

@@ -78,7 +78,7 @@ def rest_angle(
     if not references.any() and all(angle.is_zero for angle in schedules):
         return Off("every crease is flat, and so is the cloth at rest")
     none = np.zeros(len(chosen))
-    return RestAngle(hinges.vertices[chosen], references, stiffnesses, none, schedules, tuple(map(len, rows)))
+    return RestAngle(hinges.vertices[chosen], references, stiffnesses, none, chosen, schedules, tuple(map(len, rows)))
 
 
 def _radians(angle: Schedule, time: float) -> float:

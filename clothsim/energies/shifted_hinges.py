@@ -23,7 +23,8 @@ from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_a
 
 @dataclass(frozen=True)
 class ShiftedHinges(Energy):
-    """vertices (h, 4); references theta0 (h,) [rad]; stiffnesses k (h,) [N m], those of bending; shifts s (h,) [rad].
+    """vertices (h, 4); references theta0 (h,) [rad]; stiffnesses k (h,) [N m], those of bending; shifts s (h,) [rad];
+    numbers (h,): which of bending's hinges they are.
 
     The value is +inf where a triangle beside a hinge has no area; such a hinge adds nothing to gradient and Hessian.
     """
@@ -32,6 +33,7 @@ class ShiftedHinges(Energy):
     references: Floats
     stiffnesses: Floats
     shifts: Floats
+    numbers: Ints
 
     @property
     def idle(self) -> bool:

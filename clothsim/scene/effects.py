@@ -59,6 +59,7 @@ EFFECTS = {
     "body_contact": Effect("clothsim.contact.body_contact:body_contact", "cloth against bodies"),
     "self_contact": Effect("clothsim.contact.self_contact:self_contact", "cloth against cloth"),
     "seams": Effect("clothsim.energies.seams:seams", "borders pulled together over time, then held"),
+    "plastic_bending": Effect("clothsim.energies.plastic_bending:plastic_bending", "folds beyond a yield angle stay"),
     "friction": Effect("clothsim.contact.friction:friction", "resistance of contacts to sliding"),
 }
 

@@ -21,7 +21,7 @@ class Previous:
 class State:
     """time [s]; dt: length of the next step [s]; step, frame: how many are done; positions, velocities (N, 3) of x.
 
-    memory: what each energy remembers of the last step (the barrier stiffness with which contact found its gaps).
+    memory: what each energy remembers of the last step (contact the stiffness with which it found its gaps).
     blocked_at: the time of the script [s] at which the last tries found no way on, nan where none did; blocked: how
     many they were. previous: None at a start and where the formula is of one step. temporal_error: what the steps so
     far added to the error of the positions, by `step_error` [m].
@@ -35,7 +35,7 @@ class State:
     velocities: Floats
     blocked_at: float = math.nan
     blocked: int = 0
-    memory: Mapping[str, float] = field(default_factory=dict)
+    memory: Mapping[str, float | Floats] = field(default_factory=dict)
     previous: Previous | None = None
     temporal_error: float = 0.0
 

@@ -126,10 +126,10 @@ class Potential:
                     limit = min(limit, energy.step_limit(x, dx))
         return limit
 
-    def memory(self) -> dict[str, float]:
+    def memory(self) -> dict[str, float | Floats]:
         """What the energies remember of the step, of those that remember something."""
-        numbers = {name: energy.remembers for name, energy in self.energies.items()}
-        return {name: number for name, number in numbers.items() if np.isfinite(number)}
+        kept = {name: energy.remembers for name, energy in self.energies.items()}
+        return {name: memory for name, memory in kept.items() if np.isfinite(memory).all()}
 
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance that any energy keeps [m], inf where none keeps one."""

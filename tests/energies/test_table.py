@@ -30,6 +30,7 @@ KEYS = {
     "body_contact": {"d_hat": 0.5, "stiffness": 2.0},
     "self_contact": {"d_hat": 0.4, "stiffness": 2.0},
     "seams": {"seam": [{"from": {"vertices": [0, 1, 2]}, "to": {"vertices": [9, 10, 11]}, "stiffness": 2.0}]},
+    "plastic_bending": {"yield_angle_degrees": 1.0, "hardening": 0.3},
     "friction": {"coefficient": 0.7, "eps_v": 0.3},
 }
 EXTERNAL = ("inertia", "gravity", "springs", "pressure", "air", "damping", "friction")
@@ -55,7 +56,9 @@ def made(name):
         return thing[1], thing[0]
     assert isinstance(thing, Energy), f"{name} is {thing}: give it something to do in KEYS"
     contact = EFFECTS["body_contact"].build(world, KEYS["body_contact"], {})
-    return thing.begin(replace(step(world, world.start()), bound={"body_contact": contact})), world
+    crease = EFFECTS["rest_angle"].build(world, KEYS["rest_angle"], filled)
+    start = step(world, world.start())
+    return thing.begin(replace(start, bound={"body_contact": contact, "rest_angle": crease.begin(start)})), world
 
 
 def step(world, x, load=0.6):
