@@ -315,7 +315,7 @@ def test_explain_counts_only_the_steps_that_were_asked_for():
         (["run", "broken.toml"], "broken.toml is not a TOML file"),
         (["run", "typo.toml"], "The scene has no key 'efects'."),
         (["run", "wrong.toml"], "effects.gravity.acceleration"),
-        (["run", "future.toml"], "The effect 'seams' is not built yet."),
+        (["run", "unknown.toml"], "effects has no key 'seems'."),
         (["run", "inside.toml"], "cloth intersects ball at the start"),
         (["run", "faults.toml"], "bad: "),
         (["resume", "nowhere"], "There is no checkpoint nowhere"),
@@ -352,7 +352,7 @@ def test_bad_input_is_a_sentence_and_a_remedy(capsys, tmp_path, free, words, sen
     (tmp_path / "broken.toml").write_text("[cloth\n")
     (tmp_path / "typo.toml").write_text(FREE.replace("[effects.inertia]", "[efects.inertia]"))
     (tmp_path / "wrong.toml").write_text(FREE.replace("[0.0, -9.81, 0.0]", '"down"'))
-    (tmp_path / "future.toml").write_text(FREE + "[effects.seams]\n")
+    (tmp_path / "unknown.toml").write_text(FREE + "[effects.seems]\n")
     (tmp_path / "inside.toml").write_text(SHEET.replace("0.31]", "0.2]"))
     (tmp_path / "bad.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 5 5 5\nf 1 2 3\nf 1 2 3\nf 2 3 4\n")
     (tmp_path / "faults.toml").write_text(

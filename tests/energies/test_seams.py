@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 from meshes import cloth, grid
 from small_scenes import SHEET, SOLVER, small_scene
-from solving import step_at
+from solving import equilibrium, held, step_at
 
 from clothsim import Scene, simulate
 from clothsim.energies.base import Off
 from clothsim.energies.bending import bending
+from clothsim.energies.gravity import gravity
+from clothsim.energies.membrane import membrane
 from clothsim.energies.seams import seams
 from clothsim.energies.shifted_hinges import angles
 from clothsim.errors import InputError
@@ -92,6 +94,24 @@ def test_the_strings_are_shortened_from_start_to_end():
     assert len(closed.bending.stiffnesses) == 3
     assert closed.drives
     assert energy.found(world.start()) == ("seam[0] gapes by 1e+03 mm at most",)
+
+
+def test_a_closed_seam_gapes_by_its_force_over_its_stiffness():
+    """A panel hangs along x from another one: the stitches, of unequal borders, carry its weight."""
+    first, (positions, triangles) = cloth(*grid(2, 3), name="a"), grid(2, 2)
+    world = make_world([first, cloth(positions + np.array([1.0, 0, 0]), triangles, name="b")])
+    lines = {"from": {"cloth": "a", "side": "right"}, "to": {"cloth": "b", "side": "left"}}
+    energies = {
+        "membrane": membrane(world),
+        "gravity": gravity(world, acceleration=(0.03, 0.0, 0.0)),
+        "seams": sewn(world, stiffness=50.0, **lines),
+    }
+    x = equilibrium(world, energies, world.start(), held(world.start(), np.flatnonzero(world.start()[:, 0] == 0)))
+    weight = 0.03 * world.masses[world.cloth_slices[1]].sum()
+    gaps = energies["seams"].lines(x)
+    assert np.abs(gaps[:, 0]).sum() == pytest.approx(weight / 50.0, rel=1e-6)
+    largest = 1e3 * np.linalg.norm(gaps, axis=1).max()
+    assert energies["seams"].found(x) == (f"seam[0] gapes by {largest:.3g} mm at most",)
 
 
 RING = {
