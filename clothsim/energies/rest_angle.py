@@ -95,23 +95,24 @@ def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: Hing
     number = cloth_number(name, world, keys.get("cloth"))
     cloth, first = world.cloths[number], world.cloth_slices[number].start
     edges = unique_edges(cloth.triangles)
-    at = {tuple(edge): h for h, edge in enumerate(np.sort(hinges.vertices[:, :2], axis=1).tolist())}
+    bent = np.sort(hinges.vertices[:, :2], axis=1)
     if "vertices" in keys:
         group = vertex_numbers(f"{name}.vertices", keys["vertices"], len(cloth.positions)) + first
-        found = [h for edge, h in at.items() if np.isin(edge, group).all()]
-        if not found:
+        found = np.flatnonzero(np.isin(bent, group).all(axis=1))
+        if not len(found):
             raise InputError(f"{name} has no edge between two triangles.", "Give neighbours inside the cloth.")
-        return np.array(found, np.int64)
+        return found
     points = as_points(f"{name}.through", keys["through"])
     path = path_along(f"{name}.through", cloth.rest_positions, edges, points)
-    edges = np.sort(np.column_stack([path[:-1], path[1:]]), axis=1)
-    along = [at.get(tuple(edge)) for edge in (edges + first).tolist()]
-    if not along:
+    if len(path) < 2:
         raise InputError(f"{name}.through begins and ends at the vertex {path[0]}.", "Draw a longer line.")
-    if None in along:
-        a, b = edges[along.index(None)]
+    along = np.sort(np.column_stack([path[:-1], path[1:]]), axis=1)
+    numbers, wanted = ((pairs * [world.n_vertices, 1]).sum(axis=1) for pairs in (bent, along + first))
+    order = np.argsort(numbers)
+    found = order[np.minimum(np.searchsorted(numbers, wanted, sorter=order), len(order) - 1)]
+    for a, b in along[numbers[found] != wanted][:1]:
         raise InputError(f"{name}: nothing bends at the edge {a}-{b}.", "A crease lies between two triangles.")
-    return np.array(along, np.int64)
+    return found
 
 
 def _refuse_twice(hinges: HingeBending, chosen: Ints) -> None:

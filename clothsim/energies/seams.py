@@ -120,7 +120,7 @@ class Seams(Links):
         """The stitches, their stiffness, and the gap that contact leaves."""
         bent = sum(seam.hinges for seam in self.seams)
         gap = f", to a gap of {self.gap:g} m for self_contact" if self.gap else ""
-        over = f"{bent} hinges over them" if bent else "the seams do not bend: their vertices do not meet one to one"
+        over = f"{bent} hinges over them" if bent else "no hinges over them, so that they fold freely"
         return (f"{len(self.rows)} stitches of {self.stiffness.max():.3g} N/m at most{gap}; {over}",)
 
     def found(self, x: Floats) -> tuple[str, ...]:
