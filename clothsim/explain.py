@@ -1,20 +1,25 @@
 """What each effect of a scene does and costs: the receipt of a run, or of a scene's first steps."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from clothsim.errors import InputError
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene, scene_from_text
+from clothsim.sim.stepping import StepReport
 from clothsim.solve.ledger import Account
+from clothsim.solve.memory import held_bytes
+from clothsim.study.absent import Absent
 
 
 @dataclass(frozen=True)
 class Receipt:
     """effects: every name of the table with on, reason and its counters; phases: seconds that belong to no effect.
 
+    Of a scene also bytes: of the arrays that the effect holds and the world does not; and, where it was asked for,
+    adding: what an effect that is not named would cost (`study.absent.Added`, as a table).
     seconds: of all of them together, which is all of the time that was measured ("step control" is what no other name
     was charged for); source: what was measured, in words.
     """
@@ -34,6 +39,7 @@ def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
 
     duration = scene.run_settings().duration
     taken, reason = 0, ""
+    report: StepReport | None = None
     for count in (1, steps):
         session = prepare(scene, build(scene))
         state = first_state(session.built.world, session.integrator.dt)
@@ -44,7 +50,18 @@ def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
                 break
     potential = session.integrator.potential
     source = f"the first {taken} step{'' if taken == 1 else 's'} of the scene.{reason}"
-    return _receipt(scene.effects, session.built.off, potential.accounts(), potential.ledger.phases, source)
+    receipt = _receipt(scene.effects, session.built.off, potential.accounts(), potential.ledger.phases, source)
+    bound = potential.energies if report is None else report.potential.energies
+    for name, energy in bound.items():
+        others = [session.built.world, *(other for key, other in potential.energies.items() if key != name)]
+        receipt.effects[name]["bytes"] = held_bytes(energy, others)
+    return receipt
+
+
+def with_absent(receipt: Receipt, absent: Absent) -> Receipt:
+    """The receipt with what each absent effect would cost."""
+    added = {name: {**receipt.effects[name], "adding": asdict(each)} for name, each in absent.effects.items()}
+    return replace(receipt, effects={**receipt.effects, **added})
 
 
 def explain_run(directory: Path) -> Receipt:
@@ -74,8 +91,14 @@ def _receipt(
     effects = {}
     for name in EFFECTS:
         on = name in named and name not in off
-        reason = "named in the scene" if on else off.get(name, "not named in the scene")
         account = {**asdict(Account()), **accounts.get(name, {})}
+        reason = _named(account) if on else off.get(name, "not named in the scene")
         share = account["seconds"] / seconds if seconds else 0.0
         effects[name] = {"on": on, "reason": reason, **account, "share": share}
     return Receipt(effects, dict(phases), seconds, source)
+
+
+def _named(account: Mapping[str, Any]) -> str:
+    if not account["idle_steps"]:
+        return "named in the scene"
+    return f"named; had nothing to do in {account['idle_steps']} of {account['steps']} steps"

@@ -8,6 +8,7 @@ from typing import NoReturn
 from clothsim.errors import InputError
 
 VECTORS = ("--view", "--up")
+UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
 class Parser(argparse.ArgumentParser):
@@ -68,6 +69,14 @@ def as_count(option: str, text: str) -> int:
     if not re.fullmatch(r"\d{1,9}", text) or int(text) == 0:
         raise InputError(f"{option} is {text!r}.", "Give a whole number from 1.")
     return int(text)
+
+
+def as_seconds(option: str, text: str) -> float:
+    """ "90", "90s", "1.5min" or "2h" in seconds."""
+    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)\s*(s|min|h|)", text.strip())
+    if not found or float(found[1]) == 0:
+        raise InputError(f"{option} is {text!r}.", "Give a time, such as 90s, 10min or 1h.")
+    return float(found[1]) * UNITS[found[2]]
 
 
 def as_range(option: str, text: str) -> tuple[int, int]:

@@ -1,14 +1,13 @@
 """`clothsim study`: what accuracy costs in time."""
 
 import argparse
-import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from clothsim.cli.arguments import as_count
+from clothsim.cli.arguments import as_count, as_seconds
 from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, told
 from clothsim.errors import InputError
 
@@ -21,8 +20,6 @@ process a core, and leaves study.md, study.json and study.png. Called again, it 
 
   clothsim study scenes/study_strip.toml -o accuracy --budget 120s
 """
-
-UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
 def add_to(commands: Any) -> None:
@@ -38,14 +35,6 @@ def add_to(commands: Any) -> None:
     study.add_argument("--json", action="store_true", help="print study.json, the rest on stderr")
     study.add_argument("--debug", action="store_true", help="show tracebacks")
     study.set_defaults(handler=_study)
-
-
-def as_seconds(option: str, text: str) -> float:
-    """ "90", "90s", "1.5min" or "2h" in seconds."""
-    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)\s*(s|min|h|)", text.strip())
-    if not found or float(found[1]) == 0:
-        raise InputError(f"{option} is {text!r}.", "Give a time, such as 90s, 10min or 1h.")
-    return float(found[1]) * UNITS[found[2]]
 
 
 def _study(arguments: argparse.Namespace) -> int:

@@ -1,7 +1,10 @@
-"""The memory of the process: freed memory kept, and the most that it ever had."""
+"""The memory of the process: freed memory kept, the most that it ever had, and what one object holds of it."""
 
 import ctypes
 import sys
+from collections.abc import Iterable, Mapping
+
+import numpy as np
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
 LARGEST_KEPT = 1 << 30
@@ -31,3 +34,32 @@ def peak_memory() -> int:
         return 0
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else 1024 * peak
+
+
+def held_bytes(thing: object, others: Iterable[object] = ()) -> int:
+    """The bytes of all arrays that an object holds, each once, without those that `others` hold too."""
+    known = set().union(*(_arrays(other) for other in others))
+    return sum(size for owner, size in _arrays(thing).items() if owner not in known)
+
+
+def _arrays(thing: object) -> dict[int, int]:
+    """{identity of the memory: bytes} of the arrays that are reached through fields, tables and sequences."""
+    found: dict[int, int] = {}
+    seen: set[int] = set()
+    todo = [thing]
+    while todo:
+        one = todo.pop()
+        if id(one) in seen:
+            continue
+        seen.add(id(one))
+        if isinstance(one, np.ndarray):
+            while isinstance(one.base, np.ndarray):  # a view holds what it is a view of
+                one = one.base
+            found[id(one)] = one.nbytes
+        elif isinstance(one, Mapping):
+            todo += one.values()
+        elif isinstance(one, tuple | list | set | frozenset):
+            todo += one
+        elif type(one).__module__.partition(".")[0] not in ("builtins", "numpy", "numba"):
+            todo += getattr(one, "__dict__", {}).values()
+    return found
