@@ -81,7 +81,8 @@ def test_the_table_says_what_is_on_off_and_what_the_rest_would_cost(tmp_path, ca
     scene = tmp_path / "sheet.toml"
     scene.write_text(SHEET)
     assert main(["explain", str(scene), "--steps", "1", "--absent", "--budget", "30s"]) == 0
-    head, off, priced, rest = capsys.readouterr().out.replace("\n\nNot", "\n\nOff:Not").split("\n\nOff:")
+    out = capsys.readouterr().out
+    head, off, priced, rest = out.replace("\n\nNot", "\n\nOff:Not").split("\n\nOff:")
     assert "kB held" in head
     assert "damping" in off
     assert "\n  membrane" not in off + rest
@@ -92,7 +93,7 @@ def test_the_table_says_what_is_on_off_and_what_the_rest_would_cost(tmp_path, ca
     assert "  pressure" in rest
     named = {"inertia", "membrane", "damping"}
     assert all(name in priced + rest for name in TABLE if name not in named)
-    assert max(len(line) for line in (head + off + priced + rest).splitlines()) <= 120
+    assert max(len(line) for line in out.splitlines()) <= 120
     assert main(["explain", str(scene), "--steps", "1", "--absent", "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["body_contact"]["adding"]["ratio"] > 0
