@@ -11,7 +11,7 @@ class Account:
     """Counters of one effect. seconds: all of its time; parts: those of them that went into named searches.
 
     pairs: how many it acts on now; hessian_nonzeros: numbers in the Hessian that it handed over last. steps: how often
-    it was bound to a step, a try that failed too; idle_steps: in how many of them it had nothing to do.
+    it was bound to a step, a try that failed too; idle_steps: in how many of them it had nothing to do at the start.
     """
 
     seconds: float = 0.0

@@ -87,3 +87,41 @@ def test_what_begins_last_is_told_the_gradient_of_the_others_and_the_order_stays
     assert list(potential.energies) == ["first", *energies]
     forces = [energy.begin(step_at(x, load=0.5)).gradient(x) for energy in energies.values()]
     assert np.allclose(potential.energies["first"].told, sum(forces), atol=1e-14)
+
+
+@dataclass(frozen=True)
+class Sleeper(Limited):
+    """Idle until it is bound for another pass; of two passes, it acts in the second."""
+
+    awake: bool = False
+
+    @property
+    def idle(self):
+        return not self.awake
+
+    @property
+    def passes(self):
+        return 2
+
+    def begin(self, step: Step):
+        return Sleeper(self.limit, self.gap)
+
+    def again(self, x):
+        return Sleeper(self.limit, self.gap, awake=True)
+
+
+def test_what_is_idle_is_left_out_until_another_pass_wakes_it():
+    world = small_world()
+    x = deformed(world)
+    ledger = Ledger()
+    bound = Potential({"sleeper": Sleeper(0.5, 0.2), **energies_of(world)}, ledger).begin(step_at(x))
+    assert list(bound.energies) == ["sleeper", *bound.acting]
+    assert (bound.step_limit(x, x), bound.minimum_gap(x), len(bound.hessians(x))) == (1.0, np.inf, 3)
+    assert not bound.lagging
+    assert bound.passes == 2
+    account = ledger.effects["sleeper"]
+    assert (account.steps, account.idle_steps, account.hessians) == (1, 1, 0)
+    woken = bound.again(x)
+    assert list(woken.lagging) == ["sleeper"]
+    assert (woken.step_limit(x, x), woken.minimum_gap(x), len(woken.hessians(x))) == (0.5, 0.2, 4)
+    assert np.allclose(woken.gradient(x), bound.gradient(x) + 1, atol=1e-14)
