@@ -22,8 +22,9 @@ CARRYING_TOLERANCE = 0.1
 On a body of 47,500 triangles .02 takes twice to three times the iterations."""
 CARRYING_FRICTION = 0.5
 """It keeps the garment where it is on the body. Without, a growing body squeezes it from the hips up to the waist, and
-the folds that it makes there take four times the Newton iterations."""
-CARRYING = {
+the folds that it makes there take four times the Newton iterations. Where a crease of the body closes on the garment it
+must slip out: what fails with friction is tried without."""
+CARRYING: dict[str, Any] = {
     "effects": {
         "inertia": {},
         "membrane": {},
@@ -65,10 +66,12 @@ class Worn:
     self_contact: bool
 
 
-def carried(worn: Worn, start: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None) -> Run:
+def carried(
+    worn: Worn, start: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None, slips: bool = False
+) -> Run:
     """The garment, from `start (n, 3)` [m], under a body that moves through `frames`, each (k, 3) [m], without gravity.
 
-    All files of the run are in `folder`, a scene among them that runs it again.
+    slips: without friction. All files of the run are in `folder`, a scene among them that runs it again.
     """
     _make(folder)
     for old in folder.glob(FRAMES):  # of an earlier fit with more frames
@@ -77,7 +80,8 @@ def carried(worn: Worn, start: Floats, frames: Sequence[Floats], folder: Path, l
         write_obj(folder / f"body{k:03d}.obj", frame, worn.body_triangles)
     rate = (len(frames) - 1) / CARRYING_SECONDS
     body = {"name": "body", "frames": FRAMES, "frames_per_second": rate}
-    return simulate(_scene(worn, start, body, CARRYING, folder), folder, listener)
+    effects = {name: keys for name, keys in CARRYING["effects"].items() if not (slips and name == "friction")}
+    return simulate(_scene(worn, start, body, {**CARRYING, "effects": effects}, folder), folder, listener)
 
 
 def draped(

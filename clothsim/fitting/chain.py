@@ -212,8 +212,12 @@ def _carried(
 
     def make() -> tuple[Floats, str]:
         run = carried(found.worn, shape, frames, folder, None)
+        how = ""
+        if run.status != "completed":
+            run = carried(found.worn, shape, frames, folder, None, slips=True)
+            how = ", without friction"
         ended.append("" if run.status == "completed" else run.reason)
-        return run.positions(-1), said
+        return run.positions(-1), f"{said}{how}"
 
     try:
         stage = staged(name, task.garment.triangles, body, make, task.heard)

@@ -1,5 +1,7 @@
 """Every way through the stages, end to end, on a capsule."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dressing import capsule_figure, folded_sheet, task, tube_garment, wider
@@ -120,7 +122,7 @@ def test_a_growth_that_stops_is_a_failure_with_its_reason(tmp_path, monkeypatch)
         def positions(self, _):
             return tube_garment(0.097, cells=(8, 2)).positions
 
-    monkeypatch.setattr(chain, "carried", lambda *_: Stopped())
+    monkeypatch.setattr(chain, "carried", lambda *_, **__: Stopped())
     found = seeded(task(tube_garment(0.097, cells=(8, 2)), COARSE, COARSE, tmp_path))
     assert found.failure == "In the stage grow: At 0.1 s: Newton did not converge."
 
@@ -138,13 +140,13 @@ def test_where_a_growth_fails_the_next_start_is_tried(tmp_path, monkeypatch):
         def positions(self, _):
             return tube_garment(0.12, cells=(8, 2)).positions
 
-    def carried(_worn, _start, bodies, *_):
-        frames.append(len(bodies))
-        return Grown("failed" if len(frames) == 1 else "completed")
+    def carried(_worn, _start, bodies, *_, **slips):
+        frames.append((len(bodies), bool(slips)))
+        return Grown("failed" if len(frames) < 3 else "completed")
 
     monkeypatch.setattr(chain, "carried", carried)
     found = seeded(task(garment, COARSE, COARSE, tmp_path))
-    assert frames == [2, 3]
+    assert frames == [(2, False), (2, True), (3, False)]
     assert not found.failure
     assert found.last.counts.clean
     assert "without folds" in found.last.said
@@ -184,3 +186,19 @@ def test_a_flat_body_is_bad_input(tmp_path, flat):
     bodies = {"source": FIGURE, "target": FIGURE, flat: sheet}
     with pytest.raises(InputError, match="encloses no volume"):
         seeded(task(tube_garment(0.11), bodies["source"], bodies["target"], tmp_path))
+
+
+def test_a_growth_that_fails_with_friction_is_tried_without(tmp_path, monkeypatch):
+    monkeypatch.setattr(chain, "_refined", lambda positions, *_, **__: (positions, "none"))
+    real, named = chain.carried, []
+
+    def carried(*arguments, **slips):
+        run = real(*arguments, **slips)
+        named.append("friction" in run.summary["effects"])
+        return replace(run, summary={**run.summary, "status": "failed"}) if len(named) == 1 else run
+
+    monkeypatch.setattr(chain, "carried", carried)
+    found = seeded(task(tube_garment(0.097, cells=(8, 2)), COARSE, COARSE, tmp_path))
+    assert named == [True, False]
+    assert found.last.counts.clean
+    assert found.last.said.endswith("grown back under IPC, without friction")
