@@ -1,7 +1,7 @@
 """The fixed sparsity of the Newton matrix, and assembly straight into it.
 
 The matrix is stored as the upper triangle of a CSR matrix, 3x3 block by block. Energies hand over element blocks; each
-(element, corner, corner) is looked up once, when the pattern is made or when an element list is new.
+(element, corner, corner) is looked up once, when an element list is new (`places`).
 """
 
 from collections.abc import Callable
@@ -15,6 +15,9 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ElementHessian
+
+BELOW, OUTSIDE = -1, -2
+"""Of a block that needs no place, and of one that has none."""
 
 Hessian: TypeAlias = ElementHessian | sparse.csr_array
 """What an energy hands over: element blocks, or (by ipctk) a matrix."""
@@ -33,17 +36,27 @@ class Pattern:
     indptr: NDArray[np.int32]
     indices: NDArray[np.int32]
 
-    def assemble(self, hessians: list[Hessian]) -> tuple[Floats, int]:
+    def places(self, elements: Ints) -> NDArray[np.int32]:
+        """Where the block of corners a, b of each of the `elements (m, k)` begins in the data, (m, k, k).
+
+        BELOW for blocks of the lower triangle and for rows beyond n_vertices, OUTSIDE for those that do not fit.
+        """
+        return _places(self.starts, self.columns, elements)
+
+    def assemble(
+        self, hessians: list[Hessian], places: Callable[[Ints], NDArray[np.int32]] | None = None
+    ) -> tuple[Floats, int]:
         """The sum of the Hessians as the data of the upper CSR matrix, and how many blocks do not fit.
 
-        Rows beyond n_vertices are dropped.
+        Rows beyond n_vertices are dropped. places: `self.places`, or what remembers it.
         """
         data = np.zeros(len(self.indices))
         outside = 0
         for hessian in hessians:
             if isinstance(hessian, ElementHessian):
                 if len(hessian.elements):
-                    outside += _add_blocks(data, self.starts, self.columns, hessian.elements, hessian.blocks)
+                    at = (places or self.places)(hessian.elements)
+                    outside += _add_blocks(data, self.starts, hessian.elements, at, hessian.blocks)
             elif hessian.nnz:
                 matrix = hessian.tocsr()
                 outside += _add_csr(
@@ -185,7 +198,25 @@ def _place(starts, i, p, rank, q):
 
 
 @njit(cache=True)
-def _add_blocks(data, starts, columns, elements, blocks):
+def _places(starts, columns, elements):
+    n = len(starts) - 1
+    count, corners = elements.shape
+    at = np.full((count, corners, corners), BELOW, np.int32)
+    for e in range(count):
+        for a in range(corners):
+            i = elements[e, a]
+            if i >= n:
+                continue
+            for b in range(corners):
+                j = elements[e, b]
+                if i <= j < n:
+                    rank = _rank(starts, columns, i, j)
+                    at[e, a, b] = _place(starts, i, 0, rank, 0) if rank >= 0 else OUTSIDE
+    return at
+
+
+@njit(cache=True)
+def _add_blocks(data, starts, elements, at, blocks):
     n = len(starts) - 1
     outside = 0
     for e in range(len(elements)):
@@ -193,17 +224,19 @@ def _add_blocks(data, starts, columns, elements, blocks):
             i = elements[e, a]
             if i >= n:
                 continue
+            length = 3 * (starts[i + 1] - starts[i])
             for b in range(elements.shape[1]):
-                j = elements[e, b]
-                if j < i or j >= n:
+                first = at[e, a, b]
+                if first < 0:
+                    outside += first == OUTSIDE
                     continue
-                rank = _rank(starts, columns, i, j)
-                if rank < 0:
-                    outside += 1
-                    continue
-                for p in range(3):
-                    for q in range(p if i == j else 0, 3):
-                        data[_place(starts, i, p, rank, q)] += blocks[e, 3 * a + p, 3 * b + q]
+                second, third = first + length - 1, first + 2 * length - 3
+                for q in range(3):
+                    data[first + q] += blocks[e, 3 * a, 3 * b + q]
+                for q in range(1 if i == elements[e, b] else 0, 3):
+                    data[second + q] += blocks[e, 3 * a + 1, 3 * b + q]
+                for q in range(2 if i == elements[e, b] else 0, 3):
+                    data[third + q] += blocks[e, 3 * a + 2, 3 * b + q]
     return outside
 
 

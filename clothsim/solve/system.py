@@ -2,6 +2,9 @@
 
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
+
 from clothsim.arrays import Floats, Ints
 from clothsim.solve.linear import LinearSolver, make_solver
 from clothsim.solve.pattern import Hessian, Pattern, coupled, couplings
@@ -19,6 +22,7 @@ class System:
         self.analyses = 0
         self._linear, self._threads = linear, threads
         self.pattern = base
+        self._places: dict[int, tuple[Ints, NDArray[np.int32]]] = {}
         self.solver = self._analysed(base)
 
     def begin(self, couplings: list[Ints]) -> None:
@@ -30,16 +34,30 @@ class System:
 
         nearby: gives the couplings that may soon be needed too.
         """
-        data, outside = self.pattern.assemble(hessians)
+        data, outside = self._assembled(hessians)
         if outside:
             own = [couplings(hessian) for hessian in hessians]
             self._take(coupled(self.pattern, [*own, *nearby()]))
-            data, outside = self.pattern.assemble(hessians)
+            data, outside = self._assembled(hessians)
         return data
+
+    def _assembled(self, hessians: list[Hessian]) -> tuple[Floats, int]:
+        """By the places of the element lists of the time before, where they are the same objects: most are."""
+        known, self._places = self._places, {}
+
+        def places(elements: Ints) -> NDArray[np.int32]:
+            if id(elements) not in self._places:
+                old = known.get(id(elements))
+                same = old is not None and old[0] is elements
+                self._places[id(elements)] = old if same else (elements, self.pattern.places(elements))  # type: ignore
+            return self._places[id(elements)][1]
+
+        return self.pattern.assemble(hessians, places)
 
     def _take(self, pattern: Pattern) -> None:
         if not pattern.same_as(self.pattern):
             self.pattern = pattern
+            self._places = {}
             self.solver = self._analysed(pattern)
 
     def _analysed(self, pattern: Pattern) -> LinearSolver:
