@@ -94,12 +94,12 @@ def test_another_revision_is_measured_beside_this_one_and_its_files_are_gone_aft
 
 
 @needs_history
-def test_a_worker_measures_the_package_of_its_root(tmp_path):
-    with worktree(ROOT, "HEAD") as there:
-        code = f"import clothsim; assert clothsim.__file__.startswith({str(there)!r}), clothsim.__file__"
-        with Worker(there, {"kind": "import", "code": code}) as worker:
-            assert "cpu" in worker.trial()
+def test_a_worker_measures_the_package_of_its_root_and_no_other(tmp_path):
+    with worktree(ROOT, "HEAD") as there, Worker(there, {"kind": "import", "code": "pass"}) as worker:
+        assert "cpu" in worker.trial()
     assert not there.exists()
+    with Worker(tmp_path, {"kind": "import", "code": "pass"}) as worker:
+        assert worker.trial()["skipped"] == f"Python took the package in {ROOT / 'clothsim'}."
 
 
 @needs_history

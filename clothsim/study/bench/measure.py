@@ -45,7 +45,10 @@ class Worker:
             env={**os.environ, "PYTHONPATH": path},
             cwd=self.root,
         )
-        self.skipped = self._asked(json.dumps(self.job)).get("skipped", "")
+        ready = self._asked(json.dumps(self.job))
+        self.skipped = ready.get("skipped", "")
+        if not self.skipped and Path(ready["package"]).parent.resolve() != self.root.resolve():
+            self.skipped = f"Python took the package in {ready['package']}."
         return self
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:

@@ -173,6 +173,13 @@ def importer(job: Job) -> Callable[[], Trial]:
 KINDS = {"steps": stepper, "fit": fitter, "import": importer}
 
 
+def _package() -> str:
+    """The folder of the package that is measured."""
+    import clothsim
+
+    return str(Path(clothsim.__file__).parent)
+
+
 def _peak() -> int:
     """The largest resident memory of this process so far [bytes]; 0 where the system does not tell."""
     from clothsim.solve.memory import peak_memory
@@ -181,7 +188,7 @@ def _peak() -> int:
 
 
 def main() -> None:
-    """Answer the job with {}, then each line with a trial; {"skipped": reason} ends the talk."""
+    """Answer the job with the folder of the package, then each line with a trial; {"skipped": reason} ends the talk."""
     answers, sys.stdout = sys.stdout, sys.stderr  # what libraries print is no answer
 
     def answer(what: Trial) -> None:
@@ -190,7 +197,7 @@ def main() -> None:
     try:
         job = json.loads(sys.stdin.readline())
         trial = KINDS[job["kind"]](job)
-        answer({})
+        answer({"package": _package()})
         for _ in sys.stdin:
             answer(trial())
     except RefusalError as error:
