@@ -73,7 +73,7 @@ def run(
     if picture is not None:
         from clothsim.study.bench.picture import draw
 
-        draw(read_record(file)["cases"], picture)
+        draw(_last(results), picture)
     if page is not None:
         write_page(page, rows, where["date"])
     tables = [summary(rows, last), split(rows)]

@@ -61,7 +61,7 @@ def draw(cases: Mapping[str, Measured], target: Path) -> None:
                 "color": "0.25",
             }
             axes.annotate(name, (row["vertices"], _each(row)), **said)
-    _axes(axes, sizes)
+    _axes(axes, sizes, min(row["vertices"] for row in stepped.values()))
     figure.savefig(target)
 
 
@@ -78,13 +78,13 @@ def _name_lines(axes: Any, sizes: Sequence[float], curves: Mapping[str, Sequence
         axes.annotate(text, place, va="center", fontsize=9, color=STYLES[name]["color"], annotation_clip=False)
 
 
-def _axes(axes: Any, sizes: Sequence[float]) -> None:
+def _axes(axes: Any, sizes: Sequence[float], fewest: float) -> None:
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     axes.set(xscale="log", yscale="log", xlabel="vertices of the cloth")
     axes.set_ylabel("processor time of a Newton iteration [ms]")
     axes.set_title("A metre of cotton on a ball, and other scenes (stars)", loc="left", fontsize=11)
-    axes.set_xlim(0.55 * min(sizes), 5.5 * max(sizes))
+    axes.set_xlim(0.6 * fewest, 5.5 * max(sizes))
     axes.set_xticks(sizes, [f"{size:,}" for size in sizes])
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0), numticks=20))
