@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from clothsim.arrays import Floats
     from clothsim.fitting.dressed import Dressed
 
+WORN = 0.1
+"""A garment further than that share of the body's size from it is not worn."""
+
 
 def check_dressed(arguments: argparse.Namespace) -> int:
     """Judge a garment on a body; 1 where something is inside or intersects."""
@@ -49,7 +52,10 @@ def check_dressed(arguments: argparse.Namespace) -> int:
                 f"{arguments.output} cannot be written ({error.strerror}).", "Choose another with -o."
             ) from error
     if found.counts.clean:
-        print("Nothing is wrong.")
+        nearest = float(found.closest.signed_distance.min())
+        worn = nearest <= WORN * found.body.size
+        far = f"Nothing intersects, but the garment is {length(nearest)} off the body: say their units, --scale."
+        print("Nothing is wrong." if worn else far)
         return 0
     where = "" if found.counts.place is None else f", worst {found.counts.where}"
     print(f"Not clean: {found.counts}{where}.")

@@ -128,3 +128,12 @@ def test_the_makehuman_suits_start_inside(suit, share):
     )
     assert len(found.inside) / len(found.garment.positions) == pytest.approx(share, abs=1e-4)
     assert not found.counts.clean
+
+
+def test_a_garment_that_nobody_wears_is_no_clean_bill(tmp_path, capsys):
+    body = write_obj(tmp_path / "box.obj", BODY.positions, BODY.triangles)
+    away = write_obj(tmp_path / "away.obj", LOOSE + np.array([5.0, 0.0, 0.0]), TRIANGLES)
+    assert main(["check", away, "--on", body]) == 0
+    said = capsys.readouterr().out
+    assert "Nothing is wrong" not in said
+    assert "the garment is 4.5 m off the body" in said
