@@ -44,6 +44,7 @@ class Potential:
             account = self.ledger.effects[name]
             account.steps += 1
             account.idle_steps += energy.idle
+            account.pairs = int(energy.counts().get("pairs", 0))
         return replace(self, energies={name: bound[name] for name in self.energies})
 
     @cached_property
@@ -156,7 +157,7 @@ class Potential:
             account = asdict(self.ledger.effects[name])
             for key, count in energy.counts().items():
                 if key == "pairs":
-                    account[key] = count
+                    account[key] = count or account[key]  # what is lagged is known to the bound energy alone
                 elif key in account:
                     account[key] += count
                 else:

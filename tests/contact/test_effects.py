@@ -8,6 +8,7 @@ from contacts import ball, sheet, sheet_on_ball, two_sheets
 from meshes import cloth, grid
 from solving import integrator_of, run_of, step_at
 
+import clothsim
 from clothsim.contact.body_contact import body_contact
 from clothsim.contact.friction import friction
 from clothsim.contact.self_contact import self_contact
@@ -120,3 +121,15 @@ def test_friction_takes_the_forces_of_the_stiffness_that_made_the_gaps():
     before = made.begin(replace(step, memory={"body_contact": 2.0})).limits
     assert len(own)
     assert before == pytest.approx(own * 2.0 / 7.0, rel=1e-12)
+
+
+def test_the_pairs_of_friction_are_in_the_receipt(tmp_path):
+    scene = clothsim.Scene(
+        cloth={"mesh": "rectangle", "size": [0.2, 0.2], "cells": [3, 3], "position": [0, 0, 0.0525]},
+        body={"mesh": "slab", "size": [1, 1, 0.1]},
+        effects={"inertia": {}, "membrane": {}, "gravity": {}, "body_contact": {"d_hat": 5e-3}, "friction": {}},
+        solver={"dt": 0.02, "linear": "superlu"},
+        run={"duration": 0.06, "frames_per_second": 50},
+    )
+    effects = clothsim.simulate(scene, tmp_path).summary["effects"]
+    assert effects["friction"]["pairs"] == effects["body_contact"]["pairs"] > 0
