@@ -26,12 +26,15 @@ PRESETS = {
     "fine": Preset(Fraction(2), 0.0025, 1e-4, 200, "midedge"),
 }
 
+OF_HINGES = ("rest_angle", "plastic_bending")
+"""Effects that go with no other bending model than "hinge"."""
+
 
 def with_preset(scene: Scene, name: str, models: bool = True) -> tuple[Scene, str]:
     """`scene` with the settings of a preset, and what it set in words. InputError for a name that there is not.
 
     A cloth that is a file keeps its mesh, and the words say so; a scene without bending gets none. models: False keeps
-    the scene's own bending model.
+    the scene's own bending model, and so does an effect that shifts the rest angles of hinges.
     """
     refuse_unknown("--preset", [name], PRESETS)
     preset = PRESETS[name]
@@ -44,7 +47,10 @@ def with_preset(scene: Scene, name: str, models: bool = True) -> tuple[Scene, st
     solver = {key: value for key, value in scene.solver.items() if key != "error"}
     solver.update(dt=preset.dt, tolerance=preset.tolerance, max_iterations=preset.max_iterations)
     effects = dict(scene.effects)
-    if models and "bending" in effects:
+    shifted = next((name for name in OF_HINGES if name in effects), None)
+    if models and "bending" in effects and shifted is not None:
+        said.append(f"bending as it is, for {shifted}")
+    elif models and "bending" in effects:
         effects["bending"] = {**effects["bending"], "model": preset.bending}
         said.append(f"bending {preset.bending}")
     return replace(scene, solver=solver, effects=effects), ", ".join(said)

@@ -66,6 +66,27 @@ def test_pins_by_number_follow_their_material_places():
         with_cells(small_scene(effects={**effects, "pins": {"select": [3, 4]}}), Fraction(2))
 
 
+def test_springs_by_number_follow_their_material_places():
+    springs = {"spring": [{"select": [4, 24], "stiffness": 1.0}, {"select": "left", "stiffness": 1.0}]}
+    finer = with_cells(small_scene(effects={"inertia": {}, "springs": springs}), Fraction(2))
+    assert [spring["select"] for spring in finer.effects["springs"]["spring"]] == [[8, 80], "left"]
+    springs["spring"][0]["select"] = [3, 4]
+    with pytest.raises(InputError, match=r"springs\.spring\[0\] names neighbouring vertices"):
+        with_cells(small_scene(effects={"inertia": {}, "springs": springs}), Fraction(2))
+
+
+@pytest.mark.parametrize(
+    ("effects", "name"),
+    [
+        ({"seams": {"seam": [{"from": {"side": "left"}, "to": {"vertices": [4, 9]}}]}}, r"seams\.seam\[0\]\.to"),
+        ({"rest_angle": {"crease": [{"vertices": [7, 12], "angle_degrees": 30.0}]}}, r"rest_angle\.crease\[0\]"),
+    ],
+)
+def test_lines_of_vertex_numbers_belong_to_one_mesh(effects, name):
+    with pytest.raises(InputError, match=rf"effects\.{name}\.vertices are those of one mesh"):
+        with_cells(small_scene(effects={"inertia": {}, **effects}), Fraction(2))
+
+
 @pytest.mark.parametrize(
     ("cloth", "sentence"),
     [
@@ -97,3 +118,17 @@ def test_a_file_keeps_its_mesh_under_a_preset():
     assert "the mesh as it is" in said
     with pytest.raises(InputError, match="no key 'drat'"):
         with_preset(small_scene(), "drat")
+
+
+@pytest.mark.parametrize("name", PRESETS)
+@pytest.mark.parametrize(
+    "effect",
+    [
+        {"rest_angle": {"crease": [{"through": [[0, -0.5, 0], [0, 0.5, 0]], "angle_degrees": 30.0}]}},
+        {"plastic_bending": {"yield_angle_degrees": 5.0}},
+    ],
+)
+def test_a_preset_keeps_the_hinges_that_an_effect_needs(name, effect):
+    scene, said = with_preset(small_scene(effects={"membrane": {}, "inertia": {}, "bending": {}, **effect}), name)
+    assert set(effect) <= set(build(scene).energies)
+    assert f"bending as it is, for {next(iter(effect))}" in said
