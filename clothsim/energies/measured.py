@@ -101,6 +101,12 @@ def measured(world: World, angles: Floats, warp: ArrayLike, weft: ArrayLike, she
             raise InputError("effects.membrane has no shear, and the fabric no modulus.", "Give shear = [[0.1, 3.0]].")
         rows["shear"] = [[1.0, modulus]]
     tables = {name: _table(f"effects.membrane.{name}", table) for name, table in rows.items()}
+    steepest = float(tables["shear"][-1, 0])
+    if steepest > 1:
+        raise InputError(
+            f"effects.membrane.shear has the sine {steepest:g}.",
+            "Give sines of angles, not degrees: 0.087 is 5 degrees.",
+        )
     curves = {name: Curve.through(*table.T) for name, table in tables.items()}
     mu = SHEET * min(float(table[1, 1] / table[1, 0]) for table in tables.values())
     said = tuple(

@@ -148,17 +148,19 @@ def _positive_part(corners: Floats, pressures: Floats) -> Floats:
     On corner i acts p (o_j x dx_j) / 6 summed over j, o_j the edge opposite to j: K_ij = [o_j - o_i]x / 12. Summed over
     the triangles around a vertex this is the Hessian of V, but it depends on the edges only, not on the apex.
     It couples motions in the plane u with motions w along the normal n by u . B w, so its eigenvalues are +- the
-    singular values s of B, with the vectors (B v +- s v n) / (s sqrt 2).
+    singular values s of B, with the vectors (B v +- s v n) / (s sqrt 2). All is in proportion to |p|, which comes last.
+    A triangle without area has no normal, and adds nothing.
     """
     opposite = np.stack([corners[:, (k + 2) % 3] - corners[:, (k + 1) % 3] for k in range(3)], axis=1)
     normals = np.cross(opposite[:, 0], opposite[:, 1])
-    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    normals /= np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)[:, None]
     spans = opposite[:, None, :] - opposite[:, :, None]
-    B = -pressures[:, None, None, None] / 12 * np.cross(spans, normals[:, None, None])
+    B = -np.sign(pressures)[:, None, None, None] / 12 * np.cross(spans, normals[:, None, None])
     B = B.transpose(0, 1, 3, 2).reshape(-1, 9, 3)
     squares, v = np.linalg.eigh(B.transpose(0, 2, 1) @ B)
     s = np.sqrt(np.maximum(squares, 0.0))
     along = (v[:, :, None] * normals[:, None, :, None]).reshape(-1, 9, 3)
     modes = B @ v + s[:, None] * along
     weights = np.divide(0.5, s, out=np.zeros_like(s), where=s > 1e-12 * s.max(axis=1, initial=0.0, keepdims=True))
-    return np.asarray((modes * weights[:, None]) @ modes.transpose(0, 2, 1), np.float64)
+    blocks = (modes * weights[:, None]) @ modes.transpose(0, 2, 1)
+    return np.asarray(np.abs(pressures)[:, None, None] * blocks, np.float64)

@@ -170,6 +170,8 @@ def _seam(
     if not len(rows):
         raise InputError(f"{name} sews a line to itself.", "Give two lines.")
     fabric = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft")).max()
+    if "stiffness" not in keys and not fabric > 0:
+        raise InputError(f"{name} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
     stiffness = as_positive(f"{name}.stiffness", keys.get("stiffness", STIFFER * float(fabric)))
     hinges, beside = hinges_across(first, second, world.triangles)
     n = len(hinges) if bending and bends else 0

@@ -132,6 +132,10 @@ class TestBadTables:
         with pytest.raises(InputError, match=said):
             membrane(small_world(0), material="measured", warp=table)
 
+    def test_shear_in_degrees_is_refused(self):
+        with pytest.raises(InputError, match=r"shear has the sine 5.*not degrees"):
+            membrane(small_world(0), material="measured", warp=WARP, shear=[[5.0, 3.0]])
+
     def test_tables_are_for_this_material_only(self):
         with pytest.raises(InputError, match=r'warp does nothing with material = "orthotropic".*measured'):
             membrane(small_world(0), material="orthotropic", warp=WARP)

@@ -106,6 +106,17 @@ def test_the_projected_hessian_is_the_positive_part_of_blocks_that_sum_to_the_ex
     assert np.abs(projected - project_psd(blocks)).max() < 1e-14
 
 
+def test_a_triangle_without_area_and_a_huge_pressure_leave_the_projected_hessian_finite():
+    world = ball()
+    x = world.start()
+    flat = x.copy()
+    flat[world.triangles[0, 2]] = flat[world.triangles[0, 0]]
+    assert np.isfinite(bound(world, flat).hessian(flat).blocks).all()
+    assert not bound(world, flat).hessian(flat).blocks[0].any()
+    huge = bound(world, x, value=1e300).hessian(x).blocks / 1e300
+    assert huge == pytest.approx(bound(world, x, value=1.0).hessian(x).blocks, rel=1e-12, abs=1e-15)
+
+
 def test_a_closed_cloth_feels_no_net_force_or_torque_and_turns_along():
     world = ball()
     x = deformed(world)

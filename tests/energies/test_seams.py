@@ -1,10 +1,11 @@
 """Seams: who is sewn to whom, how they close, what is left open, and what is refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from meshes import cloth, grid
+from meshes import UNIT, cloth, grid
 from small_scenes import SHEET, SOLVER, small_scene
 from solving import equilibrium, held, step_at
 
@@ -221,6 +222,13 @@ def test_no_seam_is_off():
 def test_bad_seams_are_refused_in_one_sentence(keys, words):
     with pytest.raises(InputError, match=words):
         seams(sheet(), seam=[keys])
+
+
+def test_a_fabric_without_stiffness_gives_a_seam_none():
+    world = make_world([cloth(*grid(4, 3), replace(UNIT, youngs_modulus=0.0))])
+    with pytest.raises(InputError, match=r"seam\[0\] has no stiffness: the fabric has none.*N/m"):
+        seams(world, seam=[{"from": LEFT, "to": RIGHT}])
+    assert not isinstance(seams(world, seam=[{"from": LEFT, "to": RIGHT, "stiffness": 3.0}]), Off)
 
 
 def test_several_cloths_must_be_named():
