@@ -8,7 +8,7 @@ B = Dm^-1 [a b].
 import numpy as np
 from numba import njit
 
-from clothsim.energies.triangle_kernels import deformation_gradient, project_2x2
+from clothsim.energies.triangle_kernels import deformation_gradient, products, project_2x2
 
 
 @njit(cache=True, error_model="numpy")
@@ -18,11 +18,7 @@ def measures(x, triangles, inverses):
     F = np.empty((3, 2))
     for t in range(len(triangles)):
         deformation_gradient(x, triangles[t], inverses[t], F)
-        uu = uv = vv = 0.0
-        for k in range(3):
-            uu += F[k, 0] * F[k, 0]
-            uv += F[k, 0] * F[k, 1]
-            vv += F[k, 1] * F[k, 1]
+        uu, uv, vv = products(F)
         out[t, 0], out[t, 1], out[t, 2] = np.sqrt(uu), np.sqrt(vv), uv
     return out
 

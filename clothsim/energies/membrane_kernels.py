@@ -13,6 +13,7 @@ from clothsim.energies.triangle_kernels import (
     principal,
     principal_block,
     principal_rates,
+    products,
     project_2x2,
 )
 
@@ -43,11 +44,7 @@ def gradient(x, triangles, inverses, areas, mu, lam):
         deformation_gradient(x, triangles[t], B, F)
         J = normal(F, n)
         b = inverse_factor(mu[t], lam[t], J) / (J * J)
-        c11 = c12 = c22 = 0.0
-        for k in range(3):
-            c11 += F[k, 0] * F[k, 0]
-            c12 += F[k, 0] * F[k, 1]
-            c22 += F[k, 1] * F[k, 1]
+        c11, c12, c22 = products(F)
         for k in range(3):
             P1 = mu[t] * F[k, 0] + b * (F[k, 0] * c22 - F[k, 1] * c12)
             P2 = mu[t] * F[k, 1] + b * (F[k, 1] * c11 - F[k, 0] * c12)

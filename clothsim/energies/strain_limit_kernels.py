@@ -6,7 +6,14 @@
 import numpy as np
 from numba import njit
 
-from clothsim.energies.triangle_kernels import deformation_gradient, normal, principal, principal_block, principal_rates
+from clothsim.energies.triangle_kernels import (
+    deformation_gradient,
+    normal,
+    principal,
+    principal_block,
+    principal_rates,
+    products,
+)
 
 ALIKE = 1e-5
 """Difference of two stretches below which a slope between them is taken as the curvature at their mean."""
@@ -19,11 +26,7 @@ def stretches(x, triangles, inverses):
     F = np.empty((3, 2))
     for t in range(len(triangles)):
         deformation_gradient(x, triangles[t], inverses[t], F)
-        uu = uv = vv = 0.0
-        for k in range(3):
-            uu += F[k, 0] * F[k, 0]
-            uv += F[k, 0] * F[k, 1]
-            vv += F[k, 1] * F[k, 1]
+        uu, uv, vv = products(F)
         middle, radius = 0.5 * (uu + vv), np.hypot(0.5 * (uu - vv), uv)
         s1 = np.sqrt(middle + radius)
         out[t, 0], out[t, 1] = s1, (np.sqrt(max(uu * vv - uv * uv, 0.0)) / s1 if s1 > 0.0 else 0.0)

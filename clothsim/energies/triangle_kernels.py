@@ -18,6 +18,17 @@ def deformation_gradient(x, triangle, B, F):
 
 
 @njit(cache=True, error_model="numpy", inline="always")
+def products(F):
+    """F'F: f1.f1, f1.f2, f2.f2."""
+    c11 = c12 = c22 = 0.0
+    for k in range(3):
+        c11 += F[k, 0] * F[k, 0]
+        c12 += F[k, 0] * F[k, 1]
+        c22 += F[k, 1] * F[k, 1]
+    return c11, c12, c22
+
+
+@njit(cache=True, error_model="numpy", inline="always")
 def normal(F, n):
     """n = f1 x f2 / J; returns J, the area ratio."""
     n[0] = F[1, 0] * F[2, 1] - F[2, 0] * F[1, 1]
@@ -32,11 +43,7 @@ def normal(F, n):
 @njit(cache=True, error_model="numpy", inline="always")
 def principal(F, n, J, V, W):
     """F = W' diag(s1, s2) V', s1 >= s2, the rows of W being w1, w2; V from the angle of C = F'F, s2 = J/s1."""
-    c11 = c12 = c22 = 0.0
-    for k in range(3):
-        c11 += F[k, 0] * F[k, 0]
-        c12 += F[k, 0] * F[k, 1]
-        c22 += F[k, 1] * F[k, 1]
+    c11, c12, c22 = products(F)
     angle = 0.5 * np.arctan2(2.0 * c12, c11 - c22)
     c, s = np.cos(angle), np.sin(angle)
     V[0, 0], V[1, 0], V[0, 1], V[1, 1] = c, s, -s, c
