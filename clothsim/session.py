@@ -59,10 +59,8 @@ def prepare(scene: Scene, built: Built) -> Session:
         if settings.error:
             dt = min([dt, *(0.999 * LARGEST_TURN / turn for turn in _turns(built.world).values() if turn)])
         _refuse_leaps(built.world, dt)
-    if settings.error and "inertia" not in built.energies:
-        raise InputError(
-            "solver.error needs effects.inertia: a quasi-static run has no error of time.", "Give solver.dt."
-        )
+    if settings.error:
+        _refuse_error(built)
     control = ErrorControl(settings.error, run.duration, dt) if settings.error else None
     formula = settings.integrator if "inertia" in built.energies else BACKWARD_EULER
     integrator = Integrator(built.world, potential, built.constraints, system, newton, dt, ramp, formula=formula)
@@ -73,6 +71,17 @@ def prepare(scene: Scene, built: Built) -> Session:
     unheard = "" if formula == settings.integrator else f"{settings.integrator} does nothing without effects.inertia."
     notes = (*built.notes, *filter(None, [shorter, slow, unheard, finer]))
     return Session(scene, built, integrator, notes)
+
+
+def _refuse_error(built: Built) -> None:
+    """InputError where no error of time can be asked for."""
+    if "inertia" not in built.energies:
+        why = "solver.error needs effects.inertia: a quasi-static run has no error of time."
+    elif "seams" in built.energies:
+        why = "solver.error does not go with effects.seams: its steps would follow the ringing of the stitches."
+    else:
+        return
+    raise InputError(why, "Give solver.dt.")
 
 
 def _refuse_leaps(world: World, dt: float) -> None:

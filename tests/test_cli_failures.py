@@ -1,5 +1,6 @@
 """Runs that fail, at the command line: the place, the iterates, the archive that replays them."""
 
+import re
 import shutil
 
 import numpy as np
@@ -61,7 +62,7 @@ def test_a_failed_run_leaves_its_place_its_iterates_and_what_to_do(capsys, tmp_p
     assert not (tmp_path / "press/failure.png").exists()
     with np.load(tmp_path / f"press/iterates_{failure['step']}.npz", allow_pickle=False) as iterates:
         assert iterates["positions"].shape[1:] == (25 + 16, 3)
-    assert "cloth is pinched between press and table" in capsys.readouterr().out
+    assert re.search("cloth is pinched between (press and table|table and press)", capsys.readouterr().out)
 
 
 def test_a_bundle_is_replayed_with_one_command(capsys, tmp_path):

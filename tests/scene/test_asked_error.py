@@ -53,6 +53,12 @@ def test_without_inertia_it_is_refused():
         prepared(effects=without("inertia", "body_contact", "damping") | {"pins": {"select": "left"}}, body=())
 
 
+def test_with_seams_it_is_refused():
+    seam = {"from": {"side": "left"}, "to": {"side": "right"}}
+    with pytest.raises(InputError, match=r"solver\.error does not go with effects\.seams"):
+        prepared(effects=without("body_contact") | {"seams": {"seam": [seam]}}, body=())
+
+
 def test_on_the_command_line_it_takes_the_place_of_dt():
     scene = small_scene(solver={"dt": 0.01, "threads": 1}, effects=EFFECTS)
     assert override(scene, "solver.error=1e-3").solver == {"error": 1e-3, "threads": 1}
