@@ -65,11 +65,10 @@ def run(
                 rows[case.name], then[case.name] = measured(case, [ROOT, there], states, repeats, _say)
     last = _last(results)
     kept: dict[str, Any] = {**where, "cases": rows}
-    if compare is not None:
-        kept["compared"] = {"revision": compare, "cases": then}
     file = results / f"{where['date'][:10]}-{where['revision'] or 'no-git'}{COMPARED if compare else ''}.json"
     file.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(file, (to_json(_joined(file, kept), indent=1) + "\n").encode())
+    kept = _joined(file, kept) if compare is None else kept | {"compared": {"revision": compare, "cases": then}}
+    write_atomically(file, (to_json(kept, indent=1) + "\n").encode())
     if picture is not None:
         from clothsim.study.bench.picture import draw
 
