@@ -50,6 +50,12 @@ class FollowedSource:
     start: Floats
 
     @cached_property
+    def one_to_one(self) -> bool:
+        """True where each row follows the triangle of its own number alone, as on bodies that share their mesh."""
+        same = self.averages.shape == (len(self.triangles),) * 2 and self.averages.nnz == len(self.triangles)
+        return same and bool((self.averages.diagonal() == 1.0).all())
+
+    @cached_property
     def middles(self) -> csr_array:
         """The mean centroid of what each row follows, from the source's vertices, (m, vertices)."""
         k = len(self.triangles)
@@ -62,8 +68,8 @@ class FollowedSource:
         if len(positions) != self.vertices:
             raise TransferError(f"the source has {self.vertices} vertices, the deformed one {len(positions)}.", REMEDY)
         gradients = deformation_gradients(self.inverses, positions, self.triangles).reshape(-1, 9)
-        mean = (self.averages @ gradients).reshape(-1, 3, 3)
-        return Carried(mean, self.start, self.middles @ positions)
+        mean = gradients if self.one_to_one else self.averages @ gradients
+        return Carried(mean.reshape(-1, 3, 3), self.start, self.middles @ positions)
 
 
 def followed_source(averages: csr_array, rest: ArrayLike, triangles: ArrayLike) -> FollowedSource:

@@ -8,6 +8,7 @@ vertices, and x, y, z decouple: one scalar matrix serves all three.
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
@@ -59,14 +60,6 @@ def flat(e1: Floats, e2: Floats, e1_x_e2: Floats) -> NDArray[np.bool_]:
     return squared[3] <= (FLATTEST * np.maximum.reduce(squared[:3])) ** 2
 
 
-def frames(positions: Floats, triangles: Ints) -> Floats:
-    """V = [e1 e2 v4-v1] of each triangle (m, 3, 3), its vectors in columns; singular where there is no area."""
-    e1, e2 = edge_vectors(positions, triangles)
-    c = cross(e1, e2)
-    root = np.sqrt(np.linalg.norm(c, axis=1, keepdims=True))
-    return np.stack([e1, e2, c / np.where(root > 0, root, 1.0)], axis=2)
-
-
 def inverse_frames(positions: Floats, triangles: Ints, name: str, numbers: Ints | None = None) -> Floats:
     """V^-1 of each triangle (m, 3, 3): its rows are the dual vectors e2 x c / |c|^2, c x e1 / |c|^2, c / |c|^(3/2),
     c = e1 x e2. TransferError where a triangle has no area; it is called by the mesh's `name` and its own row,
@@ -85,9 +78,29 @@ def inverse_frames(positions: Floats, triangles: Ints, name: str, numbers: Ints 
     return np.stack([cross(e2, c) / length**2, cross(c, e1) / length**2, c / length**1.5], axis=1)
 
 
+@njit(cache=True, error_model="numpy")
 def deformation_gradients(inverses: Floats, deformed: Floats, triangles: Ints) -> Floats:
-    """T = V~ V^-1 of each triangle (m, 3, 3), from the `inverses` of its rest frames."""
-    return frames(deformed, triangles) @ inverses
+    """T = V~ V^-1 of each triangle (m, 3, 3), from the `inverses` of its rest frames.
+
+    Compiled: with numpy it is nearly half of the time of a pose.
+    """
+    out = np.empty((len(triangles), 3, 3))
+    e, f, normal = np.empty(3), np.empty(3), np.empty(3)
+    for t in range(len(triangles)):
+        i, j, k = triangles[t]
+        for a in range(3):
+            e[a], f[a] = deformed[j, a] - deformed[i, a], deformed[k, a] - deformed[i, a]
+        squared = 0.0
+        for a in range(3):
+            b, c = (a + 1) % 3, (a + 2) % 3
+            normal[a] = e[b] * f[c] - e[c] * f[b]
+            squared += normal[a] ** 2
+        root = squared**0.25
+        for a in range(3):
+            n = normal[a] / root if root > 0.0 else 0.0
+            for b in range(3):
+                out[t, a, b] = e[a] * inverses[t, 0, b] + f[a] * inverses[t, 1, b] + n * inverses[t, 2, b]
+    return out
 
 
 def gradient_operator(inverses: Floats, triangles: Ints, vertices: int) -> csr_array:

@@ -5,11 +5,23 @@ import pytest
 
 from clothsim.mesh.generate import GENERATORS
 from transfer.errors import TransferError
-from transfer.gradients import deformation_gradients, frames, gradient_operator, inverse_frames, plane_operator
+from transfer.gradients import deformation_gradients, gradient_operator, inverse_frames, plane_operator
 
 BALL, TRIANGLES = GENERATORS["sphere"](radius=0.7, subdivisions=2)
 RNG = np.random.default_rng(3)
 WILD = BALL + 0.05 * RNG.normal(size=BALL.shape)
+
+
+def frames(positions, triangles):
+    """V = [e1 e2 v4-v1], its vectors in columns (Sumner & Popovic 2004, eq. 2 and 3)."""
+    a, b, c = (positions[triangles[:, k]] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    return np.stack([b - a, c - a, normal / np.sqrt(np.linalg.norm(normal, axis=1))[:, None]], axis=2)
+
+
+def test_the_gradient_takes_the_frame_at_rest_to_the_deformed_one():
+    found = deformation_gradients(inverse_frames(BALL, TRIANGLES, "ball"), WILD, TRIANGLES)
+    np.testing.assert_allclose(found @ frames(BALL, TRIANGLES), frames(WILD, TRIANGLES), atol=1e-12)
 
 
 def test_a_rotation_and_scale_is_its_own_gradient():
