@@ -26,12 +26,13 @@ def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
 
     Pins and springs that are given by vertex number go to the vertices of the new mesh at the same material places.
     nearest: cells that are no whole numbers are rounded, up to one at least. InputError where a cloth is a file, where
-    cells would be no whole numbers, and where pins, springs, seams, creases or a seed file belong to the vertices of
-    one mesh.
+    cells would be no whole numbers, and where pins, springs, seams, creases, an array over the cloth or a seed file
+    belong to the vertices or triangles of one mesh.
     """
     if scene.seed_settings().from_ == "file":
         raise InputError("seed.file gives a place to each vertex of one mesh.", "Leave the cells as they are.")
     _refuse_numbered_lines(scene.effects)
+    _refuse_arrays("effects", scene.effects)
     cloths = [_scaled(keys, factor, nearest) for keys in scene.cloths]
     finer = replace(scene, cloth=cloths[0] if isinstance(scene.cloth, Mapping) else cloths)
     moved = {
@@ -73,6 +74,18 @@ def _refuse_numbered_lines(effects: Mapping[str, Any]) -> None:
     for name, keys in (*sides, *creases):
         if isinstance(keys, Mapping) and "vertices" in keys:
             raise InputError(f"{name}.vertices are those of one mesh.", "Draw the line with `through`.")
+
+
+def _refuse_arrays(where: str, keys: Mapping[str, Any]) -> None:
+    """InputError for a number a triangle or a vertex, as an array or in a file: another mesh has more or fewer."""
+    for key, value in keys.items():
+        name = f"{where}.{key}"
+        if key == "select":  # vertices, which go to their places on the other mesh
+            continue
+        if isinstance(value, Mapping):
+            _refuse_arrays(name, value)
+        elif (isinstance(value, np.ndarray) and value.size > 3) or (isinstance(value, str) and value.endswith(".npy")):
+            raise InputError(f"{name} has its numbers for one mesh.", "Give a number, or a table by cloth.")
 
 
 def _tables(effects: Mapping[str, Any], name: str, key: str) -> list[tuple[int, Mapping[str, Any]]]:

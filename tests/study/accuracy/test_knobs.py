@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from small_scenes import small_scene, without
 
@@ -132,3 +133,15 @@ def test_a_preset_keeps_the_hinges_that_an_effect_needs(name, effect):
     scene, said = with_preset(small_scene(effects={"membrane": {}, "inertia": {}, "bending": {}, **effect}), name)
     assert set(effect) <= set(build(scene).energies)
     assert f"bending as it is, for {next(iter(effect))}" in said
+
+
+def test_selected_vertices_may_be_an_array():
+    scene = small_scene(effects={**without(), "pins": {"select": np.array([0, 4, 20, 24])}})
+    assert len(with_cells(scene, Fraction(2)).effects["pins"]["select"]) == 4
+
+
+@pytest.mark.parametrize("drag", [np.ones(32), "drag.npy"])
+def test_numbers_of_one_mesh_stay_with_it(drag):
+    scene = small_scene(effects={**without(), "air": {"drag": drag, "wind": [1.0, 0.0, 0.0]}})
+    with pytest.raises(InputError, match=r"effects\.air\.drag has its numbers for one mesh"):
+        with_cells(scene, Fraction(2))
