@@ -139,6 +139,10 @@ class Energy(abc.ABC):
         """The largest share by which the step changes a distance that it keeps, 0 where it keeps none."""
         return 0.0
 
+    def tightest(self, x: Floats) -> str:
+        """What of it is nearly at a limit at x, for a failure to say; empty where nothing is, and for contact."""
+        return ""
+
     def couplings(self, x: Floats) -> Ints:
         """Rows (m, k) that its Hessian may couple near x beyond the mesh's own stencils: (0, 1) for all but contact."""
         return np.zeros((0, 1), np.int64)

@@ -30,6 +30,8 @@ from clothsim.mesh.world import World
 SLACK = 0.9
 """Share of the way from a stretch to its limit that one Newton step may go at most, where the whole step passes it."""
 CHORDS = 8
+TIGHT = 0.9
+"""The share of its way to a limit from which a stretch is told as the reason of a failure."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,17 @@ class StrainLimit(Energy):
         load = self._loads(x, self.triangles)[near]
         after = self._loads(x + dx, self.triangles)[near]
         return float(np.max(np.abs(after - load) / (1 - load)))
+
+    def tightest(self, x: Floats) -> str:
+        """The largest stretch, where it is most of its way to its limit."""
+        stretches = kernels.stretches(x, self.triangles, self.inverses)
+        y, _ = self._way(stretches, np.arange(len(stretches)))
+        worst = np.unravel_index(int(y.argmax()), y.shape)
+        if y[worst] < TIGHT:
+            return ""
+        return (
+            f"effects.strain_limit holds the cloth: it is stretched to {stretches[worst]:.4g} of {self.limits[worst]:g}"
+        )
 
     def beyond(self, x: Floats) -> Ints:
         """The triangles that are at a limit or beyond it."""

@@ -69,6 +69,9 @@ def failure_of(
     if end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
         touch = closest_touch(world, potential.energies.values(), result.x)
     sentence = _said(world, constraints, end, touch)
+    if touch is None and end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
+        tight = (energy.tightest(result.x) for energy in potential.energies.values())
+        sentence = "; ".join([sentence.removesuffix("."), *filter(None, tight)]) + "."
     tries = f"dt fell to {dts[-1]:.2g} s."
     if infeasible:
         tries = f"{state.blocked} tries with ever smaller dt, down to {dts[-1]:.2g} s, ended there: it is infeasible."

@@ -221,3 +221,16 @@ class TestAHeavyStrip:
         assert held.status == "completed", held.reason
         assert held.summary["certificate"]["stretch_max"] < 1.05
         assert held.summary["certificate"]["residual"] < 1e-2 * 4.0 * 0.06 * 9.81
+
+
+def test_a_pin_that_pulls_past_the_limit_is_told_of_it(tmp_path):
+    groups = [{"select": "left"}, {"select": "right", "motion": {"velocity": [0.5, 0, 0]}}]
+    scene = Scene(
+        cloth={"mesh": "rectangle", "size": [0.2, 0.2], "cells": [3, 3]},
+        effects={"inertia": {}, "membrane": {}, "strain_limit": {"limit": 1.05}, "pins": {"group": groups}},
+        solver={"dt": 0.01, "linear": "superlu"},
+        run={"duration": 0.1, "frames_per_second": 25},
+    )
+    run = simulate(scene, tmp_path)
+    assert run.status == "failed"
+    assert "effects.strain_limit holds the cloth: it is stretched to 1.05 of 1.05" in run.reason
