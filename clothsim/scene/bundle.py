@@ -4,14 +4,16 @@ import json
 import platform
 import zipfile
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePosixPath
 from shutil import copyfileobj
 from tempfile import TemporaryDirectory
+from typing import Any
 
+from clothsim.energies.values import FUNCTION, lost
 from clothsim.errors import InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, Checkpoint, read_checkpoint, write_checkpoint
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary
@@ -33,10 +35,12 @@ def write_bundle(directory: Path, target: Path) -> None:
     """Write the archive of the run in `directory` to `target`, a file that is not there yet.
 
     Its README says how to replay the run. No path of this machine is in the scene of the archive. InputError where the
-    run has no checkpoint, or a file of its scene is gone.
+    run has no checkpoint, a file of its scene is gone, or the scene was made with a Python function.
     """
     saved = read_checkpoint(directory / CHECKPOINT_NAME)
-    text, files = relocated(scene_from_text(saved.scene_text, directory))
+    scene = scene_from_text(saved.scene_text, directory)
+    _refuse_functions("effects", scene.effects)
+    text, files = relocated(scene)
     summary = read_summary(directory / SUMMARY_NAME) if (directory / SUMMARY_NAME).is_file() else {}
     if target.exists():
         raise InputError(f"{target} is there already.", "Choose another file with -o, or move it away.")
@@ -62,6 +66,15 @@ def write_bundle(directory: Path, target: Path) -> None:
         raise InputError(f"{target} cannot be written ({error.strerror or error}).") from error
     finally:
         beside.unlink(missing_ok=True)
+
+
+def _refuse_functions(where: str, keys: Mapping[str, Any]) -> None:
+    """InputError for a Python function among the keys: no archive replays it."""
+    for key, value in keys.items():
+        if isinstance(value, Mapping):
+            if set(value) == {FUNCTION}:
+                raise lost(f"{where}.{key}", value)
+            _refuse_functions(f"{where}.{key}", value)
 
 
 def unpack_bundle(file: Path, directory: Path) -> None:

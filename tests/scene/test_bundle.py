@@ -122,6 +122,14 @@ def test_a_run_that_completed_can_be_bundled_too(tmp_path):
     assert resume(tmp_path / "again").status == "completed"
 
 
+def test_a_run_made_with_a_python_function_is_refused(tmp_path):
+    scene = small_scene(effects={**EFFECTS, "air": {"strength": lambda time: time, "wind": [1, 0, 0]}})
+    simulate(scene, tmp_path / "run")
+    with pytest.raises(InputError, match=r"effects\.air\.strength was the Python function"):
+        write_bundle(tmp_path / "run", tmp_path / "run.zip")
+    assert not (tmp_path / "run.zip").exists()
+
+
 def test_a_file_in_the_way_or_gone_is_refused(failed, tmp_path):
     run, archive = failed
     with pytest.raises(InputError, match="is there already"):
