@@ -2,8 +2,9 @@
 
 Over the cloth a scene may say a number; an array with one for each triangle or for each vertex (averaged over the
 corners; where there are as many triangles as vertices they are the triangles'); a table of these by the name of a
-cloth, "other" standing for those that it does not name. Over time it may say a number; key frames [[t0, v0], [t1, v1]],
-linear between and held outside; in Python a function of the time. A table by cloth may hold key frames.
+cloth, or of numbers by the name of a panel (a group of the cloth's file), "other" standing for what it does not name.
+Over time it may say a number; key frames [[t0, v0], [t1, v1]], linear between and held outside; in Python a function of
+the time. A table by cloth may hold key frames.
 """
 
 import math
@@ -87,12 +88,29 @@ def over_cloth(name: str, value: Any, world: World, least: float = -math.inf) ->
     """A number for each triangle of the world's cloths, (m,). InputError names the cloth and index of a bad one."""
     if not isinstance(value, Mapping):
         return _over(name, value, world.triangles, world.n_cloth, least)
-    named = _of_each_cloth(name, value, world)
-    parts = [
-        _over(f"{name}.{cloth.name}", one, cloth.triangles, len(cloth.positions), least)
-        for cloth, one in zip(world.cloths, named, strict=True)
-    ]
+    panels = {key: one for key, one in value.items() if any(key in cloth.groups for cloth in world.cloths)}
+    whole = {key: one for key, one in value.items() if key not in panels}
+    if panels and OTHER not in whole and not any(cloth.name in whole for cloth in world.cloths):
+        _refuse_uncovered(name, panels, world)
+        whole[OTHER] = next(iter(panels.values()))
+    named = _of_each_cloth(name, whole, world)
+    parts = []
+    for cloth, one in zip(world.cloths, named, strict=True):
+        numbers = _over(f"{name}.{cloth.name}", one, cloth.triangles, len(cloth.positions), least)
+        for panel in panels.keys() & cloth.groups.keys():
+            numbers[cloth.groups[panel]] = _bounded(f"{name}.{panel}", panels[panel], least)
+        parts.append(numbers)
     return np.concatenate(parts)
+
+
+def _refuse_uncovered(name: str, panels: Mapping[str, Any], world: World) -> None:
+    """InputError where the panels leave triangles of a cloth without a value."""
+    for cloth in world.cloths:
+        covered = [cloth.groups[panel] for panel in panels if panel in cloth.groups]
+        left = np.setdiff1d(np.arange(len(cloth.triangles)), np.concatenate([np.zeros(0, np.int64), *covered]))
+        if len(left):
+            said = f"{name} says nothing of {len(left)} triangles of the cloth {cloth.name!r}, the first {left[0]}."
+            raise InputError(said, "Add a value for `other`.")
 
 
 def lost(name: str, value: Mapping[str, Any]) -> InputError:
@@ -110,7 +128,11 @@ def _of_each_cloth(name: str, table: Mapping[str, Any], world: World) -> list[An
     names = [cloth.name for cloth in world.cloths]
     unknown = next((key for key in table if key not in (*names, OTHER)), None)
     if unknown is not None:
-        raise InputError(f"{name} names {unknown!r}, which is no cloth.", f"Cloths: {', '.join(names)}; or other.")
+        panels = sorted({panel for cloth in world.cloths for panel in cloth.groups})
+        has = f"Cloths: {', '.join(names)}; or other."
+        raise InputError(
+            f"{name} names {unknown!r}, which is no cloth.", f"{has} Panels: {', '.join(panels)}." if panels else has
+        )
     silent = next((cloth for cloth in names if cloth not in table and OTHER not in table), None)
     if silent is not None:
         raise InputError(f"{name} says nothing of the cloth {silent!r}.", "Add it, or a value for `other`.")

@@ -3,8 +3,8 @@
 import contextlib
 import io
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from clothsim.io.off import read_off
 from clothsim.io.polygons import Polygons, cut_polygons
 from clothsim.io.vtk_legacy import read_vtk
 from clothsim.mesh.arguments import as_count
-from clothsim.mesh.topology import components
+from clothsim.mesh.topology import components, kept_groups
 
 TEXT_READERS = {".obj": read_obj, ".off": read_off}
 BYTE_READERS = {".vtk": read_vtk, ".msh": read_msh}
@@ -29,13 +29,15 @@ ENDINGS = (*TEXT_READERS, *BYTE_READERS, *LIBRARY_READERS)
 @dataclass(frozen=True)
 class MeshFile:
     """What a file holds: positions (n, 3) [m], triangles (m, 3), texture (m, 3, 2) the texture coordinates of each
-    corner, or (0, 3, 2) where the file has none; messages: what was cut, merged, scaled, ignored or left out.
+    corner, or (0, 3, 2) where the file has none; messages: what was cut, merged, scaled, ignored or left out; groups:
+    the triangles of each group or object that the file names.
     """
 
     positions: Floats
     triangles: Ints
     texture: Floats
     messages: tuple[str, ...]
+    groups: Mapping[str, Ints] = field(default_factory=dict)
 
 
 def read_mesh(
@@ -81,7 +83,8 @@ def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...
     messages = (*polygons.messages, *messages)
     triangles = polygons.corners[places]
     texture = polygons.texture[places] if len(polygons.texture) else np.zeros((0, 3, 2))
-    whole = MeshFile(polygons.positions, triangles, texture, messages)
+    groups = {name: np.flatnonzero(np.isin(faces, own)) for name, own in polygons.groups.items()}
+    whole = MeshFile(polygons.positions, triangles, texture, messages, groups)
     if sum(key is not None for key in (part.group, part.component, part.vertices)) > 1:
         raise InputError(f"{file}: give only one of group, component and vertices.")
     if part.group is not None:
@@ -162,8 +165,7 @@ def _of_group(file: Path, whole: MeshFile, polygons: Polygons, faces: Ints, grou
         near = get_close_matches(str(group), names, n=5, cutoff=0.3) or names[:5]
         has = f"The nearest are {', '.join(map(repr, near))}." if names else "The file names no groups."
         raise InputError(f"{file} has no group {group!r}.", has)
-    keep = np.isin(faces, polygons.groups[group])
-    return _part(whole, keep, f"group {group!r}")
+    return _part(whole, np.isin(np.arange(len(faces)), whole.groups[group]), f"group {group!r}")
 
 
 def _of_component(file: Path, whole: MeshFile, component: int) -> MeshFile:
@@ -204,6 +206,7 @@ def _part(whole: MeshFile, keep: np.ndarray, what: str) -> MeshFile:
         triangles.reshape(-1, 3).astype(np.int64),
         whole.texture[keep] if len(whole.texture) else whole.texture,
         (*whole.messages, f"{what}: {counts}"),
+        kept_groups(whole.groups, np.flatnonzero(keep)),
     )
 
 

@@ -1,6 +1,7 @@
 """A cloth: where its vertices start, and the shape in which its material is at rest."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,7 +17,8 @@ class Cloth:
     positions: (n, 3) start positions [m]; triangles: (m, 3);
     material_coordinates: (m, 3, 2) the corners of each triangle at rest in its own plane [m];
     rest_positions: (n, 3) [m], the shape whose hinge angles are at rest (for a flat pattern: see `flat`);
-    flat: True where the rest shape is the flat pattern, so every rest angle is zero; velocity: (3,) at the start [m/s].
+    flat: True where the rest shape is the flat pattern, so every rest angle is zero; velocity: (3,) at the start [m/s];
+    groups: the triangles of each panel that the mesh names.
     """
 
     name: str
@@ -27,6 +29,7 @@ class Cloth:
     flat: bool
     fabric: Fabric
     velocity: Floats
+    groups: Mapping[str, Ints] = field(default_factory=dict)
 
 
 def make_cloth(
@@ -37,6 +40,7 @@ def make_cloth(
     positions: Floats | None = None,
     material_coordinates: Floats | None = None,
     velocity: Floats | tuple[float, float, float] = (0.0, 0.0, 0.0),
+    groups: Mapping[str, Ints] | None = None,
 ) -> Cloth:
     """A cloth whose material is at rest in `rest_positions`, or in `material_coordinates (m, 3, 2)` where given [m].
 
@@ -53,7 +57,7 @@ def make_cloth(
     if material.shape != (len(faces), 3, 2) or not np.isfinite(material).all():
         raise InputError(f"{name}: material_coordinates must be finite numbers of shape ({len(faces)}, 3, 2).")
     _refuse_no_area(name, material)
-    return Cloth(name, start, faces, material, rest, flat, fabric, np.asarray(velocity, float))
+    return Cloth(name, start, faces, material, rest, flat, fabric, np.asarray(velocity, float), groups or {})
 
 
 def triangle_planes(rest_positions: Floats, triangles: Ints) -> Floats:

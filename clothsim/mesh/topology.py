@@ -1,5 +1,7 @@
 """What a triangle list says about neighbours: edges, interior edges with their two opposite corners, borders."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from clothsim.arrays import Ints
@@ -66,3 +68,9 @@ def components(triangles: Ints, n_vertices: int) -> Ints:
     edges = half_edges(triangles)
     graph = coo_array((np.ones(len(edges)), (edges[:, 0], edges[:, 1])), shape=(n_vertices, n_vertices))
     return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def kept_groups(groups: Mapping[str, Ints], kept: Ints) -> dict[str, Ints]:
+    """The groups in the numbers that the triangles `kept` (in ascending order) have among themselves."""
+    left = {name: np.flatnonzero(np.isin(kept, own)) for name, own in groups.items()}
+    return {name: own for name, own in left.items() if len(own)}

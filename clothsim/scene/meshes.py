@@ -62,6 +62,7 @@ def cloth_of(
         positions=placed(keys, where, shape.positions) if start is None else start,
         material_coordinates=shape.texture if rest == "vt" else None,
         velocity=as_vector(f"{where}.velocity", keys.get("velocity", (0, 0, 0))),
+        groups=shape.groups,
     )
     return cloth, (*warnings, fabric_note)
 
@@ -117,7 +118,7 @@ def _from_file(path: Path, keys: Mapping[str, Any], where: str, common: tuple[st
 
     refuse_unknown(f"{where} (a file)", keys, (*common, *PART))
     mesh = read_mesh(path, **{key: keys[key] for key in PART if key in keys})
-    return Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages)
+    return Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages, mesh.groups)
 
 
 def _fabric(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:

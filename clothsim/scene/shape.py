@@ -1,7 +1,7 @@
 """A mesh as a scene's table names it: its name, its faults, its place."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -17,12 +17,15 @@ PART = ("scale", "group", "component", "vertices")
 
 @dataclass(frozen=True)
 class Shape:
-    """positions (n, 3) [m], triangles (m, 3), texture (m, 3, 2) or (0, 3, 2), not yet placed; notes for the user."""
+    """positions (n, 3) [m], triangles (m, 3), texture (m, 3, 2) or (0, 3, 2), not yet placed; notes for the user;
+    groups: the triangles of each panel or group that the file names.
+    """
 
     positions: Floats
     triangles: Ints
     texture: Floats
     notes: tuple[str, ...]
+    groups: Mapping[str, Ints] = field(default_factory=dict)
 
 
 def name_of(keys: Mapping[str, Any], where: str) -> str:

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from meshes import cloth, grid
 
-from clothsim import InputError
+from clothsim import InputError, Scene
 from clothsim.energies.values import by_cloth, over_cloth, schedule
 from clothsim.mesh.world import make_world
+from clothsim.scene.build import build
 
 
 def two_cloths():
@@ -128,3 +129,53 @@ def test_a_table_by_cloth():
 def test_a_bad_value_over_the_cloth_is_refused_by_name_and_index(value, says):
     with pytest.raises(InputError, match=says):
         over_cloth("c", value, two_cloths(), least=0.0)
+
+
+# --- by panel -------------------------------------------------------------------------------------------------------
+
+PANELS = """\
+v 0 0 0
+v 1 0 0
+v 1 1 0
+v 0 1 0
+v 2 0 0
+v 2 1 0
+g front
+f 1 2 3 4
+g back
+f 2 5 6 3
+"""
+
+
+def panelled(folder, **keys):
+    (folder / "shirt.obj").write_text(PANELS)
+    cloth = {"name": "shirt", "mesh": "shirt.obj", **keys}
+    return build(Scene(cloth=cloth, effects={"inertia": {}, "membrane": {}}, directory=folder)).world
+
+
+def test_a_panel_of_the_file_has_its_own_number(tmp_path):
+    world = panelled(tmp_path)
+    assert over_cloth("c", {"front": 1, "back": 2}, world).tolist() == [1, 1, 2, 2]
+    assert over_cloth("c", {"back": 2, "other": 5}, world).tolist() == [5, 5, 2, 2]
+    assert over_cloth("c", {"shirt": [1, 2, 3, 4], "back": 9}, world).tolist() == [1, 2, 9, 9]
+
+
+def test_panels_go_with_the_part_of_the_file_and_with_sewing(tmp_path):
+    back = panelled(tmp_path, group="back")
+    assert over_cloth("c", {"back": 2}, back).tolist() == [2, 2]
+    sewn = panelled(tmp_path, weld=1e-6)
+    assert over_cloth("c", {"front": 1, "back": 2}, sewn).tolist() == [1, 1, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("value", "says"),
+    [
+        ({"back": 2}, "c says nothing of 2 triangles of the cloth 'shirt', the first 0"),
+        ({"back": -2, "other": 1}, "c.back must be at least 0, not -2"),
+        ({"back": [1, 2], "other": 1}, "c.back must be a number"),
+        ({"bakc": 2, "other": 1}, "'bakc', which is no cloth. Cloths: shirt; or other. Panels: back, front"),
+    ],
+)
+def test_a_bad_value_by_panel_is_refused_by_name(value, says, tmp_path):
+    with pytest.raises(InputError, match=says):
+        over_cloth("c", value, panelled(tmp_path), least=0.0)
