@@ -12,6 +12,7 @@ from clothsim.mesh.generate import rectangle
 from clothsim.scene.scene import Scene
 from clothsim.study.bench import cases
 from clothsim.study.bench.__main__ import main
+from clothsim.study.bench.alone import without_others
 from clothsim.study.bench.cases import ROOT, Case
 from clothsim.study.bench.leads import lead
 from clothsim.study.bench.measure import PHASES, Worker, measured, ratio
@@ -232,3 +233,11 @@ def test_the_picture_has_lines_and_a_slope(tmp_path):
 def test_columns_of_numbers_stand_to_the_right():
     text = text_table(("name", "value"), [("a", "1.5"), ("long name", "1,234")])
     assert text.splitlines() == ["name       value", "----------------", "a            1.5", "long name  1,234"]
+
+
+def test_the_copy_has_no_file_of_another_effect():
+    with without_others(ROOT) as there:
+        left = {file.stem for file in (there / "clothsim" / "energies").glob("*.py")}
+        assert {"membrane", "inertia", "base"} <= left
+        assert not left & {"gravity", "bending", "pressure", "air"}
+        assert not list((there / "clothsim" / "contact").glob("[a-z]*.py"))

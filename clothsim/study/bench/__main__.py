@@ -13,6 +13,7 @@ from typing import Any
 from clothsim.errors import ClothsimError, InputError
 from clothsim.io.atomic import write_atomically
 from clothsim.io.record import to_json
+from clothsim.study.bench.alone import ALONE, COPY, without_others
 from clothsim.study.bench.cases import QUICK, ROOT, Case, aims, benchmark
 from clothsim.study.bench.measure import Measured, measured
 from clothsim.study.bench.page import write_page
@@ -81,6 +82,13 @@ def run(
     return "\n\n".join([_headline(kept), *filter(None, tables), f"kept in {file}"])
 
 
+def alone(results: Path, repeats: int) -> str:
+    """Measure a membrane with this package and with a copy that has no file of another effect, in turns."""
+    with without_others(ROOT) as there:
+        here, copy = measured(ALONE, [ROOT, there], results / STATES, repeats, _say)
+    return comparison({ALONE.name: copy}, {ALONE.name: here}, COPY)
+
+
 def _joined(file: Path, kept: dict[str, Any]) -> dict[str, Any]:
     """With the other cases of the same revision and day, so that a few can be measured again."""
     old = read_record(file)
@@ -126,6 +134,7 @@ def main(argv: Sequence[str] | None = None, cases: Sequence[Case] | None = None)
     parser.add_argument(
         "--aims", action="store_true", help="not the set, but the seconds per simulated second of issue 7"
     )
+    parser.add_argument("--alone", action="store_true", help="a membrane, and in a copy without other effects' files")
     parser.add_argument("--compare", metavar="REV", help="measure git revision REV beside this package, in turns")
     parser.add_argument("--repeats", type=int, default=3, metavar="N", help="trials of a case (default 3)")
     parser.add_argument("--results", type=Path, default=RESULTS, metavar="DIR", help=f"where to (default {RESULTS})")
@@ -135,6 +144,9 @@ def main(argv: Sequence[str] | None = None, cases: Sequence[Case] | None = None)
     try:
         if arguments.repeats < 1:
             raise InputError(f"--repeats is {arguments.repeats}.", "Give 1 or more.")
+        if arguments.alone:
+            print(alone(arguments.results, arguments.repeats))
+            return 0
         known = cases if cases is not None else aims() if arguments.aims else benchmark()
         asked = chosen(known, arguments.only, arguments.quick)
         print(run(asked, arguments.results, arguments.repeats, arguments.compare, arguments.picture, arguments.page))
