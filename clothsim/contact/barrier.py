@@ -33,6 +33,11 @@ class Barrier(Energy):
 
     begins_last = True
 
+    @property
+    def begins_at(self) -> float:
+        """offset + d_hat [m]."""
+        return self.offset + self.d_hat
+
     def begin(self, step: Step) -> Self:
         """Bound to the step: fresh candidates, and a stiffness that holds the loads at about half of d_hat."""
         self.candidates.forget()

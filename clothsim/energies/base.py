@@ -103,6 +103,11 @@ class Energy(abc.ABC):
         return np.zeros(0, np.int64)
 
     @property
+    def begins_at(self) -> float:
+        """The distance below which it pushes things apart [m], 0 where it does not."""
+        return 0.0
+
+    @property
     def passes(self) -> int:
         """How often a step is solved; before each pass but the first the energy is bound `again`."""
         return 1

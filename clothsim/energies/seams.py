@@ -148,8 +148,7 @@ def seams(
     on = built or {}
     parts = [_seam(f"effects.seams.seam[{k}]", world, keys, "bending" in on) for k, keys in enumerate(seam)]
     rows, weights, stiffness, hinges, beside = (np.concatenate([part[k] for part in parts]) for k in range(1, 6))
-    contact = on.get("self_contact")
-    gap = 0.0 if contact is None else contact.d_hat + getattr(contact, "offset", 0.0)  # type: ignore[attr-defined]
+    gap = on["self_contact"].begins_at if "self_contact" in on else 0.0
     m, over = len(rows), _bending(world, hinges, beside)
     links = rows, weights, np.zeros((m, 3)), np.full(m, gap), np.zeros(m), np.ones(m, bool)
     return Seams(*links, tuple(part[0] for part in parts), stiffness, gap, over, _those(over, np.zeros(0, np.int64)))

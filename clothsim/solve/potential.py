@@ -1,6 +1,6 @@
 """E(x) = sum of energies, bound to a step."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any, Self
@@ -111,44 +111,32 @@ class Potential:
 
     def couplings(self, x: Floats) -> list[Ints]:
         """Rows (m, k) that contact may couple near x, energy by energy; none where there is no contact."""
-        found = []
-        for name, energy in self.acting.items():
-            if type(energy).couplings is not Energy.couplings:
-                with self.ledger.effect(name, ""):
-                    found.append(energy.couplings(x))
-        return found
+        return list(self._of_those_with("couplings", x))
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The smallest of the energies' step limits, in (0, 1]."""
-        limit = 1.0
+        return min(self._of_those_with("step_limit", x, dx), default=1.0)
+
+    def minimum_gap(self, x: Floats) -> float:
+        """The smallest distance that any energy keeps [m], inf where none keeps one."""
+        return min(self._of_those_with("minimum_gap", x), default=np.inf)
+
+    def gap_change(self, x: Floats, dx: Floats) -> float:
+        """The largest share by which the step changes a distance that any energy keeps."""
+        return max(self._of_those_with("gap_change", x, dx), default=0.0)
+
+    def _of_those_with(self, method: str, *where: Floats) -> Iterator[Any]:
+        """What the acting energies that have a `method` of their own answer, each on its account."""
         for name, energy in self.acting.items():
-            if type(energy).step_limit is not Energy.step_limit:
+            if getattr(type(energy), method) is not getattr(Energy, method):
                 with self.ledger.effect(name, ""):
-                    limit = min(limit, energy.step_limit(x, dx))
-        return limit
+                    answer = getattr(energy, method)(*where)
+                yield answer
 
     def memory(self) -> dict[str, float | Floats]:
         """What the energies remember of the step, of those that remember something."""
         kept = {name: energy.remembers for name, energy in self.energies.items()}
         return {name: memory for name, memory in kept.items() if np.isfinite(memory).all()}
-
-    def minimum_gap(self, x: Floats) -> float:
-        """The smallest distance that any energy keeps [m], inf where none keeps one."""
-        gap = np.inf
-        for name, energy in self.acting.items():
-            if type(energy).minimum_gap is not Energy.minimum_gap:
-                with self.ledger.effect(name, ""):
-                    gap = min(gap, energy.minimum_gap(x))
-        return gap
-
-    def gap_change(self, x: Floats, dx: Floats) -> float:
-        """The largest share by which the step changes a distance that any energy keeps."""
-        change = 0.0
-        for name, energy in self.acting.items():
-            if type(energy).gap_change is not Energy.gap_change:
-                with self.ledger.effect(name, ""):
-                    change = max(change, energy.gap_change(x, dx))
-        return change
 
     def accounts(self) -> dict[str, dict[str, Any]]:
         """The receipt of each effect: the fields of `Account`."""

@@ -46,10 +46,9 @@ class System:
         known, self._places = self._places, {}
 
         def places(elements: Ints) -> NDArray[np.int32]:
-            if id(elements) not in self._places:
-                old = known.get(id(elements))
-                same = old is not None and old[0] is elements
-                self._places[id(elements)] = old if same else (elements, self.pattern.places(elements))  # type: ignore
+            if id(elements) not in self._places:  # what is held keeps its id
+                found = known.get(id(elements)) or (elements, self.pattern.places(elements))
+                self._places[id(elements)] = found
             return self._places[id(elements)][1]
 
         return self.pattern.assemble(hessians, places)
