@@ -193,3 +193,13 @@ def test_a_source_of_another_size_is_refused():
         transfer.pose(BALL, TRIANGLES[:-1], BALL)
     with pytest.raises(TransferError, match="Pose with the mesh"):
         transfer.pose(BALL, TRIANGLES, np.vstack([BALL, BALL[:1]]))
+
+
+def test_pairs_in_another_order_follow_the_same_triangles():
+    """As many pairs as triangles is not yet one to one: each names the triangle that it follows."""
+    order = np.random.default_rng(4).permutation(len(TRIANGLES))
+    straight = deformation_transfer(BALL, TRIANGLES, SAME)
+    shuffled = deformation_transfer(BALL, TRIANGLES, np.column_stack([np.argsort(order), np.arange(len(TRIANGLES))]))
+    bent = BALL * [1.3, 1.0, 0.8] + 0.2 * np.sin(3 * BALL[:, [1, 2, 0]])
+    expected = straight.pose(BALL, TRIANGLES, bent)
+    np.testing.assert_allclose(shuffled.pose(BALL, TRIANGLES[order], bent), expected, atol=1e-9)
