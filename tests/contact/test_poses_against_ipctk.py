@@ -1,0 +1,127 @@
+"""Contact at random and at hard poses against ipctk: the set of pairs, their regions, gap, energy and derivatives."""
+
+import ipctk
+import numpy as np
+import pytest
+from contact_poses import D_HAT, adversarial, at_random, close
+from contacts import jittered
+from differences import dense_hessian
+
+from clothsim.contact import barrier_kernels as kernels
+from clothsim.contact.distance import closest
+
+POSES = {**at_random(), **adversarial(), **close()}
+TIES = [name for name, pose in POSES.items() if pose.tie]
+GENERAL = [name for name, pose in POSES.items() if not pose.tie]
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_energy_gradient_and_gap_are_those_of_ipctk(name):
+    pose = POSES[name]
+    mine, oracle = pose.contact(), pose.contact(backend="ipctk")
+    energy, gradient = oracle.value(pose.x), oracle.gradient(pose.x)
+    assert energy > 0
+    assert mine.value(pose.x) == pytest.approx(energy, rel=1e-12)
+    assert np.abs(mine.gradient(pose.x) - gradient).max() <= 1e-10 * np.abs(gradient).max()
+    assert mine.minimum_gap(pose.x) == pytest.approx(oracle.minimum_gap(pose.x), rel=1e-10)
+
+
+def assert_same_hessian(pose, x):
+    hessian = dense_hessian(pose.contact(backend="ipctk"), x)
+    assert np.abs(dense_hessian(pose.contact(), x) - hessian).max() <= 1e-8 * np.abs(hessian).max() > 0
+
+
+@pytest.mark.parametrize("name", GENERAL)
+def test_the_hessian_is_that_of_ipctk(name):
+    assert_same_hessian(POSES[name], POSES[name].x)
+
+
+@pytest.mark.parametrize("name", TIES)
+def test_at_a_tie_the_hessian_is_that_of_ipctk_on_either_side(name):
+    """On the border of two regions the second derivative jumps, and each backend may take either side."""
+    for seed in range(3):
+        assert_same_hessian(POSES[name], jittered(POSES[name].x, len(POSES[name].x), 1e-7, seed))
+
+
+def pairs_by_ipctk(surface, x, limit):
+    """Every point-triangle and edge-edge pair closer than `limit` by ipctk's distances, without a broad phase."""
+    first, second = surface.first, surface.second
+    sides = [(first, second)] if surface.itself else [(first, second), (second, first)]
+    every = [(p, *t) for a, b in sides for p in a.points for t in b.triangles if p not in t]
+    count = len(every)
+    every += [
+        (*e, *f)
+        for i, e in enumerate(first.edges)
+        for f in second.edges[i + 1 if surface.itself else 0 :]
+        if not set(e) & set(f)
+    ]
+    near = [
+        tuple(map(int, rows))
+        for k, rows in enumerate(every)
+        if (ipctk.point_triangle_distance if k < count else ipctk.edge_edge_distance)(*x[list(rows)]) < limit**2
+    ]
+    return sorted(near)
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_the_pairs_closer_than_d_hat_are_all_that_ipctk_measures(name):
+    pose = POSES[name]
+    contact = pose.contact()
+    expected = pairs_by_ipctk(contact.candidates.surface, pose.x, D_HAT)
+    found = contact.candidates.near(pose.x).elements.tolist()
+    assert len(expected) > 5
+    assert sorted(map(tuple, found)) == expected
+
+
+def features(contact, x):
+    """{the two features that hold the closest points: area}: pairs of one place joined, as ipctk joins them.
+
+    Edges that are mollified stay pairs of edges, whichever of their points are closest.
+    """
+    pairs, found = contact.candidates.near(x), {}
+    g, r = np.empty(4), np.empty(3)
+    for k, (rows, area) in enumerate(zip(pairs.elements, pairs.weights, strict=True)):
+        split = 1 if k < pairs.n_points else 2
+        closest(x, rows, split == 2, g, r)
+        whole = split == 2 and kernels.crossing(x, rows) < pairs.thresholds[k]
+        held = np.ones(4, bool) if whole else g != 0.0
+        key = frozenset(frozenset(rows[part][held[part]].tolist()) for part in (slice(split), slice(split, None)))
+        found[key] = found.get(key, 0.0) + area
+    return found
+
+
+def features_of_ipctk(contact, x):
+    """The same of ipctk's collisions."""
+    mesh, collisions = contact.candidates.mesh, contact.candidates.collisions(x)
+    edges, faces = mesh.edges, mesh.faces
+    found = {}
+    for one, other, listed in (
+        (lambda c: [c.vertex0_id], lambda c: [c.vertex1_id], collisions.vv_collisions),
+        (lambda c: [c.vertex_id], lambda c: edges[c.edge_id], collisions.ev_collisions),
+        (lambda c: edges[c.edge0_id], lambda c: edges[c.edge1_id], collisions.ee_collisions),
+        (lambda c: [c.vertex_id], lambda c: faces[c.face_id], collisions.fv_collisions),
+    ):
+        for each in listed:
+            key = frozenset((frozenset(map(int, one(each))), frozenset(map(int, other(each)))))
+            found[key] = found.get(key, 0.0) + each.weight
+    assert len(found) == len(collisions)
+    return found
+
+
+@pytest.mark.parametrize("name", GENERAL)
+def test_the_regions_of_the_pairs_and_their_areas_are_those_of_ipctk(name):
+    pose = POSES[name]
+    expected = features_of_ipctk(pose.contact(backend="ipctk"), pose.x)
+    found = features(pose.contact(), pose.x)
+    assert found.keys() == expected.keys()
+    areas = np.array([(area, expected[key]) for key, area in found.items()])
+    assert areas[:, 0] == pytest.approx(areas[:, 1], rel=1e-12)
+
+
+def test_every_kind_of_collision_is_met():
+    met = {
+        tuple(sorted(map(len, key)))
+        for name in GENERAL
+        for key in features_of_ipctk(POSES[name].contact(backend="ipctk"), POSES[name].x)
+    }
+    assert met == {(1, 1), (1, 2), (2, 2), (1, 3)}
