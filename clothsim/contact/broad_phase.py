@@ -3,7 +3,7 @@
 The boxes are sorted along a Morton curve through their centres (Lauterbach et al. 2009, "Fast BVH construction on
 GPUs") and cut in half again and again: a complete binary tree of which node k has the children 2k + 1 and 2k + 2. Its
 shape depends on the number of boxes only, so nothing degenerates where boxes coincide, and a refit is one sweep.
-Overlap is closed: boxes that touch overlap. Every answer is sorted and depends on the input alone.
+Overlap is closed: boxes that touch overlap. Which pairs are found depends on the boxes alone, their order on the trees.
 """
 
 from dataclasses import dataclass
@@ -12,6 +12,9 @@ import numpy as np
 from numba import njit
 
 from clothsim.arrays import Floats, Ints
+
+Overlaps = tuple[Ints, Ints]
+"""The first and the second of each pair, (p,) and (p,)."""
 
 LEAF = 4
 """Most boxes in a leaf."""
@@ -56,19 +59,24 @@ def refit(tree: BoxTree, lower: Floats, upper: Floats) -> BoxTree:
     return _fitted(tree.order, tree.starts, lower, upper)
 
 
-def overlapping(tree: BoxTree, lower: Floats, upper: Floats) -> Ints:
-    """Pairs (p, 2) of a query i, a box lower (n, 3) to upper (n, 3) [m], and a box j of the tree that overlap.
-
-    Sorted by i, then j.
-    """
-    first, second = _query(np.concatenate([lower, upper], axis=1), tree.order, tree.starts, tree.boxes, tree.nodes)
-    return _sorted_pairs(first, second, len(lower))
+def overlapping(queries: BoxTree, tree: BoxTree) -> Overlaps:
+    """Boxes i of the one and j of the other tree that overlap; `in_order` sorts them."""
+    return _query(*_fields(queries), *_fields(tree), False)
 
 
-def overlapping_self(tree: BoxTree) -> Ints:
-    """Pairs (p, 2) of boxes i < j of the tree that overlap, sorted by i, then j."""
-    first, second = _query_self(tree.order, tree.starts, tree.boxes, tree.nodes)
-    return _sorted_pairs(first, second, len(tree.order))
+def overlapping_self(tree: BoxTree) -> Overlaps:
+    """Boxes i < j of the tree that overlap; `in_order` sorts them."""
+    return _query(*_fields(tree), *_fields(tree), True)
+
+
+def in_order(overlaps: Overlaps) -> Overlaps:
+    """The same pairs sorted by the first, then the second: what the tree was built from no longer shows."""
+    first, second = overlaps
+    return _sorted_pairs(first, second, int(first.max(initial=-1)) + 1)
+
+
+def _fields(tree: BoxTree) -> tuple[Ints, Ints, Floats, Floats]:
+    return tree.order, tree.starts, tree.boxes, tree.nodes
 
 
 def _fitted(order: Ints, starts: Ints, lower: Floats, upper: Floats) -> BoxTree:
@@ -137,83 +145,93 @@ def _enclose(box: Floats, other: Floats) -> None:
 def _meet(a: Floats, i: int, b: Floats, j: int) -> bool:
     """Whether the boxes a[i] and b[j] overlap."""
     return (
-        a[i, 0] <= b[j, 3]
-        and b[j, 0] <= a[i, 3]
-        and a[i, 1] <= b[j, 4]
-        and b[j, 1] <= a[i, 4]
-        and a[i, 2] <= b[j, 5]
-        and b[j, 2] <= a[i, 5]
+        (a[i, 0] <= b[j, 3])
+        & (b[j, 0] <= a[i, 3])
+        & (a[i, 1] <= b[j, 4])
+        & (b[j, 1] <= a[i, 4])
+        & (a[i, 2] <= b[j, 5])
+        & (b[j, 2] <= a[i, 5])
     )
 
 
 @njit(cache=True, error_model="numpy")
-def _query(queries: Floats, order: Ints, starts: Ints, boxes: Floats, nodes: Floats) -> tuple[Ints, Ints]:
-    """Overlapping queries and boxes, by query."""
-    found, stack = np.empty(2 * len(queries) + 16, np.int64), np.empty(_DEPTH, np.int64)
-    ends = np.zeros(len(queries) + 1, np.int64)
-    for query in range(len(queries)):
-        stack[0] = 0
-        end = _walk(queries, query, 0, stack, 1, order, starts, boxes, nodes, found, ends[query])
-        if end > len(found):  # once more, with room for all
-            found, stack[0] = _longer(found, ends[query], end), 0
-            _walk(queries, query, 0, stack, 1, order, starts, boxes, nodes, found, ends[query])
-        ends[query + 1] = end
-    return np.repeat(np.arange(len(queries)), np.diff(ends)), found[: ends[-1]]
-
-
-@njit(cache=True, error_model="numpy")
-def _query_self(order: Ints, starts: Ints, boxes: Floats, nodes: Floats) -> tuple[Ints, Ints]:
-    """Overlapping boxes i < j of the tree: each box against those after it in the leaves."""
-    found, stack = np.empty(2 * len(order) + 16, np.int64), np.empty(_DEPTH, np.int64)
-    ends = np.zeros(len(order) + 1, np.int64)
-    for leaf in range(len(starts) - 1):
-        for query in range(starts[leaf], starts[leaf + 1]):
-            top = _push_later(leaf, len(starts) - 1, stack)
-            end = _walk(boxes, query, query + 1, stack, top, order, starts, boxes, nodes, found, ends[query])
-            if end > len(found):
-                found, top = _longer(found, ends[query], end), _push_later(leaf, len(starts) - 1, stack)
-                _walk(boxes, query, query + 1, stack, top, order, starts, boxes, nodes, found, ends[query])
-            ends[query + 1] = end
-    own = np.repeat(order, np.diff(ends))
-    found = found[: ends[-1]]
-    return np.minimum(own, found), np.maximum(own, found)
+def _query(
+    order_a: Ints,
+    starts_a: Ints,
+    boxes_a: Floats,
+    nodes_a: Floats,
+    order: Ints,
+    starts: Ints,
+    boxes: Floats,
+    nodes: Floats,
+    itself: bool,
+) -> tuple[Ints, Ints]:
+    """Overlapping boxes of two trees, or of one with `itself`: i < j then. Leaf by leaf: neighbours walk as one."""
+    found, stack = np.empty((2, 4 * (len(order_a) + len(order)) + 16), np.int64), np.empty(_DEPTH, np.int64)
+    leaves, count = len(starts_a) - 1, 0
+    for leaf in range(leaves):
+        top = _push(leaf, leaves, itself, stack)
+        end = _walk(boxes_a, starts_a, nodes_a, leaf, itself, stack, top, starts, boxes, nodes, found, count)
+        if end > found.shape[1]:  # once more, with room for all
+            found, top = _longer(found, count, end), _push(leaf, leaves, itself, stack)
+            _walk(boxes_a, starts_a, nodes_a, leaf, itself, stack, top, starts, boxes, nodes, found, count)
+        count = end
+    first, second = np.empty(count, np.int64), np.empty(count, np.int64)
+    for k in range(count):
+        i, j = order_a[found[0, k]], order[found[1, k]]
+        first[k], second[k] = (j, i) if itself and j < i else (i, j)
+    return first, second
 
 
 @njit(cache=True, error_model="numpy")
 def _walk(
-    queries: Floats,
-    query: int,
-    after: int,
+    boxes_a: Floats,
+    starts_a: Ints,
+    nodes_a: Floats,
+    leaf_a: int,
+    itself: bool,
     stack: Ints,
     top: int,
-    order: Ints,
     starts: Ints,
     boxes: Floats,
     nodes: Floats,
     found: Ints,
     count: int,
 ) -> int:
-    """Write the boxes that meet queries[query], from place `after` on, to found[count:]; how many it then needs.
+    """Write the places of the boxes of a leaf and of those that meet them to found[:, count:]; how many it then needs.
 
     The walk starts at the `top` nodes on the stack. What does not fit into `found` is counted only: an array that
     grows in here would cost eight times as much.
     """
     last_inner = len(starts) - 3
+    node_a = leaf_a + len(starts_a) - 2
     while top > 0:
         top -= 1
         node = stack[top]
-        if not _meet(queries, query, nodes, node):
+        if not _meet(nodes_a, node_a, nodes, node):
             continue
         if node <= last_inner:
             stack[top], stack[top + 1], top = 2 * node + 2, 2 * node + 1, top + 2
             continue
         leaf = node - last_inner - 1
-        for i in range(max(starts[leaf], after), starts[leaf + 1]):
-            if _meet(queries, query, boxes, i):
-                if count < len(found):
-                    found[count] = order[i]
-                count += 1
+        for i in range(starts_a[leaf_a], starts_a[leaf_a + 1]):
+            if not _meet(boxes_a, i, nodes, node):
+                continue
+            for j in range(max(starts[leaf], i + 1) if itself else starts[leaf], starts[leaf + 1]):
+                if _meet(boxes_a, i, boxes, j):
+                    if count < found.shape[1]:
+                        found[0, count], found[1, count] = i, j
+                    count += 1
     return count
+
+
+@njit(cache=True, error_model="numpy")
+def _push(leaf: int, leaves: int, itself: bool, stack: Ints) -> int:
+    """Put the root on the stack or, for a tree with itself, what comes from the leaf on. How many nodes that is."""
+    if itself:
+        return _push_later(leaf, leaves, stack)
+    stack[0] = 0
+    return 1
 
 
 @njit(cache=True, error_model="numpy")
@@ -229,10 +247,10 @@ def _push_later(leaf: int, leaves: int, stack: Ints) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def _longer(values: Ints, used: int, needed: int) -> Ints:
+def _longer(found: Ints, used: int, needed: int) -> Ints:
     """A copy of the used part in an array of at least twice what is needed."""
-    longer = np.empty(2 * needed, np.int64)
-    longer[:used] = values[:used]
+    longer = np.empty((2, 2 * needed), np.int64)
+    longer[:, :used] = found[:, :used]
     return longer
 
 
@@ -251,8 +269,8 @@ def _sort(values: Ints, start: int, end: int) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def _sorted_pairs(first: Ints, second: Ints, n: int) -> Ints:
-    """Pairs (p, 2) sorted by first, all below n, then second."""
+def _sorted_pairs(first: Ints, second: Ints, n: int) -> tuple[Ints, Ints]:
+    """Pairs sorted by first, all below n, then second."""
     ends = np.zeros(n + 1, np.int64)
     for i in first:
         ends[i + 1] += 1
@@ -261,9 +279,6 @@ def _sorted_pairs(first: Ints, second: Ints, n: int) -> Ints:
     for k in range(len(first)):
         seconds[places[first[k]]] = second[k]
         places[first[k]] += 1
-    pairs = np.empty((len(first), 2), np.int64)
     for i in range(n):
         _sort(seconds, ends[i], ends[i + 1])
-        pairs[ends[i] : ends[i + 1], 0] = i
-    pairs[:, 1] = seconds
-    return pairs
+    return np.repeat(np.arange(n), np.diff(ends)), seconds

@@ -40,7 +40,7 @@ class IpctkCandidates(Candidates):
         if self._collisions_at is not None and np.array_equal(x, self._collisions_at):
             return self._collisions
         start = perf_counter()
-        self._cover(x, x)
+        self._cover(x, x, self.reach)
         collisions = ipctk.NormalCollisions()
         collisions.use_area_weighting = True
         collisions.build(self._found, self.mesh, self.rows_of(x), self.limit)
@@ -61,7 +61,7 @@ class IpctkCandidates(Candidates):
         """The fraction of dx that is free of collision; keeps SEPARATION d_hat or half the present gap."""
         separation = min(SEPARATION * self.limit, 0.5 * self.minimum_gap(x))
         start = perf_counter()
-        self._cover(x, x + dx)
+        self._cover(x, x + dx, self.reach)
         searched = perf_counter()
         ccd = ipctk.AdditiveCCD(conservative_rescaling=SLACK)
         ways = self.rows_of(x), self.rows_of(x + dx)
@@ -71,10 +71,11 @@ class IpctkCandidates(Candidates):
         self.seconds["CCD"] += perf_counter() - searched
         return float(fraction)
 
-    def _build(self, before: Floats, after: Floats, grown: float) -> Pairs:
+    def _search_way(self, before: Floats, after: Floats) -> Pairs:
+        inflation = 0.5 * self.limit + 2.0 * self.reach
         self._found = ipctk.Candidates()
-        self._found.build(self.mesh, self.rows_of(before), self.rows_of(after), 0.5 * grown, ipctk.LBVH())
-        return super()._build(before, after, grown)
+        self._found.build(self.mesh, self.rows_of(before), self.rows_of(after), inflation, ipctk.LBVH())
+        return super()._search_way(before, after)
 
 
 @dataclass(frozen=True)

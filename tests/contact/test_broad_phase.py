@@ -3,13 +3,23 @@
 import numpy as np
 import pytest
 
-from clothsim.contact.broad_phase import build_tree, overlapping, overlapping_self, refit
+from clothsim.contact.broad_phase import build_tree, in_order, overlapping, overlapping_self, refit
 
 
 def overlap_by_comparison(lower, upper, tree_lower, tree_upper):
     """Pairs (p, 2), sorted: closed overlap in all three axes."""
     meet = (lower[:, None] <= tree_upper[None]) & (tree_lower[None] <= upper[:, None])
     return np.argwhere(meet.all(axis=2))
+
+
+def found_in(tree, lower, upper):
+    """Pairs (p, 2) of queries and boxes of the tree, sorted."""
+    return np.column_stack(in_order(overlapping(build_tree(lower, upper), tree)))
+
+
+def found_within(tree):
+    """Pairs (p, 2) of boxes of the tree, sorted."""
+    return np.column_stack(in_order(overlapping_self(tree)))
 
 
 def random_boxes(count, size, rng):
@@ -26,11 +36,11 @@ def mixed_boxes(count, rng):
 
 
 def assert_all_pairs(lower, upper, query_lower, query_upper, tree):
-    found = overlapping(tree, query_lower, query_upper)
+    found = found_in(tree, query_lower, query_upper)
     assert found.dtype == np.int64
     np.testing.assert_array_equal(found, overlap_by_comparison(query_lower, query_upper, lower, upper))
     every = overlap_by_comparison(lower, upper, lower, upper)
-    np.testing.assert_array_equal(overlapping_self(tree), every[every[:, 0] < every[:, 1]])
+    np.testing.assert_array_equal(found_within(tree), every[every[:, 0] < every[:, 1]])
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 8, 9, 17, 100, 513])
@@ -51,14 +61,14 @@ def test_huge_and_tiny_boxes_mixed():
 def test_identical_boxes_all_overlap(place):
     lower = np.full((300, 3), place)
     tree = build_tree(lower, lower)
-    assert len(overlapping_self(tree)) == 300 * 299 // 2
+    assert len(found_within(tree)) == 300 * 299 // 2
     assert_all_pairs(lower, lower, lower[:5], lower[:5], tree)
 
 
 def test_boxes_that_touch_overlap_and_those_an_ulp_apart_do_not():
     lower = np.array([[0.0, 0, 0], [1.0, 0, 0], [np.nextafter(2.0, 3.0), 0, 0]])
     tree = build_tree(lower, np.array([[1.0, 1, 1], [2.0, 1, 1], [3.0, 1, 1]]))
-    np.testing.assert_array_equal(overlapping_self(tree), [[0, 1]])
+    np.testing.assert_array_equal(found_within(tree), [[0, 1]])
 
 
 @pytest.mark.parametrize("moved", [0.01, 3.0])
@@ -76,16 +86,14 @@ def test_empty_inputs_have_no_pairs():
     none = np.zeros((0, 3))
     empty, one = build_tree(none, none), build_tree(none[:0], none[:0])
     lower, upper = np.zeros((2, 3)), np.ones((2, 3))
-    for pairs in (overlapping_self(empty), overlapping(empty, lower, upper), overlapping(one, none, none)):
+    for pairs in (found_within(empty), found_in(empty, lower, upper), found_in(one, none, none)):
         assert pairs.shape == (0, 2)
-    assert overlapping(build_tree(lower, upper), none, none).shape == (0, 2)
-    assert overlapping_self(refit(empty, none, none)).shape == (0, 2)
+    assert found_in(build_tree(lower, upper), none, none).shape == (0, 2)
+    assert found_within(refit(empty, none, none)).shape == (0, 2)
 
 
 def test_pairs_do_not_depend_on_the_shape_of_the_tree():
     rng = np.random.default_rng(3)
     lower, upper = random_boxes(200, 0.2, rng)
     elsewhere = build_tree(*random_boxes(200, 0.2, rng))
-    np.testing.assert_array_equal(
-        overlapping_self(refit(elsewhere, lower, upper)), overlapping_self(build_tree(lower, upper))
-    )
+    np.testing.assert_array_equal(found_within(refit(elsewhere, lower, upper)), found_within(build_tree(lower, upper)))

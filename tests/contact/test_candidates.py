@@ -135,10 +135,13 @@ def test_the_offset_is_kept_free():
     assert candidates.minimum_gap(x + limit * dx) > 0
 
 
-def test_how_far_a_point_strays_from_its_way():
+def test_how_far_a_point_strays_from_where_all_would_be():
     start, end = np.zeros((3, 3)), np.array([[2.0, 0, 0], [0, 0, 0], [0, 1, 0]])
-    points = np.array([[1.0, 0.3, 0], [0, 0, 0.2], [0, 1.5, 0]])
-    assert strays(points, start, end) == pytest.approx(0.5)
+    halfway = 0.5 * end + np.array([[0, 0.3, 0], [0, 0, 0.2], [0, 0, 0.1]])
+    assert strays(halfway, start, end) == pytest.approx(0.3)
+    each_its_own = np.array([[2.0, 0, 0], [0, 0, 0], [0, 0, 0]])  # the first arrived, the third stayed
+    assert strays(each_its_own, start, end) == pytest.approx(0.8)  # at the common share .8, the third is .8 behind
+    assert strays(start + 0.1, start, start) == pytest.approx(0.1 * np.sqrt(3))
 
 
 def test_the_change_of_a_gap_is_seen_pair_by_pair():
@@ -164,3 +167,28 @@ def test_a_gap_that_only_the_step_makes_small_counts_too():
     candidates = Candidates(surface, 0.7 * gap, gap)
     assert not len(candidates.near(x))
     assert candidates.gap_change(x, closer) == pytest.approx(0.5, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["body", "self"])
+@pytest.mark.parametrize("share", [0.02, 0.15])
+def test_what_few_vertices_meet_is_found_by_searching_for_them_alone(kind, share):
+    """Some vertices go further than the reach, and again: the same pairs in the same order as from a new search."""
+    surface, x = surface_and_start(kind)
+    cloth, rng = surface.first.points, np.random.default_rng(4)
+    candidates = Candidates(surface, D_HAT, 0.02)
+    candidates.near(x)
+    found, n_searches = set(), 8
+    for _ in range(n_searches):
+        dx = np.zeros_like(x)
+        some = rng.choice(cloth, max(1, int(share * len(cloth))), replace=False)
+        dx[some] = 0.06 * rng.standard_normal((len(some), 3))
+        limit = candidates.step_limit(x, dx)
+        fresh = Candidates(surface, D_HAT, 0.02)
+        assert limit == pytest.approx(fresh.step_limit(x, dx))
+        for fraction in (0.0, 0.7 * limit, limit):
+            pairs = candidates.near(x + fraction * dx)
+            np.testing.assert_array_equal(pairs.elements, fresh.near(x + fraction * dx).elements)
+            found.add(len(pairs))
+        x = x + 0.9 * limit * dx
+    assert len(found) > 3
+    assert candidates.searched < 0.5 * n_searches * len(surface.rows)
