@@ -6,13 +6,13 @@ m(c) = (2 - c/e) c/e for c < e, else 1, the mollifier of nearly parallel edges u
 """
 
 import numpy as np
-from numba import njit
 
+from clothsim.compiled import kernel, part
 from clothsim.contact.closest import cross, dot
 from clothsim.contact.distance import closest, edge, free_directions
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _apart(x, rows, split, limit):
     """True where the boxes of the two parts of a pair are further apart than `limit` along an axis."""
     for k in range(3):
@@ -28,7 +28,7 @@ def _apart(x, rows, split, limit):
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def near_pairs(x, elements, n_points, limit):
     """The numbers of the pairs with distance below `limit`, and their squared distances. The first n_points pairs are
     point-triangle, the others edge-edge."""
@@ -50,7 +50,7 @@ def near_pairs(x, elements, n_points, limit):
     return found, squared[found]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def barrier(s, S, d_hat):
     """b [m] at squared distance s [m2]."""
     if s >= S:
@@ -58,7 +58,7 @@ def barrier(s, S, d_hat):
     return np.inf if s <= 0.0 else -d_hat * (s / S - 1.0) ** 2 * np.log(s / S)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def barrier_slopes(s, S, d_hat):
     """db/ds < 0 [1/m] and d2b/ds2 > 0 [1/m3]."""
     y = s / S
@@ -67,14 +67,14 @@ def barrier_slopes(s, S, d_hat):
     return d_hat * first / S, d_hat * second / (S * S)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def crossing(x, rows):
     """c = |u x v|^2 of the edges u, v of an edge-edge pair [m4]."""
     n = cross(edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3]))
     return dot(n, n)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def mollifier(c, e):
     """m, dm/dc, d2m/dc2."""
     if c >= e:
@@ -82,7 +82,7 @@ def mollifier(c, e):
     return (2.0 - c / e) * c / e, 2.0 * (1.0 - c / e) / e, -2.0 / (e * e)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def value(x, elements, weights, thresholds, n_points, offset, d_hat):
     """Sum of w m b [m3], for kappa = 1."""
     S = d_hat * (2.0 * offset + d_hat)
@@ -97,7 +97,7 @@ def value(x, elements, weights, thresholds, n_points, offset, d_hat):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def gradient(x, elements, weights, thresholds, n_points, offset, d_hat):
     """d/dx of the value, (N, 3) [m2]: w (2 m b' g_i r + b dm/dc dc/dx_i)."""
     S = d_hat * (2.0 * offset + d_hat)
@@ -124,7 +124,7 @@ def gradient(x, elements, weights, thresholds, n_points, offset, d_hat):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def pull(x, elements, weights, thresholds, n_points, offset, d_hat, least):
     """Of each pair g (p, 4), r (p, 3) [m] and w m db/dd (p,) [m2], the force along r for kappa = 1.
 
@@ -142,7 +142,7 @@ def pull(x, elements, weights, thresholds, n_points, offset, d_hat, least):
     return g, r, slopes
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
     """Blocks (p, 12, 12) of d2/dx2 of the value; with `project` positive semi-definite.
 
@@ -176,7 +176,7 @@ def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
     return blocks
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _exact_block(block, g, r, t, c, free, first, second):
     for i in range(4):
         for j in range(4):
@@ -192,7 +192,7 @@ def _exact_block(block, g, r, t, c, free, first, second):
                     block[3 * i + p, 3 * j + q] += entry
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _projected_block(block, g, r, t, c, free, first, second):
     squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
     length = np.sqrt(squared)
@@ -217,7 +217,7 @@ def _projected_block(block, g, r, t, c, free, first, second):
                         block[3 * i + p, 3 * j + q] += share * vi * vj
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _crossing_gradient(x, rows, out):
     """dc/dx_i, (4, 3): dc/du = 2 (|v|^2 u - (u.v) v) at the ends of u, dc/dv alike."""
     u, v = edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3])
@@ -227,7 +227,7 @@ def _crossing_gradient(x, rows, out):
         out[0, k], out[1, k], out[2, k], out[3, k] = -du, du, -dv, dv
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _mollify(block, x, rows, g, r, b, first, dm, d2m):
     """Adds b' (dm dq' + dq dm') + b (m'' dc dc' + m' d2c): what the mollifier adds to m times the block."""
     dc = np.empty((4, 3))
@@ -256,7 +256,7 @@ def _mollify(block, x, rows, g, r, b, first, dm, d2m):
                     )
 
 
-@njit(cache=True)
+@part
 def _clamped(block):
     """The nearest positive semi-definite block: negative eigenvalues set to 0 (as in IPC)."""
     values, vectors = np.linalg.eigh(block)

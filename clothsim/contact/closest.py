@@ -16,7 +16,7 @@ A point is three floats, a tuple or an array. A weight is exactly 0 (or 1) where
 feature, so the weights alone tell the region. Multiples of a common translation or scale change nothing but round-off.
 """
 
-from numba import njit
+from clothsim.compiled import part
 
 Point = tuple[float, float, float]
 
@@ -24,7 +24,7 @@ _THIN = 1e-6
 """Squared sine of two edges below which the inside is compared with the boundary."""
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def point_triangle_closest(p: Point, a: Point, b: Point, c: Point) -> Point:
     """Weights (u, v, w) of a, b, c at the triangle's point closest to p: none negative, their sum 1."""
     ab, ac, ap = minus(b, a), minus(c, a), minus(p, a)
@@ -54,7 +54,7 @@ def point_triangle_closest(p: Point, a: Point, b: Point, c: Point) -> Point:
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def edge_edge_closest(a0: Point, a1: Point, b0: Point, b1: Point) -> tuple[float, float]:
     """Places (s, t) in [0, 1] of the closest points a0 + s (a1 - a0) and b0 + t (b1 - b0).
 
@@ -83,7 +83,7 @@ def edge_edge_closest(a0: Point, a1: Point, b0: Point, b1: Point) -> tuple[float
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def point_triangle_region(u: float, v: float, w: float) -> int:
     """Feature of weights from `point_triangle_closest`: 0, 1, 2 vertex a, b, c; 3, 4, 5 edge ab, bc, ca; 6 the face."""
     if w == 0.0:
@@ -95,13 +95,13 @@ def point_triangle_region(u: float, v: float, w: float) -> int:
     return 5 if v == 0.0 else 6
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def edge_edge_region(s: float, t: float) -> tuple[int, int]:
     """Feature on each edge of places from `edge_edge_closest`: -1 inside it, 0 its first end, 1 its second."""
     return _end(s), _end(t)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def segment_closest(r: Point, e: Point) -> float:
     """Place t in [0, 1] of the point t e closest to r; 0 where e has no length."""
     along, length = dot(r, e), dot(e, e)
@@ -110,33 +110,33 @@ def segment_closest(r: Point, e: Point) -> float:
     return 1.0 if along >= length else along / length
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _end(t: float) -> int:
     if t == 0.0:
         return 0
     return 1 if t == 1.0 else -1
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _squared(r: Point, s: float, e: Point, t: float, f: Point) -> float:
     """|r - s e - t f|^2."""
     x, y, z = r[0] - s * e[0] - t * f[0], r[1] - s * e[1] - t * f[1], r[2] - s * e[2] - t * f[2]
     return x * x + y * y + z * z
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def minus(a: Point, b: Point) -> Point:
     """a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def dot(a: Point, b: Point) -> float:
     """a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def cross(a: Point, b: Point) -> Point:
     """a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

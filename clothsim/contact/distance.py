@@ -10,15 +10,15 @@ as in any envelope theorem). One formula serves point-point, point-edge, point-t
 """
 
 import numpy as np
-from numba import njit
 
+from clothsim.compiled import part
 from clothsim.contact.closest import cross, dot, edge_edge_closest, minus, point_triangle_closest
 
 FLAT = 1e-20
 """Square of the sine of the angle of two directions below which the second adds nothing."""
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def closest(x, rows, is_edges, g, r):
     """Fills g (4,) and r (3,) of the pair `rows (4,)`; returns d^2 [m2].
 
@@ -53,32 +53,32 @@ def closest(x, rows, is_edges, g, r):
     return dot(between, between)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _point(x, row):
     return x[row, 0], x[row, 1], x[row, 2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def edge(x, first, second):
     """x[second] - x[first]."""
     return minus(_point(x, second), _point(x, first))
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _along(n, r):
     """The part of r along n."""
     share = dot(r, n) / dot(n, n)
     return share * n[0], share * n[1], share * n[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _across(r, e):
     """The part of r across e."""
     share = dot(r, e) / dot(e, e)
     return r[0] - share * e[0], r[1] - share * e[1], r[2] - share * e[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def free_directions(x, rows, is_edges, g, t, c):
     """Fills t (2, 3) with orthonormal tangents and c (2, 4) with their weights [1/m]; returns how many there are."""
     count = 0
@@ -111,7 +111,7 @@ def free_directions(x, rows, is_edges, g, t, c):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _free_pair(is_edges, g, a):
     """The two vertices between which parameter a moves the closest point, or -1 where it stands at an end."""
     if is_edges:

@@ -3,6 +3,8 @@
 import numpy as np
 from numba import njit
 
+from clothsim.compiled import kernel
+
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _sliding(x, start, rows, g, n, u):
@@ -20,7 +22,7 @@ def _sliding(x, start, rows, g, n, u):
     return np.sqrt(squared)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def value(x, start, elements, weights, normals, limits, e):
     """Sum of L f0 [J]."""
     u = np.empty(3)
@@ -37,7 +39,7 @@ def _per_length(y, e):
     return 1.0 / y if y >= e else (2.0 - y / e) / e
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def gradient(x, start, elements, weights, normals, limits, e):
     """L f0'/|u| g_i u, (N, 3) [N]."""
     out = np.zeros_like(x)
@@ -50,7 +52,7 @@ def gradient(x, start, elements, weights, normals, limits, e):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def hessian(x, start, elements, weights, normals, limits, e):
     """Blocks (p, 12, 12): L g_i g_j (f0'/|u| (I - n n' - t t') + f0'' t t'), t = u/|u|."""
     blocks = np.empty((len(elements), 12, 12))

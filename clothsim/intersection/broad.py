@@ -4,7 +4,8 @@ Depth log2(m) whatever the sizes and places; memory O(m).
 """
 
 import numpy as np
-from numba import njit
+
+from clothsim.compiled import part
 
 LEAF = 4
 """About how many triangles share a leaf of the tree."""
@@ -12,7 +13,7 @@ STACK = 64
 """Nodes waiting in a search: one a level, and a level halves the number of triangles."""
 
 
-@njit(cache=True)
+@part
 def boxes(x, triangles):
     """The closed boxes of `triangles (m, 3)`: lower and upper corners, (m, 3) each."""
     lower, upper = np.empty((len(triangles), 3)), np.empty((len(triangles), 3))
@@ -23,7 +24,7 @@ def boxes(x, triangles):
     return lower, upper
 
 
-@njit(cache=True)
+@part
 def tree(lower, upper):
     """The tree over boxes (m, 3): `order (m,)` of the boxes and the box of each node, nodes (2 leaves, 2, 3).
 
@@ -53,7 +54,7 @@ def tree(lower, upper):
     return order, nodes
 
 
-@njit(cache=True)
+@part
 def overlapping(order, nodes, lower, upper, low, high, hits):
     """Put the boxes that share a point with the box (low, high) into `hits`; returns how many."""
     m, leaves = len(order), len(nodes) // 2
@@ -75,13 +76,13 @@ def overlapping(order, nodes, lower, upper, low, high, hits):
     return count
 
 
-@njit(cache=True)
+@part
 def _share(m, leaves, leaf):
     """Where the share of a leaf begins, of m things dealt out evenly."""
     return m * leaf // leaves
 
 
-@njit(cache=True)
+@part
 def _split(lower, upper, order, middle):
     """Reorder so that the `middle` boxes with the lowest centres, along the longest side of all centres, come first."""
     longest, axis = -1.0, 0
@@ -98,7 +99,7 @@ def _split(lower, upper, order, middle):
     _select(centres, order, middle)
 
 
-@njit(cache=True)
+@part
 def _select(keys, order, middle):
     """Sort so far that no key before `middle` is above one from there on (Hoare's quickselect)."""
     start, stop = 0, len(keys) - 1
@@ -122,13 +123,13 @@ def _select(keys, order, middle):
             return
 
 
-@njit(cache=True)
+@part
 def _enclose(box, low, high):
     for k in range(3):
         box[0, k], box[1, k] = min(box[0, k], low[k]), max(box[1, k], high[k])
 
 
-@njit(cache=True)
+@part
 def _share_a_point(low, high, other_low, other_high):
     return (
         (low[0] <= other_high[0] and other_low[0] <= high[0])

@@ -4,12 +4,12 @@ An expansion is a sum of doubles e[0] + ... + e[n - 1] that do not overlap, of g
 its sign is that of its last. All is exact while nothing over- or underflows, and needs IEEE doubles without fastmath.
 """
 
-from numba import njit
+from clothsim.compiled import part
 
 SPLITTER = 2.0**27 + 1.0
 
 
-@njit(cache=True)
+@part
 def two_sum(a, b):
     """a + b = high + low exactly, high the rounded sum (Knuth)."""
     high = a + b
@@ -17,7 +17,7 @@ def two_sum(a, b):
     return high, (a - (high - of_b)) + (b - of_b)
 
 
-@njit(cache=True)
+@part
 def split(a):
     """a = high + low, each of at most 26 bits (Dekker, Veltkamp)."""
     scaled = SPLITTER * a
@@ -25,7 +25,7 @@ def split(a):
     return high, a - high
 
 
-@njit(cache=True)
+@part
 def two_product(a, b):
     """a b = high + low exactly, high the rounded product (Dekker)."""
     high = a * b
@@ -34,7 +34,7 @@ def two_product(a, b):
     return high, a0 * b0 - (((high - a1 * b1) - a0 * b1) - a1 * b0)
 
 
-@njit(cache=True)
+@part
 def grow(e, n, b):
     """Add the double b to the expansion in e[:n]; returns the new n (Grow-Expansion, zeros left out)."""
     m = 0
@@ -49,14 +49,14 @@ def grow(e, n, b):
     return m
 
 
-@njit(cache=True)
+@part
 def add_product2(e, n, a, b):
     """Add a b to the expansion in e[:n]; returns the new n."""
     high, low = two_product(a, b)
     return grow(e, grow(e, n, low), high)
 
 
-@njit(cache=True)
+@part
 def add_product3(e, n, a, b, c):
     """Add a b c to the expansion in e[:n]; returns the new n."""
     high, low = two_product(a, b)

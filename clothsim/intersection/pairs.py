@@ -1,9 +1,9 @@
 """The intersecting pairs of triangles of one or two surfaces, exact, and where they are."""
 
 import numpy as np
-from numba import njit
 
 from clothsim.arrays import Floats, Ints, as_points, as_triangles
+from clothsim.compiled import kernel, part
 from clothsim.errors import InputError
 from clothsim.intersection.broad import boxes, overlapping, tree
 from clothsim.intersection.predicates import scaled
@@ -38,7 +38,7 @@ def places(positions: Floats, first: Ints, second: Ints, pairs: Ints) -> Floats:
     return np.asarray(0.5 * (low + high), np.float64)
 
 
-@njit(cache=True)
+@kernel
 def _pairs(x, first, second, with_itself, limit):
     """Triangle by triangle of `first`: a box search among `second`, then the exact test."""
     lower, upper = boxes(x, second)
@@ -61,7 +61,7 @@ def _pairs(x, first, second, with_itself, limit):
     return found[:count]
 
 
-@njit(cache=True)
+@part
 def _twice_as_long(found):
     longer = np.empty((2 * len(found), 2), np.int64)
     for k in range(len(found)):

@@ -5,9 +5,9 @@ any unit) and no coordinate but zero is below 2^-200, 1e-120 times the largest: 
 """
 
 import numpy as np
-from numba import njit
 
 from clothsim.arrays import Floats
+from clothsim.compiled import part
 from clothsim.intersection.expansions import add_product2, add_product3
 
 EPSILON = 2.0**-53
@@ -24,7 +24,7 @@ def scaled(x: Floats) -> Floats:
     return np.ascontiguousarray(np.ldexp(x, LARGEST_EXPONENT - np.frexp(largest)[1]) if largest else x)
 
 
-@njit(cache=True)
+@part
 def orient3d(x, a, b, c, d):
     """Sign of det [a - d, b - d, c - d], -1, 0 or 1: 0 where the four points are in a plane."""
     adx, ady, adz = x[a, 0] - x[d, 0], x[a, 1] - x[d, 1], x[a, 2] - x[d, 2]
@@ -40,7 +40,7 @@ def orient3d(x, a, b, c, d):
     return _exact_orient3d(x, a, b, c, d)
 
 
-@njit(cache=True)
+@part
 def orient2d(x, a, b, c, axis):
     """Sign of det [a - c, b - c] in the projection along `axis` (0, 1, 2): 0 where the three are on a line there."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -56,7 +56,7 @@ def orient2d(x, a, b, c, axis):
     return _sign(e[n - 1]) if n else 0
 
 
-@njit(cache=True)
+@part
 def _exact_orient3d(x, a, b, c, d):
     """det [a - d, b - d, c - d] = det abc - det dbc - det adc - det abd: 24 products of coordinates, each exact."""
     e = np.empty(96)
@@ -67,7 +67,7 @@ def _exact_orient3d(x, a, b, c, d):
     return _sign(e[n - 1]) if n else 0
 
 
-@njit(cache=True)
+@part
 def _add_determinant3(e, n, x, a, b, c, sign):
     """Add sign det [a, b, c] to an expansion."""
     for k in range(3):
@@ -77,13 +77,13 @@ def _add_determinant3(e, n, x, a, b, c, sign):
     return n
 
 
-@njit(cache=True)
+@part
 def _add_determinant2(e, n, x, a, b, i, j):
     """Add a_i b_j - a_j b_i to an expansion."""
     n = add_product2(e, n, x[a, i], x[b, j])
     return add_product2(e, n, -x[a, j], x[b, i])
 
 
-@njit(cache=True)
+@part
 def _sign(value):
     return 1 if value > 0.0 else (-1 if value < 0.0 else 0)

@@ -5,8 +5,8 @@ tests settle nearly all of them first. A "no" here is proven; anything else goes
 """
 
 import numpy as np
-from numba import njit
 
+from clothsim.compiled import part
 from clothsim.intersection.predicates import EPSILON
 
 ROUND_OFF = 8.0 * EPSILON
@@ -15,7 +15,7 @@ UNDERFLOW = 1e-300
 """More than underflow can add to that."""
 
 
-@njit(cache=True)
+@part
 def apart(x, s, t):
     """True where triangles s and t (three rows of x each) certainly have no point in common.
 
@@ -33,7 +33,7 @@ def apart(x, s, t):
     return False
 
 
-@njit(cache=True)
+@part
 def apart_but_for_corner(x, v, s, t):
     """True where triangles (v, s0, s1) and (v, t0, t1) certainly have only v in common.
 
@@ -57,7 +57,7 @@ def apart_but_for_corner(x, v, s, t):
     return True
 
 
-@njit(cache=True)
+@part
 def unfolded(x, a, b, c, d):
     """True where triangles abc and abd certainly make more than a right angle: so do their normals, c and d apart."""
     e, u, w = _edge(x, a, b), _edge(x, a, c), _edge(x, a, d)
@@ -65,7 +65,7 @@ def unfolded(x, a, b, c, d):
     return _dot(_cross(e, u), _cross(e, w)) < -4.0 * ROUND_OFF * lengths - UNDERFLOW
 
 
-@njit(cache=True)
+@part
 def _apart_along(x, n, s, t):
     """True where n . s < n . t for all corners, by more than the error."""
     highest, lowest = -np.inf, np.inf
@@ -78,41 +78,41 @@ def _apart_along(x, n, s, t):
     return highest < lowest
 
 
-@njit(cache=True)
+@part
 def _along(x, n, i, origin):
     """n . (x_i - x_origin) and a bound on its error."""
     p, q, r = n[0] * (x[i, 0] - x[origin, 0]), n[1] * (x[i, 1] - x[origin, 1]), n[2] * (x[i, 2] - x[origin, 2])
     return p + q + r, ROUND_OFF * (abs(p) + abs(q) + abs(r)) + UNDERFLOW
 
 
-@njit(cache=True)
+@part
 def _edge(x, i, j):
     """x_j - x_i."""
     return x[j, 0] - x[i, 0], x[j, 1] - x[i, 1], x[j, 2] - x[i, 2]
 
 
-@njit(cache=True)
+@part
 def _sum(x, t):
     a, b, c = t
     return x[a, 0] + x[b, 0] + x[c, 0], x[a, 1] + x[b, 1] + x[c, 1], x[a, 2] + x[b, 2] + x[c, 2]
 
 
-@njit(cache=True)
+@part
 def _minus(u, v):
     return u[0] - v[0], u[1] - v[1], u[2] - v[2]
 
 
-@njit(cache=True)
+@part
 def _dot(u, v):
     return u[0] * v[0] + u[1] * v[1] + u[2] * v[2]
 
 
-@njit(cache=True)
+@part
 def _cross(u, v):
     return u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
 
 
-@njit(cache=True)
+@part
 def _unit(u):
     """u / |u|; (0, 0, 0) for no length, along which nothing is apart."""
     length = np.sqrt(_dot(u, u))

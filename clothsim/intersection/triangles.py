@@ -8,13 +8,12 @@ that: triangles meet where an edge of one meets the other; and points of one pla
 area in the projection along an axis are seen there as they lie.
 """
 
-from numba import njit
-
+from clothsim.compiled import part
 from clothsim.intersection.predicates import orient2d, orient3d
 from clothsim.intersection.separation import apart, apart_but_for_corner, unfolded
 
 
-@njit(cache=True)
+@part
 def triangles_intersect(x, s, t):
     """True where triangles s and t (three rows of x (n, 3) each) intersect."""
     shared, a, b = _shared_vertices(s, t)
@@ -27,7 +26,7 @@ def triangles_intersect(x, s, t):
     return _intersect(x, s, t)
 
 
-@njit(cache=True)
+@part
 def _shared_vertices(s, t):
     """How many vertices s and t share, and up to two of them."""
     count, a, b = 0, -1, -1
@@ -41,7 +40,7 @@ def _shared_vertices(s, t):
     return count, a, b
 
 
-@njit(cache=True)
+@part
 def _others(s, v):
     """The corners of s behind its corner v."""
     if s[0] == v:
@@ -49,7 +48,7 @@ def _others(s, v):
     return (s[2], s[0]) if s[1] == v else (s[0], s[1])
 
 
-@njit(cache=True)
+@part
 def _intersect(x, s, t):
     """Closed triangles without a common vertex: an edge of one meets the other."""
     if apart(x, s, t):
@@ -66,14 +65,14 @@ def _intersect(x, s, t):
     return False
 
 
-@njit(cache=True)
+@part
 def _sides(x, s, t):
     """On which sides of the plane of s the corners of t lie."""
     a, b, c = s
     return orient3d(x, a, b, c, t[0]), orient3d(x, a, b, c, t[1]), orient3d(x, a, b, c, t[2])
 
 
-@njit(cache=True)
+@part
 def _intersect_beyond_corner(x, v, s, t):
     """Triangles (v, s0, s1) and (v, t0, t1) have a point other than v in common.
 
@@ -98,7 +97,7 @@ def _intersect_beyond_corner(x, v, s, t):
     return False
 
 
-@njit(cache=True)
+@part
 def _arm_meets(x, v, p, t):
     """Segment vp and triangle (v, t0, t1), whose edge t0 t1 does not hold v, have a point other than v in common."""
     if _same_place(x, v, p):
@@ -106,7 +105,7 @@ def _arm_meets(x, v, p, t):
     return _segment_meets(x, p, p, (v, t[0], t[1])) or _segments_meet(x, v, p, t[0], t[1])
 
 
-@njit(cache=True)
+@part
 def _arms_overlap(x, v, p, q):
     """Segments vp and vq have a point other than v in common."""
     if _same_place(x, v, p) or _same_place(x, v, q):
@@ -114,7 +113,7 @@ def _arms_overlap(x, v, p, q):
     return _on_segment(x, p, v, q) or _on_segment(x, q, v, p)
 
 
-@njit(cache=True)
+@part
 def _intersect_beyond_edge(x, a, b, c, d):
     """Triangles abc and abd have a point beyond ab in common: folded onto each other, or one line."""
     if unfolded(x, a, b, c, d) or orient3d(x, a, b, c, d) != 0:
@@ -125,13 +124,13 @@ def _intersect_beyond_edge(x, a, b, c, d):
     return _overlap_behind(x, a, b, c, d) or _overlap_behind(x, b, a, c, d)
 
 
-@njit(cache=True)
+@part
 def _overlap_behind(x, a, b, c, d):
     """c and d both lie on the line ab behind b."""
     return _on_segment(x, b, a, c) and _on_segment(x, b, a, d) and _arms_overlap(x, b, c, d)
 
 
-@njit(cache=True)
+@part
 def _segment_meets(x, p, q, t):
     """Segment pq and triangle t have a point in common."""
     of_p = orient3d(x, t[0], t[1], t[2], p)
@@ -139,7 +138,7 @@ def _segment_meets(x, p, q, t):
     return _edge_meets(x, p, q, of_p, of_q, t)
 
 
-@njit(cache=True)
+@part
 def _edge_meets(x, p, q, of_p, of_q, t):
     """The same where it is known on which sides of the plane of t the ends lie."""
     a, b, c = t
@@ -153,7 +152,7 @@ def _edge_meets(x, p, q, of_p, of_q, t):
     return _inside(x, p, a, b, c)
 
 
-@njit(cache=True)
+@part
 def _inside(x, p, a, b, c):
     """p, in one plane with abc, lies inside it and not on its edges."""
     for axis in range(3):
@@ -163,7 +162,7 @@ def _inside(x, p, a, b, c):
     return False
 
 
-@njit(cache=True)
+@part
 def _segments_meet(x, p, q, a, b):
     """Segments pq and ab have a point in common: an end of one on the other, or they cross."""
     if _on_segment(x, p, a, b) or _on_segment(x, q, a, b) or _on_segment(x, a, p, q) or _on_segment(x, b, p, q):
@@ -179,7 +178,7 @@ def _segments_meet(x, p, q, a, b):
     return False
 
 
-@njit(cache=True)
+@part
 def _on_segment(x, p, a, b):
     """p lies on the closed segment ab."""
     for axis in range(3):
@@ -188,6 +187,6 @@ def _on_segment(x, p, a, b):
     return orient2d(x, a, b, p, 0) == 0 and orient2d(x, a, b, p, 1) == 0 and orient2d(x, a, b, p, 2) == 0
 
 
-@njit(cache=True)
+@part
 def _same_place(x, a, b):
     return x[a, 0] == x[b, 0] and x[a, 1] == x[b, 1] and x[a, 2] == x[b, 2]

@@ -14,9 +14,9 @@ A hinge with a triangle that has no area to round-off (sine of the angle at its 
 """
 
 import numpy as np
-from numba import njit
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import part
 
 Point = tuple[float, float, float]
 Points = tuple[Point, Point, Point, Point]
@@ -25,13 +25,13 @@ _NO_AREA = 1e-28
 """Squared sine below which a triangle counts as a line."""
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def hinge_point(x: Floats, vertex: int) -> Point:
     """Row `vertex` of x (n, 3) as a tuple."""
     return x[vertex, 0], x[vertex, 1], x[vertex, 2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def hinge_points(x: Floats, vertices: Ints, h: int) -> Points:
     """The four points of row h of `vertices (h, 4)`."""
     return (
@@ -42,7 +42,7 @@ def hinge_points(x: Floats, vertices: Ints, h: int) -> Points:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def hinge_angle(a: Point, b: Point, c: Point, d: Point) -> float:
     """theta [rad]; +inf where a triangle has no area."""
     e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
@@ -52,7 +52,7 @@ def hinge_angle(a: Point, b: Point, c: Point, d: Point) -> float:
     return np.arctan2(-np.sqrt(_dot(e, e)) * _dot(n1, s), _dot(n1, n2))
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def hinge_angle_gradient(a: Point, b: Point, c: Point, d: Point) -> Points:
     """d theta / d (a, b, c, d), four vectors [1/m].
 
@@ -74,7 +74,7 @@ def hinge_angle_gradient(a: Point, b: Point, c: Point, d: Point) -> Points:
     return g_a, g_b, g_c, g_d
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def hinge_angle_hessian(a: Point, b: Point, c: Point, d: Point, hessian: Floats) -> None:
     """d2 theta / d (a, b, c, d)^2 [1/m2], written to `hessian (12, 12)`.
 
@@ -109,7 +109,7 @@ def hinge_angle_hessian(a: Point, b: Point, c: Point, d: Point, hessian: Floats)
             hessian[i, j] = -(hessian[3 + i, j] + hessian[6 + i, j] + hessian[9 + i, j])
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _corner_blocks(hessian: Floats, corner: int, e: Point, r: Point, side: float) -> None:
     """The blocks (corner, corner) and (corner, b) of a corner at r from a, whose normal is n = side (e x r).
 
@@ -129,31 +129,31 @@ def _corner_blocks(hessian: Floats, corner: int, e: Point, r: Point, side: float
             hessian[row, 3 + j] = -length / nn * (by_b[i] - 2 * along_b * n[i]) - n[i] * e[j] / (length * nn)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _no_area(edge1: Point, edge2: Point, normal: Point) -> bool:
     return not _dot(normal, normal) > _NO_AREA * _dot(edge1, edge1) * _dot(edge2, edge2)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _plus(a: Point, b: Point) -> Point:
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _minus(a: Point, b: Point) -> Point:
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _times(factor: float, a: Point) -> Point:
     return factor * a[0], factor * a[1], factor * a[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _dot(a: Point, b: Point) -> float:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _cross(a: Point, b: Point) -> Point:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -4,7 +4,8 @@ Band arrays are (rows, columns, ...) of samples; `hits (k,)` are the flat indice
 """
 
 import numpy as np
-from numba import njit
+
+from clothsim.compiled import kernel, part
 
 SKY_RAYS = 2
 _SUN_RADIUS = 0.12
@@ -15,18 +16,18 @@ _SKY = (0.40, 0.41, 0.43)
 _GROUND = (0.22, 0.215, 0.21)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _row(rows, i):
     return float(rows[i, 0]), float(rows[i, 1]), float(rows[i, 2])
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _store(rows, i, factor, vector):
     for k in range(3):
         rows[i, k] = factor * vector[k]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _mean(corners, weights):
     a, b, c = weights
     x = a * corners[0, 0] + b * corners[1, 0] + c * corners[2, 0]
@@ -35,28 +36,28 @@ def _mean(corners, weights):
     return x, y, z
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _minus(a, b):
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _cross(a, b):
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _unit(a):
     length = max(np.sqrt(_dot(a, a)), 1e-300)
     return a[0] / length, a[1] / length, a[2] / length
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def camera_rays(axes, tangents, width, height, left, right, top, bottom):
     """Unit directions through the samples of columns left..right-1 and rows top..bottom-1, (rows * columns, 3)."""
     out = np.empty(((bottom - top) * (right - left), 3), np.float32)
@@ -72,7 +73,7 @@ def camera_rays(axes, tangents, width, height, left, right, top, bottom):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def surface_at(hits, triangle, u, v, rays, corners, normals, front, back):
     """Where light rays start, the interpolated normal facing the camera, and the sRGB of the side seen, each (k, 3).
 
@@ -104,7 +105,7 @@ def surface_at(hits, triangle, u, v, rays, corners, normals, front, back):
     return points, smooth, paint
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def light_rays(smooth, pattern, to_key, hemisphere, disc):
     """Directions (1 + SKY_RAYS, k, 3) from each hit: one to the key light, the rest to the sky."""
     directions = np.empty((1 + SKY_RAYS, len(smooth), 3), np.float32)
@@ -121,7 +122,7 @@ def light_rays(smooth, pattern, to_key, hemisphere, disc):
     return directions
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def mean_of_alike(light, guide):
     """The mean of each sample's light over the 8 x 8 samples around it whose normal and depth are close to its own.
 
@@ -147,7 +148,7 @@ def mean_of_alike(light, guide):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def shaded(hits, light, smooth, paint, rays, up, to_key, to_fill):
     """sRGB of each hit, (k, 3): colour x (key light in soft shadow + weak fill + sky and ground under occlusion).
 
@@ -171,7 +172,7 @@ def shaded(hits, light, smooth, paint, rays, up, to_key, to_fill):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _rolled_off(linear):
     """The brightest fifth is rolled off so that nothing clips hard."""
     if linear <= 0.8:

@@ -9,8 +9,13 @@ from hypothesis import strategies as some
 from meshes import random_rotation
 from rational import determinant_sign
 
-from clothsim.intersection.expansions import grow, two_product, two_sum
-from clothsim.intersection.predicates import orient2d, orient3d, scaled
+from clothsim.compiled import kernel
+from clothsim.intersection import expansions, predicates
+from clothsim.intersection.predicates import scaled
+
+# as the kernels run them: compiled
+grow, two_product, two_sum = map(kernel, (expansions.grow, expansions.two_product, expansions.two_sum))
+orient2d, orient3d = map(kernel, (predicates.orient2d, predicates.orient3d))
 
 numbers = some.floats(-1e30, 1e30, allow_subnormal=False).filter(lambda a: a == 0 or abs(a) > 1e-30)
 

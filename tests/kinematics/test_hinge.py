@@ -5,9 +5,13 @@ import pytest
 from differences import dense_hessian, gradient_error, hessian_error, taylor_slopes
 from meshes import random_rotation
 
+from clothsim.compiled import kernel
 from clothsim.energies.base import ElementHessian
-from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_angle_hessian, hinge_point
+from clothsim.kinematics import hinge
 from clothsim.mesh.hinges import dihedral_angles
+
+hinge_angle, hinge_angle_gradient = map(kernel, (hinge.hinge_angle, hinge.hinge_angle_gradient))  # as energies run them
+hinge_angle_hessian, hinge_point = map(kernel, (hinge.hinge_angle_hessian, hinge.hinge_point))
 
 HINGE = np.array([[0, 1, 2, 3]])
 

@@ -1,0 +1,15 @@
+"""How kernels are compiled: `kernel` for what Python calls, `part` for what only kernels call.
+
+A cold start is spent in the compiler, and half of that not on the loops: each function that Python can call gets two
+wrappers, and all wrappers of all that it calls are compiled again inside of it. So only kernels get one. A `part`
+stays a Python function for Python: it can be called, slowly, to look at it or to test it.
+"""
+
+from numba import njit
+from numba.extending import register_jitable
+
+kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
+"""A function that Python calls, with float64 C arrays, int64 and float: compiled once for each set of types, kept."""
+
+part = register_jitable(error_model="numpy", no_cfunc_wrapper=True)
+"""A function that kernels call. Compiled with them, never for a literal number: 1 is an int64 like any other."""
