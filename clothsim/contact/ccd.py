@@ -20,9 +20,9 @@ common motion costs nothing, and neither the scale nor the place matters but for
 """
 
 import numpy as np
-from numba import njit
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel, part
 from clothsim.contact.closest import (
     Point,
     cross,
@@ -47,7 +47,6 @@ CLOSE = 0.01
 """Share of the usable gap, slack (d(0) - offset), that may be left over when a pair ends."""
 
 
-@njit(cache=True, error_model="numpy")
 def point_triangle_limit(x: Floats, dx: Floats, pairs: Ints, offset: float, slack: float, limit: float) -> float:
     """The largest fraction t <= limit of dx (n, 3) [m] on which no pair (point, a, b, c) sinks below its floor.
 
@@ -55,50 +54,50 @@ def point_triangle_limit(x: Floats, dx: Floats, pairs: Ints, offset: float, slac
     d its distance at x. t is never too large; a pair gives up at most CLOSE of its usable gap. 0 where a pair that
     moves starts at the offset or nearer, or moves by NaN: the caller must say so.
     """
-    return _limit(x, dx, pairs, 1, offset, slack, limit)
+    return _limit(x, dx, pairs, False, offset, slack, limit)
 
 
-@njit(cache=True, error_model="numpy")
 def edge_edge_limit(x: Floats, dx: Floats, pairs: Ints, offset: float, slack: float, limit: float) -> float:
     """`point_triangle_limit` for pairs of edges, rows (a0, a1, b0, b1)."""
-    return _limit(x, dx, pairs, 2, offset, slack, limit)
+    return _limit(x, dx, pairs, True, offset, slack, limit)
 
 
-@njit(cache=True, error_model="numpy")
-def _limit(x: Floats, dx: Floats, pairs: Ints, split: int, offset: float, slack: float, limit: float) -> float:
+@kernel
+def _limit(x: Floats, dx: Floats, pairs: Ints, is_edges: bool, offset: float, slack: float, limit: float) -> float:
     span = limit  # the same for all pairs, or their order would matter
     for i in range(pairs.shape[0]):
         y, dy = _differences(x, pairs[i]), _differences(dx, pairs[i])
-        limit = _pair_limit(y, dy, split, offset, slack, span, limit)
+        limit = _pair_limit(y, dy, is_edges, offset, slack, span, limit)
         if limit <= 0.0:
             return 0.0
     return limit
 
 
-@njit(cache=True, error_model="numpy")
-def _pair_limit(y: Points, dy: Points, split: int, offset: float, slack: float, span: float, limit: float) -> float:
-    """The fraction for one pair, at most `limit` <= span: the first `split` points are one body, the rest the other."""
-    speed = _speed(dy, split)
+@part
+def _pair_limit(y: Points, dy: Points, is_edges: bool, offset: float, slack: float, span: float, limit: float) -> float:
+    """The fraction for one pair, at most `limit` <= span."""
+    dw = _between(dy, is_edges)
+    speed = _speed(dw, is_edges)
     if speed == 0.0:
         return limit
     if not speed > 0.0:  # NaN
         return 0.0
-    m, distance = _separation(y, dy, split)
+    m, distance = _separation(y, dy, is_edges)
     usable = slack * (distance - offset)
     if not usable > 0.0:
         return 0.0
     floor = distance - usable
     t = 0.0
     for _ in range(MAX_INCREMENTS):
-        here = _moved(y, dy, t)
-        increment = max((distance - floor) / speed, _apart((m[0], ZERO, ZERO), here, dy, split, floor, span - t))
+        w = _between(_moved(y, dy, t), is_edges)
+        increment = max((distance - floor) / speed, _apart((m[0], ZERO, ZERO), w, dw, is_edges, floor, span - t))
         if t + increment < limit:
-            increment = max(increment, _apart(m, here, dy, split, floor, span - t))
+            increment = max(increment, _apart(m, w, dw, is_edges, floor, span - t))
         if t + increment >= limit:
             return limit
         if not t + increment > t:
             break
-        m, distance = _separation(_moved(y, dy, t + increment), dy, split)
+        m, distance = _separation(_moved(y, dy, t + increment), dy, is_edges)
         if distance < floor - CLOSE * usable:  # round-off of the size of the gap: the last fraction was safe
             break
         t += increment
@@ -107,19 +106,26 @@ def _pair_limit(y: Points, dy: Points, split: int, offset: float, slack: float, 
     return t
 
 
-@njit(cache=True, error_model="numpy")
-def _speed(dy: Points, split: int) -> float:
+@part
+def _between(y: Points, is_edges: bool) -> Points:
+    """y_i - y_j of all vertices i, j of the two bodies: four of two edges; three of a point and a triangle, then 0."""
+    if is_edges:
+        return minus(y[0], y[2]), minus(y[0], y[3]), minus(y[1], y[2]), minus(y[1], y[3])
+    return minus(y[0], y[1]), minus(y[0], y[2]), minus(y[0], y[3]), ZERO
+
+
+@part
+def _speed(dw: Points, is_edges: bool) -> float:
     """The largest |dx_i - dx_j| [m] over vertices i, j of the two bodies: their hulls' points are no faster."""
     squared = 0.0
-    for i in range(split):
-        for j in range(split, 4):
-            r = minus(dy[i], dy[j])
-            squared = np.maximum(squared, dot(r, r))
+    for k in range(4):
+        if k < 3 or is_edges:
+            squared = np.maximum(squared, dot(dw[k], dw[k]))
     return np.sqrt(squared)
 
 
-@njit(cache=True, error_model="numpy")
-def _apart(m: Direction, y: Points, dy: Points, split: int, floor: float, span: float) -> float:
+@part
+def _apart(m: Direction, w: Points, dw: Points, is_edges: bool, floor: float, span: float) -> float:
     """The fraction tau <= span on which the bodies stay floor apart along m(tau); 0 where they are not even now.
 
     With w = y_i - y_j, and |m| <= 1 + (m0 . m1) tau + (|m1|^2 / 2 + |m2|) tau^2, each i, j has a cubic that must not
@@ -128,30 +134,39 @@ def _apart(m: Direction, y: Points, dy: Points, split: int, floor: float, span: 
     m0, m1, m2 = m
     growth, curve = floor * dot(m0, m1), floor * (0.5 * dot(m1, m1) + np.sqrt(dot(m2, m2)))
     fraction = span
-    for i in range(split):
-        for j in range(split, 4):
-            w, dw = minus(y[i], y[j]), minus(dy[i], dy[j])
-            room = dot(m0, w) - floor
-            rate = dot(m0, dw) + dot(m1, w) - growth
-            bend = max(0.0, curve - dot(m1, dw) - dot(m2, w) - min(0.0, dot(m2, dw)) * span)
-            if not room > 0.0:
-                return 0.0
-            root = np.sqrt(rate * rate + 4.0 * bend * room)
-            if rate < 0.0:
-                fraction = min(fraction, 2.0 * room / (root - rate))
-            elif bend > 0.0:
-                fraction = min(fraction, 0.5 * (root + rate) / bend)
+    for k in range(4):
+        if k == 3 and not is_edges:
+            break
+        room = dot(m0, w[k]) - floor
+        rate = dot(m0, dw[k]) + dot(m1, w[k]) - growth
+        bend = max(0.0, curve - dot(m1, dw[k]) - dot(m2, w[k]) - min(0.0, dot(m2, dw[k])) * span)
+        if not room > 0.0:
+            return 0.0
+        root = np.sqrt(rate * rate + 4.0 * bend * room)
+        if rate < 0.0:
+            fraction = min(fraction, 2.0 * room / (root - rate))
+        elif bend > 0.0:
+            fraction = min(fraction, 0.5 * (root + rate) / bend)
     return fraction
 
 
-@njit(cache=True, error_model="numpy")
-def _separation(y: Points, dy: Points, split: int) -> tuple[Direction, float]:
+@part
+def _separation(y: Points, dy: Points, is_edges: bool) -> tuple[Direction, float]:
     """The direction from the second body's closest point to the first's as the features turn; the distance [m].
 
     The difference r of two close points points anywhere. Across an edge or a face the direction comes from the
     features: at a gap of 1e-10 of the edges' length, the far ends would else seem to be on the wrong side.
     """
-    if split == 1:
+    if is_edges:
+        e, f, de, df = minus(y[1], y[0]), minus(y[3], y[2]), minus(dy[1], dy[0]), minus(dy[3], dy[2])
+        s, t = edge_edge_closest(y[0], y[1], y[2], y[3])
+        r = _combine(minus(y[0], y[2]), -s, e, t, f)
+        first, second = edge_edge_region(s, t)
+        if first == -1:
+            m = _normal(e, f, de, df, r) if second == -1 else _across(e, de, r)
+        else:
+            m = _across(f, df, r) if second == -1 else _unit((r, ZERO, ZERO), r)
+    else:
         p, a, b, c = y
         ab, ac = minus(b, a), minus(c, a)
         u, v, w = point_triangle_closest(p, a, b, c)
@@ -164,19 +179,10 @@ def _separation(y: Points, dy: Points, split: int) -> tuple[Direction, float]:
             m = _across(minus(y[j], y[i]), minus(dy[j], dy[i]), r)
         else:
             m = _unit((r, ZERO, ZERO), r)
-    else:
-        e, f, de, df = minus(y[1], y[0]), minus(y[3], y[2]), minus(dy[1], dy[0]), minus(dy[3], dy[2])
-        s, t = edge_edge_closest(y[0], y[1], y[2], y[3])
-        r = _combine(minus(y[0], y[2]), -s, e, t, f)
-        first, second = edge_edge_region(s, t)
-        if first == -1:
-            m = _normal(e, f, de, df, r) if second == -1 else _across(e, de, r)
-        else:
-            m = _across(f, df, r) if second == -1 else _unit((r, ZERO, ZERO), r)
     return m, np.sqrt(dot(r, r))
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _normal(e: Point, f: Point, de: Point, df: Point, r: Point) -> Direction:
     """(e + tau de) x (f + tau df), on the side of r; of near-parallel edges made exact across e, and so across f."""
     n = cross(e, f)
@@ -184,14 +190,14 @@ def _normal(e: Point, f: Point, de: Point, df: Point, r: Point) -> Direction:
     return _unit((across, _combine(cross(e, df), -1.0, cross(de, f), 0.0, r), cross(de, df)), r)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _across(e: Point, de: Point, r: Point) -> Direction:
     """The part of r across e, turned with e about the axis r x e: (e x r) x (e + tau de)."""
     axis = cross(e, r)
     return _unit((cross(axis, e), cross(axis, de), ZERO), r)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _unit(m: Direction, r: Point) -> Direction:
     """m or -m, whichever starts on the side of r, with |m(0)| = 1."""
     length = np.sqrt(dot(m[0], m[0]))
@@ -199,18 +205,18 @@ def _unit(m: Direction, r: Point) -> Direction:
     return _scaled(factor, m[0]), _scaled(factor, m[1]), _scaled(factor, m[2])
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _scaled(factor: float, a: Point) -> Point:
     return factor * a[0], factor * a[1], factor * a[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _combine(r: Point, v: float, e: Point, w: float, f: Point) -> Point:
     """r - v e - w f."""
     return r[0] - v * e[0] - w * f[0], r[1] - v * e[1] - w * f[1], r[2] - v * e[2] - w * f[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _differences(x: Floats, pair: Ints) -> Points:
     """Rows of x relative to the first one, which is subtracted exactly where they are close together."""
     o = (x[pair[0], 0], x[pair[0], 1], x[pair[0], 2])
@@ -220,11 +226,11 @@ def _differences(x: Floats, pair: Ints) -> Points:
     return ZERO, minus(a, o), minus(b, o), minus(c, o)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _moved(y: Points, dy: Points, t: float) -> Points:
     return _step(y[0], dy[0], t), _step(y[1], dy[1], t), _step(y[2], dy[2], t), _step(y[3], dy[3], t)
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _step(y: Point, dy: Point, t: float) -> Point:
     return y[0] + t * dy[0], y[1] + t * dy[1], y[2] + t * dy[2]
