@@ -19,15 +19,20 @@ MAX_ITERATIONS = 10
 
 
 def truncated_solve(
-    times: Callable[[Floats], Floats], precondition: Callable[[Floats], Floats], b: Floats, trust: float
+    times: Callable[[Floats], Floats],
+    precondition: Callable[[Floats], Floats],
+    b: Floats,
+    trust: float,
+    preconditioned: Floats,
 ) -> tuple[Floats, bool]:
     """x with A x = b to RELATIVE_ERROR in the preconditioner's norm, or where A curves down or x strays, on the radius.
 
-    times: v -> A v; precondition: r -> M r, M positive definite. The radius is `trust` times as long as M b (see
-    `trust.Trust`). Also whether it ended on the radius: then no quadratic says how far to go.
+    times: v -> A v; precondition: r -> M r, M positive definite. The radius is `trust` times as long as
+    `preconditioned`, which is M b (see `trust.Trust`). Also whether it ended on the radius: then no quadratic says how
+    far to go.
     """
     residual = b.copy()
-    direction = preconditioned = precondition(residual)
+    direction = preconditioned
     x = np.zeros_like(b)
     first = error = dot(residual, preconditioned)
     if not first > 0.0:

@@ -12,8 +12,8 @@ from clothsim.energies.base import Prescribed
 from clothsim.linalg import dot
 from clothsim.solve import pattern as assembly
 from clothsim.solve.conjugate import truncated_solve
+from clothsim.solve.direct import EXACT, NotPositiveDefiniteError
 from clothsim.solve.line_search import RESOLVED, armijo, lengthened, round_off
-from clothsim.solve.linear import NotPositiveDefiniteError
 from clothsim.solve.observe import Iterate, Observer, unobserved
 from clothsim.solve.outcome import Ending, Outcome, outcome
 from clothsim.solve.potential import Potential
@@ -34,6 +34,8 @@ CHANGE_OF_GAP = 0.3
 logarithm is about as long as the gap, however large the force F: d -> 2 d - F d^2, a change by 1 - F d. Where the
 change is .3, one more step leaves its square, 9 %."""
 MAX_SHIFTS = 12
+ROUGH = 1e-2
+"""What a preconditioner may leave of the error, in the norm of the matrix."""
 LONGEST = 32.0
 """How many times longer than Newton says a step of negative curvature may be."""
 
@@ -185,7 +187,7 @@ class Newton:
         data = self._assembled(x, hessians, fixed)
         if not (np.isfinite(right).all() and np.isfinite(data).all()):
             return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(right)))
-        solution = self._solve(data, right.ravel())
+        solution = self._solve(data, right.ravel(), ROUGH if trust.exact else EXACT)
         if solution is None:
             return Direction(way, gradient, end=outcome(Ending.SINGULAR))
         bends = False
@@ -193,7 +195,8 @@ class Newton:
             curved = self._assembled(x, self.potential.exact_hessians(x, hessians), fixed)
             with self.potential.ledger.phase("linear solve"):
                 times = self.system.pattern.times(curved)
-                solution, bends = truncated_solve(times, self.system.solver.back_solve, right.ravel(), trust.radius)
+                back_solve = self.system.solver.back_solve
+                solution, bends = truncated_solve(times, back_solve, right.ravel(), trust.radius, solution)
         dx = way.copy()
         dx[:n][~fixed] = solution.reshape(-1, 3)[~fixed]
         return Direction(dx, gradient, bends)
@@ -204,7 +207,7 @@ class Newton:
             self.system.pattern.fix(data, fixed)
         return data
 
-    def _solve(self, data: Floats, b: Floats) -> Floats | None:
+    def _solve(self, data: Floats, b: Floats, accuracy: float) -> Floats | None:
         """The solution, with a growing shift of the diagonal where the matrix is not positive definite."""
         ledger = self.potential.ledger
         diagonal = self.system.pattern.diagonal(data)
@@ -214,7 +217,7 @@ class Newton:
                 ledger.linear_solves += 1
                 try:
                     shifted = self.system.pattern.shift(data, np.full(len(diagonal), shift)) if attempt else data
-                    solution = self.system.solver.solve(shifted, b)
+                    solution = self.system.solver.solve(shifted, b, accuracy)
                 except NotPositiveDefiniteError:
                     shift *= 10.0 if attempt else 1.0
                     continue

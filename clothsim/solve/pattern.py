@@ -77,9 +77,7 @@ class Pattern:
 
     def times(self, data: Floats) -> Callable[[Floats], Floats]:
         """v -> A v for the symmetric matrix whose upper triangle is `data`."""
-        upper, diagonal = self.upper(data), self.diagonal(data)
-        lower = upper.T
-        return lambda v: upper @ v + lower @ v - diagonal * v
+        return lambda v: _times(data, self.indptr, self.indices, v)
 
     def fix(self, data: Floats, fixed: np.ndarray) -> None:
         """Cut the rows and columns of `fixed` vertices ((n,) booleans) out of `data` in place; 1 on their diagonal."""
@@ -256,6 +254,19 @@ def _add_csr(data, starts, columns, indptr, indices, values, n):
                 else:
                     data[_place(starts, i, p, rank, q)] += values[k]
     return outside
+
+
+@njit(cache=True, error_model="numpy")
+def _times(data, indptr, indices, v):
+    """A v, each entry of the upper triangle read once; the first of a row is the diagonal's."""
+    product = np.zeros_like(v)
+    for i in range(len(v)):
+        along = data[indptr[i]] * v[i]
+        for k in range(indptr[i] + 1, indptr[i + 1]):
+            along += data[k] * v[indices[k]]
+            product[indices[k]] += data[k] * v[i]
+        product[i] += along
+    return product
 
 
 @njit(cache=True)

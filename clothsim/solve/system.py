@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.arrays import Floats, Ints
-from clothsim.solve.linear import LinearSolver, make_solver
+from clothsim.solve.direct import LinearSolver
+from clothsim.solve.linear import make_solver
 from clothsim.solve.pattern import Hessian, Pattern, coupled, couplings
 
 
@@ -28,6 +29,7 @@ class System:
     def begin(self, couplings: list[Ints]) -> None:
         """The pattern of the base and of `couplings`, lists of rows (m, k) that act on one another."""
         self._take(coupled(self.base, couplings))
+        self.solver.restart()
 
     def assemble(self, hessians: list[Hessian], nearby: Callable[[], list[Ints]]) -> Floats:
         """The sum of the Hessians as the data of the pattern, which grows first where something does not fit.

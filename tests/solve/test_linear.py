@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from meshes import deformed, small_world
 
+from clothsim.energies.base import ElementHessian
 from clothsim.energies.membrane import membrane
 from clothsim.errors import InputError, MissingPackageError
 from clothsim.solve.linear import SOLVERS, NotPositiveDefiniteError, make_solver, slowness
@@ -90,7 +91,7 @@ def missing_packages(monkeypatch):
 
 
 def test_an_unknown_solver_is_refused_by_name():
-    with pytest.raises(InputError, match=r"'paradiso'.*pardiso, cholmod, superlu"):
+    with pytest.raises(InputError, match=r"'paradiso'.*mixed, pardiso, cholmod, superlu"):
         make_solver("paradiso", newton_matrix()[0])
 
 
@@ -99,3 +100,50 @@ def test_only_superlu_is_slow():
     assert slowness(make_solver("superlu", pattern)) != ""
     solver = make_solver("auto", pattern)
     assert (slowness(solver) == "") == (solver.name != "superlu")
+
+
+def mixed():
+    pytest.importorskip("pypardiso")
+    pattern, data, dense = newton_matrix()
+    return make_solver("mixed", pattern, threads=1), pattern, data, dense
+
+
+def test_single_precision_is_refined_as_far_as_is_asked_for():
+    solver, _, data, dense = mixed()
+    b = np.random.default_rng(2).standard_normal(len(dense))
+    exact = np.linalg.solve(dense, b)
+
+    def error(x):
+        return np.sqrt((x - exact) @ dense @ (x - exact) / (exact @ dense @ exact))
+
+    solver.factorise(data)
+    assert 1e-9 < error(solver.back_solve(b)) < 1e-4
+    assert error(solver.solve(data, b, accuracy=1e-2)) < 1e-7  # one refinement is always made: it judges the factor
+    assert error(solver.solve(data, b)) < 1e-13
+    assert solver.doubles == 0
+
+
+def test_a_matrix_too_ill_conditioned_for_single_precision_gets_double_until_the_next_step():
+    """A stiff direction across the axes: in single precision nothing is left of what is soft across it."""
+    solver, pattern, _, dense = mixed()
+    b = np.random.default_rng(3).standard_normal(len(dense))
+    stiff = np.array([1.0, 2.0, -1.5]) / np.sqrt(7.25)
+    block = 1e-3 * np.eye(3) + 1e8 * np.outer(stiff, stiff)
+    vertices = np.arange(pattern.n_vertices)[:, None]
+    values, _ = pattern.assemble([ElementHessian(vertices, np.tile(block, (pattern.n_vertices, 1, 1)))])
+    expected = np.linalg.solve(block, b.reshape(-1, 3).T).T.ravel()
+    x = solver.solve(values, b, accuracy=1e-2)
+    assert np.abs(x - expected).max() < 1e-4 * np.abs(expected).max()
+    assert solver.doubles == 1
+    solver.solve(pattern.shift(values, np.ones(len(b))), b)
+    assert solver.doubles == 2  # single precision is not tried again
+    solver.restart()
+    solver.solve(newton_matrix()[1], b)
+    assert solver.doubles == 2
+
+
+def test_what_single_precision_cannot_hold_gets_double():
+    solver, _, data, dense = mixed()
+    b = np.ones(len(dense))
+    assert np.abs(solver.solve(1e60 * data, b) * 1e60 - np.linalg.solve(dense, b)).max() < 1e-9
+    assert solver.doubles == 1

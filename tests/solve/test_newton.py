@@ -97,7 +97,8 @@ def test_what_is_not_positive_definite_is_shifted_and_counted():
 def test_a_strained_sheet_goes_back_to_rest(linear):
     world = small_world()
     energies = {"membrane": membrane(world), "bending": bending(world)}
-    x = equilibrium(world, energies, deformed(world, amplitude=0.05), tolerance=1e-9, linear=linear)
+    # nothing holds it: round-off of the forces, 1e-15 N, over the shift that stands for stiffness moves it by 1e-9 m/s
+    x = equilibrium(world, energies, deformed(world, amplitude=0.05), tolerance=1e-8, linear=linear)
     assert sum(energy.value(x) for energy in energies.values()) < 1e-16
 
 
