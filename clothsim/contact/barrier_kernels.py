@@ -41,13 +41,13 @@ def near_pairs(x, elements, n_points, limit):
         if not _apart(x, elements[e], split, limit):
             squared[e] = closest(x, elements[e], split == 2, g, r)
         count += squared[e] < limit * limit
-    found = np.empty(count, np.int64)
+    found, distances_squared = np.empty(count, np.int64), np.empty(count)
     k = 0
     for e in range(len(elements)):
         if squared[e] < limit * limit:
-            found[k] = e
+            found[k], distances_squared[k] = e, squared[e]
             k += 1
-    return found, squared[found]
+    return found, distances_squared
 
 
 @part
@@ -172,7 +172,7 @@ def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
         if dm > 0.0:
             _mollify(blocks[e], x, rows, g, r, w * barrier(s, S, d_hat), w * first, dm, d2m)
             if project:
-                blocks[e] = _clamped(blocks[e])
+                _clamp(blocks[e])
     return blocks
 
 
@@ -257,7 +257,10 @@ def _mollify(block, x, rows, g, r, b, first, dm, d2m):
 
 
 @part
-def _clamped(block):
-    """The nearest positive semi-definite block: negative eigenvalues set to 0 (as in IPC)."""
+def _clamp(block):
+    """Make it the nearest positive semi-definite block: negative eigenvalues set to 0 (as in IPC)."""
     values, vectors = np.linalg.eigh(block)
-    return (vectors * np.maximum(values, 0.0)) @ vectors.T
+    clamped = (vectors * np.maximum(values, 0.0)) @ vectors.T
+    for i in range(12):  # number by number: `block[:] = clamped` takes a second more to compile, for its error message
+        for j in range(12):
+            block[i, j] = clamped[i, j]

@@ -6,12 +6,12 @@ B = Dm^-1 [a b].
 """
 
 import numpy as np
-from numba import njit
 
+from clothsim.compiled import kernel
 from clothsim.energies.triangle_kernels import deformation_gradient, products, project_2x2
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def measures(x, triangles, inverses):
     """la, lb, I8 of each triangle, (m, 3)."""
     out = np.empty((len(triangles), 3))
@@ -23,7 +23,7 @@ def measures(x, triangles, inverses):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def gradient(x, triangles, inverses, measured, slopes):
     """dE/dx from slopes (m, 3) = dE/d(la, lb, I8): dE/du = Ea u/la + E8 v, dE/dv = Eb v/lb + E8 u."""
     out = np.zeros_like(x)
@@ -43,7 +43,7 @@ def gradient(x, triangles, inverses, measured, slopes):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def hessian(x, triangles, inverses, measured, slopes, curvatures, project):
     """Blocks (m, 9, 9) of d2E/dx2 from slopes and curvatures (m, 4) = E_aa, E_ab, E_bb, E_88.
 

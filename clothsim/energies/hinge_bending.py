@@ -17,11 +17,11 @@ which is admissible where the rest shape is bent. Without self-contact a fold pu
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel, part
 from clothsim.energies.base import ElementHessian, Energy
-from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_angle_hessian, hinge_points
+from clothsim.kinematics.hinge import Points, hinge_angle, hinge_angle_gradient, hinge_angle_hessian, hinge_points
 from clothsim.mesh.hinges import Hinges
 
 
@@ -46,9 +46,8 @@ class HingeBending(Energy):
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """12 x 12 a hinge [N/m]; projected: Gauss-Newton, k g g', else with k (theta - theta0) d2theta/dx2 too."""
-        return ElementHessian(
-            self.vertices, _hessian(self.vertices, self.rest_angles, self.stiffnesses, x, not project)
-        )
+        blocks = _hessian if project else _exact_hessian
+        return ElementHessian(self.vertices, blocks(self.vertices, self.rest_angles, self.stiffnesses, x))
 
 
 def hinge_bending(hinges: Hinges) -> HingeBending:
@@ -56,7 +55,7 @@ def hinge_bending(hinges: Hinges) -> HingeBending:
     return HingeBending(hinges.vertices, hinges.rest_angles, hinges.stiffness * hinges.edge_lengths**2 / hinges.areas)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _value(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats) -> float:
     energy = 0.0
     for h in range(len(vertices)):
@@ -65,7 +64,7 @@ def _value(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats) 
     return energy
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _gradient(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats) -> Floats:
     """k (theta - theta0) dtheta/dx."""
     gradient = np.zeros_like(x)
@@ -82,9 +81,20 @@ def _gradient(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Float
     return gradient
 
 
-@njit(cache=True, error_model="numpy")
-def _hessian(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats, exact: bool) -> Floats:
-    """k g g' with g = dtheta/dx, and k (theta - theta0) d2theta/dx2 where `exact`."""
+@kernel
+def _hessian(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats) -> Floats:
+    """k g g' with g = dtheta/dx; zeros for a hinge without an angle."""
+    blocks = np.zeros((len(vertices), 12, 12))
+    for h in range(len(vertices)):
+        a, b, c, d = hinge_points(x, vertices, h)
+        if not np.isinf(hinge_angle(a, b, c, d)):
+            _add_square(stiffnesses[h], hinge_angle_gradient(a, b, c, d), blocks[h])
+    return blocks
+
+
+@kernel
+def _exact_hessian(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats) -> Floats:
+    """k g g' + k (theta - theta0) d2theta/dx2. By itself: few runs need it, and it takes long to compile."""
     blocks = np.zeros((len(vertices), 12, 12))
     for h in range(len(vertices)):
         a, b, c, d = hinge_points(x, vertices, h)
@@ -92,14 +102,18 @@ def _hessian(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats
         if np.isinf(angle):
             continue
         block = blocks[h]
-        if exact:
-            hinge_angle_hessian(a, b, c, d, block)
-            block *= stiffnesses[h] * (angle - rest_angles[h])
-        g = hinge_angle_gradient(a, b, c, d)
-        for k in range(4):
-            for i in range(3):
-                row = stiffnesses[h] * g[k][i]
-                for m in range(4):
-                    for j in range(3):
-                        block[3 * k + i, 3 * m + j] += row * g[m][j]
+        hinge_angle_hessian(a, b, c, d, block)
+        block *= stiffnesses[h] * (angle - rest_angles[h])
+        _add_square(stiffnesses[h], hinge_angle_gradient(a, b, c, d), block)
     return blocks
+
+
+@part
+def _add_square(stiffness: float, g: Points, block: Floats) -> None:
+    """Add k g g' to a block (12, 12)."""
+    for k in range(4):
+        for i in range(3):
+            row = stiffness * g[k][i]
+            for m in range(4):
+                for j in range(3):
+                    block[3 * k + i, 3 * m + j] += row * g[m][j]

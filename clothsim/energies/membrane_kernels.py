@@ -4,8 +4,8 @@ F = [x1 - x0, x2 - x0] Dm^-1 (3x2), columns f1, f2; E = sum A psi(F).
 """
 
 import numpy as np
-from numba import njit
 
+from clothsim.compiled import kernel
 from clothsim.energies.neo_hookean import density, inverse_factor, other_modes, stretch_block
 from clothsim.energies.triangle_kernels import (
     deformation_gradient,
@@ -18,7 +18,7 @@ from clothsim.energies.triangle_kernels import (
 )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def value(x, triangles, inverses, areas, mu, lam):
     """Sum of A psi(F) [J]."""
     F, n = np.empty((3, 2)), np.empty(3)
@@ -34,7 +34,7 @@ def value(x, triangles, inverses, areas, mu, lam):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def gradient(x, triangles, inverses, areas, mu, lam):
     """A P Dm^-T on corners 1 and 2, minus their sum on corner 0, P = mu F + b F C^-1."""
     out = np.zeros_like(x)
@@ -56,7 +56,7 @@ def gradient(x, triangles, inverses, areas, mu, lam):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def hessian(x, triangles, inverses, areas, mu, lam, project):
     """Blocks (m, 9, 9) of d2E/dx2. With `project` the negative eigenvalues of d2psi/dF2 are set to zero first.
 

@@ -12,10 +12,10 @@ wide plate with D: D is the plate's stiffness, E t^3/(12 (1 - nu^2)).
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel
 from clothsim.energies.base import ElementHessian, Energy
 from clothsim.kinematics.curvature import bending_strains
 from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_angle_hessian, hinge_point
@@ -107,7 +107,7 @@ def _distinct(vertices: Ints) -> tuple[Ints, Ints]:
     return distinct, places.reshape(vertices.shape)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _angles(vertices: Ints, x: Floats) -> Floats:
     angles = np.empty(len(vertices))
     for h in range(len(vertices)):
@@ -116,7 +116,7 @@ def _angles(vertices: Ints, x: Floats) -> Floats:
     return angles
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _angle_gradients(vertices: Ints, x: Floats) -> Floats:
     """dtheta/dx of each hinge, (h, 4, 3) [1/m]."""
     gradients = np.empty((len(vertices), 4, 3))
@@ -129,7 +129,7 @@ def _angle_gradients(vertices: Ints, x: Floats) -> Floats:
     return gradients
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _gradient(vertices: Ints, moments: Floats, x: Floats) -> Floats:
     """Sum of the moments times dtheta/dx."""
     gradient = np.zeros_like(x)
@@ -141,7 +141,7 @@ def _gradient(vertices: Ints, moments: Floats, x: Floats) -> Floats:
     return gradient
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _gauss_newton(vertices: Ints, stencils: Ints, weights: Floats, places: Ints, n_places: int, x: Floats) -> Floats:
     """Sum of s s' over the three strains of a triangle, s = sum_j weight_j dtheta_j/dx."""
     angle_gradients = _angle_gradients(vertices, x)
@@ -165,7 +165,7 @@ def _gauss_newton(vertices: Ints, stencils: Ints, weights: Floats, places: Ints,
     return blocks
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _add_moments(blocks: Floats, vertices: Ints, moments: Floats, owners: Ints, places: Ints, x: Floats) -> None:
     """Each hinge's moment times d2theta/dx2, added to the block of an element that holds the hinge."""
     curved = np.empty((12, 12))

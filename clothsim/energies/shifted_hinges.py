@@ -12,9 +12,9 @@ s: projected, there is nothing to add to it; exact, it is -k s d2theta/dx2.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel
 from clothsim.energies.base import ElementHessian, Energy
 from clothsim.energies.hinge_bending import HingeBending
 from clothsim.errors import InputError
@@ -74,7 +74,7 @@ def hinges_of_bending(name: str, bending: Energy | None) -> HingeBending | None:
     return bending
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def angles(vertices: Ints, x: Floats) -> Floats:
     """The angle of each hinge, (h,) [rad]; +inf where a triangle has no area."""
     found = np.empty(len(vertices))
@@ -84,7 +84,7 @@ def angles(vertices: Ints, x: Floats) -> Floats:
     return found
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _work(vertices: Ints, references: Floats, moments: Floats, x: Floats) -> float:
     """sum M (theta - theta0), -inf where a hinge has no angle."""
     work = 0.0
@@ -97,7 +97,7 @@ def _work(vertices: Ints, references: Floats, moments: Floats, x: Floats) -> flo
     return work
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _gradient(vertices: Ints, moments: Floats, x: Floats) -> Floats:
     """M dtheta/dx."""
     gradient = np.zeros_like(x)
@@ -110,7 +110,7 @@ def _gradient(vertices: Ints, moments: Floats, x: Floats) -> Floats:
     return gradient
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _hessian(vertices: Ints, moments: Floats, x: Floats) -> Floats:
     """M d2theta/dx2."""
     blocks = np.zeros((len(vertices), 12, 12))

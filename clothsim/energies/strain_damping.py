@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
-from numba import njit
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel
 from clothsim.energies.base import ElementHessian, Energy, Step
 from clothsim.energies.hinge_bending import HingeBending
 from clothsim.energies.history import past_of
@@ -113,7 +113,7 @@ class HingeDamping(Energy):
         return self.spring.hessian(x, project)
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _blocks(F: Floats, S: Floats, g: Floats, shear: Floats, trace: Floats) -> Floats:
     """The blocks of `StrainDamping.hessian`; shear = A a / h, trace = A l / h."""
     blocks = np.empty((len(F), 9, 9))

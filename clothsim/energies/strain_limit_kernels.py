@@ -4,8 +4,8 @@
 """
 
 import numpy as np
-from numba import njit
 
+from clothsim.compiled import kernel
 from clothsim.energies.triangle_kernels import (
     deformation_gradient,
     normal,
@@ -19,7 +19,7 @@ ALIKE = 1e-5
 """Difference of two stretches below which a slope between them is taken as the curvature at their mean."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def stretches(x, triangles, inverses):
     """Principal stretches s1 >= s2, then the warp's la and the weft's lb, (m, 4)."""
     out = np.empty((len(triangles), 4))
@@ -34,7 +34,7 @@ def stretches(x, triangles, inverses):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def principal_gradient(x, triangles, inverses, slopes):
     """dE/dx from slopes (m, 2) = dE/ds_i: the stress p1 w1 v1' + p2 w2 v2'."""
     out = np.zeros_like(x)
@@ -50,7 +50,7 @@ def principal_gradient(x, triangles, inverses, slopes):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def principal_hessian(x, triangles, inverses, slopes, curvatures, between):
     """Blocks (m, 9, 9) of d2E/dx2 of E = sum e(s1) + e(s2); between (m,): e'' half-way from s2 to s1.
 
