@@ -5,7 +5,7 @@ import sys
 import numpy as np
 from numba import njit
 
-from clothsim.compiled import kernel, part
+from clothsim.compiled import part
 from clothsim.study.compile_time import OURS, Compiled, compiled, loaded, told
 
 SMALL_RUN = """
@@ -29,7 +29,7 @@ def of_a_literal(x, power):
     return x**power
 
 
-@kernel
+@njit
 def sum_of_squares(x):
     total = 0.0
     for i in range(len(x)):
