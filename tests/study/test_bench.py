@@ -1,24 +1,29 @@
 """The bench on tiny cases: what it keeps and shows, its starts, and another revision beside it. Nothing is timed."""
 
 import json
+import sys
 from dataclasses import replace
+from time import perf_counter
 
 import numpy as np
 import pytest
 from PIL import Image
 
-from clothsim.errors import InputError
+from clothsim.contact import candidates
+from clothsim.errors import ClothsimError, InputError
 from clothsim.mesh.generate import rectangle
 from clothsim.scene.scene import Scene
-from clothsim.study.bench import cases
+from clothsim.study.bench import cases, oracle
 from clothsim.study.bench.__main__ import main
 from clothsim.study.bench.alone import without_others
 from clothsim.study.bench.cases import ROOT, Case
 from clothsim.study.bench.leads import lead
 from clothsim.study.bench.measure import PHASES, Worker, measured, ratio
-from clothsim.study.bench.page import AIMS, GROUPS, aimed, grouped, write_page
+from clothsim.study.bench.oracle import Compared, compared
+from clothsim.study.bench.page import AIMS, GROUPS, against, aimed, grouped, told, write_oracle, write_page
 from clothsim.study.bench.picture import draw, slope
 from clothsim.study.bench.revision import name_of, worktree
+from clothsim.study.bench.sides import PARTS
 from clothsim.study.bench.tables import comparison, split, summary
 from clothsim.study.text_table import text_table
 
@@ -191,7 +196,7 @@ def test_a_wrung_strip_ends_where_its_pins_are():
 def test_the_set_is_named_once_and_quick_is_of_it():
     names = [case.name for case in cases.benchmark()]
     assert len(set(names)) == len(names)
-    assert set(cases.QUICK) <= set(names)
+    assert set(cases.QUICK) | set(cases.ORACLE) <= set(names)
     assert [case.name for case in cases.aims()] == list(AIMS)
 
 
@@ -241,3 +246,65 @@ def test_the_copy_has_no_file_of_another_effect():
         assert {"membrane", "inertia", "base"} <= left
         assert not left & {"gravity", "bending", "pressure", "air"}
         assert not list((there / "clothsim" / "contact").glob("[a-z]*.py"))
+
+
+ON_BALL = Case("sphere 6", scene=cases.sphere(6), lead=1)
+
+
+def test_contact_and_ipctk_do_the_same_work(tmp_path):
+    """Counted, not timed: every part of both is there, at as many ways and pairs as there are."""
+    found = compared(ON_BALL, tmp_path, 1, print)
+    assert found.vertices == 49
+    assert found.ways >= 1
+    assert found.pairs > 0
+    assert found.energy > 0
+    for side in (found.ours, found.ipctk):
+        assert set(side) == set(PARTS)
+        assert sum(side.values()) > 0
+    assert candidates.perf_counter is perf_counter
+
+
+def test_contact_that_finds_another_energy_than_ipctk_is_not_timed(tmp_path, monkeypatch):
+    monkeypatch.setattr(oracle, "AGREE", -1.0)
+    with pytest.raises(ClothsimError, match=r"sphere 6: contact finds .* J, and ipctk .* J\."):
+        compared(ON_BALL, tmp_path, 1, print)
+
+
+def test_the_command_prints_the_table_against_ipctk_and_writes_the_page(tmp_path, capsys):
+    page = tmp_path / "profile.md"
+    page.write_text("head\n<!-- oracle -->\n<!-- /oracle -->\n", encoding="utf-8")
+    arguments = ["--oracle", "--repeats", "1", "--results", str(tmp_path), "--page", str(page)]
+    assert main(arguments, [ON_BALL]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split("  ")[0] for line in lines if line.startswith((*PARTS, "all"))] == [*PARTS, "all"]
+    assert "sphere 6 (49 vertices, " in lines[-1]
+    text = page.read_text(encoding="utf-8")
+    assert [line.split(" | ")[0] for line in text.splitlines() if line.startswith("|")][2:] == [
+        f"| {part}" for part in (*PARTS, "all")
+    ]
+
+
+def test_without_ipctk_it_says_so(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "ipctk", None)
+    assert main(["--oracle", "--results", str(tmp_path)], [ON_BALL]) == 2
+    said = capsys.readouterr().err
+    assert said == "--oracle measures ipctk, which is not installed.\npip install ipctk\n"
+
+
+def test_the_table_against_ipctk_has_ratios_and_the_bar(tmp_path):
+    ours, theirs = dict.fromkeys(PARTS, 0.001), dict.fromkeys(PARTS, 0.02)
+    rows = {"sphere 40": Compared(1681, 20, 900, 50, 1.0, ours, theirs)}
+    header, lines = against(rows)
+    assert header == ("part", "sphere 40: ms", "ipctk ms", "ratio")
+    assert lines[-1] == ("all", "4.00", "80.00", "20.0")
+    assert told(rows) == (
+        "ipctk takes 20.0 times ours in sphere 40 (1,681 vertices, 20 iterations, up to 900 pairs, 50 of cloth with "
+        "cloth): the bar of 10 is met."
+    )
+    slow = {"sphere 100": replace(rows["sphere 40"], ours=theirs | {"CCD": 0.04})}
+    assert told(slow).endswith(": the bar of 10 is not met.")
+    file = tmp_path / "profile.md"
+    file.write_text("head\n<!-- oracle -->\n<!-- /oracle -->\n", encoding="utf-8")
+    write_oracle(file, rows, "2026-01-02T03:04+00:00")
+    assert "Measured on 2026-01-02." in file.read_text(encoding="utf-8")
+    assert "| CCD | 1.00 | 20.00 | 20.0 |" in file.read_text(encoding="utf-8")

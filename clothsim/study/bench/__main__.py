@@ -14,12 +14,13 @@ from clothsim.errors import ClothsimError, InputError
 from clothsim.io.atomic import write_atomically
 from clothsim.io.record import to_json
 from clothsim.study.bench.alone import ALONE, COPY, without_others
-from clothsim.study.bench.cases import QUICK, ROOT, Case, aims, benchmark
+from clothsim.study.bench.cases import ORACLE, QUICK, ROOT, Case, aims, benchmark
 from clothsim.study.bench.measure import Measured, measured
-from clothsim.study.bench.page import write_page
+from clothsim.study.bench.page import against, told, write_oracle, write_page
 from clothsim.study.bench.revision import name_of, worktree
 from clothsim.study.bench.tables import comparison, split, summary
 from clothsim.study.kept import read_record
+from clothsim.study.text_table import text_table
 
 RESULTS = Path("results/bench")
 STATES, COMPARED = "states", "-compared"
@@ -89,6 +90,17 @@ def alone(results: Path, repeats: int) -> str:
     return comparison({ALONE.name: copy}, {ALONE.name: here}, COPY)
 
 
+def oracle(cases: Sequence[Case], results: Path, repeats: int, page: Path | None = None) -> str:
+    """Measure contact and ipctk on the steps of the cases, in turns."""
+    from clothsim.study.bench.oracle import compared
+
+    where = _where()
+    rows = {case.name: compared(case, results / STATES, repeats, _say) for case in cases}
+    if page is not None:
+        write_oracle(page, rows, where["date"])
+    return "\n\n".join([_headline(where), text_table(*against(rows)), told(rows)])
+
+
 def _joined(file: Path, kept: dict[str, Any]) -> dict[str, Any]:
     """With the other cases of the same revision and day, so that a few can be measured again."""
     old = read_record(file)
@@ -135,6 +147,7 @@ def main(argv: Sequence[str] | None = None, cases: Sequence[Case] | None = None)
         "--aims", action="store_true", help="not the set, but the seconds per simulated second of issue 7"
     )
     parser.add_argument("--alone", action="store_true", help="a membrane, and in a copy without other effects' files")
+    parser.add_argument("--oracle", action="store_true", help="contact alone, and ipctk on the same Newton steps")
     parser.add_argument("--compare", metavar="REV", help="measure git revision REV beside this package, in turns")
     parser.add_argument("--repeats", type=int, default=3, metavar="N", help="trials of a case (default 3)")
     parser.add_argument("--results", type=Path, default=RESULTS, metavar="DIR", help=f"where to (default {RESULTS})")
@@ -148,6 +161,11 @@ def main(argv: Sequence[str] | None = None, cases: Sequence[Case] | None = None)
             print(alone(arguments.results, arguments.repeats))
             return 0
         known = cases if cases is not None else aims() if arguments.aims else benchmark()
+        if arguments.oracle:
+            both = [case for case in known if cases is not None or case.name in ORACLE]
+            asked = chosen(both, arguments.only, arguments.quick)
+            print(oracle(asked, arguments.results, arguments.repeats, arguments.page))
+            return 0
         asked = chosen(known, arguments.only, arguments.quick)
         print(run(asked, arguments.results, arguments.repeats, arguments.compare, arguments.picture, arguments.page))
     except ClothsimError as error:

@@ -120,6 +120,10 @@ QUICK = ("import", "sphere 40", "twist", "fit")
 """The cases of --quick."""
 
 
+ORACLE = ("sphere 40", "sphere 100", "fold 100")
+"""The cases of --oracle."""
+
+
 def benchmark() -> tuple[Case, ...]:
     """The set."""
     scenes = ROOT / "scenes"

@@ -1,9 +1,11 @@
-"""The tables of docs/profile.md: where the time of a step goes, and what issue 7 aims at."""
+"""The tables of docs/profile.md: where the time of a step goes, what issue 7 aims at, and contact against ipctk."""
 
 from collections.abc import Mapping
 from pathlib import Path
 
 from clothsim.study.bench.measure import PHASES, SEARCHES, Measured, ratio
+from clothsim.study.bench.oracle import Compared
+from clothsim.study.bench.sides import PARTS
 from clothsim.study.kept import markdown_table, write_between
 
 PROFILED = "sphere 100"
@@ -83,6 +85,41 @@ def aimed(cases: Mapping[str, Measured]) -> str:
         "aim",
     )
     return markdown_table(header, lines)
+
+
+AT_LEAST = 10.0
+"""How many times the processor time of ours ipctk shall take, by issue 7."""
+
+
+def against(cases: Mapping[str, Compared]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Header and lines of a table: a line a part, milliseconds an iteration of both sides and how many times ours."""
+    header = ["part"]
+    for name in cases:
+        header += [f"{name}: ms", "ipctk ms", "ratio"]
+    lines = []
+    for part in (*PARTS, None):
+        line = [part or "all"]
+        for row in cases.values():
+            times = (sum(side.values()) if part is None else side[part] for side in (row.ours, row.ipctk))
+            line += [*(f"{1e3 * seconds:.2f}" for seconds in times), f"{row.ratio(part):.1f}"]
+        lines.append(tuple(line))
+    return tuple(header), lines
+
+
+def told(cases: Mapping[str, Compared]) -> str:
+    """A sentence on a table of `against`."""
+    said = [
+        f"{row.ratio():.1f} times ours in {name} ({row.vertices:,} vertices, {row.ways} iterations, "
+        f"up to {row.pairs:,} pairs, {row.own_pairs:,} of cloth with cloth)"
+        for name, row in cases.items()
+    ]
+    met = "met" if all(row.ratio() >= AT_LEAST for row in cases.values()) else "not met"
+    return f"ipctk takes {', '.join(said)}: the bar of {AT_LEAST:g} is {met}."
+
+
+def write_oracle(file: Path, cases: Mapping[str, Compared], date: str) -> None:
+    """Replace the table of the page that compares with ipctk."""
+    write_between(file, "oracle", f"Measured on {date[:10]}.\n\n{markdown_table(*against(cases))}\n\n{told(cases)}")
 
 
 def write_page(file: Path, cases: Mapping[str, Measured], date: str) -> None:
