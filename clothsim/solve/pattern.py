@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel
 from clothsim.energies.base import ElementHessian
 
 BELOW, OUTSIDE = -1, -2
@@ -163,7 +164,7 @@ def _scalar_pattern(starts: Ints, columns: Ints) -> tuple[NDArray[np.int32], NDA
     return indptr, indices
 
 
-@njit(cache=True)
+@kernel
 def _fill_indices(indices, indptr, starts, columns):
     for i in range(len(starts) - 1):
         for p in range(3):
@@ -195,7 +196,7 @@ def _place(starts, i, p, rank, q):
     return row + 3 * rank + q - p
 
 
-@njit(cache=True)
+@kernel
 def _places(starts, columns, elements):
     n = len(starts) - 1
     count, corners = elements.shape
@@ -213,7 +214,7 @@ def _places(starts, columns, elements):
     return at
 
 
-@njit(cache=True)
+@kernel
 def _add_blocks(data, starts, elements, at, blocks):
     n = len(starts) - 1
     outside = 0
@@ -238,7 +239,7 @@ def _add_blocks(data, starts, elements, at, blocks):
     return outside
 
 
-@njit(cache=True)
+@kernel
 def _add_csr(data, starts, columns, indptr, indices, values, n):
     outside = 0
     for i in range(n):
@@ -269,7 +270,7 @@ def _times(data, indptr, indices, v):
     return product
 
 
-@njit(cache=True)
+@kernel
 def _fix(data, indptr, indices, fixed):
     for row in range(len(indptr) - 1):
         row_fixed = fixed[row // 3]
