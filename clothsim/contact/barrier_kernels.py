@@ -260,7 +260,11 @@ def _mollify(block, x, rows, g, r, b, first, dm, d2m):
 def _clamp(block):
     """Make it the nearest positive semi-definite block: negative eigenvalues set to 0 (as in IPC)."""
     values, vectors = np.linalg.eigh(block)
-    clamped = (vectors * np.maximum(values, 0.0)) @ vectors.T
-    for i in range(12):  # number by number: `block[:] = clamped` takes a second more to compile, for its error message
+    scaled = np.empty((12, 12))  # number by number here and below: `block[:] = ...` alone compiles a second longer
+    for i in range(12):
+        for j in range(12):
+            scaled[i, j] = vectors[i, j] * max(values[j], 0.0)
+    clamped = scaled @ vectors.T
+    for i in range(12):
         for j in range(12):
             block[i, j] = clamped[i, j]
