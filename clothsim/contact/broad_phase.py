@@ -9,9 +9,9 @@ Overlap is closed: boxes that touch overlap. Which pairs are found depends on th
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel, part
 
 Overlaps = tuple[Ints, Ints]
 """The first and the second of each pair, (p,) and (p,)."""
@@ -26,7 +26,7 @@ _DEPTH = 64
 """Deepest stack of a walk: a tree of 2^62 leaves."""
 
 _FEW = 32
-"""Numbers that insertion sorts faster than quicksort."""
+"""Numbers that insertion sorts fastest."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def _fitted(order: Ints, starts: Ints, lower: Floats, upper: Floats) -> BoxTree:
     return BoxTree(order, starts, boxes, _node_boxes(starts, boxes))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _morton_codes(lower: Floats, upper: Floats) -> Ints:
     """Places of the boxes' centres along the Morton curve (m,)."""
     m = len(lower)
@@ -106,7 +106,7 @@ def _morton_codes(lower: Floats, upper: Floats) -> Ints:
     return codes
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _spread(bits: int) -> int:
     """The 21 lowest bits with two zeros between neighbours."""
     bits = (bits | bits << 32) & 0x1F00000000FFFF
@@ -116,7 +116,7 @@ def _spread(bits: int) -> int:
     return (bits | bits << 2) & 0x1249249249249249
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _node_boxes(starts: Ints, boxes: Floats) -> Floats:
     """The nodes' boxes (2 l - 1, 6), the leaves first, then upwards."""
     leaves = len(starts) - 1
@@ -133,7 +133,7 @@ def _node_boxes(starts: Ints, boxes: Floats) -> Floats:
     return nodes
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _enclose(box: Floats, other: Floats) -> None:
     """Let `box` (6,) enclose `other` too."""
     for axis in range(3):
@@ -141,7 +141,7 @@ def _enclose(box: Floats, other: Floats) -> None:
         box[3 + axis] = max(box[3 + axis], other[3 + axis])
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _meet(a: Floats, i: int, b: Floats, j: int) -> bool:
     """Whether the boxes a[i] and b[j] overlap."""
     return (
@@ -154,7 +154,7 @@ def _meet(a: Floats, i: int, b: Floats, j: int) -> bool:
     )
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _query(
     order_a: Ints,
     starts_a: Ints,
@@ -183,7 +183,7 @@ def _query(
     return first, second
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _walk(
     boxes_a: Floats,
     starts_a: Ints,
@@ -225,7 +225,7 @@ def _walk(
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _push(leaf: int, leaves: int, itself: bool, stack: Ints) -> int:
     """Put the root on the stack or, for a tree with itself, what comes from the leaf on. How many nodes that is."""
     if itself:
@@ -234,7 +234,7 @@ def _push(leaf: int, leaves: int, itself: bool, stack: Ints) -> int:
     return 1
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _push_later(leaf: int, leaves: int, stack: Ints) -> int:
     """Put a leaf and the subtrees right of its way to the root on the stack: all boxes from it on. Their number."""
     node, top = leaf + leaves - 1, 1
@@ -246,39 +246,46 @@ def _push_later(leaf: int, leaves: int, stack: Ints) -> int:
     return top
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _longer(found: Ints, used: int, needed: int) -> Ints:
     """A copy of the used part in an array of at least twice what is needed."""
     longer = np.empty((2, 2 * needed), np.int64)
-    longer[:, :used] = found[:, :used]
+    for k in range(used):  # number by number: assigning a slice takes 1.5 s more to compile, for its error message
+        longer[0, k], longer[1, k] = found[0, k], found[1, k]
     return longer
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _sort(values: Ints, start: int, end: int) -> None:
-    """Sort values[start:end] in place: by insertion where there are few, ten times faster than the call."""
-    if end - start > _FEW:
-        values[start:end].sort()
-        return
-    for k in range(start + 1, end):
-        value, place = values[k], k
-        while place > start and values[place - 1] > value:
-            values[place] = values[place - 1]
-            place -= 1
-        values[place] = value
+    """Sort values[start:end] in place: Shell's sort, which for up to _FEW numbers is insertion."""
+    gap = 1
+    while gap * _FEW < end - start:
+        gap = 3 * gap + 1
+    while gap > 0:
+        for k in range(start + gap, end):
+            value, place = values[k], k
+            while place >= start + gap and values[place - gap] > value:
+                values[place] = values[place - gap]
+                place -= gap
+            values[place] = value
+        gap //= 3
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _sorted_pairs(first: Ints, second: Ints, n: int) -> tuple[Ints, Ints]:
     """Pairs sorted by first, all below n, then second."""
-    ends = np.zeros(n + 1, np.int64)
+    places = np.zeros(n + 1, np.int64)  # of the next pair of i; in the end of the first of i + 1
     for i in first:
-        ends[i + 1] += 1
-    ends = np.cumsum(ends)
-    places, seconds = ends[:-1].copy(), np.empty(len(first), np.int64)
-    for k in range(len(first)):
-        seconds[places[first[k]]] = second[k]
-        places[first[k]] += 1
+        places[i + 1] += 1
     for i in range(n):
-        _sort(seconds, ends[i], ends[i + 1])
-    return np.repeat(np.arange(n), np.diff(ends)), seconds
+        places[i + 1] += places[i]
+    firsts, seconds = np.empty(len(first), np.int64), np.empty(len(first), np.int64)
+    for k in range(len(first)):
+        place = places[first[k]]
+        firsts[place], seconds[place] = first[k], second[k]
+        places[first[k]] += 1
+    start = 0
+    for i in range(n):
+        _sort(seconds, start, places[i])
+        start = places[i]
+    return firsts, seconds

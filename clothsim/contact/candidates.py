@@ -10,9 +10,9 @@ pairs are in the base.
 from time import perf_counter
 
 import numpy as np
-from numba import njit
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel
 from clothsim.contact.barrier_kernels import near_pairs
 from clothsim.contact.ccd import edge_edge_limit, point_triangle_limit
 from clothsim.contact.search import NONE, Pairs, Search, together
@@ -185,7 +185,7 @@ class Candidates:
         return left
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _displaced(x: Floats, at: Floats, rows: Ints) -> Floats:
     """How far each of these rows of x is from where it was [m]."""
     displaced = np.empty(len(rows))
@@ -202,7 +202,7 @@ def strays(points: Floats, start: Floats, end: Floats) -> float:
     return float(_strays(points, start, end))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _strays(points, start, end):
     length = along = 0.0
     for i in range(len(points)):

@@ -8,16 +8,16 @@ most pairs apart, and between the closest points before, which tells apart whate
 """
 
 import numpy as np
-from numba import njit
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel, part
 from clothsim.contact.closest import Point, dot, edge_edge_closest, minus, point_triangle_closest
 
 ROUNDING = 1.0 + 1e-9
 """The distance is taken so much larger: products of coordinates are rounded, and a pair too many costs nothing."""
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def that_may_meet(
     first: Ints,
     second: Ints,
@@ -48,7 +48,7 @@ def that_may_meet(
     return kept[0, :count].copy(), kept[1, :count].copy()
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _share_a_vertex(a: Ints, i: int, b: Ints, j: int) -> bool:
     for k in range(a.shape[1]):
         for m in range(b.shape[1]):
@@ -57,14 +57,14 @@ def _share_a_vertex(a: Ints, i: int, b: Ints, j: int) -> bool:
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _are_apart(m: Point, a: Ints, i: int, b: Ints, j: int, before: Floats, after: Floats, distance: float) -> bool:
     """Whether b[j] lies further than `distance` from a[i] along m, before, after, and so all the way."""
     least = distance * ROUNDING * np.sqrt(dot(m, m))
     return _room(m, a, i, b, j, before) > least and _room(m, a, i, b, j, after) > least
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _room(m: Point, a: Ints, i: int, b: Ints, j: int, x: Floats) -> float:
     """min m . x_b - max m . x_a, taken from the first vertex: how far away both are does not matter."""
     origin = _row(x, a[i, 0])
@@ -76,7 +76,7 @@ def _room(m: Point, a: Ints, i: int, b: Ints, j: int, x: Floats) -> float:
     return nearest - farthest
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _closest(x: Floats, a: Ints, i: int, b: Ints, j: int) -> Point:
     """From the point of a[i] that is closest to b[j] to the point of b[j] that is closest to a[i]."""
     if a.shape[1] == 2:
@@ -91,7 +91,7 @@ def _closest(x: Floats, a: Ints, i: int, b: Ints, j: int) -> Point:
     return minus(_at(x, b, j, second), _at(x, a, i, first))
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _at(x: Floats, elements: Ints, e: int, weights: Point) -> Point:
     """The point with these weights, taken from the first vertex."""
     origin, at = _row(x, elements[e, 0]), (0.0, 0.0, 0.0)
@@ -101,7 +101,7 @@ def _at(x: Floats, elements: Ints, e: int, weights: Point) -> Point:
     return origin[0] + at[0], origin[1] + at[1], origin[2] + at[2]
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _middle(x: Floats, elements: Ints, e: int) -> Point:
     share = 1.0 / elements.shape[1]
     middle = (0.0, 0.0, 0.0)
@@ -111,6 +111,6 @@ def _middle(x: Floats, elements: Ints, e: int) -> Point:
     return middle
 
 
-@njit(cache=True, error_model="numpy")
+@part
 def _row(x: Floats, i: int) -> Point:
     return x[i, 0], x[i, 1], x[i, 2]

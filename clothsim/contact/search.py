@@ -4,9 +4,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numba import njit
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel
 from clothsim.contact.broad_phase import BoxTree, Overlaps, build_tree, in_order, overlapping, overlapping_self, refit
 from clothsim.contact.culling import that_may_meet
 from clothsim.contact.surface import ContactSurface, Primitives
@@ -154,7 +154,7 @@ class _Trees:
         return tree
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _boxes(before: Floats, after: Floats, elements: Ints, grown: float) -> Floats:
     """Lower and upper corners (2, m, 3) of elements (m, k) on the way before -> after, grown by `grown`."""
     boxes = np.empty((2, len(elements), 3))
