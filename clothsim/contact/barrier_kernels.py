@@ -153,7 +153,7 @@ def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
     """
     S = d_hat * (2.0 * offset + d_hat)
     blocks = np.zeros((len(elements), 12, 12))
-    g, r, t, c = np.empty(4), np.empty(3), np.empty((2, 3)), np.empty((2, 4))
+    g, r, t, c, v = np.empty(4), np.empty(3), np.empty((2, 3)), np.empty((2, 4)), np.empty((3, 12))
     for e in range(len(elements)):
         rows = elements[e]
         s = closest(x, rows, e >= n_points, g, r) - offset * offset
@@ -166,9 +166,9 @@ def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
             m, dm, d2m = mollifier(crossing(x, rows), thresholds[e])
         w = weights[e]
         if dm == 0.0 and project:
-            _projected_block(blocks[e], g, r, t, c, free, w * first, w * second)
+            _projected_block(blocks[e], v, g, r, t, c, free, w * first, w * second)
             continue
-        _exact_block(blocks[e], g, r, t, c, free, w * m * first, w * m * second)
+        _exact_block(blocks[e], v, g, r, t, c, free, w * m * first, w * m * second)
         if dm > 0.0:
             _mollify(blocks[e], x, rows, g, r, w * barrier(s, S, d_hat), w * first, dm, d2m)
             if project:
@@ -177,44 +177,48 @@ def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
 
 
 @part
-def _exact_block(block, g, r, t, c, free, first, second):
+def _exact_block(block, v, g, r, t, c, free, first, second):
+    """4 b'' gg'rr' - 2 b' sum G_a G_a' + 2 b' gg'I, for b' < 0 < b'': up to three squares, and what is on p = q."""
+    along, across = np.sqrt(4.0 * second), np.sqrt(-2.0 * first)
+    for i in range(4):
+        for p in range(3):
+            v[0, 3 * i + p] = along * g[i] * r[p]
+            for a in range(2):
+                v[1 + a, 3 * i + p] = across * (g[i] * t[a, p] + c[a, i] * r[p]) if a < free else 0.0
+    _squares(block, v)
     for i in range(4):
         for j in range(4):
-            gg = g[i] * g[j]
             for p in range(3):
-                block[3 * i + p, 3 * j + p] += 2.0 * first * gg
-                for q in range(3):
-                    entry = 4.0 * second * gg * r[p] * r[q]
-                    for a in range(free):
-                        Gi = g[i] * t[a, p] + c[a, i] * r[p]
-                        Gj = g[j] * t[a, q] + c[a, j] * r[q]
-                        entry -= 2.0 * first * Gi * Gj
-                    block[3 * i + p, 3 * j + q] += entry
+                block[3 * i + p, 3 * j + p] += 2.0 * first * g[i] * g[j]
 
 
 @part
-def _projected_block(block, g, r, t, c, free, first, second):
+def _projected_block(block, v, g, r, t, c, free, first, second):
     squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
     length = np.sqrt(squared)
-    normal = max(4.0 * second * squared + 2.0 * first, 0.0)
     size = np.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2] + g[3] * g[3])
+    normal = np.sqrt(max(4.0 * second * squared + 2.0 * first, 0.0)) / length
     for i in range(4):
-        for j in range(4):
-            for p in range(3):
-                for q in range(3):
-                    block[3 * i + p, 3 * j + q] += normal * g[i] * g[j] * r[p] * r[q] / squared
+        for p in range(3):
+            v[0, 3 * i + p], v[1, 3 * i + p], v[2, 3 * i + p] = normal * g[i] * r[p], 0.0, 0.0
     for a in range(free):
         reach = np.sqrt(c[a, 0] ** 2 + c[a, 1] ** 2 + c[a, 2] ** 2 + c[a, 3] ** 2)
         off, on = length * size * reach, squared * reach * reach
         eigenvalue = 0.5 * (on + np.sqrt(on * on + 4.0 * off * off))
-        share = -2.0 * first * eigenvalue / (off * off + eigenvalue * eigenvalue)
+        share = np.sqrt(-2.0 * first * eigenvalue / (off * off + eigenvalue * eigenvalue))
+        tangential, along = share * off / size, share * eigenvalue / (reach * length)
         for i in range(4):
-            for j in range(4):
-                for p in range(3):
-                    vi = off * g[i] / size * t[a, p] + eigenvalue * c[a, i] / reach * r[p] / length
-                    for q in range(3):
-                        vj = off * g[j] / size * t[a, q] + eigenvalue * c[a, j] / reach * r[q] / length
-                        block[3 * i + p, 3 * j + q] += share * vi * vj
+            for p in range(3):
+                v[1 + a, 3 * i + p] = tangential * g[i] * t[a, p] + along * c[a, i] * r[p]
+    _squares(block, v)
+
+
+@part
+def _squares(block, v):
+    """block = the sum of v v' over the rows of v (3, 12)."""
+    for i in range(12):
+        for j in range(12):
+            block[i, j] = v[0, i] * v[0, j] + v[1, i] * v[1, j] + v[2, i] * v[2, j]
 
 
 @part

@@ -112,8 +112,9 @@ class Candidates:
         )
         searched = perf_counter()
         points, edges = pairs.elements[: pairs.n_points], pairs.elements[pairs.n_points :]
-        fraction = point_triangle_limit(x, dx, points, self.offset, SLACK, 1.0)
-        fraction = edge_edge_limit(x, dx, edges, self.offset, SLACK, fraction)
+        keep = self.offset, SLACK, self.limit - self.offset
+        fraction = point_triangle_limit(x, dx, points, *keep, 1.0)
+        fraction = edge_edge_limit(x, dx, edges, *keep, fraction)
         self.ccd_calls += 1
         self.seconds["candidates"] += searched - start
         self.seconds["CCD"] += perf_counter() - searched

@@ -4,7 +4,9 @@ Additive continuous collision detection (Li, Kaufman & Jiang 2021, "Codimensiona
 section 5), with a sharper bound for the increment. At fraction t the two bodies of a pair (point and triangle, or two
 edges) have the distance d, and it must not sink below
 
-    floor = offset + (1 - slack) (d(0) - offset).
+    floor = offset + (1 - slack) min(d(0) - offset, near),
+
+near a distance from which on nothing acts: else what slides over a body far away could not come down to it at once.
 
 No difference of a point of one body and a point of the other changes faster than speed = max |dx_i - dx_j|, i and j
 the vertices of the two bodies: t may grow by (d - floor) / speed. And along any direction m the bodies are at least
@@ -44,37 +46,45 @@ MAX_INCREMENTS = 256
 """Increments per pair; after the last one the fraction reached so far is the answer: safe, but too small."""
 
 CLOSE = 0.01
-"""Share of the usable gap, slack (d(0) - offset), that may be left over when a pair ends."""
+"""Share of the usable gap, d(0) - floor, that may be left over when a pair ends."""
 
 
-def point_triangle_limit(x: Floats, dx: Floats, pairs: Ints, offset: float, slack: float, limit: float) -> float:
+def point_triangle_limit(
+    x: Floats, dx: Floats, pairs: Ints, offset: float, slack: float, near: float, limit: float
+) -> float:
     """The largest fraction t <= limit of dx (n, 3) [m] on which no pair (point, a, b, c) sinks below its floor.
 
-    pairs (p, 4): rows of x (n, 3) [m]. On all of [0, t] each keeps the distance offset + (1 - slack) (d - offset) [m],
-    d its distance at x. t is never too large; a pair gives up at most CLOSE of its usable gap. 0 where a pair that
-    moves starts at the offset or nearer, or moves by NaN: the caller must say so.
+    pairs (p, 4): rows of x (n, 3) [m]. On all of [0, t] each keeps the distance offset + (1 - slack) min(d - offset,
+    near) [m], d its distance at x. t is never too large; a pair gives up at most CLOSE of its usable gap. 0 where a
+    pair that moves starts at the offset or nearer, or moves by NaN: the caller must say so.
     """
-    return _limit(x, dx, pairs, False, offset, slack, limit)
+    return _limit(x, dx, pairs, False, offset, slack, near, limit)
 
 
-def edge_edge_limit(x: Floats, dx: Floats, pairs: Ints, offset: float, slack: float, limit: float) -> float:
+def edge_edge_limit(
+    x: Floats, dx: Floats, pairs: Ints, offset: float, slack: float, near: float, limit: float
+) -> float:
     """`point_triangle_limit` for pairs of edges, rows (a0, a1, b0, b1)."""
-    return _limit(x, dx, pairs, True, offset, slack, limit)
+    return _limit(x, dx, pairs, True, offset, slack, near, limit)
 
 
 @kernel
-def _limit(x: Floats, dx: Floats, pairs: Ints, is_edges: bool, offset: float, slack: float, limit: float) -> float:
+def _limit(
+    x: Floats, dx: Floats, pairs: Ints, is_edges: bool, offset: float, slack: float, near: float, limit: float
+) -> float:
     span = limit  # the same for all pairs, or their order would matter
     for i in range(pairs.shape[0]):
         y, dy = _differences(x, pairs[i]), _differences(dx, pairs[i])
-        limit = _pair_limit(y, dy, is_edges, offset, slack, span, limit)
+        limit = _pair_limit(y, dy, is_edges, offset, slack, near, span, limit)
         if limit <= 0.0:
             return 0.0
     return limit
 
 
 @part
-def _pair_limit(y: Points, dy: Points, is_edges: bool, offset: float, slack: float, span: float, limit: float) -> float:
+def _pair_limit(
+    y: Points, dy: Points, is_edges: bool, offset: float, slack: float, near: float, span: float, limit: float
+) -> float:
     """The fraction for one pair, at most `limit` <= span."""
     dw = _between(dy, is_edges)
     speed = _speed(dw, is_edges)
@@ -83,10 +93,11 @@ def _pair_limit(y: Points, dy: Points, is_edges: bool, offset: float, slack: flo
     if not speed > 0.0:  # NaN
         return 0.0
     m, distance = _separation(y, dy, is_edges)
-    usable = slack * (distance - offset)
-    if not usable > 0.0:
+    least = (1.0 - slack) * min(distance - offset, near)
+    if not least > 0.0:
         return 0.0
-    floor = distance - usable
+    floor = offset + least
+    usable = distance - floor
     t = 0.0
     for _ in range(MAX_INCREMENTS):
         w = _between(_moved(y, dy, t), is_edges)
@@ -98,7 +109,7 @@ def _pair_limit(y: Points, dy: Points, is_edges: bool, offset: float, slack: flo
         if not t + increment > t:
             break
         m, distance = _separation(_moved(y, dy, t + increment), dy, is_edges)
-        if distance < floor - CLOSE * usable:  # round-off of the size of the gap: the last fraction was safe
+        if distance < floor - 10.0 * CLOSE * least:  # round-off of the size of the gap: the last fraction was safe
             break
         t += increment
         if distance <= floor + CLOSE * usable:

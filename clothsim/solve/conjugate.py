@@ -8,6 +8,7 @@ took 484; going to the radius instead of stopping short took 15 to 30 % more off
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,41 +19,48 @@ RELATIVE_ERROR = 1e-2
 MAX_ITERATIONS = 10
 
 
+class Truncated(NamedTuple):
+    """x; whether it ended on the radius: then no quadratic says how far to go; the products A v that it took."""
+
+    x: Floats
+    bends: bool
+    products: int
+
+
 def truncated_solve(
     times: Callable[[Floats], Floats],
     precondition: Callable[[Floats], Floats],
     b: Floats,
     trust: float,
     preconditioned: Floats,
-) -> tuple[Floats, bool]:
+) -> Truncated:
     """x with A x = b to RELATIVE_ERROR in the preconditioner's norm, or where A curves down or x strays, on the radius.
 
     times: v -> A v; precondition: r -> M r, M positive definite. The radius is `trust` times as long as
-    `preconditioned`, which is M b (see `trust.Trust`). Also whether it ended on the radius: then no quadratic says how
-    far to go.
+    `preconditioned`, which is M b (see `trust.Trust`).
     """
     residual = b.copy()
     direction = preconditioned
     x = np.zeros_like(b)
     first = error = dot(residual, preconditioned)
     if not first > 0.0:
-        return x, False
+        return Truncated(x, False, 0)
     radius = trust * float(np.sqrt(dot(preconditioned, preconditioned)))
-    for _ in range(MAX_ITERATIONS):
+    for count in range(1, MAX_ITERATIONS + 1):
         image = times(direction)
         curvature = dot(direction, image)
         step = _to_radius(x, direction, radius)
         if not curvature * step > error:  # it curves down, or its minimum lies beyond the radius
-            return x + step * direction, True
+            return Truncated(x + step * direction, True, count)
         step = error / curvature
         x = x + step * direction
         residual = residual - step * image
         preconditioned = precondition(residual)
         previous, error = error, dot(residual, preconditioned)
         if not error > RELATIVE_ERROR * first:
-            return x, False
+            return Truncated(x, False, count)
         direction = preconditioned + (error / previous) * direction
-    return x, False
+    return Truncated(x, False, MAX_ITERATIONS)
 
 
 def _to_radius(x: Floats, direction: Floats, radius: float) -> float:

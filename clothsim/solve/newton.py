@@ -10,15 +10,13 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.energies.base import Prescribed
 from clothsim.linalg import dot
-from clothsim.solve import pattern as assembly
-from clothsim.solve.conjugate import truncated_solve
-from clothsim.solve.direct import EXACT, NotPositiveDefiniteError
+from clothsim.solve.direction import NOTHING, Model
 from clothsim.solve.line_search import RESOLVED, armijo, lengthened, round_off
 from clothsim.solve.observe import Iterate, Observer, unobserved
 from clothsim.solve.outcome import Ending, Outcome, outcome
 from clothsim.solve.potential import Potential
 from clothsim.solve.system import System
-from clothsim.solve.trust import PROJECTED, Trust
+from clothsim.solve.trust import PROJECTED
 
 SMALLEST_FRACTION = 1e-12
 BLOCKED_FRACTION = 1e-8
@@ -33,9 +31,6 @@ CHANGE_OF_GAP = 0.3
 """A step that changes a gap by more than this share of it is no convergence. Close to contact Newton's step on the
 logarithm is about as long as the gap, however large the force F: d -> 2 d - F d^2, a change by 1 - F d. Where the
 change is .3, one more step leaves its square, 9 %."""
-MAX_SHIFTS = 12
-ROUGH = 1e-2
-"""What a preconditioner may leave of the error, in the norm of the matrix."""
 LONGEST = 32.0
 """How many times longer than Newton says a step of negative curvature may be."""
 
@@ -65,16 +60,6 @@ class NewtonResult:
 
 
 @dataclass(frozen=True)
-class Direction:
-    """Where Newton goes from x: dx (N, 3), the gradient (N, 3), whether E curves downward along it; an end if none."""
-
-    dx: Floats
-    gradient: Floats
-    bends: bool = False
-    end: Outcome | None = None
-
-
-@dataclass(frozen=True)
 class Newton:
     """What one solve needs: the bound potential, the system that holds its matrix, and who watches the iterates."""
 
@@ -93,12 +78,13 @@ class Newton:
         fixed = np.zeros(self.system.pattern.n_vertices, bool)
         fixed[target.vertices[target.vertices < self.system.pattern.n_vertices]] = True
         self.observe(Iterate(x))
-        x, carried, iterations = self._carry(x.copy(), target, fixed)
+        model = Model(self.potential, self.system, fixed)
+        x, carried, iterations = self._carry(x.copy(), target, model)
         if not carried.converged:
             return NewtonResult(x, carried, iterations, np.inf, np.inf)
-        return self._descend(x, fixed, iterations)
+        return self._descend(x, model, iterations)
 
-    def _carry(self, x: Floats, target: Prescribed, fixed: np.ndarray) -> tuple[Floats, Outcome, int]:
+    def _carry(self, x: Floats, target: Prescribed, model: Model) -> tuple[Floats, Outcome, int]:
         """Move the prescribed vertices to their places; returns x, whether they arrived, iterations taken."""
         whole = float(np.abs(target.positions - x[target.vertices]).max(initial=0.0))
         for iteration in range(self.settings.max_carries):
@@ -107,7 +93,7 @@ class Newton:
             if not way.any() or self._arrives(x, way, whole):
                 x[target.vertices] = target.positions
                 return x, outcome(Ending.CONVERGED), iteration
-            direction = self._direction(x, way, fixed)
+            direction = model.direction(x, way)
             if direction.end is not None:
                 return x, direction.end, iteration
             dx = direction.dx
@@ -129,16 +115,16 @@ class Newton:
             return False
         return self._limit(x, way) == 1.0 and bool(np.isfinite(self.potential.value(x + way)))
 
-    def _descend(self, x: Floats, fixed: np.ndarray, iterations: int) -> NewtonResult:
+    def _descend(self, x: Floats, model: Model, iterations: int) -> NewtonResult:
         """Newton with the prescribed vertices held, until a step that nothing clipped is below the tolerance."""
         settings = self.settings
         still = np.zeros_like(x)
         speed, residual = np.inf, np.inf
-        trust = PROJECTED
+        trust, kept = PROJECTED, NOTHING
         for count in range(iterations, iterations + settings.max_iterations):
-            direction = self._direction(x, still, fixed, trust)
-            dx, gradient = direction.dx, direction.gradient
-            residual = float(np.abs(gradient[: self.system.pattern.n_vertices][~fixed]).max(initial=0.0))
+            direction = model.direction(x, still, trust, kept)
+            dx, gradient, kept = direction.dx, direction.gradient, direction.kept
+            residual = float(np.abs(gradient[: len(model.fixed)][~model.fixed]).max(initial=0.0))
             if direction.end is not None:
                 return NewtonResult(x, direction.end, count, speed, residual)
             before, speed = speed, self._speed(dx)
@@ -153,6 +139,10 @@ class Newton:
                 close = speed < settings.tolerance and limit == 1.0
                 close = close and self.potential.gap_change(x, dx) <= CHANGE_OF_GAP
                 done = close and (fraction == 1.0 or self._below_noise(x + dx, dx, slope, speed))
+            if kept.age and (done or fraction == 0.0):  # an old factor is no judge: the next direction gets its own
+                done, kept = False, NOTHING
+                if fraction == 0.0:
+                    continue
             if direction.bends and fraction == 1.0 and not done:
                 fraction = self._lengthened(x, dx)
             if done or fraction > 0.0:
@@ -168,65 +158,6 @@ class Newton:
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return NewtonResult(x, end, iterations + settings.max_iterations, speed, residual)
-
-    def _direction(self, x: Floats, way: Floats, fixed: np.ndarray, trust: Trust = PROJECTED) -> Direction:
-        """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere.
-
-        H is the projected Hessian; where `trust` is exact the unprojected one (but for contact), within its radius.
-        """
-        n = self.system.pattern.n_vertices
-        gradient = self.potential.gradient(x)
-        if not np.isfinite(gradient).all():
-            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)))
-        hessians = self.potential.hessians(x)
-        right = -gradient
-        if way.any():
-            right -= assembly.times(hessians, way)
-        right = right[:n]
-        right[fixed] = 0.0
-        data = self._assembled(x, hessians, fixed)
-        if not (np.isfinite(right).all() and np.isfinite(data).all()):
-            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(right)))
-        solution = self._solve(data, right.ravel(), ROUGH if trust.exact else EXACT)
-        if solution is None:
-            return Direction(way, gradient, end=outcome(Ending.SINGULAR))
-        bends = False
-        if trust.exact:
-            curved = self._assembled(x, self.potential.exact_hessians(x, hessians), fixed)
-            with self.potential.ledger.phase("linear solve"):
-                times = self.system.pattern.times(curved)
-                back_solve = self.system.solver.back_solve
-                solution, bends = truncated_solve(times, back_solve, right.ravel(), trust.radius, solution)
-        dx = way.copy()
-        dx[:n][~fixed] = solution.reshape(-1, 3)[~fixed]
-        return Direction(dx, gradient, bends)
-
-    def _assembled(self, x: Floats, hessians: list[assembly.Hessian], fixed: np.ndarray) -> Floats:
-        with self.potential.ledger.phase("assembly"):
-            data = self.system.assemble(hessians, lambda: self.potential.couplings(x))
-            self.system.pattern.fix(data, fixed)
-        return data
-
-    def _solve(self, data: Floats, b: Floats, accuracy: float) -> Floats | None:
-        """The solution, with a growing shift of the diagonal where the matrix is not positive definite."""
-        ledger = self.potential.ledger
-        diagonal = self.system.pattern.diagonal(data)
-        shift = 1e-10 * max(float(diagonal.max(initial=0.0)), np.finfo(float).tiny)
-        for attempt in range(MAX_SHIFTS):
-            with ledger.phase("linear solve"):
-                ledger.linear_solves += 1
-                try:
-                    shifted = self.system.pattern.shift(data, np.full(len(diagonal), shift)) if attempt else data
-                    solution = self.system.solver.solve(shifted, b, accuracy)
-                except NotPositiveDefiniteError:
-                    shift *= 10.0 if attempt else 1.0
-                    continue
-            with np.errstate(over="ignore", invalid="ignore"):
-                descent = dot(solution, b)
-            if np.isfinite(solution).all() and 0.0 <= descent < np.inf:
-                return solution
-            shift *= 10.0 if attempt else 1.0
-        return None
 
     def _below_noise(self, x: Floats, dx: Floats, slope: float, speed: float) -> bool:
         """True where the full step was refused for the round-off of E alone.
@@ -264,7 +195,3 @@ def _at_fastest(ending: Ending, x: Floats, dx: Floats, **numbers: float) -> Outc
 def _blocked(x: Floats, target: Prescribed) -> Outcome:
     left = np.linalg.norm(target.positions - x[target.vertices], axis=1)
     return outcome(Ending.BLOCKED, x, int(target.vertices[left.argmax()]))
-
-
-def _first_not_finite(vectors: Floats) -> int:
-    return int(np.argmax(~np.isfinite(vectors).all(axis=1)))

@@ -97,11 +97,17 @@ class Potential:
         return [self._hessian(name, x, True) for name in self.acting]
 
     def exact_hessians(
-        self, x: Floats, projected: "list[ElementHessian | sparse.csr_array]"
+        self, x: Floats, projected: "list[ElementHessian | sparse.csr_array] | None" = None
     ) -> "list[ElementHessian | sparse.csr_array]":
-        """The exact Hessian of each energy that acts [N/m], or the one `projected` where that serves (contact)."""
-        pairs = zip(self.acting.items(), projected, strict=True)
-        return [self._hessian(name, x, False) if energy.exact_in_newton else known for (name, energy), known in pairs]
+        """The exact Hessian of each energy that acts [N/m], or the projected one where that serves (friction).
+
+        projected: what `hessians` gave at x, if it is known.
+        """
+        known = projected or [None] * len(self.acting)
+        return [
+            self._hessian(name, x, not energy.exact_in_newton) if energy.exact_in_newton or one is None else one
+            for (name, energy), one in zip(self.acting.items(), known, strict=True)
+        ]
 
     def _hessian(self, name: str, x: Floats, project: bool) -> "ElementHessian | sparse.csr_array":
         with self.ledger.effect(name, "hessians") as account:

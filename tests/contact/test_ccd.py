@@ -12,10 +12,10 @@ POINT_TRIANGLE, EDGE_EDGE = 1, 2
 TRIANGLE = [(0.0, 0.0, 0.0), (1e-2, 0.0, 0.0), (0.0, 1e-2, 0.0)]
 
 
-def fraction(split, points, motion, offset=0.0, slack=SLACK, limit=1.0):
+def fraction(split, points, motion, offset=0.0, slack=SLACK, near=np.inf, limit=1.0):
     step_limit = point_triangle_limit if split == POINT_TRIANGLE else edge_edge_limit
     pair = np.array([[0, 1, 2, 3]])
-    return step_limit(np.array(points, float), np.array(motion, float), pair, offset, slack, limit)
+    return step_limit(np.array(points, float), np.array(motion, float), pair, offset, slack, near, limit)
 
 
 def distance(split, points):
@@ -121,8 +121,8 @@ def test_the_least_of_many_pairs_in_any_order(split):
     rows = np.arange(240).reshape(60, 4)
     step_limit = point_triangle_limit if split == POINT_TRIANGLE else edge_edge_limit
     for order in (rows, rows[::-1].copy()):
-        assert step_limit(points.reshape(-1, 3), motion.reshape(-1, 3), order, 0.0, SLACK, 1.0) == min(each)
-    assert step_limit(points[0], motion[0], np.zeros((0, 4), np.int64), 0.0, SLACK, 0.7) == 0.7
+        assert step_limit(points.reshape(-1, 3), motion.reshape(-1, 3), order, 0.0, SLACK, np.inf, 1.0) == min(each)
+    assert step_limit(points[0], motion[0], np.zeros((0, 4), np.int64), 0.0, SLACK, np.inf, 0.7) == 0.7
 
 
 @pytest.mark.parametrize("gap", [1e-3, 1e-12])
@@ -238,3 +238,18 @@ def test_degenerate_features_are_safe_and_stop_at_the_floor(split, kind):
         assert min(sampled) >= (1 - SLACK) * start * (1 - 1e-6)
         if t < 1.0:
             assert sampled[-1] <= (1 - SLACK * (1 - CLOSE)) * start * (1 + 1e-6)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.1])
+def test_from_far_away_a_pair_may_come_as_near_as_from_where_something_acts(offset):
+    """A point 5 above a triangle falls by 4.5 of it: .5 are left, a tenth of the way, but more than a tenth of .2."""
+    points = [(0.2, 0.2, 5.0 + offset), (0, 0, 0), (1, 0, 0), (0, 1, 0)]
+    motion = [(0, 0, -4.6), (0, 0, 0), (0, 0, 0), (0, 0, 0)]
+    assert fraction(POINT_TRIANGLE, points, motion, offset) == pytest.approx(4.5 / 4.6, rel=1e-2)
+    assert fraction(POINT_TRIANGLE, points, motion, offset, near=0.2) == 1.0
+    motion[0] = (0, 0, -6.0)
+    left = 5.0 - 6.0 * fraction(POINT_TRIANGLE, points, motion, offset, near=0.2)
+    assert 0.02 * (1 - 1e-9) <= left <= 0.02 + 5.0 * CLOSE
+    points[0] = (0.2, 0.2, 0.1 + offset)  # nearer than that, nothing changes
+    both = (fraction(POINT_TRIANGLE, points, motion, offset, near=near) for near in (0.2, np.inf))
+    assert len(set(both)) == 1

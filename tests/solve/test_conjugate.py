@@ -28,7 +28,7 @@ def test_an_exact_preconditioner_gives_the_solution_at_once():
         calls.append(v)
         return A @ v
 
-    x, _ = solved(times, lambda r: np.linalg.solve(A, r), b)
+    x = solved(times, lambda r: np.linalg.solve(A, r), b).x
     assert np.abs(A @ x - b).max() < 1e-11
     assert len(calls) == 1
 
@@ -45,16 +45,16 @@ def test_the_error_is_below_its_bound_in_the_preconditioner_s_norm():
 def test_an_indefinite_matrix_still_gives_a_descent_direction(lowest, seed):
     A = matrix(np.concatenate([np.full(5, lowest), np.linspace(1, 9, 25)]), seed)
     b = right(30, seed)
-    x, _ = solved(lambda v: A @ v, lambda r: 0.3 * r, b)
+    x = solved(lambda v: A @ v, lambda r: 0.3 * r, b).x
     assert x @ b > 0
     assert np.isfinite(x).all()
 
 
 def test_negative_curvature_at_once_goes_along_the_preconditioned_right_hand_side_to_the_radius():
     b = right(6)
-    direction, curved = solved(lambda v: -v, lambda r: 2 * r, b)
-    assert direction == pytest.approx(TRUST * 2 * b, rel=1e-12)
-    assert curved
+    found = solved(lambda v: -v, lambda r: 2 * r, b)
+    assert found.x == pytest.approx(TRUST * 2 * b, rel=1e-12)
+    assert found.bends
 
 
 def test_iterations_are_bounded():
@@ -64,7 +64,7 @@ def test_iterations_are_bounded():
         calls.append(v)
         return A @ v
 
-    solved(times, lambda r: r, right(60))
+    assert solved(times, lambda r: r, right(60)).products == MAX_ITERATIONS
     assert len(calls) == MAX_ITERATIONS
 
 
@@ -75,6 +75,6 @@ def test_nothing_to_solve_is_nothing():
 def test_a_nearly_flat_valley_is_not_followed_to_its_far_end():
     b = np.array([1.0, 1.0])
     A = np.diag([1.0, 1e-4])
-    x, _ = solved(lambda v: A @ v, lambda r: r, b)
+    x = solved(lambda v: A @ v, lambda r: r, b).x
     assert x @ b > 0
     assert np.linalg.norm(x) <= TRUST * np.linalg.norm(b)

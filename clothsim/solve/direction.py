@@ -1,0 +1,140 @@
+"""Where Newton goes from x: the quadratic model of E there, and the step to its minimum."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.linalg import dot
+from clothsim.solve import pattern as assembly
+from clothsim.solve.conjugate import truncated_solve
+from clothsim.solve.direct import EXACT, LinearSolver, NotPositiveDefiniteError
+from clothsim.solve.outcome import Ending, Outcome, outcome
+from clothsim.solve.potential import Potential
+from clothsim.solve.system import System
+from clothsim.solve.trust import PROJECTED, Trust
+
+MAX_SHIFTS = 12
+ROUGH = 1e-2
+"""What a preconditioner may leave of the error, in the norm of the matrix."""
+OLDEST, MOST_PRODUCTS = 3, 6
+"""A factor preconditions so many more matrices, as long as conjugate gradients take no more products than this: at
+10,201 vertices a product with a back-solve costs 5 ms, and all that leads to a new factor 75."""
+
+
+@dataclass(frozen=True)
+class Kept:
+    """The last factor: the solver that holds it, the matrices since it was made, the products that the last took."""
+
+    solver: LinearSolver | None = None
+    age: int = 0
+    products: int = 0
+
+    def serves(self, solver: LinearSolver) -> bool:
+        """Whether it is of use for a matrix that `solver` is for: not where the pattern has grown since."""
+        return self.solver is solver and self.age < OLDEST and self.products <= MOST_PRODUCTS
+
+
+NOTHING = Kept()
+
+
+@dataclass(frozen=True)
+class Direction:
+    """Where Newton goes from x: dx (N, 3), the gradient (N, 3), whether E curves downward along it; an end if none."""
+
+    dx: Floats
+    gradient: Floats
+    bends: bool = False
+    kept: Kept = NOTHING
+    end: Outcome | None = None
+
+
+@dataclass(frozen=True)
+class Model:
+    """E near a place, by the potential and the system that holds its matrix; `fixed` (n,) vertices do not move."""
+
+    potential: Potential
+    system: System
+    fixed: np.ndarray
+
+    def direction(self, x: Floats, way: Floats, trust: Trust = PROJECTED, kept: Kept = NOTHING) -> Direction:
+        """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere.
+
+        H is the projected Hessian; where `trust` is exact the unprojected one, within its radius, with the factor of
+        the projected one as preconditioner: that of x, or the one `kept` while it serves. way must be 0 then.
+        """
+        gradient = self.potential.gradient(x)
+        if not np.isfinite(gradient).all():
+            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)))
+        if trust.exact and kept.serves(self.system.solver):
+            curved = self._assembled(x, self.potential.exact_hessians(x))
+            if kept.serves(self.system.solver) and np.isfinite(curved).all():
+                right = self._free(-gradient)
+                with self.potential.ledger.phase("linear solve"):
+                    first = self.system.solver.back_solve(right)
+                return self._curved(curved, right, first, gradient, trust, replace(kept, age=kept.age + 1))
+        hessians = self.potential.hessians(x)
+        right = self._free(-gradient - assembly.times(hessians, way) if way.any() else -gradient)
+        data = self._assembled(x, hessians)
+        if not (np.isfinite(right).all() and np.isfinite(data).all()):
+            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(right.reshape(-1, 3))))
+        solution = self._solve(data, right, ROUGH if trust.exact else EXACT)
+        if solution is None:
+            return Direction(way, gradient, end=outcome(Ending.SINGULAR))
+        if not trust.exact:
+            return Direction(self._with(way, solution), gradient)
+        curved = self._assembled(x, self.potential.exact_hessians(x, hessians))
+        return self._curved(curved, right, solution, gradient, trust, Kept(self.system.solver))
+
+    def _curved(
+        self, curved: Floats, right: Floats, first: Floats, gradient: Floats, trust: Trust, kept: Kept
+    ) -> Direction:
+        """The direction of the exact Hessian `curved`; first: what the preconditioner makes of the right-hand side."""
+        with self.potential.ledger.phase("linear solve"):
+            times, back_solve = self.system.pattern.times(curved), self.system.solver.back_solve
+            found = truncated_solve(times, back_solve, right, trust.radius, first)
+        dx = self._with(np.zeros_like(gradient), found.x)
+        return Direction(dx, gradient, found.bends, replace(kept, products=found.products))
+
+    def _free(self, vectors: Floats) -> Floats:
+        """The entries (3 n,) of vectors (N, 3) at the cloth's vertices, 0 where they are fixed."""
+        entries = vectors[: len(self.fixed)].copy()
+        entries[self.fixed] = 0.0
+        return entries.ravel()
+
+    def _with(self, way: Floats, solution: Floats) -> Floats:
+        """`way` with the solution at the vertices that are free."""
+        dx = way.copy()
+        dx[: len(self.fixed)][~self.fixed] = solution.reshape(-1, 3)[~self.fixed]
+        return dx
+
+    def _assembled(self, x: Floats, hessians: list[assembly.Hessian]) -> Floats:
+        with self.potential.ledger.phase("assembly"):
+            data = self.system.assemble(hessians, lambda: self.potential.couplings(x))
+            self.system.pattern.fix(data, self.fixed)
+        return data
+
+    def _solve(self, data: Floats, b: Floats, accuracy: float) -> Floats | None:
+        """The solution, with a growing shift of the diagonal where the matrix is not positive definite."""
+        ledger = self.potential.ledger
+        diagonal = self.system.pattern.diagonal(data)
+        shift = 1e-10 * max(float(diagonal.max(initial=0.0)), np.finfo(float).tiny)
+        for attempt in range(MAX_SHIFTS):
+            with ledger.phase("linear solve"):
+                ledger.linear_solves += 1
+                try:
+                    shifted = self.system.pattern.shift(data, np.full(len(diagonal), shift)) if attempt else data
+                    solution = self.system.solver.solve(shifted, b, accuracy)
+                except NotPositiveDefiniteError:
+                    shift *= 10.0 if attempt else 1.0
+                    continue
+            with np.errstate(over="ignore", invalid="ignore"):
+                descent = dot(solution, b)
+            if np.isfinite(solution).all() and 0.0 <= descent < np.inf:
+                return solution
+            shift *= 10.0 if attempt else 1.0
+        return None
+
+
+def _first_not_finite(vectors: Floats) -> int:
+    return int(np.argmax(~np.isfinite(vectors).all(axis=1)))
