@@ -8,6 +8,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.contact import barrier_kernels as kernels
 from clothsim.contact.candidates import Candidates
+from clothsim.contact.semidefinite import clamp
 from clothsim.contact.stiffness import barrier_stiffness
 from clothsim.energies.base import ElementHessian, Energy, Step
 
@@ -77,9 +78,10 @@ class Barrier(Energy):
         pairs = self._pairs(x)
         if not len(pairs[0]):
             return NOTHING
-        blocks = kernels.hessian(x, *pairs, project)
-        blocks *= self.stiffness
-        return ElementHessian(pairs[0], blocks)
+        elements, weights, *others = pairs
+        blocks, dense = kernels.hessian(x, elements, self.stiffness * weights, *others, project)
+        clamp(blocks, np.flatnonzero(dense))
+        return ElementHessian(elements, blocks)
 
     def couplings(self, x: Floats) -> Ints:
         """The rows (p, 4) of the pairs of cloth with cloth that are in reach of a small step."""

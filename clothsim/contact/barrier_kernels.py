@@ -102,7 +102,7 @@ def gradient(x, elements, weights, thresholds, n_points, offset, d_hat):
     """d/dx of the value, (N, 3) [m2]: w (2 m b' g_i r + b dm/dc dc/dx_i)."""
     S = d_hat * (2.0 * offset + d_hat)
     out = np.zeros_like(x)
-    g, r, dc = np.empty(4), np.empty(3), np.empty((4, 3))
+    g, r, dc = np.empty(4), np.empty(3), np.empty(12)
     for e in range(len(elements)):
         rows = elements[e]
         s = closest(x, rows, e >= n_points, g, r) - offset * offset
@@ -120,7 +120,7 @@ def gradient(x, elements, weights, thresholds, n_points, offset, d_hat):
             _crossing_gradient(x, rows, dc)
             for i in range(4):
                 for k in range(3):
-                    out[rows[i], k] += weights[e] * b * dm * dc[i, k]
+                    out[rows[i], k] += weights[e] * b * dm * dc[3 * i + k]
     return out
 
 
@@ -144,16 +144,16 @@ def pull(x, elements, weights, thresholds, n_points, offset, d_hat, least):
 
 @kernel
 def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
-    """Blocks (p, 12, 12) of d2/dx2 of the value; with `project` positive semi-definite.
+    """Blocks (p, 12, 12) of d2/dx2 of the value; with `project` positive semi-definite but for those named too, (p,).
 
     Without a mollifier the block is 4 b'' q gg'nn' + b' (2 gg'I - 2 sum G G'). Its part along gg'nn' is clamped at 0;
     each tangent a leaves 2|b'| (G G' - gg't t'), which in the directions g t and c n is |r||g||c| off the diagonal and
     |r|^2 |c|^2 on it: its positive eigenpair is in closed form. Tangents along which the closest point does not move
-    have -2|b'| gg't t' alone: none of it is kept. Mollified blocks are dense: their eigenvalues are clamped.
+    have -2|b'| gg't t' alone: none of it is kept. Mollified blocks are dense: they are left to `semidefinite.clamp`.
     """
     S = d_hat * (2.0 * offset + d_hat)
-    blocks = np.zeros((len(elements), 12, 12))
-    g, r, t, c, v = np.empty(4), np.empty(3), np.empty((2, 3)), np.empty((2, 4)), np.empty((3, 12))
+    blocks, dense = np.zeros((len(elements), 12, 12)), np.zeros(len(elements), np.bool_)
+    g, r, t, c, v = np.empty(4), np.empty(3), np.zeros((2, 3)), np.zeros((2, 4)), np.empty((3, 12))
     for e in range(len(elements)):
         rows = elements[e]
         s = closest(x, rows, e >= n_points, g, r) - offset * offset
@@ -165,110 +165,101 @@ def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
         if thresholds[e] > 0.0:
             m, dm, d2m = mollifier(crossing(x, rows), thresholds[e])
         w = weights[e]
-        if dm == 0.0 and project:
-            _projected_block(blocks[e], v, g, r, t, c, free, w * first, w * second)
-            continue
-        _exact_block(blocks[e], v, g, r, t, c, free, w * m * first, w * m * second)
+        whole = dm > 0.0 or not project
+        if whole:
+            _exact_sides(v, g, r, t, c, free, w * m * first, w * m * second)
+        else:
+            _projected_sides(v, g, r, t, c, free, w * first, w * second)
+        _squares(blocks[e], v, 2.0 * w * m * first if whole else 0.0, g)
         if dm > 0.0:
-            _mollify(blocks[e], x, rows, g, r, w * barrier(s, S, d_hat), w * first, dm, d2m)
-            if project:
-                _clamp(blocks[e])
-    return blocks
+            _mollify(blocks[e], v, x, rows, g, r, w * barrier(s, S, d_hat), w * first, dm, d2m)
+            dense[e] = project
+    return blocks, dense
 
 
 @part
-def _exact_block(block, v, g, r, t, c, free, first, second):
-    """4 b'' gg'rr' - 2 b' sum G_a G_a' + 2 b' gg'I, for b' < 0 < b'': up to three squares, and what is on p = q."""
+def _exact_sides(v, g, r, t, c, free, first, second):
+    """The rows of v (3, 12), whose squares are 4 b'' gg'rr' - 2 b' sum G G', for b' < 0 < b''."""
     along, across = np.sqrt(4.0 * second), np.sqrt(-2.0 * first)
-    for i in range(4):
-        for p in range(3):
-            v[0, 3 * i + p] = along * g[i] * r[p]
-            for a in range(2):
-                v[1 + a, 3 * i + p] = across * (g[i] * t[a, p] + c[a, i] * r[p]) if a < free else 0.0
-    _squares(block, v)
-    for i in range(4):
-        for j in range(4):
+    for a in range(2):
+        turning = across if a < free else 0.0
+        for i in range(4):
             for p in range(3):
-                block[3 * i + p, 3 * j + p] += 2.0 * first * g[i] * g[j]
+                v[0, 3 * i + p] = along * g[i] * r[p]
+                v[1 + a, 3 * i + p] = turning * (g[i] * t[a, p] + c[a, i] * r[p])
 
 
 @part
-def _projected_block(block, v, g, r, t, c, free, first, second):
+def _projected_sides(v, g, r, t, c, free, first, second):
+    """The rows of v (3, 12), whose squares are what is positive."""
     squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
     length = np.sqrt(squared)
     size = np.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2] + g[3] * g[3])
     normal = np.sqrt(max(4.0 * second * squared + 2.0 * first, 0.0)) / length
-    for i in range(4):
-        for p in range(3):
-            v[0, 3 * i + p], v[1, 3 * i + p], v[2, 3 * i + p] = normal * g[i] * r[p], 0.0, 0.0
-    for a in range(free):
-        reach = np.sqrt(c[a, 0] ** 2 + c[a, 1] ** 2 + c[a, 2] ** 2 + c[a, 3] ** 2)
-        off, on = length * size * reach, squared * reach * reach
-        eigenvalue = 0.5 * (on + np.sqrt(on * on + 4.0 * off * off))
-        share = np.sqrt(-2.0 * first * eigenvalue / (off * off + eigenvalue * eigenvalue))
-        tangential, along = share * off / size, share * eigenvalue / (reach * length)
+    for a in range(2):
+        tangential = along = 0.0
+        if a < free:
+            reach = np.sqrt(c[a, 0] ** 2 + c[a, 1] ** 2 + c[a, 2] ** 2 + c[a, 3] ** 2)
+            off, on = length * size * reach, squared * reach * reach
+            eigenvalue = 0.5 * (on + np.sqrt(on * on + 4.0 * off * off))
+            share = np.sqrt(-2.0 * first * eigenvalue / (off * off + eigenvalue * eigenvalue))
+            tangential, along = share * off / size, share * eigenvalue / (reach * length)
         for i in range(4):
             for p in range(3):
+                v[0, 3 * i + p] = normal * g[i] * r[p]
                 v[1 + a, 3 * i + p] = tangential * g[i] * t[a, p] + along * c[a, i] * r[p]
-    _squares(block, v)
 
 
 @part
-def _squares(block, v):
-    """block = the sum of v v' over the rows of v (3, 12)."""
+def _squares(block, v, all_ways, g):
+    """block = the sum of v v' over the rows of v (3, 12), and all_ways gg'I."""
     for i in range(12):
+        a, b, c = v[0, i], v[1, i], v[2, i]
         for j in range(12):
-            block[i, j] = v[0, i] * v[0, j] + v[1, i] * v[1, j] + v[2, i] * v[2, j]
+            block[i, j] = a * v[0, j] + b * v[1, j] + c * v[2, j]
+        for j in range(4):
+            block[i, 3 * j + i % 3] += all_ways * g[i // 3] * g[j]
 
 
 @part
 def _crossing_gradient(x, rows, out):
-    """dc/dx_i, (4, 3): dc/du = 2 (|v|^2 u - (u.v) v) at the ends of u, dc/dv alike."""
+    """dc/dx_i, (12,): dc/du = 2 (|v|^2 u - (u.v) v) at the ends of u, dc/dv alike."""
     u, v = edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3])
     uu, vv, uv = dot(u, u), dot(v, v), dot(u, v)
     for k in range(3):
         du, dv = 2.0 * (vv * u[k] - uv * v[k]), 2.0 * (uu * v[k] - uv * u[k])
-        out[0, k], out[1, k], out[2, k], out[3, k] = -du, du, -dv, dv
+        out[k], out[3 + k], out[6 + k], out[9 + k] = -du, du, -dv, dv
 
 
 @part
-def _mollify(block, x, rows, g, r, b, first, dm, d2m):
-    """Adds b' (dm dq' + dq dm') + b (m'' dc dc' + m' d2c): what the mollifier adds to m times the block."""
-    dc = np.empty((4, 3))
+def _mollify(block, sides, x, rows, g, r, b, first, dm, d2m):
+    """Adds b' (dm dq' + dq dm') + b (m'' dc dc' + m' d2c): what the mollifier adds to m times the block.
+
+    sides (3, 12) is used up. d2c/du2 = 2 (|v|^2 I - v v'), d2c/du dv = 2 (2 u v' - v u' - u.v I).
+    """
+    dc, dq, mixed = sides[0], sides[1], sides[2]
     _crossing_gradient(x, rows, dc)
+    for i in range(4):
+        for k in range(3):
+            dq[3 * i + k] = 2.0 * g[i] * r[k]
+    for j in range(12):
+        mixed[j] = first * dm * dq[j] + b * d2m * dc[j]
+    for i in range(12):
+        by_crossing, by_distance = dc[i], first * dm * dq[i]
+        for j in range(12):
+            block[i, j] += by_crossing * mixed[j] + by_distance * dc[j]
     u, v = edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3])
     uu, vv, uv = dot(u, u), dot(v, v), dot(u, v)
-    sign = (-1.0, 1.0, -1.0, 1.0)
-    for i in range(4):
-        for j in range(4):
-            for p in range(3):
-                for q in range(3):
-                    same = 1.0 if p == q else 0.0
-                    if i < 2 and j < 2:
-                        curvature = vv * same - v[p] * v[q]
-                    elif i >= 2 and j >= 2:
-                        curvature = uu * same - u[p] * u[q]
-                    elif i < 2:
-                        curvature = 2.0 * u[p] * v[q] - v[p] * u[q] - uv * same
-                    else:
-                        curvature = 2.0 * v[p] * u[q] - u[p] * v[q] - uv * same
-                    mixed = dc[i, p] * 2.0 * g[j] * r[q] + 2.0 * g[i] * r[p] * dc[j, q]
-                    block[3 * i + p, 3 * j + q] += (
-                        first * dm * mixed
-                        + b * d2m * dc[i, p] * dc[j, q]
-                        + b * dm * 2.0 * sign[i] * sign[j] * curvature
-                    )
-
-
-@part
-def _clamp(block):
-    """Make it the nearest positive semi-definite block: negative eigenvalues set to 0 (as in IPC)."""
-    values, vectors = np.linalg.eigh(block)
-    scaled = np.empty((12, 12))  # number by number here and below: `block[:] = ...` alone compiles a second longer
-    for i in range(12):
-        for j in range(12):
-            scaled[i, j] = vectors[i, j] * max(values[j], 0.0)
-    clamped = scaled @ vectors.T
-    for i in range(12):
-        for j in range(12):
-            block[i, j] = clamped[i, j]
+    for p in range(3):
+        for q in range(3):
+            same = 1.0 if p == q else 0.0
+            of_u, of_v = vv * same - v[p] * v[q], uu * same - u[p] * u[q]
+            across = 2.0 * u[p] * v[q] - v[p] * u[q] - uv * same
+            back = 2.0 * v[p] * u[q] - u[p] * v[q] - uv * same
+            for i in range(2):
+                for j in range(2):
+                    k = 2.0 * b * dm * (1.0 if i == j else -1.0)
+                    block[3 * i + p, 3 * j + q] += k * of_u
+                    block[6 + 3 * i + p, 6 + 3 * j + q] += k * of_v
+                    block[3 * i + p, 6 + 3 * j + q] += k * across
+                    block[6 + 3 * i + p, 3 * j + q] += k * back
