@@ -18,7 +18,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel
 from clothsim.energies.base import ElementHessian, Energy
 from clothsim.kinematics.curvature import bending_strains
-from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_angle_hessian, hinge_point
+from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_hessian, hinge_point
 from clothsim.mesh.hinges import Hinges
 from clothsim.mesh.world import World
 
@@ -171,11 +171,12 @@ def _add_moments(blocks: Floats, vertices: Ints, moments: Floats, owners: Ints, 
     curved = np.empty((12, 12))
     for h in range(len(vertices)):
         a, b, c, d = vertices[h]
-        hinge_angle_hessian(hinge_point(x, a), hinge_point(x, b), hinge_point(x, c), hinge_point(x, d), curved)
+        points = hinge_point(x, a), hinge_point(x, b), hinge_point(x, c), hinge_point(x, d)
+        hinge_hessian(points[0], points[1], points[2], points[3], moments[h], 0.0, curved)
         t = owners[h, 0]
         place = places[t, owners[h, 1]]
         for k in range(4):
             for i in range(3):
                 for m in range(4):
                     for j in range(3):
-                        blocks[t, 3 * place[k] + i, 3 * place[m] + j] += moments[h] * curved[3 * k + i, 3 * m + j]
+                        blocks[t, 3 * place[k] + i, 3 * place[m] + j] += curved[3 * k + i, 3 * m + j]

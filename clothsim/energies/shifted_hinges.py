@@ -18,7 +18,7 @@ from clothsim.compiled import kernel
 from clothsim.energies.base import ElementHessian, Energy
 from clothsim.energies.hinge_bending import HingeBending
 from clothsim.errors import InputError
-from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_angle_hessian, hinge_points
+from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_hessian, hinge_points
 
 
 @dataclass(frozen=True)
@@ -116,6 +116,5 @@ def _hessian(vertices: Ints, moments: Floats, x: Floats) -> Floats:
     blocks = np.zeros((len(vertices), 12, 12))
     for h in range(len(vertices)):
         a, b, c, d = hinge_points(x, vertices, h)
-        hinge_angle_hessian(a, b, c, d, blocks[h])
-        blocks[h] *= moments[h]
+        hinge_hessian(a, b, c, d, moments[h], 0.0, blocks[h])
     return blocks

@@ -75,58 +75,63 @@ def hinge_angle_gradient(a: Point, b: Point, c: Point, d: Point) -> Points:
 
 
 @part
-def hinge_angle_hessian(a: Point, b: Point, c: Point, d: Point, hessian: Floats) -> None:
-    """d2 theta / d (a, b, c, d)^2 [1/m2], written to `hessian (12, 12)`.
+def hinge_hessian(a: Point, b: Point, c: Point, d: Point, first: float, second: float, hessian: Floats) -> None:
+    """first d2theta + second g g' with g = d theta/d (a, b, c, d), written to `hessian (12, 12)`.
 
-    Only three blocks are differentiated: with respect to its own corner and to b, g_c = -|e| n1/|n1|^2 gives cc and cb
-    (g_d alike), g_b = -(u g_c + w g_d) gives bb, and theta does not know c and d together: cd = 0. Blocks with a
-    follow from rest under translation, the others from symmetry.
+    In the frame of a triangle, t along the edge of length l, m from the edge to the corner at height h, n the normal,
+    g_c = -n/h. A move of c turns n by -m (n.dc)/h and changes h by m.dc; a move of b does so -u times as much, and
+    turns n by -t (n.db)/l:
+
+        cc = (n m' + m n')/h^2,   cb = t n'/(h l) - u cc,   bb = -u (cb + n t'/(h l)) - w (db + n t'/(h l)) + n m'/l^2
+
+    with db alike, cd = 0, and n m' summed over both triangles, which is symmetric. Rows and columns of a follow from
+    rest under translation. Row i of each block is written as a vector.
     """
-    hessian[:] = 0.0
     e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
     n1, n2 = _cross(e, r), _cross(s, e)
     if _no_area(e, r, n1) or _no_area(e, s, n2):
+        for i in range(12):
+            for j in range(12):
+                hessian[i, j] = 0.0
         return
-    _, _, g_c, g_d = hinge_angle_gradient(a, b, c, d)
-    _corner_blocks(hessian, 2, e, r, 1.0)
-    _corner_blocks(hessian, 3, e, s, -1.0)
+    g_a, g_b, g_c, g_d = hinge_angle_gradient(a, b, c, d)
     ee = _dot(e, e)
-    u, w = _dot(r, e) / ee, _dot(s, e) / ee
+    length, size1, size2 = np.sqrt(ee), np.sqrt(_dot(n1, n1)), np.sqrt(_dot(n2, n2))
+    t, n1, n2 = _times(1 / length, e), _times(1 / size1, n1), _times(1 / size2, n2)
+    u, w, m1, m2 = _dot(r, e) / ee, _dot(s, e) / ee, _cross(n1, t), _cross(t, n2)
+    per_height1, per_height2 = length / size1, length / size2
     for i in range(3):
-        for j in range(3):
-            du = r[j] / ee - 2 * u * e[j] / ee
-            dw = s[j] / ee - 2 * w * e[j] / ee
-            hessian[3 + i, 3 + j] = -(g_c[i] * du + u * hessian[6 + i, 3 + j] + g_d[i] * dw + w * hessian[9 + i, 3 + j])
-    for i in range(3, 6):
-        for j in range(6, 12):
-            hessian[i, j] = hessian[j, i]
-    for i in range(3, 12):
-        for j in range(3):
-            hessian[i, j] = -(hessian[i, 3 + j] + hessian[i, 6 + j] + hessian[i, 9 + j])
-            hessian[j, i] = hessian[i, j]
-    for i in range(3):
-        for j in range(3):
-            hessian[i, j] = -(hessian[3 + i, j] + hessian[6 + i, j] + hessian[9 + i, j])
+        turn1 = _plus(_times(first * n1[i], m1), _times(first * m1[i], n1))
+        turn2 = _plus(_times(first * n2[i], m2), _times(first * m2[i], n2))
+        cc, dd = _times(per_height1 * per_height1, turn1), _times(per_height2 * per_height2, turn2)
+        along1, along2 = _times(first * n1[i] / size1, t), _times(first * n2[i] / size2, t)
+        cb = _minus(_times(first * t[i] / size1, n1), _times(u, cc))
+        db = _minus(_times(first * t[i] / size2, n2), _times(w, dd))
+        bc, bd = _minus(along1, _times(u, cc)), _minus(along2, _times(w, dd))
+        bb = _times(0.5 / ee, _plus(turn1, turn2))
+        bb = _minus(bb, _plus(_times(u, _plus(cb, along1)), _times(w, _plus(db, along2))))
+        ca, da, ac, ad = _closing(cc, cb), _closing(dd, db), _closing(cc, bc), _closing(dd, bd)
+        ab, ba = _closing(bb, _plus(cb, db)), _closing(bb, _plus(bc, bd))
+        none = (0.0, 0.0, 0.0)
+        gradient = g_a, g_b, g_c, g_d
+        _write(hessian, i, (_closing(ab, _plus(ac, ad)), ab, ac, ad), second * g_a[i], gradient)
+        _write(hessian, 3 + i, (ba, bb, bc, bd), second * g_b[i], gradient)
+        _write(hessian, 6 + i, (ca, cb, cc, none), second * g_c[i], gradient)
+        _write(hessian, 9 + i, (da, db, none, dd), second * g_d[i], gradient)
 
 
 @part
-def _corner_blocks(hessian: Floats, corner: int, e: Point, r: Point, side: float) -> None:
-    """The blocks (corner, corner) and (corner, b) of a corner at r from a, whose normal is n = side (e x r).
+def _closing(a: Point, b: Point) -> Point:
+    """What makes the sum of three zero."""
+    return -a[0] - b[0], -a[1] - b[1], -a[2] - b[2]
 
-    g = -|e| n/|n|^2, so dg = -n (e.de)/(|e| |n|^2) - |e|/|n|^2 (I - 2 n n'/|n|^2) dn, with dn = side e x dr for the
-    corner and dn = side de x r for b. As column j of dn: side (e x i_j), and side (i_j x r).
-    """
-    n = _times(side, _cross(e, r))
-    nn, length = _dot(n, n), np.sqrt(_dot(e, e))
-    for j in range(3):
-        axis = (1.0 if j == 0 else 0.0, 1.0 if j == 1 else 0.0, 1.0 if j == 2 else 0.0)
-        by_corner = _times(side, _cross(e, axis))
-        by_b = _times(side, _cross(axis, r))
-        along_corner, along_b = _dot(n, by_corner) / nn, _dot(n, by_b) / nn
-        for i in range(3):
-            row = 3 * corner + i
-            hessian[row, 3 * corner + j] = -length / nn * (by_corner[i] - 2 * along_corner * n[i])
-            hessian[row, 3 + j] = -length / nn * (by_b[i] - 2 * along_b * n[i]) - n[i] * e[j] / (length * nn)
+
+@part
+def _write(hessian: Floats, row: int, parts: Points, factor: float, gradient: Points) -> None:
+    """parts + factor gradient, four vectors each, as a row of `hessian (12, 12)`."""
+    for k in range(4):
+        for j in range(3):
+            hessian[row, 3 * k + j] = parts[k][j] + factor * gradient[k][j]
 
 
 @part

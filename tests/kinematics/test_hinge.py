@@ -11,7 +11,7 @@ from clothsim.kinematics import hinge
 from clothsim.mesh.hinges import dihedral_angles
 
 hinge_angle, hinge_angle_gradient = map(kernel, (hinge.hinge_angle, hinge.hinge_angle_gradient))  # as energies run them
-hinge_angle_hessian, hinge_point = map(kernel, (hinge.hinge_angle_hessian, hinge.hinge_point))
+hinge_hessian, hinge_point = map(kernel, (hinge.hinge_hessian, hinge.hinge_point))
 
 HINGE = np.array([[0, 1, 2, 3]])
 
@@ -27,7 +27,7 @@ class Angle:
 
     def hessian(self, x, project):
         block = np.full((1, 12, 12), np.nan)
-        hinge_angle_hessian(*(hinge_point(x, k) for k in range(4)), block[0])
+        hinge_hessian(*(hinge_point(x, k) for k in range(4)), 1.0, 0.0, block[0])
         return ElementHessian(HINGE, block)
 
 
