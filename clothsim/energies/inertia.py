@@ -1,11 +1,12 @@
 """The effect `inertia`: the term that turns a sum of potentials into a time step."""
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Self
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ElementHessian, Energy, Step
 from clothsim.linalg import dot
 from clothsim.mesh.world import World
@@ -61,4 +62,10 @@ def weighted_difference(weights: Floats, x: Floats, target: Floats) -> Floats:
 
 def diagonal_hessian(weights: Floats) -> ElementHessian:
     """w I (3x3) for each of the first n vertices."""
-    return ElementHessian(np.arange(len(weights))[:, None], weights[:, None, None] * np.eye(3))
+    return ElementHessian(_each(len(weights)), weights[:, None, None] * np.eye(3))
+
+
+@lru_cache(maxsize=8)
+def _each(n: int) -> Ints:
+    """One element a vertex, (n, 1): the same object each time, so that its places in a matrix are looked up once."""
+    return np.arange(n)[:, None]

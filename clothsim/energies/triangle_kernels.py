@@ -6,6 +6,8 @@ F = [x1 - x0, x2 - x0] Dm^-1 (3x2), columns f1, f2; F = W' diag(s1, s2) V'.
 import numpy as np
 from numba import njit
 
+from clothsim.compiled import part
+
 
 @njit(cache=True, error_model="numpy", inline="always")
 def deformation_gradient(x, triangle, B, F):
@@ -44,8 +46,7 @@ def normal(F, n):
 def principal(F, n, J, V, W):
     """F = W' diag(s1, s2) V', s1 >= s2, the rows of W being w1, w2; V from the angle of C = F'F, s2 = J/s1."""
     c11, c12, c22 = products(F)
-    angle = 0.5 * np.arctan2(2.0 * c12, c11 - c22)
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = half_angle(2.0 * c12, c11 - c22)
     V[0, 0], V[1, 0], V[0, 1], V[1, 1] = c, s, -s, c
     s1 = 0.0
     for k in range(3):
@@ -78,8 +79,8 @@ def principal_block(block, area, alpha, beta, W, n, stretch, others):
     a, b, c = stretch
     twist, flip, out1, out2 = others
     same, swap = 0.5 * (flip + twist), 0.5 * (flip - twist)
-    for p in range(3):
-        for q in range(3):
+    for p in range(1, 3):
+        for q in range(p, 3):
             aa, ab = area * alpha[p] * alpha[q], area * alpha[p] * beta[q]
             ba, bb = area * beta[p] * alpha[q], area * beta[p] * beta[q]
             k11, k22, knn = a * aa + same * bb, c * bb + same * aa, out1 * aa + out2 * bb
@@ -89,14 +90,35 @@ def principal_block(block, area, alpha, beta, W, n, stretch, others):
                 r2 = k12 * W[0, i] + k22 * W[1, i]
                 rn = knn * n[i]
                 for j in range(3):
-                    block[3 * p + i, 3 * q + j] = r1 * W[0, j] + r2 * W[1, j] + rn * n[j]
+                    entry = r1 * W[0, j] + r2 * W[1, j] + rn * n[j]
+                    block[3 * p + i, 3 * q + j] = entry
+                    block[3 * q + j, 3 * p + i] = entry
+    for i in range(3):  # corner 0 from rest under translation
+        for j in range(3, 9):
+            block[i, j] = -block[3 + i, j] - block[6 + i, j]
+            block[j, i] = block[i, j]
+    for i in range(3):
+        for j in range(3):
+            block[i, j] = -block[i, 3 + j] - block[i, 6 + j]
+
+
+@part
+def half_angle(y, x):
+    """cos and sin of atan2(y, x) / 2, without either."""
+    length = np.sqrt(x * x + y * y)
+    if not length > 0.0:
+        return 1.0, 0.0
+    if x >= 0.0:
+        c = np.sqrt(0.5 + 0.5 * x / length)
+        return c, 0.5 * y / (length * c)
+    s = np.sqrt(0.5 - 0.5 * x / length) * (-1.0 if y < 0.0 else 1.0)
+    return 0.5 * y / (length * s), s
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def project_2x2(a, b, c):
     """The nearest positive semi-definite [[a, b], [b, c]]: negative eigenvalues set to zero."""
-    angle = 0.5 * np.arctan2(2.0 * b, a - c)
-    x, y = np.cos(angle), np.sin(angle)
+    x, y = half_angle(2.0 * b, a - c)
     high = max(a * x * x + 2.0 * b * x * y + c * y * y, 0.0)
     low = max(a * y * y - 2.0 * b * x * y + c * x * x, 0.0)
     return high * x * x + low * y * y, (high - low) * x * y, high * y * y + low * x * x

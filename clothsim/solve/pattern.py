@@ -82,7 +82,8 @@ class Pattern:
 
     def fix(self, data: Floats, fixed: np.ndarray) -> None:
         """Cut the rows and columns of `fixed` vertices ((n,) booleans) out of `data` in place; 1 on their diagonal."""
-        _fix(data, self.indptr, self.indices, fixed)
+        if fixed.any():
+            _fix(data, self.indptr, self.indices, fixed)
 
     def diagonal(self, data: Floats) -> Floats:
         """The diagonal, (3 n,): the first entry of each row."""

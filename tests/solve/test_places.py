@@ -3,6 +3,7 @@
 import numpy as np
 
 from clothsim.energies.base import ElementHessian
+from clothsim.energies.inertia import diagonal_hessian
 from clothsim.solve.pattern import make_pattern
 from clothsim.solve.system import System
 
@@ -23,3 +24,10 @@ def test_a_pattern_that_grows_moves_the_places_of_what_was_known():
         grown = system.assemble([known, new], list)
         np.testing.assert_array_equal(grown, system.pattern.assemble([known, new])[0])
     assert len(grown) > len(before)
+
+
+def test_the_vertices_one_by_one_are_the_same_elements_each_time():
+    first, second = diagonal_hessian(np.ones(5)), diagonal_hessian(np.full(5, 2.0))
+    assert first.elements is second.elements
+    assert first.elements.tolist() == [[0], [1], [2], [3], [4]]
+    assert len(diagonal_hessian(np.ones(3)).elements) == 3
