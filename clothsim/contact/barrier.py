@@ -10,7 +10,7 @@ from clothsim.contact import barrier_kernels as kernels
 from clothsim.contact.candidates import Candidates
 from clothsim.contact.semidefinite import clamp
 from clothsim.contact.stiffness import barrier_stiffness
-from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.energies.base import ElementHessian, Energy, Step, room_for
 
 NOTHING = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12)))
 
@@ -79,7 +79,8 @@ class Barrier(Energy):
         if not len(pairs[0]):
             return NOTHING
         elements, weights, *others = pairs
-        blocks, dense = kernels.hessian(x, elements, self.stiffness * weights, *others, project)
+        blocks = room_for(elements)
+        dense = kernels.hessian(blocks, x, elements, self.stiffness * weights, *others, project)
         clamp(blocks, np.flatnonzero(dense))
         return ElementHessian(elements, blocks)
 

@@ -143,28 +143,26 @@ def pull(x, elements, weights, thresholds, n_points, offset, d_hat, least):
 
 
 @kernel
-def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
-    """Blocks (p, 12, 12) of d2/dx2 of the value; with `project` positive semi-definite but for those named too, (p,).
+def hessian(blocks, x, elements, weights, thresholds, n_points, offset, d_hat, project):
+    """Fills `blocks (p, 12, 12)` of d2/dx2 of the value; says which of them are still to be projected, (p,).
 
-    Without a mollifier the block is 4 b'' q gg'nn' + b' (2 gg'I - 2 sum G G'). Its part along gg'nn' is clamped at 0;
+    Without a mollifier a block is 4 b'' q gg'nn' + b' (2 gg'I - 2 sum G G'). Its part along gg'nn' is clamped at 0;
     each tangent a leaves 2|b'| (G G' - gg't t'), which in the directions g t and c n is |r||g||c| off the diagonal and
     |r|^2 |c|^2 on it: its positive eigenpair is in closed form. Tangents along which the closest point does not move
     have -2|b'| gg't t' alone: none of it is kept. Mollified blocks are dense: they are left to `semidefinite.clamp`.
     """
     S = d_hat * (2.0 * offset + d_hat)
-    blocks, dense = np.zeros((len(elements), 12, 12)), np.zeros(len(elements), np.bool_)
+    dense = np.zeros(len(elements), np.bool_)
     g, r, t, c, v = np.empty(4), np.empty(3), np.zeros((2, 3)), np.zeros((2, 4)), np.empty((3, 12))
     for e in range(len(elements)):
         rows = elements[e]
         s = closest(x, rows, e >= n_points, g, r) - offset * offset
-        if s >= S:
-            continue
         free = free_directions(x, rows, e >= n_points, g, t, c)
         first, second = barrier_slopes(s, S, d_hat)
         m, dm, d2m = 1.0, 0.0, 0.0
         if thresholds[e] > 0.0:
             m, dm, d2m = mollifier(crossing(x, rows), thresholds[e])
-        w = weights[e]
+        w = weights[e] if s < S else 0.0
         whole = dm > 0.0 or not project
         if whole:
             _exact_sides(v, g, r, t, c, free, w * m * first, w * m * second)
@@ -174,7 +172,7 @@ def hessian(x, elements, weights, thresholds, n_points, offset, d_hat, project):
         if dm > 0.0:
             _mollify(blocks[e], v, x, rows, g, r, w * barrier(s, S, d_hat), w * first, dm, d2m)
             dense[e] = project
-    return blocks, dense
+    return dense
 
 
 @part

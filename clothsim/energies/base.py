@@ -75,6 +75,16 @@ class ElementHessian:
         return sparse.coo_array((self.blocks.ravel(), (rows, columns)), shape=shape).tocsr()
 
 
+def room_for(elements: Ints) -> Floats:
+    """Blocks of the `elements (m, k)`, (m, 3 k, 3 k), to be filled.
+
+    By numpy, which asks the system for large pages. A kernel that makes its own waits for small ones beyond 32 MB, at
+    each Hessian anew and longer than it computes.
+    """
+    size = 3 * elements.shape[1]
+    return np.empty((len(elements), size, size))
+
+
 class Energy(abc.ABC):
     """A term of E(x): frozen data with `value`, `gradient` and `hessian`. All positions are (N, 3) [m]."""
 

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import membrane_kernels as kernels
-from clothsim.energies.base import ElementHessian, Energy, Off
+from clothsim.energies.base import ElementHessian, Energy, Off, room_for
 from clothsim.energies.values import over_cloth
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
@@ -47,7 +47,9 @@ class NeoHookeanMembrane(Energy):
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Blocks (m, 9, 9) [N/m]; projected in F-space in closed form, or exact."""
-        return ElementHessian(self.triangles, kernels.hessian(x, *self._elements, project))
+        blocks = room_for(self.triangles)
+        kernels.hessian(blocks, x, *self._elements, project)
+        return ElementHessian(self.triangles, blocks)
 
     @property
     def _elements(self) -> tuple[Ints, Floats, Floats, Floats, Floats]:

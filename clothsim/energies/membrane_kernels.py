@@ -57,13 +57,12 @@ def gradient(x, triangles, inverses, areas, mu, lam):
 
 
 @kernel
-def hessian(x, triangles, inverses, areas, mu, lam, project):
-    """Blocks (m, 9, 9) of d2E/dx2. With `project` the negative eigenvalues of d2psi/dF2 are set to zero first.
+def hessian(blocks, x, triangles, inverses, areas, mu, lam, project):
+    """Fills `blocks (m, 9, 9)` of d2E/dx2. With `project` the negative eigenvalues of d2psi/dF2 are set to zero first.
 
     In the frame Q = [w1 w2 n] and with corner a's rates alpha_a, beta_a along v1, v2 (rows of Dm^-1 V), the modes are
     block diagonal: stretch [[a, b], [b, c]] over (w1 v1, w2 v2), twist and flip over (w2 v1, w1 v2), n v1, n v2.
     """
-    blocks = np.empty((len(triangles), 9, 9))
     F, n, V, W = np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3))
     alpha, beta = np.empty(3), np.empty(3)
     for t in range(len(triangles)):
@@ -77,4 +76,3 @@ def hessian(x, triangles, inverses, areas, mu, lam, project):
             a, b, c = project_2x2(a, b, c)
             twist, flip, out1, out2 = max(twist, 0.0), max(flip, 0.0), max(out1, 0.0), max(out2, 0.0)
         principal_block(blocks[t], areas[t], alpha, beta, W, n, (a, b, c), (twist, flip, out1, out2))
-    return blocks

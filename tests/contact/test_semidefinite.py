@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from contact_poses import adversarial, at_random
 
-from clothsim.contact.barrier_kernels import crossing
+from clothsim.contact.barrier_kernels import crossing, hessian
 from clothsim.contact.semidefinite import clamp
 
 WITHOUT_TRANSLATION = np.eye(12) - np.kron(np.full((4, 4), 0.25), np.eye(3))
@@ -57,3 +57,12 @@ def test_the_projected_blocks_of_mollified_pairs_are_their_exact_ones_clamped(po
                 assert difference <= 1e-13 * np.abs(exact.blocks[k]).max(), name
                 clamped += np.linalg.eigvalsh(exact.blocks[k])[0] < -1e-3 * np.abs(exact.blocks[k]).max()
     assert clamped > 10
+
+
+def test_a_pair_beyond_the_reach_of_the_barrier_has_a_block_of_zeros():
+    x = np.array([[0.2, 0.3, 0.5], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    for project in (True, False):
+        blocks = np.full((2, 12, 12), np.nan)
+        pairs = np.tile(np.arange(4), (2, 1)), np.ones(2), np.zeros(2), 2
+        assert not hessian(blocks, x, *pairs, 0.0, 0.4, project).any()
+        assert np.array_equal(blocks, np.zeros((2, 12, 12)))
