@@ -115,10 +115,14 @@ def half_angle(y, x):
     return 0.5 * y / (length * s), s
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@part
 def project_2x2(a, b, c):
     """The nearest positive semi-definite [[a, b], [b, c]]: negative eigenvalues set to zero."""
-    x, y = half_angle(2.0 * b, a - c)
-    high = max(a * x * x + 2.0 * b * x * y + c * y * y, 0.0)
-    low = max(a * y * y - 2.0 * b * x * y + c * x * x, 0.0)
-    return high * x * x + low * y * y, (high - low) * x * y, high * y * y + low * x * x
+    middle, radius = 0.5 * (a + c), np.sqrt(0.25 * (a - c) ** 2 + b * b)
+    low, high = middle - radius, middle + radius
+    if low >= 0.0:
+        return a, b, c
+    if high <= 0.0:
+        return 0.0, 0.0, 0.0
+    share = high / (high - low)
+    return share * (a - low), share * b, share * (c - low)
