@@ -81,7 +81,8 @@ class Barrier(Energy):
         elements, weights, *others = pairs
         blocks = room_for(elements)
         dense = kernels.hessian(blocks, x, elements, self.stiffness * weights, *others, project)
-        clamp(blocks, np.flatnonzero(dense))
+        if dense.any():
+            clamp(blocks, np.flatnonzero(dense))
         return ElementHessian(elements, blocks)
 
     def couplings(self, x: Floats) -> Ints:
