@@ -7,8 +7,8 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.linalg import dot
 from clothsim.solve import pattern as assembly
-from clothsim.solve.conjugate import truncated_solve
 from clothsim.solve.direct import EXACT, LinearSolver, NotPositiveDefiniteError
+from clothsim.solve.lanczos import saddle_free_solve
 from clothsim.solve.outcome import Ending, Outcome, outcome
 from clothsim.solve.potential import Potential
 from clothsim.solve.system import System
@@ -18,8 +18,10 @@ MAX_SHIFTS = 12
 ROUGH = 1e-2
 """What a preconditioner may leave of the error, in the norm of the matrix."""
 OLDEST, MOST_PRODUCTS = 3, 6
-"""A factor preconditions so many more matrices, as long as conjugate gradients take no more products than this: at
-10,201 vertices a product with a back-solve costs 5 ms, and all that leads to a new factor 75."""
+"""A factor preconditions so many more matrices, as long as Lanczos' method takes no more products with it than this: at
+10,201 vertices a product with a back-solve costs 5 ms, and all that leads to a new factor 65."""
+FULL = 0.3
+"""Share of a step that must have been taken for the factor to serve the next: else the place is not like the last."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,10 @@ class Kept:
     def serves(self, solver: LinearSolver) -> bool:
         """Whether it is of use for a matrix that `solver` is for: not where the pattern has grown since."""
         return self.solver is solver and self.age < OLDEST and self.products <= MOST_PRODUCTS
+
+    def after(self, fraction: float) -> "Kept":
+        """What is kept after a step of which the line search took `fraction`."""
+        return self if fraction >= FULL else NOTHING
 
 
 NOTHING = Kept()
@@ -92,7 +98,7 @@ class Model:
         """The direction of the exact Hessian `curved`; first: what the preconditioner makes of the right-hand side."""
         with self.potential.ledger.phase("linear solve"):
             times, back_solve = self.system.pattern.times(curved), self.system.solver.back_solve
-            found = truncated_solve(times, back_solve, right, trust.radius, first)
+            found = saddle_free_solve(times, back_solve, right, trust.radius, first)
         dx = self._with(np.zeros_like(gradient), found.x)
         return Direction(dx, gradient, found.bends, replace(kept, products=found.products))
 

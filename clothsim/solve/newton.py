@@ -154,7 +154,7 @@ class Newton:
             if fraction == 0.0 and not trust.exact:
                 return NewtonResult(x, _at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), count, speed, residual)
             noise = fraction == 0.0 or (direction.bends and -slope < RESOLVED * round_off(self.potential.values(x)))
-            trust = trust.after(fraction, direction.bends, noise)
+            trust, kept = trust.after(fraction, direction.bends, noise), kept.after(fraction)
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return NewtonResult(x, end, iterations + settings.max_iterations, speed, residual)

@@ -1,9 +1,9 @@
-"""Truncated conjugate gradients: the solution where the matrix is definite, a descent direction where it is not."""
+"""The direction in a Krylov space: the solution where the matrix is definite, its mirror where it is not."""
 
 import numpy as np
 import pytest
 
-from clothsim.solve.conjugate import MAX_ITERATIONS, RELATIVE_ERROR, truncated_solve
+from clothsim.solve.lanczos import MAX_PRODUCTS, RELATIVE_ERROR, saddle_free_solve
 
 TRUST = 3.0
 
@@ -18,7 +18,7 @@ def right(n, seed=1):
 
 
 def solved(times, precondition, b):
-    return truncated_solve(times, precondition, b, TRUST, precondition(b))
+    return saddle_free_solve(times, precondition, b, TRUST, precondition(b))
 
 
 def test_an_exact_preconditioner_gives_the_solution_at_once():
@@ -37,7 +37,7 @@ def test_the_error_is_below_its_bound_in_the_preconditioner_s_norm():
     A, b = matrix(np.linspace(1, 3, 30)), right(30)
     preconditioner = np.linalg.inv(matrix(np.linspace(1, 3, 30) + 0.5))
     residual = b - A @ solved(lambda v: A @ v, lambda r: preconditioner @ r, b)[0]
-    assert residual @ preconditioner @ residual <= RELATIVE_ERROR * (b @ preconditioner @ b)
+    assert residual @ preconditioner @ residual <= RELATIVE_ERROR**2 * (b @ preconditioner @ b)
 
 
 @pytest.mark.parametrize("lowest", [-1e-3, -1.0, -50.0])
@@ -50,11 +50,22 @@ def test_an_indefinite_matrix_still_gives_a_descent_direction(lowest, seed):
     assert np.isfinite(x).all()
 
 
-def test_negative_curvature_at_once_goes_along_the_preconditioned_right_hand_side_to_the_radius():
-    b = right(6)
-    found = solved(lambda v: -v, lambda r: 2 * r, b)
-    assert found.x == pytest.approx(TRUST * 2 * b, rel=1e-12)
+def test_negative_curvature_is_turned_round():
+    """With all of the space, x = |A|^-1 b, though b asks for several directions that curve down."""
+    values = np.array([-4.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+    A, b = matrix(values, seed=3), right(6)
+    found = saddle_free_solve(lambda v: A @ v, lambda r: r, b, 1e6, b)
+    assert found.x == pytest.approx(np.linalg.solve(matrix(np.abs(values), seed=3), b), rel=1e-6)
     assert found.bends
+    assert found.products == 6
+
+
+def test_a_preconditioner_that_mirrors_the_matrix_gives_its_own_direction_in_two_products():
+    values = np.array([-4.0, -2.0, -1.0, 1.0, 2.0, 3.0])
+    A, b, inverse = matrix(values, seed=3), right(6), np.linalg.inv(matrix(np.abs(values), seed=3))
+    found = solved(lambda v: A @ v, lambda r: inverse @ r, b)
+    assert found.x == pytest.approx(inverse @ b, rel=1e-10)
+    assert found.products == 2
 
 
 def test_iterations_are_bounded():
@@ -64,8 +75,8 @@ def test_iterations_are_bounded():
         calls.append(v)
         return A @ v
 
-    assert solved(times, lambda r: r, right(60)).products == MAX_ITERATIONS
-    assert len(calls) == MAX_ITERATIONS
+    assert solved(times, lambda r: r, right(60)).products == MAX_PRODUCTS
+    assert len(calls) == MAX_PRODUCTS
 
 
 def test_nothing_to_solve_is_nothing():
@@ -78,3 +89,10 @@ def test_a_nearly_flat_valley_is_not_followed_to_its_far_end():
     x = solved(lambda v: A @ v, lambda r: r, b).x
     assert x @ b > 0
     assert np.linalg.norm(x) <= TRUST * np.linalg.norm(b)
+
+
+def test_no_direction_is_longer_than_the_trust_in_it():
+    """Along each eigenvector x is at most `trust` times what the preconditioner alone takes."""
+    A, b = np.diag([1.0, 1e-4, -1e-3, -5.0]), right(4)
+    x = solved(lambda v: A @ v, lambda r: r, b).x
+    assert np.abs(x / b) == pytest.approx([1.0, TRUST, TRUST, 0.2], rel=RELATIVE_ERROR)
