@@ -3,6 +3,9 @@
 A cold start is spent in the compiler, and half of that not on the loops: each function that Python can call gets two
 wrappers, and all wrappers of all that it calls are compiled again inside of it. So only kernels get one. A `part`
 stays a Python function for Python: it can be called, slowly, to look at it or to test it.
+
+What is compiled is kept beside the file of the kernel and serves until that file changes. It does not see a change of a
+part in another file: whoever edits one deletes the folders __pycache__.
 """
 
 from numba import njit
