@@ -3,6 +3,7 @@
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.linalg import dot
 from clothsim.solve.potential import Potential
 
 SUFFICIENT_DECREASE = 1e-4
@@ -35,15 +36,19 @@ def round_off(values: list[float]) -> float:
     return ROUND_OFF * sum(abs(value) for value in values)
 
 
-def lengthened(potential: Potential, x: Floats, dx: Floats, limit: float) -> float:
-    """1, 2, 4, ... up to `limit`: the last with which E(x + a dx) still fell.
+def lengthened(potential: Potential, x: Floats, dx: Floats, longest: float) -> float:
+    """1, 2, 4, ... up to `longest`: the last that is free of collision, and with which E(x + a dx) still fell.
 
     For directions of negative curvature, of which Newton knows the sign and not the length: a buckle grows by many
-    small steps otherwise, each of them a factorisation.
+    small steps otherwise, each of them a factorisation. Where E rises already at x + dx, nothing longer is looked at:
+    to search a long way for collisions costs more than a gradient.
     """
     fraction, value = 1.0, potential.value(x + dx)
-    while 2.0 * fraction <= limit:
-        longer = potential.value(x + 2.0 * fraction * dx)
+    while 2.0 * fraction <= longest and dot(potential.gradient(x + fraction * dx), dx) < 0.0:
+        further = 2.0 * fraction * dx
+        if potential.step_limit(x, further) < 1.0:
+            break
+        longer = potential.value(x + further)
         if not longer < value:
             break
         fraction, value = 2.0 * fraction, longer

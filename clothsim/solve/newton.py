@@ -144,7 +144,8 @@ class Newton:
                 if fraction == 0.0:
                     continue
             if direction.bends and fraction == 1.0 and not done:
-                fraction = self._lengthened(x, dx)
+                with self.potential.ledger.phase("line search"):
+                    fraction = lengthened(self.potential, x, dx, LONGEST)
             if done or fraction > 0.0:
                 x = x + fraction * dx
                 self.observe(Iterate(x, fraction, speed, residual))
@@ -171,11 +172,6 @@ class Newton:
 
     def _speed(self, dx: Floats) -> float:
         return float(np.abs(dx).max(initial=0.0)) / self.dt
-
-    def _lengthened(self, x: Floats, dx: Floats) -> float:
-        limit = LONGEST * self._limit(x, LONGEST * dx)
-        with self.potential.ledger.phase("line search"):
-            return lengthened(self.potential, x, dx, limit)
 
     def _limit(self, x: Floats, dx: Floats) -> float:
         return self.potential.step_limit(x, dx)

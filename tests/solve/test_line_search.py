@@ -5,6 +5,7 @@ import pytest
 from differences import numeric_gradient
 from meshes import deformed, small_world
 
+from clothsim.energies.base import Energy
 from clothsim.energies.membrane import membrane
 from clothsim.solve.ledger import Ledger
 from clothsim.solve.line_search import MAX_HALVINGS, SUFFICIENT_DECREASE, armijo, lengthened
@@ -77,3 +78,31 @@ def test_a_step_is_lengthened_while_the_energy_falls_and_no_further(limit):
 def test_a_step_past_the_valley_is_not_lengthened():
     potential, x, downhill = sheet()
     assert lengthened(potential, x, 10.0 * downhill, 32.0) == 1.0
+
+
+class Wall(Energy):
+    """Nothing but a collision: no step goes further than `reach` [m]."""
+
+    def __init__(self, reach):
+        self.reach = reach
+
+    def value(self, x):
+        return 0.0
+
+    def gradient(self, x):
+        return np.zeros_like(x)
+
+    def hessian(self, x, project=True):
+        raise NotImplementedError
+
+    def step_limit(self, x, dx):
+        return min(1.0, self.reach / float(np.abs(dx).max()))
+
+
+def test_a_step_is_lengthened_as_far_as_it_is_free():
+    potential, x, downhill = sheet()
+    dx = 1e-4 * downhill
+    free = lengthened(potential, x, dx, 32.0)
+    assert free >= 8.0
+    wall = Wall(5.0 * float(np.abs(dx).max()))
+    assert lengthened(Potential({**potential.energies, "wall": wall}, Ledger()), x, dx, 32.0) == 4.0
