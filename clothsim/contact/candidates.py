@@ -106,10 +106,11 @@ class Candidates:
         """The fraction of dx that is free of collision, by additive CCD over straight paths, in [0, 1]."""
         start = perf_counter()
         after = x + dx
-        moved = max(self._moved(x), self._moved(after))
-        pairs = (
-            self._sorted_out(moved / SLACK, self.offset) if moved <= self.reach else self._cover(x, after, self.reach)
-        )
+        moved = float(np.maximum(self._moved(x), self._moved(after)))
+        if moved <= self.reach:  # x has moved, too: who may reach its floor was nearer than offset + 2 moved 1.1 / .9
+            pairs = self._sorted_out(moved * (2.0 - SLACK) / SLACK, self.offset)
+        else:
+            pairs = self._cover(x, after, self.reach)
         searched = perf_counter()
         points, edges = pairs.elements[: pairs.n_points], pairs.elements[pairs.n_points :]
         keep = self.offset, SLACK, self.limit - self.offset
@@ -137,9 +138,9 @@ class Candidates:
         return self._base.at(np.sort(self._order[:count]))
 
     def _cover(self, before: Floats, after: Floats, reach: float) -> Pairs:
-        """Every pair that comes closer than limit + 2 reach on a way; the last search serves within `reach` of its."""
+        """Every pair that comes closer than limit + 2 (self.reach - reach) on a way, by the last search if near its."""
         start, end = before[self.surface.rows], after[self.surface.rows]
-        if self._path is None or max(strays(points, *self._path) for points in (start, end)) > reach:
+        if self._path is None or not all(strays(points, *self._path) <= reach for points in (start, end)):
             self._candidates = self._search_way(before, after)
             self._path = start, end
             self.builds += 1
@@ -178,7 +179,7 @@ class Candidates:
         rows, second = self.surface.rows, self.surface.second.points
         if self._base_at is None:
             return None
-        gone = np.maximum(_displaced(before, self._base_at, rows), _displaced(after, self._base_at, rows)) > self.reach
+        gone = ~(np.maximum(*(_displaced(x, self._base_at, rows) for x in (before, after))) <= self.reach)
         left = np.zeros(len(before), bool)
         left[rows] = gone
         if gone.sum() > FEW * len(self.surface.first.points) or (not self.surface.itself and left[second].any()):
@@ -216,5 +217,6 @@ def _strays(points, start, end):
         off = 0.0
         for k in range(3):
             off += (points[i, k] - start[i, k] - share * (end[i, k] - start[i, k])) ** 2
-        most = max(most, off)
+        if not off <= most:  # NaN, too, is far away
+            most = off
     return np.sqrt(most)

@@ -74,7 +74,8 @@ class Search:
         surface, first, second = self.surface, self.surface.first, self.surface.second
         end = after
         if surface.itself:  # what all have in common brings none nearer
-            end = after - (after - before)[surface.rows].mean(axis=0)
+            common = (after - before)[surface.rows].mean(axis=0)
+            end = after - common if np.isfinite(common).all() else after
         mine = self._first.on(before, end, distance, of)
         theirs = self._second.on(before, end, 0.0)
 

@@ -20,6 +20,8 @@ ROUGH = 1e-2
 OLDEST, MOST_PRODUCTS = 3, 6
 """A factor preconditions so many more matrices, as long as Lanczos' method takes no more products with it than this: at
 10,201 vertices a product with a back-solve costs 5 ms, and all that leads to a new factor 65."""
+WORTH_KEEPING = 4000
+"""Vertices from which on a factor is kept: on smaller meshes a new one costs less than what an old one lets slip."""
 FULL = 0.3
 """Share of a step that must have been taken for the factor to serve the next: else the place is not like the last."""
 
@@ -46,7 +48,7 @@ NOTHING = Kept()
 
 @dataclass(frozen=True)
 class Direction:
-    """Where Newton goes from x: dx (N, 3), the gradient (N, 3), whether E curves downward along it; an end if none."""
+    """Where Newton goes from x: dx (N, 3), the gradient (N, 3), whether E curves down near; the factor; or an end."""
 
     dx: Floats
     gradient: Floats
@@ -72,9 +74,9 @@ class Model:
         gradient = self.potential.gradient(x)
         if not np.isfinite(gradient).all():
             return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)))
-        if trust.exact and kept.serves(self.system.solver):
+        if trust.exact and len(self.fixed) >= WORTH_KEEPING and kept.serves(self.system.solver):
             curved = self._assembled(x, self.potential.exact_hessians(x))
-            if kept.serves(self.system.solver) and np.isfinite(curved).all():
+            if kept.serves(self.system.solver):
                 right = self._free(-gradient)
                 with self.potential.ledger.phase("linear solve"):
                     first = self.system.solver.back_solve(right)
@@ -96,6 +98,8 @@ class Model:
         self, curved: Floats, right: Floats, first: Floats, gradient: Floats, trust: Trust, kept: Kept
     ) -> Direction:
         """The direction of the exact Hessian `curved`; first: what the preconditioner makes of the right-hand side."""
+        if not np.isfinite(curved).all():
+            return Direction(self._with(np.zeros_like(gradient), first), gradient)
         with self.potential.ledger.phase("linear solve"):
             times, back_solve = self.system.pattern.times(curved), self.system.solver.back_solve
             found = saddle_free_solve(times, back_solve, right, trust.radius, first)

@@ -25,7 +25,7 @@ MAX_PRODUCTS = 14
 
 
 class Found(NamedTuple):
-    """x; whether A curves down, or hardly up, along it: then no quadratic says how far to go; products A v taken."""
+    """x; whether A curves down, or hardly up, somewhere in the space of it; the products A v that it took."""
 
     x: Floats
     bends: bool
@@ -55,6 +55,8 @@ def saddle_free_solve(
         vectors.append(vector)
         product = times(vector)
         diagonal.append(dot(vector, product))
+        if not np.isfinite(diagonal[-1]):
+            return Found(preconditioned, False, len(vectors))
         values, rotation = np.linalg.eigh(np.diag(diagonal) + np.diag(couplings, 1) + np.diag(couplings, -1))
         shares = rotation @ (whole * rotation[0] / np.maximum(np.abs(values), 1.0 / trust))
         residual = product - diagonal[-1] * dual - coupling * before

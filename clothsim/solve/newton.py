@@ -1,4 +1,4 @@
-"""Projected Newton on the sum of energies, with prescribed vertices carried to their places first.
+"""Newton on the sum of energies, with prescribed vertices carried to their places first.
 
 Every loop is bounded and every end has a name (`outcome.Ending`).
 """
@@ -131,11 +131,14 @@ class Newton:
             if speed == 0.0:
                 return NewtonResult(x, outcome(Ending.CONVERGED), count, speed, residual, 0.0)
             limit = self._limit(x, dx)
+            if limit < SMALLEST_FRACTION and kept.age:
+                kept = NOTHING
+                continue
             if limit < SMALLEST_FRACTION:
                 return NewtonResult(x, _at_fastest(Ending.NO_ROOM, x, dx, fraction=limit), count, speed, residual)
             with self.potential.ledger.phase("line search"):
                 slope = dot(gradient, dx)
-                fraction = armijo(self.potential, x, dx, slope, limit)
+                fraction = armijo(self.potential, x, dx, slope, limit) if slope < 0.0 else 0.0
                 close = speed < settings.tolerance and limit == 1.0
                 close = close and self.potential.gap_change(x, dx) <= CHANGE_OF_GAP
                 done = close and (fraction == 1.0 or self._below_noise(x + dx, dx, slope, speed))

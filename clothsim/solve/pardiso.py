@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.arrays import Floats
+from clothsim.errors import ClothsimError
 from clothsim.solve.direct import EXACT, LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.pattern import Pattern
 
@@ -20,7 +21,7 @@ and on two now and then 50 ms, when the second must be woken (seen at 1,681 vert
 
 ANALYSIS, FACTORISATION, SOLUTION = 11, 22, 33
 SYMMETRIC_POSITIVE = 2
-NOT_POSITIVE = -4
+NO_MEMORY, NOT_POSITIVE = -2, -4
 MAX_REFINEMENTS = 10
 SLOWEST = 0.1
 """A refinement that leaves more than this of the error belongs to a factor that is of no use."""
@@ -54,9 +55,8 @@ class Factor:
 
     def back_solve(self, b: Floats) -> Floats:
         """x of the matrix last factorised; what single precision cannot hold comes back as inf or NaN."""
-        with np.errstate(over="ignore"):
-            right = b.astype(self._kind)
-        return self._call(SOLUTION, right).astype(np.float64)
+        scale = 2.0 ** np.frexp(float(np.abs(b).max(initial=0.0)))[1]  # no rounding, and no underflow
+        return scale * self._call(SOLUTION, (b / scale).astype(self._kind)).astype(np.float64)
 
     def _call(self, phase: int, b: NDArray[Any]) -> NDArray[Any]:
         solver, x, error = self._solver, np.zeros_like(b), ctypes.c_int32(0)
@@ -82,7 +82,7 @@ class Factor:
         if error.value == NOT_POSITIVE:
             raise NotPositiveDefiniteError
         if error.value:
-            raise MemoryError(f"PARDISO ended phase {phase} with error {error.value}.")
+            raise _failure(error.value, len(b))
         return x
 
     def close(self) -> None:
@@ -145,7 +145,7 @@ class Mixed(LinearSolver):
         return self._factor.back_solve(b)
 
     def solve(self, data: Floats, b: Floats, accuracy: float = EXACT) -> Floats:
-        """x with |x - A^-1 b|_A <= accuracy |A^-1 b|_A."""
+        """x with |x - A^-1 b|_A <= accuracy |A^-1 b|_A, as far as the factor itself can tell."""
         if self._factor is self._single:
             try:
                 self._factor.factorise(data)
@@ -174,6 +174,18 @@ class Mixed(LinearSolver):
             if error <= accuracy**2 * whole:
                 return x
         return None
+
+
+def _failure(code: int, rows: int) -> ClothsimError:
+    if code == NO_MEMORY:
+        return ClothsimError(
+            f"There is not enough memory to factorise the Newton matrix of {rows // 3:,} vertices.",
+            "Take fewer cells, or close what else needs memory.",
+        )
+    return ClothsimError(
+        f"PARDISO gave up the Newton matrix of {rows // 3:,} vertices with its error {code}.",
+        'Try solver.linear = "superlu".',
+    )
 
 
 def _threads(pattern: Pattern, threads: int) -> int:

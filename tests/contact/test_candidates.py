@@ -192,3 +192,35 @@ def test_what_few_vertices_meet_is_found_by_searching_for_them_alone(kind, share
         x = x + 0.9 * limit * dx
     assert len(found) > 2
     assert candidates.searched < (0.4 if share < 0.1 else 0.7) * n_searches * len(surface.rows)
+
+
+@pytest.mark.parametrize("kind", ["body", "self"])
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_what_is_no_number_leaves_nothing_behind(kind, bad):
+    surface, x = surface_and_start(kind)
+    candidates = Candidates(surface, D_HAT, D_HAT)
+    known = described(candidates.near(x))
+    for rows in (slice(None), slice(3, 4)):
+        nowhere = x.copy()
+        nowhere[rows] = bad
+        with np.errstate(invalid="ignore"):
+            candidates.near(nowhere)
+            candidates.step_limit(x, nowhere - x)
+        assert described(candidates.near(x)) == known
+        falling = np.zeros_like(x)
+        falling[surface.first.points[: len(surface.first.points) // 2], 2] = -1.0
+        assert candidates.step_limit(x, falling) == Candidates(surface, D_HAT, D_HAT).step_limit(x, falling)
+
+
+def test_a_step_limit_does_not_depend_on_where_the_base_lies():
+    """Two layers that have moved apart since the base and now meet: the floor is a tenth of the gap that they have."""
+    surface, start = self_surface(two_sheets())
+    d_hat, m = 0.1, 0.02
+    upper = surface.labels == surface.labels[-1]
+    start[:, 2] = np.where(upper, 2.3 * m, 0.0)
+    away = np.where(upper, m, -m)[:, None] * np.array([0.0, 0.0, 1.0])
+    held = Candidates(surface, d_hat, 0.5 * d_hat)
+    held.near(start)
+    limit = held.step_limit(start + away, -2.0 * away)
+    assert limit == Candidates(surface, d_hat, 0.5 * d_hat).step_limit(start + away, -2.0 * away)
+    assert 4.3 * m - 4.0 * m * limit == pytest.approx(0.43 * m, rel=0.1)

@@ -96,3 +96,13 @@ def test_no_direction_is_longer_than_the_trust_in_it():
     A, b = np.diag([1.0, 1e-4, -1e-3, -5.0]), right(4)
     x = solved(lambda v: A @ v, lambda r: r, b).x
     assert np.abs(x / b) == pytest.approx([1.0, TRUST, TRUST, 0.2], rel=RELATIVE_ERROR)
+
+
+def test_a_product_that_is_no_number_leaves_the_preconditioner_s_direction():
+    A, b, calls = matrix(np.linspace(1, 50, 30)), right(30), []
+
+    def times(v):
+        calls.append(v)
+        return A @ v if len(calls) < 3 else np.full(30, np.nan)
+
+    assert solved(times, lambda r: 0.1 * r, b).x == pytest.approx(0.1 * b)

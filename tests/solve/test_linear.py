@@ -8,7 +8,7 @@ from meshes import deformed, small_world
 
 from clothsim.energies.base import ElementHessian
 from clothsim.energies.membrane import membrane
-from clothsim.errors import InputError, MissingPackageError
+from clothsim.errors import ClothsimError, InputError, MissingPackageError
 from clothsim.solve.linear import SOLVERS, NotPositiveDefiniteError, make_solver, slowness
 from clothsim.solve.pattern import make_pattern
 
@@ -147,3 +147,24 @@ def test_what_single_precision_cannot_hold_gets_double():
     b = np.ones(len(dense))
     assert np.abs(solver.solve(1e60 * data, b) * 1e60 - np.linalg.solve(dense, b)).max() < 1e-9
     assert solver.doubles == 1
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-42, 1e30])
+def test_a_right_hand_side_of_any_size_keeps_its_digits(scale):
+    solver, _, data, dense = mixed()
+    b = np.random.default_rng(6).standard_normal(len(dense))
+    expected = np.linalg.solve(dense, b)
+    assert np.abs(solver.solve(data, scale * b) / scale - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(("code", "said"), [(-2, "not enough memory to factorise"), (-3, "its error -3")])
+def test_what_pardiso_gives_up_is_said_in_a_sentence(code, said, monkeypatch):
+    solver, _, data, _ = mixed()
+
+    def giving_up(*arguments):
+        arguments[-1]._obj.value = code
+
+    monkeypatch.setattr(solver._single._solver, "_mkl_pardiso", giving_up)
+    with pytest.raises(ClothsimError, match=said):
+        solver.factorise(data)
+    monkeypatch.undo()
