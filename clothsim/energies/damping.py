@@ -7,8 +7,9 @@ import numpy as np
 
 from clothsim.arrays import Floats, as_positive
 from clothsim.energies.base import ElementHessian, Energy, Off, Step
+from clothsim.energies.diagonal import diagonal_hessian
 from clothsim.energies.hinge_bending import HingeBending, hinge_bending
-from clothsim.energies.inertia import diagonal_hessian, weighted_difference, weighted_square
+from clothsim.energies.inertia import weighted_difference, weighted_square
 from clothsim.energies.strain_damping import HingeDamping, StrainDamping
 from clothsim.energies.values import over_cloth
 from clothsim.mesh.world import World

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.arrays import Floats, as_vector
 from clothsim.energies.base import ElementHessian, Energy, Off, Step
-from clothsim.energies.inertia import diagonal_hessian
+from clothsim.energies.diagonal import diagonal_hessian
 from clothsim.mesh.world import World
 
 

@@ -1,13 +1,13 @@
 """The effect `inertia`: the term that turns a sum of potentials into a time step."""
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Self
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.arrays import Floats
 from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.energies.diagonal import diagonal_hessian
 from clothsim.linalg import dot
 from clothsim.mesh.world import World
 
@@ -58,14 +58,3 @@ def weighted_difference(weights: Floats, x: Floats, target: Floats) -> Floats:
     out = np.zeros_like(x)
     out[: len(weights)] = weights[:, None] * (x[: len(weights)] - target)
     return out
-
-
-def diagonal_hessian(weights: Floats) -> ElementHessian:
-    """w I (3x3) for each of the first n vertices."""
-    return ElementHessian(_each(len(weights)), weights[:, None, None] * np.eye(3))
-
-
-@lru_cache(maxsize=8)
-def _each(n: int) -> Ints:
-    """One element a vertex, (n, 1): the same object each time, so that its places in a matrix are looked up once."""
-    return np.arange(n)[:, None]

@@ -105,7 +105,7 @@ def principal_block(block, area, alpha, beta, W, n, stretch, others):
 @part
 def half_angle(y, x):
     """cos and sin of atan2(y, x) / 2, without either."""
-    length = np.sqrt(x * x + y * y)
+    length = np.hypot(x, y)  # no square: they may be 1e200
     if not length > 0.0:
         return 1.0, 0.0
     if x >= 0.0:
@@ -118,7 +118,7 @@ def half_angle(y, x):
 @part
 def project_2x2(a, b, c):
     """The nearest positive semi-definite [[a, b], [b, c]]: negative eigenvalues set to zero."""
-    middle, radius = 0.5 * (a + c), np.sqrt(0.25 * (a - c) ** 2 + b * b)
+    middle, radius = 0.5 * (a + c), np.hypot(0.5 * (a - c), b)
     low, high = middle - radius, middle + radius
     if low >= 0.0:
         return a, b, c

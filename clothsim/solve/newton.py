@@ -31,6 +31,7 @@ CHANGE_OF_GAP = 0.3
 """A step that changes a gap by more than this share of it is no convergence. Close to contact Newton's step on the
 logarithm is about as long as the gap, however large the force F: d -> 2 d - F d^2, a change by 1 - F d. Where the
 change is .3, one more step leaves its square, 9 %."""
+LAST_DIGITS = float(np.finfo(float).eps)
 LONGEST = 32.0
 """How many times longer than Newton says a step of negative curvature may be."""
 
@@ -141,7 +142,7 @@ class Newton:
                 fraction = armijo(self.potential, x, dx, slope, limit) if slope < 0.0 else 0.0
                 close = speed < settings.tolerance and limit == 1.0
                 close = close and self.potential.gap_change(x, dx) <= CHANGE_OF_GAP
-                done = close and (fraction == 1.0 or self._below_noise(x + dx, dx, slope, speed))
+                done = close and (fraction == 1.0 or self._below_noise(x, dx, gradient, speed))
             if kept.age and (done or fraction == 0.0):  # an old factor is no judge: the next direction gets its own
                 done, kept = False, NOTHING
                 if fraction == 0.0:
@@ -163,15 +164,17 @@ class Newton:
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return NewtonResult(x, end, iterations + settings.max_iterations, speed, residual)
 
-    def _below_noise(self, x: Floats, dx: Floats, slope: float, speed: float) -> bool:
+    def _below_noise(self, x: Floats, dx: Floats, gradient: Floats, speed: float) -> bool:
         """True where the full step was refused for the round-off of E alone.
 
         Near the minimum E no longer tells x from x + dx, but its derivative does: along a good Newton step it falls to
-        near zero (Hager & Zhang 2005, approximate Wolfe conditions). A step of a millionth of the tolerance is noise.
+        near zero (Hager & Zhang 2005, approximate Wolfe conditions). A step of a millionth of the tolerance is noise,
+        and one that promises less than the last digits of the coordinates make of E.
         """
-        if speed < 1e-6 * self.settings.tolerance:
+        slope = dot(gradient, dx)
+        if speed < 1e-6 * self.settings.tolerance or -slope <= LAST_DIGITS * dot(np.abs(gradient), np.abs(x)):
             return True
-        return abs(dot(self.potential.gradient(x), dx)) <= -0.5 * slope
+        return abs(dot(self.potential.gradient(x + dx), dx)) <= -0.5 * slope
 
     def _speed(self, dx: Floats) -> float:
         return float(np.abs(dx).max(initial=0.0)) / self.dt
