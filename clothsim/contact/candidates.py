@@ -154,7 +154,8 @@ class Candidates:
         limit + 4 reach, so that the place to which Newton then goes on this way can be the next base.
         """
         distance = self.limit + (4.0 + 2.0 * AWAY) * self.reach
-        if self._complete and strays(before[self.surface.rows], *self._path) <= AWAY * self.reach:  # type: ignore[misc]
+        way = self._path if self._complete else None
+        if way is not None and strays(before[self.surface.rows], *way) <= AWAY * self.reach:
             self._found_at(before, self._candidates)
         left = self._left(before, after)
         self._complete = left is None
