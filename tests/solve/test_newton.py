@@ -17,6 +17,8 @@ from clothsim.energies.membrane import membrane
 from clothsim.mesh.body import make_body
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
+from clothsim.solve import direction
+from clothsim.solve.direction import Model
 from clothsim.solve.outcome import Ending, outcome, place_text
 
 
@@ -269,3 +271,23 @@ def test_every_sentence_can_be_filled(ending):
 def test_a_place_is_told_without_its_round_off():
     assert place_text(np.array([0.25, -3e-17, 1e-3])) == "(0.25, 0, 0.001) m"
     assert place_text(np.array([2e-12, 0.0, -1e-12])) == "(2e-12, 0, -1e-12) m"
+
+
+def test_an_old_factor_serves_on_the_way_but_never_ends_a_solve(monkeypatch):
+    ages, found = [], Model.direction
+
+    def heard(self, *arguments):
+        answer = found(self, *arguments)
+        ages.append(answer.kept.age)
+        return answer
+
+    monkeypatch.setattr(direction, "WORTH_KEEPING", 0)
+    monkeypatch.setattr(Model, "direction", heard)
+    world = small_world()
+    energies = {"membrane": membrane(world), "bending": bending(world), "inertia": inertia(world)}
+    for amplitude in (0.05, 0.1, 0.15, 0.2):
+        ages.clear()
+        result = solve(world, energies, deformed(world, amplitude=amplitude), NOTHING, tolerance=1e-4, dt=0.5)
+        assert result.outcome.converged
+        assert ages[-1] == 0
+        assert max(ages) > 0
