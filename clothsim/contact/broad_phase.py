@@ -1,26 +1,16 @@
-"""Which boxes overlap: a hierarchy of axis-aligned boxes, built for many boxes and refitted while they move a little.
+"""Which boxes of two trees overlap, or come near.
 
-The boxes are sorted along a Morton curve through their centres (Lauterbach et al. 2009, "Fast BVH construction on
-GPUs") and cut in half again and again: a complete binary tree of which node k has the children 2k + 1 and 2k + 2. Its
-shape depends on the number of boxes only, so nothing degenerates where boxes coincide, and a refit is one sweep.
 Overlap is closed: boxes that touch overlap. Which pairs are found depends on the boxes alone, their order on the trees.
 """
-
-from dataclasses import dataclass
 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel, part
+from clothsim.contact.box_tree import LEAF, BoxTree
 
 Overlaps = tuple[Ints, Ints]
 """The first and the second of each pair, (p,) and (p,)."""
-
-LEAF = 4
-"""Most boxes in a leaf."""
-
-_MORTON_CELLS = 2.0**21
-"""Cells of the Morton grid along the longest side: 3 x 21 bits fit one integer."""
 
 _DEPTH = 64
 """Deepest stack of a walk: a tree of 2^62 leaves."""
@@ -29,116 +19,42 @@ _FEW = 32
 """Numbers that insertion sorts fastest."""
 
 
-@dataclass(frozen=True)
-class BoxTree:
-    """A complete binary tree over m boxes.
+def overlapping(
+    queries: BoxTree, tree: BoxTree, grown: float = 0.0, of: np.ndarray | None = None, but: np.ndarray | None = None
+) -> Overlaps:
+    """Boxes i of the one, grown by `grown` [m] on each side, and j of the other tree that overlap.
 
-    order (m,): the boxes as the leaves hold them; starts (l + 1,): leaf i holds order[starts[i]:starts[i + 1]], l a
-    power of two; boxes (m, 6): lower and upper corners in that order [m]; nodes (2 l - 1, 6): the boxes of the nodes,
-    the root first, the leaves last [m]. An empty leaf has the box [inf, -inf], which overlaps nothing.
+    of: which i (m,) are asked for, all if None; but: which j are left out, none if None. `in_order` sorts the pairs.
     """
-
-    order: Ints
-    starts: Ints
-    boxes: Floats
-    nodes: Floats
-
-
-def build_tree(lower: Floats, upper: Floats) -> BoxTree:
-    """A tree over the boxes lower (m, 3) <= upper (m, 3) [m], all finite; m may be 0."""
-    order = np.argsort(_morton_codes(lower, upper), kind="stable")
-    leaves = 1
-    while leaves * LEAF < len(order):
-        leaves *= 2
-    starts = np.arange(leaves + 1) * len(order) // leaves
-    return _fitted(order, starts, lower, upper)
+    if of is None and but is None and len(tree.order) < len(queries.order):  # what is asked, walks: let the fewer
+        second, first = overlapping(tree, queries, grown)
+        return first, second
+    asked = np.ones(len(queries.order), bool) if of is None else of[queries.order]
+    left_out = np.zeros(len(tree.order), bool) if but is None else but[tree.order]
+    return _query(*_fields(queries), asked, *_fields(tree), left_out, grown, False, False)
 
 
-def refit(tree: BoxTree, lower: Floats, upper: Floats) -> BoxTree:
-    """The same tree with its boxes moved to lower, upper (m, 3) [m]: right for any boxes, fast if they moved little."""
-    return _fitted(tree.order, tree.starts, lower, upper)
+def overlapping_self(tree: BoxTree, grown: float = 0.0, of: np.ndarray | None = None) -> Overlaps:
+    """Boxes i < j of the tree that overlap if one of them is grown by `grown` [m] on each side.
 
-
-def overlapping(queries: BoxTree, tree: BoxTree) -> Overlaps:
-    """Boxes i of the one and j of the other tree that overlap; `in_order` sorts them."""
-    return _query(*_fields(queries), *_fields(tree), False)
-
-
-def overlapping_self(tree: BoxTree) -> Overlaps:
-    """Boxes i < j of the tree that overlap; `in_order` sorts them."""
-    return _query(*_fields(tree), *_fields(tree), True)
+    of: which (m,) are asked for, of each pair at least one; all if None.
+    """
+    asked = np.ones(len(tree.order), bool) if of is None else of[tree.order]
+    return _query(*_fields(tree), asked, *_fields(tree), asked, grown, True, of is None)
 
 
 def in_order(overlaps: Overlaps) -> Overlaps:
     """The same pairs sorted by the first, then the second: what the tree was built from no longer shows."""
     first, second = overlaps
-    return _sorted_pairs(first, second, int(first.max(initial=-1)) + 1)
+    n = int(first.max(initial=-1)) + 1
+    if 8 * len(first) < n:
+        order = np.lexsort((second, first))
+        return first[order], second[order]
+    return _sorted_pairs(first, second, n)
 
 
 def _fields(tree: BoxTree) -> tuple[Ints, Ints, Floats, Floats]:
     return tree.order, tree.starts, tree.boxes, tree.nodes
-
-
-def _fitted(order: Ints, starts: Ints, lower: Floats, upper: Floats) -> BoxTree:
-    boxes = np.concatenate([lower[order], upper[order]], axis=1)
-    return BoxTree(order, starts, boxes, _node_boxes(starts, boxes))
-
-
-@kernel
-def _morton_codes(lower: Floats, upper: Floats) -> Ints:
-    """Places of the boxes' centres along the Morton curve (m,)."""
-    m = len(lower)
-    codes = np.zeros(m, np.int64)
-    least, extent = np.zeros(3), 0.0
-    for axis in range(3):
-        low, high = np.inf, -np.inf
-        for i in range(m):
-            centre = 0.5 * lower[i, axis] + 0.5 * upper[i, axis]
-            low, high = min(low, centre), max(high, centre)
-        least[axis], extent = low, max(extent, high - low)
-    if not extent > 0.0:
-        return codes
-    for i in range(m):
-        for axis in range(3):
-            share = (0.5 * lower[i, axis] + 0.5 * upper[i, axis] - least[axis]) / extent
-            cell = np.int64(min(share * _MORTON_CELLS, _MORTON_CELLS - 1.0))
-            codes[i] |= _spread(cell) << axis
-    return codes
-
-
-@part
-def _spread(bits: int) -> int:
-    """The 21 lowest bits with two zeros between neighbours."""
-    bits = (bits | bits << 32) & 0x1F00000000FFFF
-    bits = (bits | bits << 16) & 0x1F0000FF0000FF
-    bits = (bits | bits << 8) & 0x100F00F00F00F00F
-    bits = (bits | bits << 4) & 0x10C30C30C30C30C3
-    return (bits | bits << 2) & 0x1249249249249249
-
-
-@kernel
-def _node_boxes(starts: Ints, boxes: Floats) -> Floats:
-    """The nodes' boxes (2 l - 1, 6), the leaves first, then upwards."""
-    leaves = len(starts) - 1
-    nodes = np.empty((2 * leaves - 1, 6))
-    for node in range(2 * leaves - 2, -1, -1):
-        nodes[node, :3], nodes[node, 3:] = np.inf, -np.inf
-        leaf = node - (leaves - 1)
-        if leaf >= 0:
-            for i in range(starts[leaf], starts[leaf + 1]):
-                _enclose(nodes[node], boxes[i])
-        else:
-            _enclose(nodes[node], nodes[2 * node + 1])
-            _enclose(nodes[node], nodes[2 * node + 2])
-    return nodes
-
-
-@part
-def _enclose(box: Floats, other: Floats) -> None:
-    """Let `box` (6,) enclose `other` too."""
-    for axis in range(3):
-        box[axis] = min(box[axis], other[axis])
-        box[3 + axis] = max(box[3 + axis], other[3 + axis])
 
 
 @part
@@ -160,21 +76,33 @@ def _query(
     starts_a: Ints,
     boxes_a: Floats,
     nodes_a: Floats,
+    asked: np.ndarray,
     order: Ints,
     starts: Ints,
     boxes: Floats,
     nodes: Floats,
+    left_out: np.ndarray,
+    grown: float,
     itself: bool,
+    every: bool,
 ) -> tuple[Ints, Ints]:
-    """Overlapping boxes of two trees, or of one with `itself`: i < j then. Leaf by leaf: neighbours walk as one."""
+    """Overlapping boxes of two trees, or of one with `itself`: i < j then. Leaf by leaf: neighbours walk as one.
+
+    asked, left_out: by their places in the leaves; with `itself`, left_out is asked: a pair of two is found once.
+    every: all of the tree itself are asked.
+    """
     found, stack = np.empty((2, 4 * (len(order_a) + len(order)) + 16), np.int64), np.empty(_DEPTH, np.int64)
+    group, places = np.empty((LEAF + 1, 6)), np.empty(LEAF, np.int64)
     leaves, count = len(starts_a) - 1, 0
     for leaf in range(leaves):
-        top = _push(leaf, leaves, itself, stack)
-        end = _walk(boxes_a, starts_a, nodes_a, leaf, itself, stack, top, starts, boxes, nodes, found, count)
+        size = _gathered(leaf, starts_a, boxes_a, asked, grown, group, places)
+        if size == 0:
+            continue
+        top = _push(leaf, leaves, every, stack)
+        end = _walk(group, places, size, itself, stack, top, starts, boxes, nodes, left_out, found, count)
         if end > found.shape[1]:  # once more, with room for all
-            found, top = _longer(found, count, end), _push(leaf, leaves, itself, stack)
-            _walk(boxes_a, starts_a, nodes_a, leaf, itself, stack, top, starts, boxes, nodes, found, count)
+            found, top = _longer(found, count, end), _push(leaf, leaves, every, stack)
+            _walk(group, places, size, itself, stack, top, starts, boxes, nodes, left_out, found, count)
         count = end
     first, second = np.empty(count, np.int64), np.empty(count, np.int64)
     for k in range(count):
@@ -184,41 +112,63 @@ def _query(
 
 
 @part
+def _gathered(
+    leaf: int, starts: Ints, boxes: Floats, asked: np.ndarray, grown: float, group: Floats, places: Ints
+) -> int:
+    """The boxes of a leaf that are asked for, grown, to `group`, then the one that holds them all. Their number."""
+    size = 0
+    for i in range(starts[leaf], starts[leaf + 1]):
+        if asked[i]:
+            places[size] = i
+            for axis in range(3):
+                group[size, axis], group[size, 3 + axis] = boxes[i, axis] - grown, boxes[i, 3 + axis] + grown
+            size += 1
+    for axis in range(3):
+        group[size, axis], group[size, 3 + axis] = np.inf, -np.inf
+        for k in range(size):
+            group[size, axis] = min(group[size, axis], group[k, axis])
+            group[size, 3 + axis] = max(group[size, 3 + axis], group[k, 3 + axis])
+    return size
+
+
+@part
 def _walk(
-    boxes_a: Floats,
-    starts_a: Ints,
-    nodes_a: Floats,
-    leaf_a: int,
+    group: Floats,
+    places: Ints,
+    size: int,
     itself: bool,
     stack: Ints,
     top: int,
     starts: Ints,
     boxes: Floats,
     nodes: Floats,
+    left_out: np.ndarray,
     found: Ints,
     count: int,
 ) -> int:
-    """Write the places of the boxes of a leaf and of those that meet them to found[:, count:]; how many it then needs.
+    """Write the places of a group of boxes and of those that meet them to found[:, count:]; how many it then needs.
 
     The walk starts at the `top` nodes on the stack. What does not fit into `found` is counted only: an array that
     grows in here would cost eight times as much.
     """
     last_inner = len(starts) - 3
-    node_a = leaf_a + len(starts_a) - 2
     while top > 0:
         top -= 1
         node = stack[top]
-        if not _meet(nodes_a, node_a, nodes, node):
+        if not _meet(group, size, nodes, node):
             continue
         if node <= last_inner:
             stack[top], stack[top + 1], top = 2 * node + 2, 2 * node + 1, top + 2
             continue
         leaf = node - last_inner - 1
-        for i in range(starts_a[leaf_a], starts_a[leaf_a + 1]):
-            if not _meet(boxes_a, i, nodes, node):
+        for k in range(size):
+            if not _meet(group, k, nodes, node):
                 continue
-            for j in range(max(starts[leaf], i + 1) if itself else starts[leaf], starts[leaf + 1]):
-                if _meet(boxes_a, i, boxes, j):
+            i = places[k]
+            for j in range(starts[leaf], starts[leaf + 1]):
+                if left_out[j] and not (itself and i < j):
+                    continue
+                if _meet(group, k, boxes, j):
                     if count < found.shape[1]:
                         found[0, count], found[1, count] = i, j
                     count += 1
@@ -226,9 +176,9 @@ def _walk(
 
 
 @part
-def _push(leaf: int, leaves: int, itself: bool, stack: Ints) -> int:
-    """Put the root on the stack or, for a tree with itself, what comes from the leaf on. How many nodes that is."""
-    if itself:
+def _push(leaf: int, leaves: int, every: bool, stack: Ints) -> int:
+    """Put the root on the stack or, for all of a tree with itself, what comes from the leaf on. How many nodes."""
+    if every:
         return _push_later(leaf, leaves, stack)
     stack[0] = 0
     return 1

@@ -1,10 +1,11 @@
-"""Pairs that could touch: found for a straight way with a margin, and reused until some vertex leaves it.
+"""Pairs that could touch: found for a straight way with a margin, and held until some vertex leaves it.
 
-Two lists. The base: the pairs that were near at one place. While no vertex is further than m <= `reach` from there, a
-pair nearer than `limit` was nearer than limit + 2 m: sorted by distance, the first few are all that is looked at. The
-candidates: those of a Newton step, which may be long. Where most vertices go far, all are searched, and the base is
-taken anew from what is found. Where few do (a buckle that grows), only what hangs on them is searched: the others'
-pairs are in the base.
+The list is that of a base, a place of all vertices, from which some, since the last search, may go a way: it holds
+every pair that is closer than limit + 4 reach on it. Of a place that is no further than m from the base, or from one
+and the same share of the way, it so holds every pair that is closer than limit + 4 reach - 2 m. What lies further off
+is searched for: where most vertices do, all pairs anew; where few do (a buckle that grows), only what hangs on them.
+They are taken out of the list, their new way is searched against all others where the base has them, and what is found
+is put in. So the base is no place that was ever taken, but one of which the list is complete.
 """
 
 from time import perf_counter
@@ -12,10 +13,21 @@ from time import perf_counter
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import kernel
 from clothsim.contact.barrier_kernels import near_pairs
-from clothsim.contact.ccd import edge_edge_limit, point_triangle_limit
-from clothsim.contact.search import NONE, Pairs, Search, together
+from clothsim.contact.ccd import CLOSE, edge_edge_limit, point_triangle_limit
+from clothsim.contact.near import (
+    displaced,
+    distances_at,
+    equal,
+    may_be_near,
+    near_among,
+    place_on_way,
+    share_of_way,
+    still_near,
+    strays,
+)
+from clothsim.contact.pairs import NONE, Pairs, together
+from clothsim.contact.search import Search
 from clothsim.contact.surface import ContactSurface
 
 FEW = 0.25
@@ -45,17 +57,13 @@ class Candidates:
         self.builds = 0
         self.searched = 0
         self.pairs = 0
-        self._search = Search(surface)
+        self.search = Search(surface)
         self.forget()
 
     def forget(self) -> None:
         """Search anew at the next call: a step then depends on its own start only, and a run can be resumed."""
-        self._path: tuple[Floats, Floats] | None = None
-        self._candidates = NONE
-        self._complete = False
-        self._base_at: Floats | None = None
-        self._base = NONE
-        self._order = np.zeros(0, np.int64)
+        self._way: tuple[Floats, Floats] | None = None
+        self._pairs = NONE
         self._distances = np.zeros(0)
         self._near_at: Floats | None = None
         self._near = NONE
@@ -63,12 +71,11 @@ class Candidates:
 
     def near(self, x: Floats) -> Pairs:
         """The pairs closer than `limit` at x."""
-        if self._near_at is not None and np.array_equal(x, self._near_at):
+        if self._near_at is not None and equal(x, self._near_at):
             return self._near
         start = perf_counter()
-        some = self._some(x, self.limit, self.reach)
-        numbers, squared = near_pairs(x, some.elements, some.n_points, self.limit)
-        self._near, self._near_at = some.at(numbers), x.copy()
+        numbers, squared = self._closer(x, self.limit)
+        self._near, self._near_at = self._pairs.at(numbers), x.copy()
         self._gap = float(np.sqrt(squared.min())) - self.offset if len(squared) else np.inf
         self.pairs = len(numbers)
         self.seconds["candidates"] += perf_counter() - start
@@ -76,9 +83,13 @@ class Candidates:
 
     def within(self, x: Floats, distance: float) -> Pairs:
         """The pairs that are closer than `distance` [m] at x, at most limit + reach."""
-        some = self._some(x, distance, 0.5 * self.reach)
-        numbers, _ = near_pairs(x, some.elements, some.n_points, distance)
-        return some.at(numbers)
+        numbers, _ = self._closer(x, distance)
+        return self._pairs.at(numbers)
+
+    def _closer(self, x: Floats, distance: float) -> tuple[Ints, Floats]:
+        """The numbers of the pairs closer than `distance` [m] at x, and their squared distances."""
+        gone = self._hold(x, x, distance)
+        return near_among(x, self._pairs.elements, self._pairs.n_points, self._distances, gone, distance)
 
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance of a pair less the offset [m] where it is below d_hat, else inf."""
@@ -105,119 +116,95 @@ class Candidates:
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The fraction of dx that is free of collision, by additive CCD over straight paths, in [0, 1]."""
         start = perf_counter()
-        after = x + dx
-        moved = float(np.maximum(self._moved(x), self._moved(after)))
-        if moved <= self.reach:  # x has moved, too: who may reach its floor was nearer than offset + 2 moved 1.1 / .9
-            pairs = self._sorted_out(moved * (2.0 - SLACK) / SLACK, self.offset)
-        else:
-            pairs = self._cover(x, after, self.reach)
-        searched = perf_counter()
+        gone = self._hold(x, x + dx, self.limit)
+        pairs = self._pairs.at(self._may_reach_their_floor(gone))
+        self.seconds["candidates"] += perf_counter() - start
+        return self.free(pairs, x, dx)
+
+    def free(self, pairs: Pairs, x: Floats, dx: Floats) -> float:
+        """The fraction of dx on which none of these pairs collides, in [0, 1]."""
+        start = perf_counter()
         points, edges = pairs.elements[: pairs.n_points], pairs.elements[pairs.n_points :]
         keep = self.offset, SLACK, self.limit - self.offset
         fraction = point_triangle_limit(x, dx, points, *keep, 1.0)
         fraction = edge_edge_limit(x, dx, edges, *keep, fraction)
         self.ccd_calls += 1
-        self.seconds["candidates"] += searched - start
-        self.seconds["CCD"] += perf_counter() - searched
+        self.seconds["CCD"] += perf_counter() - start
         return float(fraction)
 
-    def _moved(self, x: Floats) -> float:
-        """The farthest that a vertex is from where the base was taken [m]."""
-        return (
-            np.inf if self._base_at is None else float(_displaced(x, self._base_at, self.surface.rows).max(initial=0))
-        )
+    def _may_reach_their_floor(self, gone: Floats) -> Ints:
+        """The numbers of the pairs that the CCD may stop, if no row of x goes further from the base than `gone`.
 
-    def _some(self, x: Floats, distance: float, reach: float) -> Pairs:
-        """Some pairs, among them all nearer than `distance` <= limit + 2 (self.reach - reach) at x."""
-        moved = self._moved(x)
-        return self._sorted_out(moved, distance) if moved <= self.reach else self._cover(x, x, reach)
-
-    def _sorted_out(self, moved: float, distance: float) -> Pairs:
-        """The pairs of the base that may be nearer than `distance` where no vertex has moved further than `moved`."""
-        count = int(np.searchsorted(self._distances, distance + 2.0 * moved, side="right"))
-        return self._base.at(np.sort(self._order[:count]))
-
-    def _cover(self, before: Floats, after: Floats, reach: float) -> Pairs:
-        """Every pair that comes closer than limit + 2 (self.reach - reach) on a way, by the last search if near its."""
-        start, end = before[self.surface.rows], after[self.surface.rows]
-        if self._path is None or not all(strays(points, *self._path) <= reach for points in (start, end)):
-            self._candidates = self._search_way(before, after)
-            self._path = start, end
-            self.builds += 1
-        return self._candidates
-
-    def _search_way(self, before: Floats, after: Floats) -> Pairs:
-        """Every pair that comes closer than limit + 2 reach on this way.
-
-        Pairs of the base were up to limit + 4 reach apart: what has gone no further than reach is closer than
-        limit + 2 reach only if it is among them. Where all are searched, the list holds what comes closer than
-        limit + 4 reach, so that the place to which Newton then goes on this way can be the next base.
+        Such a pair is d + gone away at most when the way begins, d in the base, and comes down to its floor or CLOSE
+        above: d - gone <= offset + left (d + gone - offset).
         """
-        distance = self.limit + (4.0 + 2.0 * AWAY) * self.reach
-        way = self._path if self._complete else None
-        if way is not None and strays(before[self.surface.rows], *way) <= AWAY * self.reach:
-            self._found_at(before, self._candidates)
-        left = self._left(before, after)
-        self._complete = left is None
-        if left is None:
-            pairs = self._search.pairs(before, after, distance)
-            self.searched += len(self.surface.rows)
-            self._found_at(before, pairs)
-            return pairs
-        kept = np.flatnonzero(~left[self._base.elements].any(axis=1))
-        self.searched += int(left.sum())
-        return together(self._base.at(kept), self._search.pairs(before, after, distance, left))
+        left = 1.0 - SLACK * (1.0 - 2.0 * CLOSE)
+        factor = (1.0 + left) / (1.0 - left)
+        pairs = self._pairs
+        return may_be_near(pairs.elements, pairs.n_points, self._distances, gone, self.offset, factor)
 
-    def _found_at(self, x: Floats, pairs: Pairs) -> None:
-        """x is the new base: those of the pairs, which are all that may count, that are near there."""
-        numbers, squared = near_pairs(x, pairs.elements, pairs.n_points, self.limit + 4.0 * self.reach)
-        self._base, self._base_at = pairs.at(numbers), x.copy()
-        self._order = np.argsort(squared, kind="stable")
-        self._distances = np.sqrt(squared[self._order])
+    def _hold(self, before: Floats, after: Floats, distance: float) -> Floats:
+        """Let the list hold every pair that comes closer than `distance` <= limit + reach [m] on a way.
+
+        Returns how far each row of x then goes from the base (N,) [m].
+        """
+        room = 0.5 * (self.limit + 4.0 * self.reach - distance)
+        if self._way is None:
+            self._search_way(before, after)
+        gone = self._gone(before, after)
+        if not gone.max(initial=0.0) <= room and not self._stray(before, after) <= room:
+            self._search_way(before, after)
+            gone = self._gone(before, after)
+        return gone
+
+    def _gone(self, before: Floats, after: Floats) -> Floats:
+        assert self._way is not None
+        start, rows = self._way[0], self.surface.rows
+        gone = displaced(before, start, rows)
+        return gone if after is before else np.maximum(gone, displaced(after, start, rows))
+
+    def _stray(self, before: Floats, after: Floats) -> float:
+        """The farthest that a row is from where all have gone one share of the way that the list is of."""
+        assert self._way is not None
+        places = (before,) if after is before else (before, after)
+        return max(strays(x, *self._way, self.surface.rows) for x in places)
+
+    def _search_way(self, before: Floats, after: Floats) -> None:
+        """The list of a way: what hangs on rows of x that leave the base is searched for, the rest is known."""
+        self.builds += 1
+        distance = self.limit + (4.0 + 2.0 * AWAY) * self.reach
+        settled = self._settle(before)
+        left = self._left(before, after)
+        if left is None:
+            self._way = before.copy(), after.copy()
+            self._pairs = self.search.pairs(*self._way, distance)
+            self._distances = distances_at(before, self._pairs.elements, self._pairs.n_points)
+            self.searched += len(self.surface.rows)
+            return
+        assert self._way is not None
+        self.searched += int(left.sum())
+        numbers, distances = still_near(
+            self._way[0], self._pairs.elements, self._pairs.n_points, self._distances, settled, left, distance
+        )
+        start = np.where(left[:, None], before, self._way[0])
+        self._way = start, np.where(left[:, None], after, start)
+        found = self.search.pairs(*self._way, distance, left)
+        known = self._pairs if len(numbers) == len(self._pairs) else self._pairs.at(numbers)
+        self._pairs, places = together(known, found)
+        self._distances = np.insert(distances, places, distances_at(start, found.elements, found.n_points))
+
+    def _settle(self, x: Floats) -> np.ndarray:
+        """Move the base along the way to where it is closest to x: the list holds there. Which rows moved (N,)."""
+        if self._way is None:
+            return np.zeros(len(x), bool)
+        place, moved = place_on_way(*self._way, share_of_way(x, *self._way, self.surface.rows))
+        self._way = place, place
+        return moved
 
     def _left(self, before: Floats, after: Floats) -> np.ndarray | None:
         """Which rows of x leave the base on a way, (N,); None where all are to be searched."""
-        rows, second = self.surface.rows, self.surface.second.points
-        if self._base_at is None:
+        if self._way is None:
             return None
-        gone = ~(np.maximum(*(_displaced(x, self._base_at, rows) for x in (before, after))) <= self.reach)
-        left = np.zeros(len(before), bool)
-        left[rows] = gone
-        if gone.sum() > FEW * len(self.surface.first.points) or (not self.surface.itself and left[second].any()):
-            return None
-        return left
-
-
-@kernel
-def _displaced(x: Floats, at: Floats, rows: Ints) -> Floats:
-    """How far each of these rows of x is from where it was [m]."""
-    displaced = np.empty(len(rows))
-    for k in range(len(rows)):
-        squared = 0.0
-        for axis in range(3):
-            squared += (x[rows[k], axis] - at[rows[k], axis]) ** 2
-        displaced[k] = np.sqrt(squared)
-    return displaced
-
-
-def strays(points: Floats, start: Floats, end: Floats) -> float:
-    """The largest distance [m] of a point from where it is when all have gone one and the same share start -> end."""
-    return float(_strays(points, start, end))
-
-
-@kernel
-def _strays(points, start, end):
-    length = along = 0.0
-    for i in range(len(points)):
-        for k in range(3):
-            length += (end[i, k] - start[i, k]) ** 2
-            along += (points[i, k] - start[i, k]) * (end[i, k] - start[i, k])
-    share = min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
-    most = 0.0
-    for i in range(len(points)):
-        off = 0.0
-        for k in range(3):
-            off += (points[i, k] - start[i, k] - share * (end[i, k] - start[i, k])) ** 2
-        if not off <= most:  # NaN, too, is far away
-            most = off
-    return np.sqrt(most)
+        left = ~(self._gone(before, after) <= self.reach)
+        few = left.sum() <= FEW * len(self.surface.first.points)
+        return left if few and (self.surface.itself or not left[self.surface.second.points].any()) else None

@@ -35,7 +35,7 @@ def that_may_meet(
     distance [m]; labels (N,), allowed (L, L): which objects may touch. Pairs that share a vertex are left out.
     """
     kept = np.empty((2, len(first)), np.int64)
-    count = 0
+    count, near = 0, distance * distance
     for k in range(len(first)):
         i, j = first[k], second[k]
         if _share_a_vertex(a, i, b, j) or not allowed[labels[a[i, 0]], labels[b[j, 0]]]:
@@ -43,18 +43,19 @@ def that_may_meet(
         between = minus(_middle(before, b, j), _middle(before, a, i))
         if _are_apart(between, a, i, b, j, before, after, distance):
             continue
-        if not _are_apart(_closest(before, a, i, b, j), a, i, b, j, before, after, distance):
+        closest = _closest(before, a, i, b, j)
+        if dot(closest, closest) <= near or not _are_apart(closest, a, i, b, j, before, after, distance):
             kept[0, count], kept[1, count], count = i, j, count + 1
     return kept[0, :count].copy(), kept[1, :count].copy()
 
 
 @part
 def _share_a_vertex(a: Ints, i: int, b: Ints, j: int) -> bool:
+    share = False  # no branch: most neighbours do
     for k in range(a.shape[1]):
         for m in range(b.shape[1]):
-            if a[i, k] == b[j, m]:
-                return True
-    return False
+            share |= a[i, k] == b[j, m]
+    return share
 
 
 @part

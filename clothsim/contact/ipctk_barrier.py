@@ -9,7 +9,8 @@ from scipy import sparse
 
 from clothsim.arrays import Floats
 from clothsim.contact.barrier import Barrier
-from clothsim.contact.candidates import SLACK, Candidates, Pairs
+from clothsim.contact.candidates import SLACK, Candidates
+from clothsim.contact.near import strays
 from clothsim.contact.surface import ContactSurface
 
 SEPARATION = 1e-6
@@ -28,6 +29,7 @@ class IpctkCandidates(Candidates):
         """As the numba cache's."""
         super().forget()
         self._found = ipctk.Candidates()
+        self._path: tuple[Floats, Floats] | None = None  # of the last search
         self._collisions_at: Floats | None = None
         self._collisions = ipctk.NormalCollisions()
 
@@ -40,7 +42,7 @@ class IpctkCandidates(Candidates):
         if self._collisions_at is not None and np.array_equal(x, self._collisions_at):
             return self._collisions
         start = perf_counter()
-        self._cover(x, x, self.reach)
+        self._cover(x, x)
         collisions = ipctk.NormalCollisions()
         collisions.use_area_weighting = True
         collisions.build(self._found, self.mesh, self.rows_of(x), self.limit)
@@ -61,7 +63,7 @@ class IpctkCandidates(Candidates):
         """The fraction of dx that is free of collision; keeps SEPARATION d_hat or half the present gap."""
         separation = min(SEPARATION * self.limit, 0.5 * self.minimum_gap(x))
         start = perf_counter()
-        self._cover(x, x + dx, self.reach)
+        self._cover(x, x + dx)
         searched = perf_counter()
         ccd = ipctk.AdditiveCCD(conservative_rescaling=SLACK)
         ways = self.rows_of(x), self.rows_of(x + dx)
@@ -71,11 +73,15 @@ class IpctkCandidates(Candidates):
         self.seconds["CCD"] += perf_counter() - searched
         return float(fraction)
 
-    def _search_way(self, before: Floats, after: Floats) -> Pairs:
+    def _cover(self, before: Floats, after: Floats) -> None:
+        """Let ipctk's candidates hold every pair that comes closer than d_hat on a way: by its last search if near."""
+        rows = self.surface.rows
+        if self._path is not None and all(strays(x, *self._path, rows) <= self.reach for x in (before, after)):
+            return
+        self._found, self._path = ipctk.Candidates(), (before.copy(), after.copy())
         inflation = 0.5 * self.limit + 2.0 * self.reach
-        self._found = ipctk.Candidates()
         self._found.build(self.mesh, self.rows_of(before), self.rows_of(after), inflation, ipctk.LBVH())
-        return super()._search_way(before, after)
+        self.builds += 1
 
 
 @dataclass(frozen=True)

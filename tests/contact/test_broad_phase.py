@@ -3,7 +3,19 @@
 import numpy as np
 import pytest
 
-from clothsim.contact.broad_phase import build_tree, in_order, overlapping, overlapping_self, refit
+from clothsim.contact.box_tree import build_tree, refit
+from clothsim.contact.broad_phase import in_order, overlapping, overlapping_self
+
+
+def corners(lower, upper):
+    """Boxes (m, 3) as elements of two rows each, and the rows."""
+    m = len(lower)
+    return np.column_stack([np.arange(m), m + np.arange(m)]), np.concatenate([lower, upper])
+
+
+def tree_of(lower, upper):
+    elements, rows = corners(lower, upper)
+    return build_tree(elements, rows, rows)
 
 
 def overlap_by_comparison(lower, upper, tree_lower, tree_upper):
@@ -14,7 +26,7 @@ def overlap_by_comparison(lower, upper, tree_lower, tree_upper):
 
 def found_in(tree, lower, upper):
     """Pairs (p, 2) of queries and boxes of the tree, sorted."""
-    return np.column_stack(in_order(overlapping(build_tree(lower, upper), tree)))
+    return np.column_stack(in_order(overlapping(tree_of(lower, upper), tree)))
 
 
 def found_within(tree):
@@ -48,52 +60,82 @@ def assert_all_pairs(lower, upper, query_lower, query_upper, tree):
 def test_pairs_are_those_found_by_comparison(count, size):
     rng = np.random.default_rng(count)
     lower, upper = random_boxes(count, size, rng)
-    assert_all_pairs(lower, upper, *random_boxes(50, size, rng), build_tree(lower, upper))
+    assert_all_pairs(lower, upper, *random_boxes(50, size, rng), tree_of(lower, upper))
 
 
 def test_huge_and_tiny_boxes_mixed():
     rng = np.random.default_rng(1)
     lower, upper = mixed_boxes(400, rng)
-    assert_all_pairs(lower, upper, *mixed_boxes(200, rng), build_tree(lower, upper))
+    assert_all_pairs(lower, upper, *mixed_boxes(200, rng), tree_of(lower, upper))
 
 
 @pytest.mark.parametrize("place", [0.0, 1e6, -1e-12])
 def test_identical_boxes_all_overlap(place):
     lower = np.full((300, 3), place)
-    tree = build_tree(lower, lower)
+    tree = tree_of(lower, lower)
     assert len(found_within(tree)) == 300 * 299 // 2
     assert_all_pairs(lower, lower, lower[:5], lower[:5], tree)
 
 
 def test_boxes_that_touch_overlap_and_those_an_ulp_apart_do_not():
     lower = np.array([[0.0, 0, 0], [1.0, 0, 0], [np.nextafter(2.0, 3.0), 0, 0]])
-    tree = build_tree(lower, np.array([[1.0, 1, 1], [2.0, 1, 1], [3.0, 1, 1]]))
+    tree = tree_of(lower, np.array([[1.0, 1, 1], [2.0, 1, 1], [3.0, 1, 1]]))
     np.testing.assert_array_equal(found_within(tree), [[0, 1]])
 
 
-@pytest.mark.parametrize("moved", [0.01, 3.0])
-def test_a_refitted_tree_finds_what_a_new_one_finds(moved):
+@pytest.mark.parametrize("share", [0.01, 0.2, 1.0])
+@pytest.mark.parametrize("size", [0.01, 3.0])
+def test_a_tree_in_which_some_have_moved_finds_what_a_new_one_finds(share, size):
     rng = np.random.default_rng(2)
     lower, upper = random_boxes(300, 0.1, rng)
-    tree = build_tree(lower, upper)
-    way = moved * rng.uniform(-1, 1, lower.shape)
-    there = refit(tree, lower + way, upper + way)
-    assert_all_pairs(lower + way, upper + way, lower, upper, there)
-    assert_all_pairs(lower, upper, lower, upper, tree)  # the first tree is as it was
+    elements, rows = corners(lower, upper)
+    tree = build_tree(elements, rows, rows)
+    for _ in range(5):
+        moves = rng.random(300) < share
+        moves[:2] = True
+        way = size * rng.uniform(-1, 1, lower.shape) * moves[:, None]
+        lower, upper = lower + way, upper + way
+        rows = np.concatenate([lower, upper])
+        refit(tree, rows, rows, np.tile(moves, 2))
+        assert_all_pairs(lower, upper, *random_boxes(50, 0.1, rng), tree)
+
+
+def test_a_box_holds_its_element_all_the_way():
+    before, after = np.array([[0.0, 0, 0], [1, 5, -1]]), np.array([[3.0, -2, 0], [-1, 0, 7]])
+    tree = build_tree(np.array([[0, 1]]), before, after)
+    np.testing.assert_array_equal(tree.nodes, [[-1, -2, -1, 3, 5, 7]])
+    np.testing.assert_array_equal(tree.boxes, tree.nodes)
+
+
+def test_only_those_asked_for_are_found_and_each_pair_once():
+    rng = np.random.default_rng(7)
+    lower, upper = random_boxes(300, 0.1, rng)
+    tree, asked, but = tree_of(lower, upper), rng.random(300) < 0.1, rng.random(300) < 0.3
+    grown = 0.05
+    every = overlap_by_comparison(lower - grown, upper + grown, lower, upper)
+    one, other = every.T
+    found = np.column_stack(in_order(overlapping(tree, tree, grown, asked, but)))
+    np.testing.assert_array_equal(found, every[asked[one] & ~but[other]])
+    found = np.column_stack(in_order(overlapping_self(tree, grown, asked)))
+    np.testing.assert_array_equal(found, every[(one < other) & (asked[one] | asked[other])])
+    found = np.column_stack(in_order(overlapping_self(tree, grown)))
+    np.testing.assert_array_equal(found, every[one < other])
 
 
 def test_empty_inputs_have_no_pairs():
     none = np.zeros((0, 3))
-    empty, one = build_tree(none, none), build_tree(none[:0], none[:0])
+    empty, one = tree_of(none, none), tree_of(none[:0], none[:0])
     lower, upper = np.zeros((2, 3)), np.ones((2, 3))
     for pairs in (found_within(empty), found_in(empty, lower, upper), found_in(one, none, none)):
         assert pairs.shape == (0, 2)
-    assert found_in(build_tree(lower, upper), none, none).shape == (0, 2)
-    assert found_within(refit(empty, none, none)).shape == (0, 2)
+    assert found_in(tree_of(lower, upper), none, none).shape == (0, 2)
 
 
 def test_pairs_do_not_depend_on_the_shape_of_the_tree():
     rng = np.random.default_rng(3)
+    elements, elsewhere = corners(*random_boxes(200, 0.2, rng))
+    tree = build_tree(elements, elsewhere, elsewhere)
     lower, upper = random_boxes(200, 0.2, rng)
-    elsewhere = build_tree(*random_boxes(200, 0.2, rng))
-    np.testing.assert_array_equal(found_within(refit(elsewhere, lower, upper)), found_within(build_tree(lower, upper)))
+    rows = np.concatenate([lower, upper])
+    refit(tree, rows, rows, np.ones(400, bool))
+    np.testing.assert_array_equal(found_within(tree), found_within(tree_of(lower, upper)))

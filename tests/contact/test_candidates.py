@@ -5,7 +5,9 @@ import pytest
 from contacts import body_surface, jittered, self_surface, sheet_on_ball, two_sheets
 
 from clothsim.contact.barrier_kernels import near_pairs
-from clothsim.contact.candidates import Candidates, strays
+from clothsim.contact.candidates import Candidates
+from clothsim.contact.ccd import edge_edge_limit, point_triangle_limit
+from clothsim.contact.near import strays
 from clothsim.intersection.pairs import intersecting_pairs
 
 D_HAT = 0.05
@@ -48,25 +50,130 @@ def test_the_pairs_are_all_pairs_wherever_the_cache_comes_from(kind, reach):
     assert found > 20
 
 
+def every_pair(surface):
+    """Rows (p, 4) of all pairs that share no vertex, points with triangles first, and how many of those."""
+    first, second = surface.first, surface.second
+    sides = [(first, second)] if surface.itself else [(first, second), (second, first)]
+    points = [(p, *t) for a, b in sides for p in a.points for t in b.triangles if p not in t]
+    edges = [
+        (*e, *f)
+        for i, e in enumerate(first.edges)
+        for j, f in enumerate(second.edges)
+        if not set(e) & set(f) and (not surface.itself or i < j)
+    ]
+    return np.array(points + edges), len(points)
+
+
 def test_every_pair_of_primitives_is_looked_at():
     """Against brute force over all point-triangle and edge-edge pairs."""
     for kind in ("body", "self"):
         surface, x = surface_and_start(kind)
         x = jittered(x, len(surface.first.points), 0.01)
-        first, second = surface.first, surface.second
-        sides = [(first, second)] if surface.itself else [(first, second), (second, first)]
-        points = [(p, *t) for a, b in sides for p in a.points for t in b.triangles if p not in t]
-        edges = [
-            (*e, *f)
-            for i, e in enumerate(first.edges)
-            for j, f in enumerate(second.edges)
-            if not set(e) & set(f) and (not surface.itself or i < j)
-        ]
-        elements = np.array(points + edges)
-        numbers, _ = near_pairs(x, elements, len(points), 0.15)
+        elements, n_points = every_pair(surface)
+        numbers, _ = near_pairs(x, elements, n_points, 0.15)
         brute = sorted(tuple(elements[k]) for k in numbers)
         assert len(brute) > 20
         assert sorted(map(tuple, Candidates(surface, 0.15, 0.01).near(x).elements)) == brute
+
+
+def some_way(rng, surface, x, reach):
+    """A way of few or many vertices, small or long, in common or each its own; at times of the body, or of nobody."""
+    size = reach * 10.0 ** rng.uniform(-2.0, 1.5)
+    dx = size * rng.standard_normal(x.shape)
+    kind = rng.integers(5)
+    if kind < 2:
+        dx[rng.random(len(x)) > rng.uniform(0.0, 0.3)] = 0.0
+    elif kind == 2:
+        dx = size * rng.standard_normal(3) + 0.1 * dx
+    elif kind == 3:
+        dx *= 10.0 ** rng.uniform(-3, 0, (len(x), 1))
+    if not surface.itself and rng.random() < 0.7:
+        dx[surface.second.points] = 0.0
+    return dx
+
+
+@pytest.mark.parametrize("kind", ["body", "self"])
+@pytest.mark.parametrize("seed", range(8))
+def test_after_any_ways_the_pairs_are_those_of_all_pairs(kind, seed):
+    """Steps taken or not, in part, places that come again, searches elsewhere between: each list against all pairs."""
+    surface, x = body_surface(sheet_on_ball(0.32)) if kind == "body" else self_surface(two_sheets())
+    elements, n_points = every_pair(surface)
+    rng = np.random.default_rng(seed)
+    offset, reach = (0.0, 0.02) if seed % 2 else (0.01, 0.008)
+    limit = 0.04 + offset
+    candidates, places, found = Candidates(surface, limit, reach, offset), [x], 0
+    for _ in range(14):
+        x = places[-1] if rng.random() < 0.8 else places[rng.integers(len(places))]
+        if rng.random() < 0.3:
+            x = x + some_way(rng, surface, x, reach)
+        dx = some_way(rng, surface, x, reach)
+        if rng.random() < 0.1:
+            dx[rng.integers(len(x))] = rng.choice([np.nan, np.inf])
+        with np.errstate(invalid="ignore"):
+            fraction = candidates.step_limit(x, dx)
+            if not np.isfinite(dx).all():
+                continue
+        keep = offset, 0.9, limit - offset
+        least = point_triangle_limit(x, dx, elements[:n_points], *keep, 1.0)
+        assert fraction == edge_edge_limit(x, dx, elements[n_points:], *keep, least)
+        for share in (fraction, rng.random() * fraction, 1.0):
+            y = x + share * dx
+            for distance in (limit, limit + reach):
+                pairs = candidates.near(y) if distance == limit else candidates.within(y, distance)
+                numbers, _ = near_pairs(y, elements, n_points, distance)
+                assert sorted(map(tuple, pairs.elements.tolist())) == sorted(map(tuple, elements[numbers].tolist()))
+                assert (np.diff(pairs.keys) > 0).all()
+                found += len(numbers)
+        places.append(x + fraction * dx)
+    assert found > 100
+
+
+def layers_apart(distance):
+    """Two layers this far apart, their rows, and a candidate search in which they count below 0.02."""
+    surface, x = self_surface(two_sheets(cells=4))
+    upper = surface.labels == surface.labels[-1]
+    x[:, 2] = np.where(upper, distance, 0.0)
+    return surface, x, upper
+
+
+@pytest.mark.parametrize("apart", [1.5, 2.5, 3.5, 3.95, 4.05, 4.5, 6.0])
+def test_layers_that_come_together_from_both_sides_are_seen_in_time(apart):
+    """From limit + `apart` reach each goes half of that, and a little further: neither list nor filter may miss it."""
+    limit, reach = 0.02, 0.01
+    surface, x, upper = layers_apart(limit + apart * reach)
+    candidates = Candidates(surface, limit, reach)
+    assert not len(candidates.near(x))
+    x[:, 2] += np.where(upper, -1.0, 1.0) * (0.5 * apart + 0.02) * reach
+    assert len(candidates.near(x)) >= 25
+    assert candidates.builds == (1 if apart < 4.0 else 2)
+
+
+def test_what_is_not_searched_for_has_stayed_near_its_place():
+    """Few vertices of both layers meet halfway while another goes far, for which alone the list is made anew."""
+    limit, reach = 0.02, 0.01
+    surface, x, upper = layers_apart(limit + 4.8 * reach)
+    candidates = Candidates(surface, limit, reach)
+    candidates.near(x)
+    low, high = np.flatnonzero(~upper), np.flatnonzero(upper)
+    x[low[:5], 2] += 2.5 * reach
+    x[high[:5], 2] -= 2.5 * reach
+    x[high[-1], 2] += 10.0 * reach
+    assert len(candidates.near(x)) >= 5
+    assert candidates.searched == 50 + 11
+
+
+def test_a_way_that_starts_elsewhere_is_searched_from_there():
+    """A corner put over the lower layer, where no way has led, falls through, far from any way of its old place."""
+    surface, x, upper = layers_apart(0.5)
+    candidates = Candidates(surface, 0.002, 0.001)
+    candidates.near(x)
+    corner = np.flatnonzero(upper)[np.argmax(x[upper, 0] + x[upper, 1])]
+    x[corner] = 0.1, 0.1, 0.03
+    dx = np.zeros_like(x)
+    dx[corner] = 0.8, 0.0, -1.0
+    limit = candidates.step_limit(x, dx)
+    assert 0.02 < limit < 0.03
+    assert limit == Candidates(surface, 0.002, 0.001).step_limit(x, dx)
 
 
 def test_the_cache_is_used_and_forgotten():
@@ -137,11 +244,16 @@ def test_the_offset_is_kept_free():
 
 def test_how_far_a_point_strays_from_where_all_would_be():
     start, end = np.zeros((3, 3)), np.array([[2.0, 0, 0], [0, 0, 0], [0, 1, 0]])
+    rows = np.arange(3)
     halfway = 0.5 * end + np.array([[0, 0.3, 0], [0, 0, 0.2], [0, 0, 0.1]])
-    assert strays(halfway, start, end) == pytest.approx(0.3)
+    assert strays(halfway, start, end, rows) == pytest.approx(0.3)
     each_its_own = np.array([[2.0, 0, 0], [0, 0, 0], [0, 0, 0]])  # the first arrived, the third stayed
-    assert strays(each_its_own, start, end) == pytest.approx(0.8)  # at the common share .8, the third is .8 behind
-    assert strays(start + 0.1, start, start) == pytest.approx(0.1 * np.sqrt(3))
+    assert strays(each_its_own, start, end, rows) == pytest.approx(0.8)  # at the share .8, the third is .8 behind
+    assert strays(start + 0.1, start, start, rows) == pytest.approx(0.1 * np.sqrt(3))
+    nowhere = halfway.copy()
+    nowhere[0] = np.nan
+    assert strays(nowhere, start, end, rows) == np.inf == strays(nowhere, start, start, rows)
+    assert strays(nowhere, start, end, rows[1:]) < 1.0
 
 
 def test_the_change_of_a_gap_is_seen_pair_by_pair():

@@ -67,5 +67,5 @@ def test_neighbours_are_no_candidates(kind):
     surface, x = self_surface(two_sheets()) if kind == "self" else body_surface(sheet_on_ball(0.5))
     candidates = Candidates(surface, 1e-3, 1e-3)
     candidates.step_limit(x, np.tile([0.3, 0.1, 0.5], (len(x), 1)))
-    assert len(candidates._candidates) == 0
+    assert len(candidates._pairs) == 0
     assert candidates.builds == 1

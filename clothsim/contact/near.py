@@ -1,0 +1,150 @@
+"""Which pairs of a list may count: told by the distances they once had, and how far their vertices have gone since."""
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel, part
+from clothsim.contact.barrier_kernels import _apart
+from clothsim.contact.culling import ROUNDING
+from clothsim.contact.distance import closest
+
+
+@kernel
+def displaced(x: Floats, at: Floats, rows: Ints) -> Floats:
+    """How far each of these rows of x (N, 3) [m] is from where it was, (N,) [m]; 0 for all others, inf for NaN."""
+    gone = np.zeros(len(x))
+    for k in range(len(rows)):
+        i, squared = rows[k], 0.0
+        for axis in range(3):
+            squared += (x[i, axis] - at[i, axis]) ** 2
+        gone[i] = np.sqrt(squared) if squared >= 0.0 else np.inf
+    return gone
+
+
+@part
+def _gone(elements: Ints, e: int, n_points: int, gone: Floats) -> float:
+    """How much nearer the two of a pair may have come, if each row of x has gone so far (N,)."""
+    a, b, c, d = gone[elements[e, 0]], gone[elements[e, 1]], gone[elements[e, 2]], gone[elements[e, 3]]
+    if e < n_points:
+        return a + max(b, c, d)
+    return max(a, b) + max(c, d)
+
+
+@kernel
+def may_be_near(elements: Ints, n_points: int, distances: Floats, gone: Floats, near: float, factor: float) -> Ints:
+    """The numbers of the pairs that were no further apart than `near` [m] and `factor` times what they have gone."""
+    numbers = np.empty(len(elements), np.int64)
+    count = 0
+    for e in range(len(elements)):
+        if distances[e] <= near + factor * _gone(elements, e, n_points, gone):
+            numbers[count] = e
+            count += 1
+    return numbers[:count].copy()
+
+
+@kernel
+def near_among(
+    x: Floats, elements: Ints, n_points: int, distances: Floats, gone: Floats, near: float
+) -> tuple[Ints, Floats]:
+    """The numbers of the pairs closer than `near` [m] at x (N, 3) [m], and their squared distances [m2].
+
+    distances (p,) [m]: those that the pairs had where each row of x was before it has gone so far, gone (N,) [m].
+    """
+    numbers, squared = np.empty(len(elements), np.int64), np.empty(len(elements))
+    g, r = np.empty(4), np.empty(3)
+    count = 0
+    for e in range(len(elements)):
+        if distances[e] > ROUNDING * (near + _gone(elements, e, n_points, gone)):
+            continue
+        if _apart(x, elements[e], 1 if e < n_points else 2, near):
+            continue
+        distance = closest(x, elements[e], e >= n_points, g, r)
+        if distance < near * near:
+            numbers[count], squared[count] = e, distance
+            count += 1
+    return numbers[:count].copy(), squared[:count].copy()
+
+
+@kernel
+def distances_at(x: Floats, elements: Ints, n_points: int) -> Floats:
+    """The distances of pairs at x (N, 3), (p,) [m]; 0 for what is no number: it may be anywhere."""
+    distances = np.empty(len(elements))
+    g, r = np.empty(4), np.empty(3)
+    for e in range(len(elements)):
+        distance = np.sqrt(closest(x, elements[e], e >= n_points, g, r))
+        distances[e] = distance if distance >= 0.0 else 0.0
+    return distances
+
+
+@kernel
+def still_near(
+    x: Floats, elements: Ints, n_points: int, distances: Floats, moved: np.ndarray, left: np.ndarray, near: float
+) -> tuple[Ints, Floats]:
+    """The numbers of the pairs closer than `near` [m] of which no row has `left` (N,), and their distances [m].
+
+    Those in which a row has moved (N,) are measured anew at x (N, 3) [m].
+    """
+    numbers, measured = np.empty(len(elements), np.int64), np.empty(len(elements))
+    g, r = np.empty(4), np.empty(3)
+    count = 0
+    for e in range(len(elements)):
+        gone = has_moved = False
+        for k in range(4):
+            gone |= left[elements[e, k]]
+            has_moved |= moved[elements[e, k]]
+        if gone:
+            continue
+        distance = np.sqrt(closest(x, elements[e], e >= n_points, g, r)) if has_moved else distances[e]
+        if distance <= near:
+            numbers[count], measured[count] = e, distance
+            count += 1
+    return numbers[:count].copy(), measured[:count].copy()
+
+
+@kernel
+def share_of_way(x: Floats, start: Floats, end: Floats, rows: Ints) -> float:
+    """The share of the way start -> end (N, 3) [m] at which these rows of x are closest to it, in [0, 1]."""
+    length = along = 0.0
+    for i in rows:
+        for k in range(3):
+            length += (end[i, k] - start[i, k]) ** 2
+            along += (x[i, k] - start[i, k]) * (end[i, k] - start[i, k])
+    return min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
+
+
+@kernel
+def strays(x: Floats, start: Floats, end: Floats, rows: Ints) -> float:
+    """The largest distance [m] of a row of x from where it is when all have gone one and the same share start -> end.
+
+    x, start, end (N, 3) [m]; rows (n,): those that count. inf for what is no number.
+    """
+    share, most = share_of_way(x, start, end, rows), 0.0
+    for i in rows:
+        off = 0.0
+        for k in range(3):
+            off += (x[i, k] - start[i, k] - share * (end[i, k] - start[i, k])) ** 2
+        if not off < np.inf:
+            return np.inf
+        most = max(most, off)
+    return np.sqrt(most)
+
+
+@kernel
+def equal(x: Floats, y: Floats) -> bool:
+    """Whether two arrays (N, 3) are the same, told at the first difference; NaN equals nothing."""
+    i = 0
+    while i < len(x) and x[i, 0] == y[i, 0] and x[i, 1] == y[i, 1] and x[i, 2] == y[i, 2]:
+        i += 1
+    return i == len(x)
+
+
+@kernel
+def place_on_way(start: Floats, end: Floats, share: float) -> tuple[Floats, np.ndarray]:
+    """Where all are at this share of their ways (N, 3) [m], and which rows have moved (N,)."""
+    place, moved = start.copy(), np.zeros(len(start), np.bool_)
+    for i in range(len(start)):
+        for k in range(3):
+            if start[i, k] != end[i, k]:
+                place[i, k] += share * (end[i, k] - start[i, k])
+                moved[i] |= share != 0.0
+    return place, moved
