@@ -1,12 +1,13 @@
 """The barrier energy of contact: zero beyond d_hat, infinite at contact."""
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import Self, cast
 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.contact import barrier_kernels as kernels
+from clothsim.contact.around import CandidatesAround
 from clothsim.contact.candidates import Candidates
 from clothsim.contact.semidefinite import clamp
 from clothsim.contact.stiffness import barrier_stiffness
@@ -84,6 +85,10 @@ class Barrier(Energy):
         if dense.any():
             clamp(blocks, np.flatnonzero(dense))
         return ElementHessian(elements, blocks)
+
+    def around(self, moving: np.ndarray, x: Floats) -> Self:
+        """The barrier of the pairs that a moving vertex belongs to."""
+        return replace(self, candidates=cast(Candidates, CandidatesAround.of(self.candidates, moving, x)))
 
     def couplings(self, x: Floats) -> Ints:
         """The rows (p, 4) of the pairs of cloth with cloth that are in reach of a small step."""

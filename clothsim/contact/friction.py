@@ -54,6 +54,8 @@ class Friction(Energy):
     normals: Floats
     limits: Floats
 
+    per_element = ("elements", "weights", "normals", "limits")
+
     begins_last = True
     incremental = True
     exact_in_newton = False  # it is positive semi-definite: the projected Hessian is the exact one

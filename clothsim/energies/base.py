@@ -2,8 +2,8 @@
 
 import abc
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from dataclasses import dataclass, field, replace
+from typing import Any, ClassVar, Self, cast
 
 import numpy as np
 from scipy import sparse
@@ -97,6 +97,9 @@ class Energy(abc.ABC):
     exact_in_newton: ClassVar[bool] = True
     """False where the projected Hessian serves Newton for both: the exact one would cost more than it saves."""
 
+    per_element: ClassVar[tuple[str, ...]] = ()
+    """Its arrays with a row for each element, first the rows of x of each; empty where it is no sum over elements."""
+
     @property
     def drives(self) -> bool:
         """True where it may do work on the cloth from outside, as wind does: a rise of the energy is then no error."""
@@ -141,6 +144,17 @@ class Energy(abc.ABC):
     def again(self, x: Floats) -> Self:
         """A copy for another pass of the same step, its lagged quantities taken at x."""
         return self
+
+    def around(self, moving: np.ndarray, x: Floats) -> Self:
+        """A copy for solves from x in which the `moving` vertices ((N,) booleans) move and all others stand.
+
+        It may leave out what none of them touches, a constant.
+        By `per_element`; without it the energy itself, which is as right and costs more.
+        """
+        if not self.per_element:
+            return self
+        kept = np.flatnonzero(moving[getattr(self, self.per_element[0])].any(axis=1))
+        return replace(cast(Any, self), **{name: getattr(self, name)[kept] for name in self.per_element})
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The largest admissible fraction of dx, in (0, 1]."""

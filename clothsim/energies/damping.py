@@ -5,11 +5,10 @@ from typing import Any, Self
 
 import numpy as np
 
-from clothsim.arrays import Floats, as_positive
+from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.energies.base import ElementHessian, Energy, Off, Step
-from clothsim.energies.diagonal import diagonal_hessian
+from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_difference, weighted_square
 from clothsim.energies.hinge_bending import HingeBending, hinge_bending
-from clothsim.energies.inertia import weighted_difference, weighted_square
 from clothsim.energies.strain_damping import HingeDamping, StrainDamping
 from clothsim.energies.values import over_cloth
 from clothsim.mesh.world import World
@@ -19,32 +18,35 @@ from clothsim.mesh.world import World
 class MassDamping(Energy):
     """E = rate sum m |x - x_n|^2 / (2 h): the force is -rate m v (Rayleigh's mass term).
 
-    masses (n,) [kg]; rate [1/s]; start x_n (n, 3) [m] and dt h [s] of the step; in BDF2 x^ and b h (FORMULAS 2).
+    rows (n, 1) of x; masses (n,) [kg]; rate [1/s]; start x_n (n, 3) [m] and dt h [s] of the step; in BDF2 x^ and
+    b h (FORMULAS 2).
     """
 
+    rows: Ints
     masses: Floats
     rate: float
     start: Floats
     dt: float
 
+    per_element = ("rows", "masses", "start")
     incremental = True
 
     def begin(self, step: Step) -> Self:
         """Bound to x_n and h of the step."""
         past = step.past
-        return replace(self, start=past.positions[: len(self.masses)], dt=past.dt)
+        return replace(self, start=past.positions[self.rows[:, 0]], dt=past.dt)
 
     def value(self, x: Floats) -> float:
         """Incremental dissipation [J]."""
-        return self.rate * weighted_square(self.masses, x, self.start) / (2 * self.dt)
+        return self.rate * weighted_square(self.rows, self.masses, x, self.start) / (2 * self.dt)
 
     def gradient(self, x: Floats) -> Floats:
         """rate m (x - x_n) / h, (N, 3) [N]."""
-        return weighted_difference(self.rate * self.masses / self.dt, x, self.start)
+        return weighted_difference(self.rows, self.rate * self.masses / self.dt, x, self.start)
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """rate m / h on the diagonal [N/m]."""
-        return diagonal_hessian(self.rate * self.masses / self.dt)
+        return diagonal_hessian(self.rows, self.rate * self.masses / self.dt)
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,10 @@ class Dampings(Energy):
     def begin(self, step: Step) -> Self:
         """Each bound to the step."""
         return replace(self, parts=tuple(part.begin(step) for part in self.parts))
+
+    def around(self, moving: np.ndarray, x: Floats) -> Self:
+        """Each around what moves."""
+        return replace(self, parts=tuple(part.around(moving, x) for part in self.parts))
 
     def value(self, x: Floats) -> float:
         """Incremental dissipation [J]."""
@@ -103,12 +109,12 @@ def damping(world: World, *, rate: Any = 1.0, stiffness: float = 0.0, strain_rat
 
 
 def _mass_damping(world: World, rates: Floats) -> MassDamping:
-    start = world.start()[: world.n_cloth]
+    rows, start = every_vertex(world.n_cloth), world.start()[: world.n_cloth]
     if (rates == rates[0]).all():
-        return MassDamping(world.masses, float(rates[0]), start, 1.0)
+        return MassDamping(rows, world.masses, float(rates[0]), start, 1.0)
     thirds = np.repeat(rates * world.per_triangle("density") * world.rest_areas / 3, 3)
     weights = np.bincount(world.triangles.ravel(), thirds, world.n_cloth).astype(np.float64)
-    return MassDamping(weights, 1.0, start, 1.0)
+    return MassDamping(rows, weights, 1.0, start, 1.0)
 
 
 def _strain_damping(world: World, shear: Floats, trace: Floats) -> StrainDamping:

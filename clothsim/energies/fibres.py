@@ -12,7 +12,7 @@ It acts beside `membrane`, as a tape or a net sewn on would: what it gives is ad
 between warp and weft is `effects.membrane.material = "orthotropic"`.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -37,6 +37,12 @@ class ThreadLaw(Protocol):
     def curvatures(self, measured: Floats) -> Floats:
         """The second derivatives aa, ab, bb and 88, (m, 4) [N/m]; those of I8 with la and lb must be 0."""
 
+    def of(self, triangles: Ints) -> Self:
+        """The law of some of its triangles, by their numbers."""
+
+
+ARRAYS = "triangles", "inverses", "areas"
+
 
 @dataclass(frozen=True)
 class LinearThreads:
@@ -46,6 +52,10 @@ class LinearThreads:
     weft: Floats
     coupled: Floats
     shear: Floats
+
+    def of(self, triangles: Ints) -> Self:
+        """The stiffnesses of some triangles."""
+        return replace(self, **{field.name: getattr(self, field.name)[triangles] for field in fields(self)})
 
     def density(self, measured: Floats) -> Floats:
         """psi, (m,) [J/m2]."""
@@ -83,6 +93,11 @@ class Fibres(Energy):
         """The threads of the `chosen (k,)` triangles of a world; angles (m,) of the warp [rad], of all of them."""
         inverses = world.rest_shape_inverses @ thread_axes(world, angles)
         return cls(world.triangles[chosen], inverses[chosen], world.rest_areas[chosen], law)
+
+    def around(self, moving: np.ndarray, x: Floats) -> Self:
+        """The threads of the triangles that a moving vertex touches."""
+        kept = np.flatnonzero(moving[self.triangles].any(axis=1))
+        return replace(self, law=self.law.of(kept), **{name: getattr(self, name)[kept] for name in ARRAYS})
 
     def measured(self, x: Floats) -> Floats:
         """la, lb, I8 of each triangle, (m, 3)."""

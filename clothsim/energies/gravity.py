@@ -6,23 +6,26 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim.arrays import Floats, as_vector
+from clothsim.arrays import Floats, Ints, as_vector
 from clothsim.energies.base import ElementHessian, Energy, Off, Step
-from clothsim.energies.diagonal import diagonal_hessian
+from clothsim.energies.diagonal import diagonal_hessian, every_vertex
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
 class Gravity(Energy):
-    """E = -sum m g . (x - origin). masses (n,) [kg]; acceleration g (3,) [m/s2].
+    """E = -sum m g . (x - origin). rows (n, 1) of x; masses (n,) [kg]; acceleration g (3,) [m/s2].
 
     Heights are taken from `origin (3,)` [m], so that the value stays small and a difference of two values stays exact.
     """
 
+    rows: Ints
     masses: Floats
     acceleration: Floats
     origin: Floats
     load: float = 1.0
+
+    per_element = ("rows", "masses")
 
     def begin(self, step: Step) -> Self:
         """Bound to the share of the load that acts."""
@@ -30,18 +33,18 @@ class Gravity(Energy):
 
     def value(self, x: Floats) -> float:
         """Potential energy over the origin [J]."""
-        moment = self.masses @ (x[: len(self.masses)] - self.origin)
+        moment = self.masses @ (x[self.rows[:, 0]] - self.origin)
         return float(-self.load * (moment @ self.acceleration))
 
     def gradient(self, x: Floats) -> Floats:
         """-m g, (N, 3) [N]."""
         out = np.zeros_like(x)
-        out[: len(self.masses)] = -self.load * self.masses[:, None] * self.acceleration
+        out[self.rows[:, 0]] = -self.load * self.masses[:, None] * self.acceleration
         return out
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Nothing: the energy is linear."""
-        return diagonal_hessian(np.zeros(0))
+        return diagonal_hessian(every_vertex(0), np.zeros(0))
 
 
 def gravity(world: World, *, acceleration: ArrayLike = (0.0, 0.0, -9.81)) -> Energy | Off:
@@ -49,4 +52,4 @@ def gravity(world: World, *, acceleration: ArrayLike = (0.0, 0.0, -9.81)) -> Ene
     vector = as_vector("effects.gravity.acceleration", acceleration)
     if not vector.any():
         return Off("acceleration is zero")
-    return Gravity(world.masses, vector, world.start()[: world.n_cloth].mean(axis=0))
+    return Gravity(every_vertex(world.n_cloth), world.masses, vector, world.start()[: world.n_cloth].mean(axis=0))

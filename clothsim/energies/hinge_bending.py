@@ -36,6 +36,8 @@ class HingeBending(Energy):
     rest_angles: Floats
     stiffnesses: Floats
 
+    per_element = ("vertices", "rest_angles", "stiffnesses")
+
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
         return _value(self.vertices, self.rest_angles, self.stiffnesses, x)

@@ -28,6 +28,8 @@ class Links(Energy):
     stiffnesses: Floats
     slack: np.ndarray
 
+    per_element = ("rows", "weights", "places", "lengths", "stiffnesses", "slack")
+
     @property
     def idle(self) -> bool:
         """True where no link has a stiffness."""

@@ -16,7 +16,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, Ints
 from clothsim.energies.orthotropic import ThreadedMembrane
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
@@ -66,6 +66,10 @@ class MeasuredThreads:
     weft: Curve
     shear: Curve
     mu: float
+
+    def of(self, triangles: Ints) -> Self:
+        """The same: it is one for all triangles."""
+        return self
 
     def density(self, measured: Floats) -> Floats:
         """psi, (m,) [J/m2]."""

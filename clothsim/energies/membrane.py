@@ -28,6 +28,8 @@ class NeoHookeanMembrane(Energy):
     mu: Floats
     lam: Floats
 
+    per_element = ("triangles", "rest_shape_inverses", "rest_areas", "mu", "lam")
+
     @classmethod
     def of(cls, world: World) -> Self:
         """The membrane of every triangle that has a stiffness."""

@@ -11,7 +11,7 @@ mu): mu = min(G, half the smaller eigenvalue of [[C11, C12], [C12, C22]]) is the
 Under E1 = E2 = 2 (1 + nu) G the small-strain limit is that of the isotropic membrane.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
@@ -48,6 +48,10 @@ class ThreadedMembrane(Energy):
     def choices(self) -> tuple[str, ...]:
         """What it chose where the scene was silent."""
         return self.said
+
+    def around(self, moving: np.ndarray, x: Floats) -> Self:
+        """Both over the triangles that a moving vertex touches."""
+        return replace(self, sheet=self.sheet.around(moving, x), threads=self.threads.around(moving, x))
 
     def value(self, x: Floats) -> float:
         """Elastic energy [J]; +inf where a triangle has lost its area."""

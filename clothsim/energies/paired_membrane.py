@@ -42,6 +42,8 @@ class PairedMembrane(Energy):
     mu: Floats
     lam: Floats
 
+    per_element = ("elements", "rates", "weights", "mu", "lam")
+
     def value(self, x: Floats) -> float:
         """Elastic energy [J]; +inf where a triangle has lost its area."""
         return kernels.value(x, *self._arrays)

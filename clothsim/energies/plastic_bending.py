@@ -36,6 +36,7 @@ class PlasticBending(ShiftedHinges):
     yields: Floats
     hardening: float
 
+    per_element = (*ShiftedHinges.per_element, "rest_angles", "yields")
     begins_last = True
 
     @property

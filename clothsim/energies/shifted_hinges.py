@@ -10,6 +10,7 @@ s: projected, there is nothing to add to it; exact, it is -k s d2theta/dx2.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -34,6 +35,8 @@ class ShiftedHinges(Energy):
     stiffnesses: Floats
     shifts: Floats
     numbers: Ints
+
+    per_element: ClassVar[tuple[str, ...]] = ("vertices", "references", "stiffnesses", "shifts", "numbers")
 
     @property
     def idle(self) -> bool:

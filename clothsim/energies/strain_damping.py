@@ -39,6 +39,8 @@ class StrainDamping(Energy):
     past: Floats
     dt: float
 
+    per_element = ("triangles", "inverses", "areas", "shear", "trace", "past")
+
     incremental = True
 
     def begin(self, step: Step) -> Self:
@@ -99,6 +101,10 @@ class HingeDamping(Energy):
         """Bound to the angles before the step."""
         angles = past_of(step, lambda x: dihedral_angles(x, self.spring.vertices))
         return replace(self, spring=HingeBending(self.spring.vertices, angles, self.viscosities / step.past.dt))
+
+    def around(self, moving: np.ndarray, x: Floats) -> Self:
+        """The hinges around what moves."""
+        return replace(self, spring=self.spring.around(moving, x))
 
     def value(self, x: Floats) -> float:
         """Incremental dissipation [J]."""

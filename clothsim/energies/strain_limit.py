@@ -49,6 +49,8 @@ class StrainLimit(Energy):
     limits: Floats
     stiffness: Floats
 
+    per_element = ("triangles", "inverses", "areas", "begins", "limits", "stiffness")
+
     def value(self, x: Floats) -> float:
         """Energy of the barrier [J]; +inf where a stretch is at its limit or beyond."""
         stretches = kernels.stretches(x, self.triangles, self.inverses)

@@ -169,9 +169,9 @@ def _solve(
         before, bound = bound, bound.again(result.x)
         if not (before.lagging or bound.lagging):
             break  # nothing was lagged, and nothing is: the same problem again
-        iterations = result.iterations
+        iterations, regional = result.iterations, result.regional
         result = _newton(integrator, state, h, bound).minimise(result.x, target)
-        result = replace(result, iterations=iterations + result.iterations)
+        result = replace(result, iterations=iterations + result.iterations, regional=regional + result.regional)
     return bound, result
 
 

@@ -59,7 +59,10 @@ class Direction:
 
 @dataclass(frozen=True)
 class Model:
-    """E near a place, by the potential and the system that holds its matrix; `fixed` (n,) vertices do not move."""
+    """E near a place, by the potential and the system that holds its matrix.
+
+    fixed (n,): which of the system's vertices do not move.
+    """
 
     potential: Potential
     system: System
@@ -106,16 +109,20 @@ class Model:
         dx = self._with(np.zeros_like(gradient), found.x)
         return Direction(dx, gradient, found.bends, replace(kept, products=found.products))
 
+    def residual(self, gradient: Floats) -> float:
+        """The largest component of the gradient (N, 3) at a vertex that moves [N]."""
+        return float(np.abs(gradient[self.system.rows[~self.fixed]]).max(initial=0.0))
+
     def _free(self, vectors: Floats) -> Floats:
-        """The entries (3 n,) of vectors (N, 3) at the cloth's vertices, 0 where they are fixed."""
-        entries = vectors[: len(self.fixed)].copy()
+        """The entries (3 n,) of vectors (N, 3) at the region's vertices, 0 where they are fixed."""
+        entries = vectors[self.system.rows]
         entries[self.fixed] = 0.0
         return entries.ravel()
 
     def _with(self, way: Floats, solution: Floats) -> Floats:
         """`way` with the solution at the vertices that are free."""
         dx = way.copy()
-        dx[: len(self.fixed)][~self.fixed] = solution.reshape(-1, 3)[~self.fixed]
+        dx[self.system.rows[~self.fixed]] = solution.reshape(-1, 3)[~self.fixed]
         return dx
 
     def _assembled(self, x: Floats, hessians: list[assembly.Hessian]) -> Floats:

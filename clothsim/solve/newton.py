@@ -3,7 +3,7 @@
 Every loop is bounded and every end has a name (`outcome.Ending`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,8 +15,9 @@ from clothsim.solve.line_search import RESOLVED, armijo, lengthened, round_off
 from clothsim.solve.observe import Iterate, Observer, unobserved
 from clothsim.solve.outcome import Ending, Outcome, outcome
 from clothsim.solve.potential import Potential
+from clothsim.solve.region import NOBODY, Region, restless
 from clothsim.solve.system import System
-from clothsim.solve.trust import PROJECTED
+from clothsim.solve.trust import PROJECTED, TRUSTED, Trust
 
 SMALLEST_FRACTION = 1e-12
 BLOCKED_FRACTION = 1e-8
@@ -32,6 +33,8 @@ CHANGE_OF_GAP = 0.3
 logarithm is about as long as the gap, however large the force F: d -> 2 d - F d^2, a change by 1 - F d. Where the
 change is .3, one more step leaves its square, 9 %."""
 LAST_DIGITS = float(np.finfo(float).eps)
+REGIONAL = 10
+"""Iterations of a region at most: it is left for the next look at the whole."""
 LONGEST = 32.0
 """How many times longer than Newton says a step of negative curvature may be."""
 
@@ -49,7 +52,8 @@ class NewtonSettings:
 class NewtonResult:
     """Where a solve ended: x (N, 3), its outcome, iterations that moved, last speed |dx|_inf/dt [m/s], residual [N].
 
-    left: about how far x is from the minimiser [m], the last step times the rate at which the steps became shorter.
+    left: about how far x is from the minimiser [m], the last step times the rate at which the steps became shorter;
+    regional: iterations between them that moved a few vertices alone.
     """
 
     x: Floats
@@ -58,6 +62,7 @@ class NewtonResult:
     speed: float
     residual: float
     left: float = np.inf
+    regional: int = 0
 
 
 @dataclass(frozen=True)
@@ -83,7 +88,7 @@ class Newton:
         x, carried, iterations = self._carry(x.copy(), target, model)
         if not carried.converged:
             return NewtonResult(x, carried, iterations, np.inf, np.inf)
-        return self._descend(x, model, iterations)
+        return self._descend(x, model, PROJECTED, iterations)
 
     def _carry(self, x: Floats, target: Prescribed, model: Model) -> tuple[Floats, Outcome, int]:
         """Move the prescribed vertices to their places; returns x, whether they arrived, iterations taken."""
@@ -116,27 +121,47 @@ class Newton:
             return False
         return self._limit(x, way) == 1.0 and bool(np.isfinite(self.potential.value(x + way)))
 
-    def _descend(self, x: Floats, model: Model, iterations: int) -> NewtonResult:
+    def _settled(self, x: Floats, dx: Floats, model: Model) -> NewtonResult | None:
+        """The few vertices that the last step dx moved, brought to rest by themselves; None where they are not few."""
+        least = self.settings.tolerance * self.dt
+        moved = np.abs(dx[self.system.rows]).max(axis=1, initial=0.0)
+        rows = restless(moved, least, self.system.base, model.fixed) if self.system.region is None else NOBODY
+        if not len(rows):
+            return None
+        with self.potential.ledger.phase("assembly"):
+            region = Region(rows, len(x))
+            potential = self.potential.around(region.moving, x)
+        hessians = potential.exact_hessians(x)
+        with self.potential.ledger.phase("linear solve"):
+            system = self.system.of(region, hessians)
+        part = Newton(potential, system, replace(self.settings, max_iterations=REGIONAL), self.dt)
+        return part._descend(x, Model(potential, system, np.zeros(len(rows), bool)), TRUSTED, 0)
+
+    def _descend(self, x: Floats, model: Model, trust: Trust, iterations: int) -> NewtonResult:
         """Newton with the prescribed vertices held, until a step that nothing clipped is below the tolerance."""
         settings = self.settings
         still = np.zeros_like(x)
         speed, residual = np.inf, np.inf
-        trust, kept = PROJECTED, NOTHING
+        kept, regional = NOTHING, 0
+
+        def ended(how: Outcome, count: int, left: float = np.inf) -> NewtonResult:
+            return NewtonResult(x, how, count, speed, residual, left, regional)
+
         for count in range(iterations, iterations + settings.max_iterations):
             direction = model.direction(x, still, trust, kept)
             dx, gradient, kept = direction.dx, direction.gradient, direction.kept
-            residual = float(np.abs(gradient[: len(model.fixed)][~model.fixed]).max(initial=0.0))
+            residual = model.residual(gradient)
             if direction.end is not None:
-                return NewtonResult(x, direction.end, count, speed, residual)
+                return ended(direction.end, count)
             before, speed = speed, self._speed(dx)
             if speed == 0.0:
-                return NewtonResult(x, outcome(Ending.CONVERGED), count, speed, residual, 0.0)
+                return ended(outcome(Ending.CONVERGED), count, 0.0)
             limit = self._limit(x, dx)
             if limit < SMALLEST_FRACTION and kept.age:
                 kept = NOTHING
                 continue
             if limit < SMALLEST_FRACTION:
-                return NewtonResult(x, _at_fastest(Ending.NO_ROOM, x, dx, fraction=limit), count, speed, residual)
+                return ended(_at_fastest(Ending.NO_ROOM, x, dx, fraction=limit), count)
             with self.potential.ledger.phase("line search"):
                 slope = dot(gradient, dx)
                 fraction = armijo(self.potential, x, dx, slope, limit) if slope < 0.0 else 0.0
@@ -155,14 +180,17 @@ class Newton:
                 self.observe(Iterate(x, fraction, speed, residual))
             if done:
                 rate = min(1.0, speed / before) if np.isfinite(before) else 1.0
-                return NewtonResult(x, outcome(Ending.CONVERGED), count + 1, speed, residual, rate * speed * self.dt)
+                return ended(outcome(Ending.CONVERGED), count + 1, rate * speed * self.dt)
             if fraction == 0.0 and not trust.exact:
-                return NewtonResult(x, _at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), count, speed, residual)
+                return ended(_at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), count)
             noise = fraction == 0.0 or (direction.bends and -slope < RESOLVED * round_off(self.potential.values(x)))
             trust, kept = trust.after(fraction, direction.bends, noise), kept.after(fraction)
+            settled = self._settled(x, dx, model) if trust.exact and not noise else None
+            if settled is not None:
+                x, regional, kept = settled.x, regional + settled.iterations, NOTHING
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
-        return NewtonResult(x, end, iterations + settings.max_iterations, speed, residual)
+        return ended(end, iterations + settings.max_iterations)
 
     def _below_noise(self, x: Floats, dx: Floats, gradient: Floats, speed: float) -> bool:
         """True where the full step was refused for the round-off of E alone.

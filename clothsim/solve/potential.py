@@ -70,6 +70,10 @@ class Potential:
                 bound[name] = energy.again(x)
         return replace(self, energies=bound)
 
+    def around(self, moving: np.ndarray, x: Floats) -> Self:
+        """The same but for a constant while, from x on, only the `moving` vertices ((N,) booleans) move."""
+        return replace(self, energies={name: energy.around(moving, x) for name, energy in self.energies.items()})
+
     def value(self, x: Floats) -> float:
         """E(x) [J]; +inf where any energy refuses x."""
         return sum(self.values(x))

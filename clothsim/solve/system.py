@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from clothsim.arrays import Floats, Ints
 from clothsim.solve.direct import LinearSolver
 from clothsim.solve.linear import make_solver
-from clothsim.solve.pattern import Hessian, Pattern, coupled, couplings
+from clothsim.solve.pattern import Hessian, Pattern, coupled, couplings, make_pattern
+from clothsim.solve.region import Region
 
 
 class System:
@@ -16,10 +17,13 @@ class System:
 
     `base` is what the mesh couples. Each step starts with what contact couples within reach (`begin`), so that the
     order of elimination, and with it every bit, depends on the step's own start; inside a step the pattern only grows.
+    region: the rows of x that the matrix is about, None for the first ones, all of the cloth.
     """
 
-    def __init__(self, base: Pattern, linear: str = "auto", threads: int = 0) -> None:
+    def __init__(self, base: Pattern, linear: str = "auto", threads: int = 0, region: Region | None = None) -> None:
         self.base = base
+        self.region = region
+        self.rows = np.arange(base.n_vertices) if region is None else region.rows
         self.analyses = 0
         self._linear, self._threads = linear, threads
         self.pattern = base
@@ -31,11 +35,24 @@ class System:
         self._take(coupled(self.base, couplings))
         self.solver.restart()
 
+    def of(self, region: Region, hessians: list[Hessian]) -> "System":
+        """A system of a region, with the same kind of solver; its pattern is that of the `hessians` over x."""
+        own = [region.hessian(hessian) for hessian in hessians]
+        pattern = make_pattern(len(region.rows), np.zeros((0, 3), np.int64), own)
+        return System(pattern, self._linear, self._threads, region)
+
     def assemble(self, hessians: list[Hessian], nearby: Callable[[], list[Ints]]) -> Floats:
         """The sum of the Hessians as the data of the pattern, which grows first where something does not fit.
 
         nearby: gives the couplings that may soon be needed too.
         """
+        if self.region is not None:
+            region = self.region
+            hessians = [region.hessian(hessian) for hessian in hessians]
+            return self._grown(hessians, lambda: [*map(region.renumbered, nearby())])
+        return self._grown(hessians, nearby)
+
+    def _grown(self, hessians: list[Hessian], nearby: Callable[[], list[Ints]]) -> Floats:
         data, outside = self._assembled(hessians)
         if outside:
             own = [couplings(hessian) for hessian in hessians]

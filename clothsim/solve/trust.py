@@ -40,3 +40,6 @@ class Trust:
 
 PROJECTED = Trust()
 """As at the start of a solve: not at all."""
+
+TRUSTED = Trust(projected=0)
+"""From the first step, where a solve begins near its end."""

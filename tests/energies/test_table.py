@@ -150,6 +150,35 @@ def test_projected_hessian_is_positive_semi_definite(name, seed):
 
 
 @every_energy
+def test_around_what_moves_is_the_same_but_for_a_constant(name):
+    energy, world = made(name)
+    x = position(world)
+    moving = np.zeros(len(x), bool)
+    moving[[1, 2, 5]] = True
+    y = x + 0.02 * moving[:, None] * np.random.default_rng(5).standard_normal(x.shape)
+    part = energy.around(moving, x)
+    scale = abs(energy.value(x)) + abs(energy.value(y))
+    assert abs((part.value(y) - part.value(x)) - (energy.value(y) - energy.value(x))) <= 1e-13 * scale
+    entries = np.flatnonzero(np.repeat(moving, 3))
+    wanted, found = energy.gradient(y)[moving], part.gradient(y)[moving]
+    np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-13 * np.abs(energy.gradient(y)).max())
+    for project in (True, False):
+        whole, own = (dense_hessian(each, y, project)[np.ix_(entries, entries)] for each in (energy, part))
+        np.testing.assert_allclose(own, whole, rtol=0, atol=1e-12 * np.abs(whole).max(initial=1e-300))
+
+
+def test_most_energies_leave_out_what_stands():
+    moving = np.arange(table_world().n_vertices) == 1
+    smaller = [
+        name
+        for name, (energy, world) in ((name, made(name)) for name in ENERGIES)
+        if np.count_nonzero(energy.around(moving, position(world)).gradient(position(world)))
+        < np.count_nonzero(energy.gradient(position(world)))
+    ]
+    assert {"inertia", "membrane", "bending", "gravity", "fibres", "damping", "body_contact"} <= set(smaller)
+
+
+@every_energy
 def test_value_and_derivatives_leave_their_input_alone(name):
     energy, world = made(name)
     x = position(world)

@@ -3,8 +3,10 @@
 import numpy as np
 
 from clothsim.energies.base import ElementHessian
-from clothsim.energies.inertia import diagonal_hessian
+from clothsim.energies.diagonal import every_vertex
+from clothsim.energies.inertia import Inertia
 from clothsim.solve.pattern import make_pattern
+from clothsim.solve.region import Region
 from clothsim.solve.system import System
 
 TRIANGLES = np.array([[0, 1, 2], [3, 4, 5]])
@@ -27,7 +29,19 @@ def test_a_pattern_that_grows_moves_the_places_of_what_was_known():
 
 
 def test_the_vertices_one_by_one_are_the_same_elements_each_time():
-    first, second = diagonal_hessian(np.ones(5)), diagonal_hessian(np.full(5, 2.0))
+    energy = Inertia(every_vertex(5), np.arange(1.0, 6.0), np.zeros((5, 3)), 1.0)
+    first, second = energy.hessian(np.zeros((5, 3))), energy.hessian(np.ones((5, 3)))
     assert first.elements is second.elements
     assert first.elements.tolist() == [[0], [1], [2], [3], [4]]
-    assert len(diagonal_hessian(np.ones(3)).elements) == 3
+
+
+def test_a_region_renumbers_its_rows_and_drops_the_others():
+    region = Region(np.array([1, 4, 5]), 6)
+    known = blocks(TRIANGLES, 0)
+    system = System(make_pattern(6, TRIANGLES, [known]), "superlu").of(region, [known])
+    whole = known.to_sparse(6).toarray()
+    entries = (3 * region.rows[:, None] + np.arange(3)).ravel()
+    data = system.assemble([known], list)
+    np.testing.assert_array_equal(system.pattern.upper(data).toarray(), np.triu(whole[np.ix_(entries, entries)]))
+    np.testing.assert_array_equal(region.hessian(known.to_sparse(6)).toarray(), whole[np.ix_(entries, entries)])
+    assert region.renumbered(TRIANGLES) is region.renumbered(TRIANGLES)

@@ -1,0 +1,66 @@
+"""Some vertices that move while all others stand, as a small problem of their own.
+
+Late in a solve of crumpling cloth a hundredth of the vertices still moves: creases that grow, each at its own place.
+Every iteration over the whole cloth pays for all the rest again, and one crease that goes too far shortens the step of
+all others (nonlinear elimination: Lanzkron, Rose & Wilkes 1996).
+"""
+
+import numpy as np
+from scipy import sparse
+
+from clothsim.arrays import Floats, Ints
+from clothsim.energies.base import ElementHessian
+from clothsim.solve.pattern import Hessian, Pattern
+
+RINGS = 3
+"""Rings of neighbours that move with what is not at rest."""
+MOST = 0.5
+"""Share of the vertices that a region may have: a larger one would cost what the whole does."""
+NOBODY = np.zeros(0, np.int64)
+
+
+class Region:
+    """rows (k,): the rows of x that move, ascending; moving (N,): the same as booleans.
+
+    It remembers what it renumbered: the same list of elements comes back as the same object.
+    """
+
+    def __init__(self, rows: Ints, count: int) -> None:
+        self.rows = rows
+        self.moving = np.zeros(count, bool)
+        self.moving[rows] = True
+        self._numbers = np.full(count, len(rows))  # of what stands: the assembler drops it
+        self._numbers[rows] = np.arange(len(rows))
+        self._known: dict[int, tuple[Ints, Ints]] = {}
+
+    def renumbered(self, elements: Ints) -> Ints:
+        """Rows of x (m, j) as rows of the region's matrix."""
+        found = self._known.get(id(elements))
+        if found is None:
+            found = self._known[id(elements)] = elements, self._numbers[elements]  # what is held keeps its id
+        return found[1]
+
+    def hessian(self, hessian: Hessian) -> Hessian:
+        """A Hessian over x as one over the region's rows."""
+        if isinstance(hessian, ElementHessian):
+            return ElementHessian(self.renumbered(hessian.elements), hessian.blocks)
+        entries = (3 * self.rows[:, None] + np.arange(3)).ravel()
+        return sparse.csr_array(hessian.tocsr()[entries][:, entries])
+
+
+def restless(moved: Floats, least: float, pattern: Pattern, fixed: np.ndarray) -> Ints:
+    """The rows (k,) that moved (n,) [m] further than `least`, with RINGS of neighbours; none where they are too many.
+
+    pattern: who is whose neighbour; fixed (n,): which never move.
+    """
+    chosen = (moved > least) & ~fixed
+    if not 0 < chosen.sum() <= MOST * len(moved):
+        return NOBODY
+    rows = np.repeat(np.arange(pattern.n_vertices), np.diff(pattern.starts))
+    for _ in range(RINGS):
+        grown = chosen.copy()
+        grown[pattern.columns[chosen[rows]]] = True
+        grown[rows[chosen[pattern.columns]]] = True
+        chosen = grown
+    found = np.flatnonzero(chosen & ~fixed)
+    return found if len(found) <= MOST * len(moved) else NOBODY

@@ -1,0 +1,68 @@
+"""The few that still move are brought to rest by themselves: the same end, and fewer iterations of the whole."""
+
+import numpy as np
+from meshes import cloth, grid
+from solving import newton_of
+
+from clothsim.energies.base import Prescribed
+from clothsim.energies.bending import bending
+from clothsim.energies.inertia import inertia
+from clothsim.energies.membrane import membrane
+from clothsim.mesh.world import make_world
+from clothsim.solve import newton, region
+from clothsim.solve.pattern import make_pattern
+from clothsim.solve.region import NOBODY, restless
+
+NOTHING = Prescribed(NOBODY, np.zeros((0, 3)))
+
+
+def test_what_moved_takes_rings_of_neighbours_along():
+    _, triangles = grid(20, 20)
+    pattern = make_pattern(441, triangles, [])
+    moved = np.zeros(441)
+    moved[220] = 1.0  # the middle of 21 x 21
+    rows = restless(moved, 0.5, pattern, np.zeros(441, bool))
+    down, across = rows // 21 - 10, rows % 21 - 10
+    assert len(rows) > 30
+    assert max(np.abs(down).max(), np.abs(across).max()) == region.RINGS
+    fixed = np.zeros(441, bool)
+    fixed[221] = True
+    assert 221 in rows
+    assert 221 not in restless(moved, 0.5, pattern, fixed)
+
+
+def test_there_is_no_region_where_nothing_or_too_much_moves():
+    _, triangles = grid(8, 8)
+    pattern, free = make_pattern(81, triangles, []), np.zeros(81, bool)
+    assert not len(restless(np.zeros(81), 0.5, pattern, free))
+    assert not len(restless(np.ones(81), 0.5, pattern, free))
+    assert not len(restless(np.arange(81) % 9 == 4.0, 0.5, pattern, free))  # a row, and three on both sides of it
+    assert len(restless(np.arange(81) == 0.0, 0.5, pattern, free))
+
+
+def dented(monkeypatch, most):
+    """A step of a sheet at rest with one dent in it; most: share of the vertices that a region may have."""
+    monkeypatch.setattr(region, "MOST", most)
+    positions, triangles = grid(24, 24)
+    world = make_world([cloth(positions, triangles)], [])
+    x = world.start()
+    near = np.linalg.norm(x - x[312], axis=1)
+    x = x + 0.2 * np.exp(-((near / 0.06) ** 2))[:, None] * np.array([0.3, -0.2, 1.0])
+    energies = {"inertia": inertia(world), "membrane": membrane(world), "bending": bending(world)}
+    solver = newton_of(world, energies, dt=0.02, tolerance=1e-2)
+    return solver.minimise(x, NOTHING)
+
+
+def test_the_end_is_the_same_with_regions_and_without(monkeypatch):
+    with_them, without = dented(monkeypatch, 0.5), dented(monkeypatch, 0.0)
+    assert with_them.outcome.converged
+    assert without.outcome.converged
+    assert with_them.regional > 0
+    assert with_them.iterations < without.iterations
+    assert without.regional == 0
+    assert np.abs(with_them.x - without.x).max() < 0.01 * 1e-2 * 0.02
+
+
+def test_a_region_is_left_after_its_iterations(monkeypatch):
+    monkeypatch.setattr(newton, "REGIONAL", 1)
+    assert dented(monkeypatch, 0.5).outcome.converged
