@@ -58,15 +58,15 @@ def _fields(tree: BoxTree) -> tuple[Ints, Ints, Floats, Floats]:
 
 
 @part
-def _meet(a: Floats, i: int, b: Floats, j: int) -> bool:
-    """Whether the boxes a[i] and b[j] overlap."""
+def _meet(a: float, b: float, c: float, d: float, e: float, f: float, boxes: Floats, i: int) -> bool:
+    """Whether the box with the corners (a, b, c) and (d, e, f) overlaps boxes[i]."""
     return (
-        (a[i, 0] <= b[j, 3])
-        & (b[j, 0] <= a[i, 3])
-        & (a[i, 1] <= b[j, 4])
-        & (b[j, 1] <= a[i, 4])
-        & (a[i, 2] <= b[j, 5])
-        & (b[j, 2] <= a[i, 5])
+        (a <= boxes[i, 3])
+        & (boxes[i, 0] <= d)
+        & (b <= boxes[i, 4])
+        & (boxes[i, 1] <= e)
+        & (c <= boxes[i, 5])
+        & (boxes[i, 2] <= f)
     )
 
 
@@ -91,19 +91,20 @@ def _query(
     asked, left_out: by their places in the leaves; with `itself`, left_out is asked: a pair of two is found once.
     every: all of the tree itself are asked.
     """
-    found, stack = np.empty((2, 4 * (len(order_a) + len(order)) + 16), np.int64), np.empty(_DEPTH, np.int64)
+    found = np.empty((2, 4 * (len(order_a) + len(order)) + 16), np.int64)
     group, places = np.empty((LEAF + 1, 6)), np.empty(LEAF, np.int64)
+    stack, met = np.empty(_DEPTH, np.int64), np.empty(len(starts), np.int64)
     leaves, count = len(starts_a) - 1, 0
     for leaf in range(leaves):
         size = _gathered(leaf, starts_a, boxes_a, asked, grown, group, places)
         if size == 0:
             continue
         top = _push(leaf, leaves, every, stack)
-        end = _walk(group, places, size, itself, stack, top, starts, boxes, nodes, left_out, found, count)
-        if end > found.shape[1]:  # once more, with room for all
-            found, top = _longer(found, count, end), _push(leaf, leaves, every, stack)
-            _walk(group, places, size, itself, stack, top, starts, boxes, nodes, left_out, found, count)
-        count = end
+        n_met = _leaves_met(group[size], nodes, len(starts) - 1, stack, top, met)
+        if count + size * LEAF * n_met > found.shape[1]:
+            found = _longer(found, count, count + size * LEAF * n_met)
+        for k in range(size):
+            count = _boxes_met(group[k], places[k], met, n_met, starts, boxes, left_out, itself, found, count)
     first, second = np.empty(count, np.int64), np.empty(count, np.int64)
     for k in range(count):
         i, j = order_a[found[0, k]], order[found[1, k]]
@@ -132,46 +133,44 @@ def _gathered(
 
 
 @part
-def _walk(
-    group: Floats,
-    places: Ints,
-    size: int,
-    itself: bool,
-    stack: Ints,
-    top: int,
-    starts: Ints,
-    boxes: Floats,
-    nodes: Floats,
-    left_out: np.ndarray,
-    found: Ints,
-    count: int,
-) -> int:
-    """Write the places of a group of boxes and of those that meet them to found[:, count:]; how many it then needs.
-
-    The walk starts at the `top` nodes on the stack. What does not fit into `found` is counted only: an array that
-    grows in here would cost eight times as much.
-    """
-    last_inner = len(starts) - 3
+def _leaves_met(box: Floats, nodes: Floats, leaves: int, stack: Ints, top: int, met: Ints) -> int:
+    """Write the leaves that meet a box (6,), of those below the `top` nodes on the stack, to `met`; how many it is."""
+    a, b, c, d, e, f = box[0], box[1], box[2], box[3], box[4], box[5]  # as numbers: what is written is no box
+    count = 0
     while top > 0:
         top -= 1
         node = stack[top]
-        if not _meet(group, size, nodes, node):
+        if not _meet(a, b, c, d, e, f, nodes, node):
             continue
-        if node <= last_inner:
+        if node < leaves - 1:
             stack[top], stack[top + 1], top = 2 * node + 2, 2 * node + 1, top + 2
-            continue
-        leaf = node - last_inner - 1
-        for k in range(size):
-            if not _meet(group, k, nodes, node):
-                continue
-            i = places[k]
-            for j in range(starts[leaf], starts[leaf + 1]):
-                if left_out[j] and not (itself and i < j):
-                    continue
-                if _meet(group, k, boxes, j):
-                    if count < found.shape[1]:
-                        found[0, count], found[1, count] = i, j
-                    count += 1
+        else:
+            met[count], count = node - (leaves - 1), count + 1
+    return count
+
+
+@part
+def _boxes_met(
+    box: Floats,
+    place: int,
+    met: Ints,
+    n_met: int,
+    starts: Ints,
+    boxes: Floats,
+    left_out: np.ndarray,
+    itself: bool,
+    found: Ints,
+    count: int,
+) -> int:
+    """Write `place` and the places of the boxes in these leaves that meet a box (6,) to found; the count then.
+
+    All that is looked at is written, and counts if it meets: a branch that nobody can foresee would take longer.
+    """
+    a, b, c, d, e, f = box[0], box[1], box[2], box[3], box[4], box[5]
+    for k in range(n_met):
+        for j in range(starts[met[k]], starts[met[k] + 1]):
+            found[0, count], found[1, count] = place, j
+            count += _meet(a, b, c, d, e, f, boxes, j) & ((not left_out[j]) | (itself & (place < j)))
     return count
 
 

@@ -11,13 +11,15 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel, part
-from clothsim.contact.closest import Point, dot, edge_edge_closest, minus, point_triangle_closest
+from clothsim.contact.closest import Point, dot, edge_edge_closest, point_triangle_closest
 
 ROUNDING = 1.0 + 1e-9
 """The distance is taken so much larger: products of coordinates are rounded, and a pair too many costs nothing."""
 
 
-@kernel
+Corners = tuple[Point, Point, Point, Point]
+
+
 def that_may_meet(
     first: Ints,
     second: Ints,
@@ -31,87 +33,113 @@ def that_may_meet(
 ) -> tuple[Ints, Ints]:
     """Those pairs of rows first (p,) of a (n, k) and second (p,) of b (m, l) that may come nearer than `distance`.
 
-    a, b: vertices, edges or triangles as rows of before, after (N, 3) [m], where the common way begins and ends;
-    distance [m]; labels (N,), allowed (L, L): which objects may touch. Pairs that share a vertex are left out.
+    a, b: points and triangles, triangles and points, or edges: rows of before, after (N, 3) [m], where the common way
+    begins and ends; distance [m]; labels (N,), allowed (L, L): which objects may touch. Pairs that share a vertex are
+    left out.
     """
+    way = before, after, distance
+    if a.shape[1] == 3:
+        points, triangles = _that_may_meet(second, first, b, a, False, labels, np.ascontiguousarray(allowed.T), *way)
+        return triangles, points
+    return _that_may_meet(first, second, a, b, a.shape[1] == 2, labels, allowed, *way)
+
+
+@kernel
+def _that_may_meet(
+    first: Ints,
+    second: Ints,
+    a: Ints,
+    b: Ints,
+    is_edges: bool,
+    labels: Ints,
+    allowed: np.ndarray,
+    before: Floats,
+    after: Floats,
+    distance: float,
+) -> tuple[Ints, Ints]:
+    """Of pairs of edges, or of points a and triangles b."""
     kept = np.empty((2, len(first)), np.int64)
-    count, near = 0, distance * distance
+    count, squared = 0, (distance * ROUNDING) ** 2
     for k in range(len(first)):
-        i, j = first[k], second[k]
-        if _share_a_vertex(a, i, b, j) or not allowed[labels[a[i, 0]], labels[b[j, 0]]]:
+        rows = _rows(a, first[k], b, second[k], is_edges)
+        if _share_a_vertex(rows, is_edges) or not allowed[labels[rows[0]], labels[rows[3]]]:
             continue
-        between = minus(_middle(before, b, j), _middle(before, a, i))
-        if _are_apart(between, a, i, b, j, before, after, distance):
+        x, y = _corners(before, rows), _corners(after, rows)
+        if _are_apart(_between(x, is_edges), x, y, is_edges, squared):
             continue
-        closest = _closest(before, a, i, b, j)
-        if dot(closest, closest) <= near or not _are_apart(closest, a, i, b, j, before, after, distance):
-            kept[0, count], kept[1, count], count = i, j, count + 1
+        m = _closest(x, is_edges)
+        if dot(m, m) <= squared or not _are_apart(m, x, y, is_edges, squared):
+            kept[0, count], kept[1, count], count = first[k], second[k], count + 1
     return kept[0, :count].copy(), kept[1, :count].copy()
 
 
 @part
-def _share_a_vertex(a: Ints, i: int, b: Ints, j: int) -> bool:
-    share = False  # no branch: most neighbours do
-    for k in range(a.shape[1]):
-        for m in range(b.shape[1]):
-            share |= a[i, k] == b[j, m]
-    return share
+def _rows(a: Ints, i: int, b: Ints, j: int, is_edges: bool) -> tuple[int, int, int, int]:
+    """The rows of x of both: of two edges, or of a point and a triangle."""
+    if is_edges:
+        return a[i, 0], a[i, 1], b[j, 0], b[j, 1]
+    return a[i, 0], b[j, 0], b[j, 1], b[j, 2]
 
 
 @part
-def _are_apart(m: Point, a: Ints, i: int, b: Ints, j: int, before: Floats, after: Floats, distance: float) -> bool:
-    """Whether b[j] lies further than `distance` from a[i] along m, before, after, and so all the way."""
-    least = distance * ROUNDING * np.sqrt(dot(m, m))
-    return _room(m, a, i, b, j, before) > least and _room(m, a, i, b, j, after) > least
+def _share_a_vertex(rows: tuple[int, int, int, int], is_edges: bool) -> bool:
+    i, j, k, m = rows
+    if is_edges:
+        return (i == k) | (i == m) | (j == k) | (j == m)
+    return (i == j) | (i == k) | (i == m)
 
 
 @part
-def _room(m: Point, a: Ints, i: int, b: Ints, j: int, x: Floats) -> float:
-    """min m . x_b - max m . x_a, taken from the first vertex: how far away both are does not matter."""
-    origin = _row(x, a[i, 0])
-    farthest, nearest = 0.0, np.inf
-    for k in range(1, a.shape[1]):
-        farthest = max(farthest, dot(m, minus(_row(x, a[i, k]), origin)))
-    for k in range(b.shape[1]):
-        nearest = min(nearest, dot(m, minus(_row(x, b[j, k]), origin)))
-    return nearest - farthest
+def _corners(x: Floats, rows: tuple[int, int, int, int]) -> Corners:
+    """The corners from the first one on: how far away all are does not matter."""
+    i, j, k, m = rows
+    o = x[i, 0], x[i, 1], x[i, 2]
+    return (
+        (0.0, 0.0, 0.0),
+        (x[j, 0] - o[0], x[j, 1] - o[1], x[j, 2] - o[2]),
+        (x[k, 0] - o[0], x[k, 1] - o[1], x[k, 2] - o[2]),
+        (x[m, 0] - o[0], x[m, 1] - o[1], x[m, 2] - o[2]),
+    )
 
 
 @part
-def _closest(x: Floats, a: Ints, i: int, b: Ints, j: int) -> Point:
-    """From the point of a[i] that is closest to b[j] to the point of b[j] that is closest to a[i]."""
-    if a.shape[1] == 2:
-        s, t = edge_edge_closest(_row(x, a[i, 0]), _row(x, a[i, 1]), _row(x, b[j, 0]), _row(x, b[j, 1]))
-        first, second = (1.0 - s, s, 0.0), (1.0 - t, t, 0.0)
-    elif a.shape[1] == 1:
-        corners = _row(x, b[j, 0]), _row(x, b[j, 1]), _row(x, b[j, 2])
-        first, second = (1.0, 0.0, 0.0), point_triangle_closest(_row(x, a[i, 0]), *corners)
-    else:
-        corners = _row(x, a[i, 0]), _row(x, a[i, 1]), _row(x, a[i, 2])
-        first, second = point_triangle_closest(_row(x, b[j, 0]), *corners), (1.0, 0.0, 0.0)
-    return minus(_at(x, b, j, second), _at(x, a, i, first))
+def _between(x: Corners, is_edges: bool) -> Point:
+    """From the middle of the one to that of the other, so many times as there are corners."""
+    _, p, q, r = x
+    if is_edges:
+        return q[0] + r[0] - p[0], q[1] + r[1] - p[1], q[2] + r[2] - p[2]
+    return p[0] + q[0] + r[0], p[1] + q[1] + r[1], p[2] + q[2] + r[2]
 
 
 @part
-def _at(x: Floats, elements: Ints, e: int, weights: Point) -> Point:
-    """The point with these weights, taken from the first vertex."""
-    origin, at = _row(x, elements[e, 0]), (0.0, 0.0, 0.0)
-    for k in range(1, elements.shape[1]):
-        r = minus(_row(x, elements[e, k]), origin)
-        at = (at[0] + weights[k] * r[0], at[1] + weights[k] * r[1], at[2] + weights[k] * r[2])
-    return origin[0] + at[0], origin[1] + at[1], origin[2] + at[2]
+def _are_apart(m: Point, x: Corners, y: Corners, is_edges: bool, squared: float) -> bool:
+    """Whether the two lie further apart along m than the root of `squared`, before, after, and so all the way."""
+    room = min(_room(m, x, is_edges), _room(m, y, is_edges))
+    return (room > 0.0) & (room * room > squared * dot(m, m))
 
 
 @part
-def _middle(x: Floats, elements: Ints, e: int) -> Point:
-    share = 1.0 / elements.shape[1]
-    middle = (0.0, 0.0, 0.0)
-    for k in range(elements.shape[1]):
-        i = elements[e, k]
-        middle = (middle[0] + share * x[i, 0], middle[1] + share * x[i, 1], middle[2] + share * x[i, 2])
-    return middle
+def _room(m: Point, x: Corners, is_edges: bool) -> float:
+    """min m . x_b - max m . x_a."""
+    p, q, r = dot(m, x[1]), dot(m, x[2]), dot(m, x[3])
+    return min(q, r) - max(p, 0.0) if is_edges else min(p, q, r)
 
 
 @part
-def _row(x: Floats, i: int) -> Point:
-    return x[i, 0], x[i, 1], x[i, 2]
+def _closest(x: Corners, is_edges: bool) -> Point:
+    """From the point of the one that is closest to the other to the point of the other that is closest to it."""
+    if is_edges:
+        s, t = edge_edge_closest(x[0], x[1], x[2], x[3])
+        return _weighted(x, -s, 1.0 - t, t)
+    u, v, w = point_triangle_closest(x[0], x[1], x[2], x[3])
+    return _weighted(x, u, v, w)
+
+
+@part
+def _weighted(x: Corners, u: float, v: float, w: float) -> Point:
+    _, p, q, r = x
+    return (
+        u * p[0] + v * q[0] + w * r[0],
+        u * p[1] + v * q[1] + w * r[1],
+        u * p[2] + v * q[2] + w * r[2],
+    )
