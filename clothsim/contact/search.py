@@ -93,19 +93,28 @@ class _Trees:
         self._trees: dict[str, BoxTree] = {}
         self._ways: dict[str, tuple[Floats, Floats]] = {}
         self._way = np.zeros((0, 3)), np.zeros((0, 3))
+        self._since: tuple[tuple[Floats, Floats], np.ndarray] | None = None
 
     def on(self, before: Floats, after: Floats) -> "_Trees":
         """The trees are asked for on the way before -> after (N, 3) [m] from now on."""
-        self._way = before.copy(), after.copy()
+        self._way, self._since = (before.copy(), after.copy()), None
         return self
 
     def __getitem__(self, kind: str) -> BoxTree:
         if kind not in self._trees:
             self._trees[kind] = build_tree(self._elements[kind], *self._way)
         elif self._ways[kind] is not self._way:
-            refit(self._trees[kind], *self._way, _differ(*self._ways[kind], *self._way))
+            moved = self._moved_since(self._ways[kind])
+            if moved.any():
+                refit(self._trees[kind], *self._way, moved)
         self._ways[kind] = self._way
         return self._trees[kind]
+
+    def _moved_since(self, way: tuple[Floats, Floats]) -> np.ndarray:
+        """Which rows of x (N,) go another way now; most often all kinds were last asked for on the same."""
+        if self._since is None or self._since[0] is not way:
+            self._since = way, _differ(*way, *self._way)
+        return self._since[1]
 
     def asked(self, kind: str, of: np.ndarray | None) -> np.ndarray | None:
         """Which elements of a kind (m,) hang on one of these rows of x (N,); None for all of all."""
