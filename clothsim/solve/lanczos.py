@@ -20,8 +20,8 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.linalg import dot
 
-RELATIVE_ERROR = 0.05
-MAX_PRODUCTS = 14
+RELATIVE_ERROR = 0.1
+MAX_PRODUCTS = 8
 
 
 class Found(NamedTuple):
