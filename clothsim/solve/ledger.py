@@ -37,6 +37,8 @@ class Ledger:
     effects: dict[str, Account] = field(default_factory=dict)
     phases: dict[str, float] = field(default_factory=dict)
     linear_solves: int = 0
+    regional: float = 0.0
+    """Seconds spent on regions; they are in the accounts, too."""
     _inside: list[float] = field(default_factory=list, repr=False)
     """For each open measurement the seconds that others inside it have booked."""
 
@@ -60,6 +62,13 @@ class Ledger:
             yield
         finally:
             self.phases[name] = self.phases.get(name, 0.0) + self._close(start)
+
+    @contextmanager
+    def region(self) -> Iterator[None]:
+        """Time a solve of a region: once more, beside what its parts book."""
+        start = perf_counter()
+        yield
+        self.regional += perf_counter() - start
 
     def _open(self) -> float:
         self._inside.append(0.0)

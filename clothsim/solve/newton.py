@@ -15,7 +15,7 @@ from clothsim.solve.line_search import RESOLVED, armijo, lengthened, round_off
 from clothsim.solve.observe import Iterate, Observer, unobserved
 from clothsim.solve.outcome import Ending, Outcome, outcome
 from clothsim.solve.potential import Potential
-from clothsim.solve.region import NOBODY, Region, restless
+from clothsim.solve.region import Region, restless
 from clothsim.solve.system import System
 from clothsim.solve.trust import PROJECTED, TRUSTED, Trust
 
@@ -123,19 +123,25 @@ class Newton:
 
     def _settled(self, x: Floats, dx: Floats, model: Model) -> NewtonResult | None:
         """The few vertices that the last step dx moved, brought to rest by themselves; None where they are not few."""
-        least = self.settings.tolerance * self.dt
+        if self.system.region is not None:
+            return None
         moved = np.abs(dx[self.system.rows]).max(axis=1, initial=0.0)
-        rows = restless(moved, least, self.system.base, model.fixed) if self.system.region is None else NOBODY
+        rows = restless(moved, self.settings.tolerance * self.dt, self.system.base, model.fixed)
         if not len(rows):
             return None
-        with self.potential.ledger.phase("assembly"):
-            region = Region(rows, len(x))
+        with self.potential.ledger.region():
+            return self._alone(x, Region(rows, len(x)))
+
+    def _alone(self, x: Floats, region: Region) -> NewtonResult:
+        """The region at rest, or REGIONAL iterations closer to it, all else standing."""
+        ledger = self.potential.ledger
+        with ledger.phase("assembly"):
             potential = self.potential.around(region.moving, x)
         hessians = potential.exact_hessians(x)
-        with self.potential.ledger.phase("linear solve"):
+        with ledger.phase("linear solve"):
             system = self.system.of(region, hessians)
         part = Newton(potential, system, replace(self.settings, max_iterations=REGIONAL), self.dt)
-        return part._descend(x, Model(potential, system, np.zeros(len(rows), bool)), TRUSTED, 0)
+        return part._descend(x, Model(potential, system, np.zeros(len(region.rows), bool)), TRUSTED, 0)
 
     def _descend(self, x: Floats, model: Model, trust: Trust, iterations: int) -> NewtonResult:
         """Newton with the prescribed vertices held, until a step that nothing clipped is below the tolerance."""

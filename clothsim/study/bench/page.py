@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from clothsim.study.bench.measure import PHASES, SEARCHES, Measured, ratio
+from clothsim.study.bench.measure import PHASES, SEARCHES, Measured, each, ratio
 from clothsim.study.bench.oracle import Compared
 from clothsim.study.bench.sides import PARTS
 from clothsim.study.kept import markdown_table, write_between
@@ -59,7 +59,14 @@ def profile(row: Measured) -> str:
         if own is None
         else f" One factorisation and solve of its own matrix takes {1e3 * own:.0f} ms: x {times:.2f}."
     )
-    foot = f"{row['iterations']:.0f} Newton iterations a step of {row['simulated'] / row['steps']:g} s.{said}"
+    regional = (
+        f" {row['regional_cpu']:.2f} s of it went into {row['regional']:.0f} iterations of regions: without them, "
+        f"{1e3 * each(row):.0f} ms an iteration."
+        if row.get("regional")
+        else ""
+    )
+    step = f"{row['simulated'] / row['steps']:g} s"
+    foot = f"{row['iterations']:.0f} Newton iterations of the whole cloth a step of {step}.{regional}{said}"
     header = ("part", "is", "CPU s", "ms / Newton iteration", "share")
     return f"{markdown_table(header, lines)}\n\n{foot}"
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.errors import InputError
-from clothsim.study.bench.measure import Measured
+from clothsim.study.bench.measure import Measured, each
 from clothsim.study.bench.page import GROUPS, grouped
 
 LADDER = "sphere"
@@ -66,7 +66,7 @@ def draw(cases: Mapping[str, Measured], target: Path) -> None:
 
 
 def _each(row: Measured) -> float:
-    return 1e3 * row["cpu"] / row["iterations"]
+    return 1e3 * each(row)
 
 
 def _name_lines(axes: Any, sizes: Sequence[float], curves: Mapping[str, Sequence[float]]) -> None:

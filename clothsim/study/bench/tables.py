@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from clothsim.study.bench.measure import PHASES, Measured, ratio
+from clothsim.study.bench.measure import PHASES, Measured, each, ratio
 from clothsim.study.text_table import text_table
 
 Rows = Mapping[str, Measured]
@@ -12,8 +12,8 @@ Rows = Mapping[str, Measured]
 def summary(rows: Rows, last: Rows) -> str:
     """A line a case. last: an earlier bench, for the ratio of processor seconds."""
     header = (
-        "case", "vertices", "CPU s", "wall s", "of last", "iterations", "solves", "ms each", "x its own solve", "pairs",
-        "peak MB",
+        "case", "vertices", "CPU s", "wall s", "of last", "iterations", "solves", "ms each", "x its own solve",
+        "of regions", "ms each", "pairs", "peak MB",
     )  # fmt: skip
     lines = []
     for name, row in rows.items():
@@ -29,8 +29,10 @@ def summary(rows: Rows, last: Rows) -> str:
                 _quotient(row["cpu"], last.get(name, {}).get("cpu")),
                 _count(iterations),
                 _count(row.get("linear_solves")),
-                f"{1e3 * row['cpu'] / iterations:.3g}" if iterations else "",
+                f"{1e3 * each(row):.3g}" if iterations else "",
                 _ratio(row),
+                _count(row.get("regional")),
+                f"{1e3 * row['regional_cpu'] / row['regional']:.3g}" if row.get("regional") else "",
                 _count(row.get("pairs")),
                 f"{row['peak_memory'] / 1e6:.0f}",
             ]
@@ -63,7 +65,7 @@ def comparison(then: Rows, now: Rows, revision: str) -> str:
             ]
             continue
         counts = new.get("iterations"), old.get("iterations")
-        each = [row["cpu"] / row["iterations"] for row in (new, old)] if all(counts) else [None, None]
+        seconds = [each(row) for row in (new, old)] if all(counts) else [None, None]
         lines.append(
             [
                 name,
@@ -73,7 +75,7 @@ def comparison(then: Rows, now: Rows, revision: str) -> str:
                 _count(counts[1]),
                 _count(counts[0]),
                 _quotient(*counts),
-                _quotient(*each),
+                _quotient(*seconds),
             ]
         )
     return "\n".join([text_table(header, lines), *(f"  {line}" for line in skips)])

@@ -52,7 +52,8 @@ def stepper(job: Job) -> Callable[[], Trial]:
 
 def _steps(session: Any, start: Any, steps: int) -> Trial:
     integrator = session.integrator
-    before, solves = _booked(session), integrator.potential.ledger.linear_solves
+    ledger = integrator.potential.ledger
+    before, solves, regional = _booked(session), ledger.linear_solves, getattr(ledger, "regional", 0.0)
     cpu, wall = process_time(), perf_counter()
     reports = _stepped(session, start, steps)
     cpu, wall = process_time() - cpu, perf_counter() - wall
@@ -65,7 +66,9 @@ def _steps(session: Any, start: Any, steps: int) -> Trial:
         "steps": steps,
         "simulated": reports[-1].state.time - start.time,
         "iterations": sum(report.result.iterations for report in reports),
-        "linear_solves": integrator.potential.ledger.linear_solves - solves,
+        "regional": sum(getattr(report.result, "regional", 0) for report in reports),
+        "regional_cpu": getattr(ledger, "regional", 0.0) - regional,
+        "linear_solves": ledger.linear_solves - solves,
         "failed_tries": sum(len(report.failures) for report in reports),
         "vertices": session.built.world.n_cloth,
         "pairs": sum(int(account["pairs"]) for name, account in accounts.items() if "contact" in name),
