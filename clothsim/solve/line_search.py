@@ -1,5 +1,7 @@
 """Armijo backtracking below the largest admissible step; longer steps where E curves downward."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from clothsim.arrays import Floats
@@ -31,7 +33,7 @@ def armijo(potential: Potential, x: Floats, dx: Floats, slope: float, limit: flo
     return 0.0
 
 
-def round_off(values: list[float]) -> float:
+def round_off(values: Sequence[float]) -> float:
     """What of E(x) is noise [J]: E is the sum of `values`, and each of them is known to its last digits only."""
     return ROUND_OFF * sum(abs(value) for value in values)
 

@@ -1,7 +1,7 @@
 """E(x) = sum of energies, bound to a step."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -10,6 +10,7 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.solve.lately import Lately
 from clothsim.solve.ledger import Ledger
 
 
@@ -22,6 +23,8 @@ class Potential:
 
     energies: Mapping[str, Energy]
     ledger: Ledger
+    _values: Lately[tuple[float, ...]] = field(default_factory=Lately, init=False, repr=False, compare=False)
+    _gradients: Lately[Floats] = field(default_factory=Lately, init=False, repr=False, compare=False)
 
     def begin(self, step: Step) -> Self:
         """Bound to the step: first the energies that stand alone, then those that need the others' gradient."""
@@ -78,18 +81,24 @@ class Potential:
         """E(x) [J]; +inf where any energy refuses x."""
         return sum(self.values(x))
 
-    def values(self, x: Floats) -> list[float]:
-        """The energies one by one [J]; the list ends at the first that refuses x."""
+    def values(self, x: Floats) -> tuple[float, ...]:
+        """The energies one by one [J]; they end at the first that refuses x, with +inf."""
+        return self._values.at(x, self._evaluated)
+
+    def _evaluated(self, x: Floats) -> tuple[float, ...]:
         values = []
         for name, energy in self.acting.items():
             with self.ledger.effect(name, "evaluations"):
                 values.append(energy.value(x))
             if not np.isfinite(values[-1]):
-                return [*values[:-1], np.inf]
-        return values
+                return (*values[:-1], np.inf)
+        return tuple(values)
 
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]."""
+        return self._gradients.at(x, self._derived).copy()
+
+    def _derived(self, x: Floats) -> Floats:
         total = np.zeros_like(x)
         for name, energy in self.acting.items():
             with self.ledger.effect(name, "gradients"):

@@ -15,8 +15,8 @@ def test_calls_are_counted_by_effect_and_kind():
     world = small_world()
     x = world.start()
     potential = Potential({"membrane": membrane(world), "gravity": gravity(world)}, Ledger())
-    potential.value(x)
-    potential.value(x)
+    for place in (x, 1.1 * x, x):  # the third asks for what is known
+        potential.value(place)
     potential.gradient(x)
     potential.hessians(x)
     account = potential.accounts()["membrane"]
