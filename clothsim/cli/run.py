@@ -54,6 +54,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from clothsim.cli import ahead
     from clothsim.drape import simulate
     from clothsim.scene.override import override
     from clothsim.scene.toml import load_scene
@@ -69,7 +70,12 @@ def _run(arguments: argparse.Namespace) -> int:
         rate = as_positive_number("--frames-per-second", arguments.frames_per_second)
         scene = replace(scene, run={**scene.run, "frames_per_second": rate})
     directory = arguments.output or Path(arguments.scene.stem)
-    return _execute(arguments, directory, lambda **listeners: simulate(scene, directory, **listeners))
+    compiler = ahead.start()
+    try:
+        return _execute(arguments, directory, lambda **listeners: simulate(scene, directory, **listeners))
+    finally:
+        if compiler is not None:
+            compiler.poll()  # what is left of its work serves the next run
 
 
 def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":

@@ -1,0 +1,27 @@
+"""What the first run compiles is shared with a second process, once."""
+
+import os
+import subprocess
+import sys
+
+TWICE = """
+from clothsim.cli import ahead
+ahead.CORES = 1
+first = ahead.start()
+print(first is not None, first.wait(timeout=300), ahead.start() is None)
+"""
+
+
+def test_a_second_process_compiles_where_nothing_is_compiled_and_ends(tmp_path):
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", TWICE], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["True", "0", "True"]
+    kernels = {file.name.split("-")[0] for file in tmp_path.rglob("*.nbi")}
+    assert {"membrane_kernels.hessian", "hinge_bending._exact_hessian", "shade.shaded", "pattern._times"} <= kernels
+
+
+def test_one_core_compiles_alone(tmp_path):
+    alone = "from clothsim.cli import ahead; ahead.CORES = 10**6; print(ahead.start())"
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", alone], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["None"]
