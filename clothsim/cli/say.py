@@ -73,9 +73,12 @@ def verdict(run: "Run", trouble: list[str]) -> str:
     files = sorted(path.name for path in run.directory.iterdir() if path.suffix in _ENDINGS and path.is_file())
     refused = summary["rejected_steps"]
     rejected = f" ({refused:,} tried again for their error)" if refused else ""
+    parts = summary.get("regional_iterations", 0)
+    regional = f" and {parts:,} of parts of the cloth" if parts else ""
+    newton = f"{_many(summary['newton_iterations'], 'Newton iteration')}{regional}"
     effort = (
         f"{clock(summary['wall_seconds'])} ({clock(summary['warmup_seconds'])} to start), "
-        f"{_many(summary['steps'], 'step')}{rejected}, {_many(summary['newton_iterations'], 'Newton iteration')}, "
+        f"{_many(summary['steps'], 'step')}{rejected}, {newton}, "
         f"{summary['peak_memory_bytes'] / 1e6:.0f} MB of memory at most"
     )
     rows = [
