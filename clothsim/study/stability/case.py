@@ -25,7 +25,7 @@ ENERGY_NOISE = 1e-9
 """Rise of an energy in a step, as a share of the largest energy, that is round-off."""
 
 MOST_NEWTON = 400
-"""Newton iterations that a step may take, all tries together."""
+"""Newton iterations that a step may take, those of parts of the cloth too."""
 
 Check = Callable[[Run], str]
 """What is wrong with a run, in a sentence; empty where it is right."""
@@ -119,7 +119,7 @@ def run_case(case: Case, seed: int = 0, small: bool = True) -> Result:
             return Result(case.name, seed, f"{type(error).__name__}: {error}", seconds=process_time() - started)
         gap = run.summary["certificate"]["minimum_gap"]
         wrong = _wrong(case, run, Path(folder) / "run")
-        newton = run.summary["newton_iterations"]
+        newton = run.summary["newton_iterations"] + run.summary["regional_iterations"]
     return Result(case.name, seed, wrong, np.inf if gap is None else gap, newton, process_time() - started)
 
 
@@ -176,5 +176,5 @@ def _wrong_failure(case: Case, run: Run) -> str:
 
 
 def _bounded(record: list[dict[str, Any]]) -> str:
-    most = max((entry["newton_iterations"] for entry in record), default=0)
+    most = max((entry["newton_iterations"] + entry["regional_iterations"] for entry in record), default=0)
     return f"a step took {most} Newton iterations" if most > MOST_NEWTON else ""
