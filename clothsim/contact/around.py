@@ -1,6 +1,7 @@
 """The pairs around a few vertices that move while all others stand."""
 
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Any, Self
 
 import numpy as np
@@ -32,10 +33,11 @@ class CandidatesAround:
     @classmethod
     def of(cls, whole: Candidates, moving: np.ndarray, x: Floats) -> Self:
         """Those around x (N, 3) [m]."""
-        radius = REACH * whole.reach
+        began, radius = perf_counter(), REACH * whole.reach
         mine = np.zeros_like(moving)
         mine[whole.surface.first.points] = moving[whole.surface.first.points]
         pairs = whole.search.pairs(x, x, whole.limit + 2.0 * radius, mine)
+        whole.seconds["candidates"] += perf_counter() - began
         return cls(whole, moving, np.flatnonzero(moving), x.copy(), radius, pairs)
 
     def near(self, x: Floats) -> Pairs:

@@ -71,6 +71,11 @@ class Seams(Links):
         """True: closing a seam does work on the cloth."""
         return True
 
+    @property
+    def idle(self) -> bool:
+        """True where no stitch pulls and no closed seam bends."""
+        return super().idle and not self._bends
+
     def begin(self, step: Step) -> Self:
         """Bound to the lengths of the strings at the end of the step."""
         now, then = step.time, step.time + step.dt

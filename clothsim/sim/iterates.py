@@ -4,9 +4,10 @@
   dts (s,)                  length of the step in each solve [s]
   solve (k,)                the solve that each iterate belongs to, 0..s-1; its first iterate is where it started
   positions (k, N, 3)       all rows of x: cloths, bodies, ghosts [m], from the world's `origin` (see `mesh.origin`)
-  fraction (k,)             share of the Newton step that led there which contact and line search allowed, 0 at a start
-  speed (k,)                |dx|_inf / dt of that whole step [m/s]; nan at a start
-  residual (k,)             largest force where that step began [N]; nan at a start and where bodies or pins are carried
+  fraction (k,)             share of the Newton step that led there which contact and line search allowed; 0 at a start,
+                            nan where a few vertices were brought to rest by themselves (`solve.region`)
+  speed (k,)                |dx|_inf / dt of that whole step [m/s]; nan at a start and there
+  residual (k,)             largest force where that step began [N]; nan also where bodies or pins are carried
   energy (k,)               E(x) of the step [J]
 """
 

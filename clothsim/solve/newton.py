@@ -191,9 +191,11 @@ class Newton:
                 return ended(_at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), count)
             noise = fraction == 0.0 or (direction.bends and -slope < RESOLVED * round_off(self.potential.values(x)))
             trust, kept = trust.after(fraction, direction.bends, noise), kept.after(fraction)
-            settled = self._settled(x, dx, model) if trust.exact and not noise else None
+            last = count + 1 == iterations + settings.max_iterations
+            settled = self._settled(x, dx, model) if trust.exact and not noise and not last else None
             if settled is not None:
-                x, regional, kept = settled.x, regional + settled.iterations, NOTHING
+                x, regional, kept, speed = settled.x, regional + settled.iterations, NOTHING, np.inf
+                self.observe(Iterate(x, np.nan))
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return ended(end, iterations + settings.max_iterations)

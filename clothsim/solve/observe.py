@@ -12,8 +12,9 @@ from clothsim.arrays import Floats
 class Iterate:
     """Where Newton stands, x (N, 3) [m], and the step that led there.
 
-    fraction of the step that was taken, 0 at the start; speed |dx|_inf/dt of the whole step [m/s]; residual: the
-    largest force where the step began [N]; nan where there was no step, or none was known.
+    fraction of the step that was taken: 0 at the start, nan where a few vertices were brought to rest by themselves;
+    speed |dx|_inf/dt of the whole step [m/s]; residual: the largest force where the step began [N]; nan where there was
+    no step, or none was known.
     """
 
     x: Floats

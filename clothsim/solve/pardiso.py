@@ -3,6 +3,7 @@
 import ctypes
 import os
 import sys
+from functools import cache
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -35,10 +36,10 @@ class Factor:
 
         _tell_where_mkl_is()
         self._solver = PyPardisoSolver(mtype=SYMMETRIC_POSITIVE)
+        self._threads = threads
         self._solver.set_iparm(1, 1)
         self._solver.set_iparm(2, 0)  # minimum degree: 10 % faster than nested dissection at these sizes
         self._solver.set_iparm(28, int(kind is np.float32))
-        self._solver.libmkl.MKL_Set_Num_Threads(threads)
         self._kind = kind
         self._indptr, self._indices = pattern.indptr + 1, pattern.indices + 1  # it counts from one
         self._data: NDArray[Any] = np.zeros(len(self._indices), kind)
@@ -60,6 +61,7 @@ class Factor:
 
     def _call(self, phase: int, b: NDArray[Any]) -> NDArray[Any]:
         solver, x, error = self._solver, np.zeros_like(b), ctypes.c_int32(0)
+        solver.libmkl.MKL_Set_Num_Threads(self._threads)  # of the process: another factor may have set its own
         one, size, silent = (ctypes.byref(ctypes.c_int32(value)) for value in (1, len(b), 0))
         solver._mkl_pardiso(
             solver.pt.ctypes.data_as(ctypes.POINTER(solver._pt_type[0])),
@@ -88,6 +90,7 @@ class Factor:
     def close(self) -> None:
         """Give back MKL's memory; the factor is of no use after. The end of the process does it too."""
         if not sys.is_finalizing() and hasattr(self, "_solver"):
+            self._solver.libmkl.MKL_Set_Num_Threads(self._threads)
             self._solver.free_memory(everything=True)
 
     def __del__(self) -> None:
@@ -196,6 +199,7 @@ def _integers(array: NDArray[np.int32]) -> Any:
     return array.ctypes.data_as(ctypes.POINTER(ctypes.c_int32))
 
 
+@cache
 def _tell_where_mkl_is() -> None:
     """Name MKL's library to pypardiso, which else searches every folder of the environment: seconds for each solver."""
     try:

@@ -99,6 +99,21 @@ def test_the_strings_are_shortened_from_start_to_end():
     assert energy.found(world.start()) == ("seam[0] gapes by 1e+03 mm at most",)
 
 
+def test_a_closed_seam_bends_where_a_region_holds_none_of_its_stitches():
+    """The far corner of a hinge over the seam moves alone: no stitch is around it."""
+    world = sheet()
+    closed = at(sewn(world, start=1.0, end=2.0), world, 1.9)
+    assert not closed.idle
+    stitched, bent = np.unique(closed.rows), np.unique(closed.bending.vertices)
+    corner = np.setdiff1d(bent, stitched)[:1]
+    x = world.start() + 0.01 * np.random.default_rng(0).standard_normal(world.start().shape)
+    part = closed.around(np.isin(np.arange(len(x)), corner), x)
+    assert not len(part.rows)
+    assert not part.idle
+    np.testing.assert_allclose(part.gradient(x)[corner], closed.gradient(x)[corner], rtol=1e-12)
+    assert np.abs(part.gradient(x)[corner]).max() > 0
+
+
 def test_a_closed_seam_gapes_by_its_force_over_its_stiffness():
     """A panel hangs along x from another one: the stitches, of unequal borders, carry its weight."""
     first, (positions, triangles) = cloth(*grid(2, 3), name="a"), grid(2, 2)

@@ -4,7 +4,7 @@ import builtins
 
 import numpy as np
 import pytest
-from meshes import deformed, small_world
+from meshes import deformed, grid, small_world
 
 from clothsim.energies.base import ElementHessian
 from clothsim.energies.membrane import membrane
@@ -168,3 +168,23 @@ def test_what_pardiso_gives_up_is_said_in_a_sentence(code, said, monkeypatch):
     with pytest.raises(ClothsimError, match=said):
         solver.factorise(data)
     monkeypatch.undo()
+
+
+@pytest.mark.parametrize("name", ["mixed", "pardiso"])
+def test_a_factor_of_one_thread_leaves_that_of_two_alone(name):
+    """The number of threads belongs to the process: PARDISO crashes where it is not the one of the analysis."""
+    pytest.importorskip("pypardiso")
+
+    def problem(cells, threads):
+        _, triangles = grid(cells, cells)
+        blocks = np.broadcast_to(np.eye(9) + 0.1, (len(triangles), 9, 9)).copy()
+        pattern = make_pattern((cells + 1) ** 2, triangles, [])
+        data, _ = pattern.assemble([ElementHessian(triangles, blocks)])
+        return make_solver(name, pattern, threads), data, np.ones(3 * pattern.n_vertices)
+
+    (large, *system), (small, *other) = problem(66, 2), problem(10, 1)
+    first = large.solve(*system)
+    small.solve(*other)
+    assert np.array_equal(large.solve(*system), first)
+    del small
+    assert np.array_equal(large.solve(*system), first)

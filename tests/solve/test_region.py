@@ -1,6 +1,9 @@
 """The few that still move are brought to rest by themselves: the same end, and fewer iterations of the whole."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from meshes import cloth, grid
 from solving import newton_of
 
@@ -10,10 +13,24 @@ from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.mesh.world import make_world
 from clothsim.solve import newton, region
+from clothsim.solve.observe import unobserved
 from clothsim.solve.pattern import make_pattern
 from clothsim.solve.region import NOBODY, restless
 
 NOTHING = Prescribed(NOBODY, np.zeros((0, 3)))
+
+
+@pytest.fixture(autouse=True)
+def small_cloths_have_regions(monkeypatch):
+    monkeypatch.setattr(region, "LEAST", 0)
+
+
+def test_a_small_cloth_has_none(monkeypatch):
+    _, triangles = grid(8, 8)
+    pattern, free, moved = make_pattern(81, triangles, []), np.zeros(81, bool), np.arange(81) == 0.0
+    assert len(restless(moved, 0.5, pattern, free))
+    monkeypatch.setattr(region, "LEAST", 82)
+    assert not len(restless(moved, 0.5, pattern, free))
 
 
 def test_what_moved_takes_rings_of_neighbours_along():
@@ -40,7 +57,7 @@ def test_there_is_no_region_where_nothing_or_too_much_moves():
     assert len(restless(np.arange(81) == 0.0, 0.5, pattern, free))
 
 
-def dented(monkeypatch, most):
+def dented(monkeypatch, most, observe=unobserved):
     """A step of a sheet at rest with one dent in it; most: share of the vertices that a region may have."""
     monkeypatch.setattr(region, "MOST", most)
     positions, triangles = grid(24, 24)
@@ -50,7 +67,7 @@ def dented(monkeypatch, most):
     x = x + 0.2 * np.exp(-((near / 0.06) ** 2))[:, None] * np.array([0.3, -0.2, 1.0])
     energies = {"inertia": inertia(world), "membrane": membrane(world), "bending": bending(world)}
     solver = newton_of(world, energies, dt=0.02, tolerance=1e-2)
-    return solver.minimise(x, NOTHING)
+    return replace(solver, observe=observe).minimise(x, NOTHING)
 
 
 def test_the_end_is_the_same_with_regions_and_without(monkeypatch):
@@ -66,3 +83,11 @@ def test_the_end_is_the_same_with_regions_and_without(monkeypatch):
 def test_a_region_is_left_after_its_iterations(monkeypatch):
     monkeypatch.setattr(newton, "REGIONAL", 1)
     assert dented(monkeypatch, 0.5).outcome.converged
+
+
+def test_who_observes_sees_regions_too(monkeypatch):
+    fractions = []
+    result = dented(monkeypatch, 0.5, lambda iterate: fractions.append(iterate.fraction))
+    regions = int(np.isnan(fractions).sum())
+    assert regions > 0
+    assert len(fractions) == 1 + result.iterations + regions

@@ -67,7 +67,7 @@ def profile(row: Measured) -> str:
     )
     step = f"{row['simulated'] / row['steps']:g} s"
     foot = f"{row['iterations']:.0f} Newton iterations of the whole cloth a step of {step}.{regional}{said}"
-    header = ("part", "is", "CPU s", "ms / Newton iteration", "share")
+    header = ("part", "is", "CPU s", "ms / iteration, with regions", "share")
     return f"{markdown_table(header, lines)}\n\n{foot}"
 
 
