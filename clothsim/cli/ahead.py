@@ -19,9 +19,10 @@ def start() -> "subprocess.Popen[bytes] | None":
     """The process; None where the kernels are compiled, or where one core has to do it all."""
     if (os.cpu_count() or 1) < CORES or _compiled():
         return None
-    command = [sys.executable, "-m", "clothsim.cli.ahead"]
+    command = [sys.executable, "-P", "-m", "clothsim.cli.ahead"]  # -P: this package, not one in the working directory
+    here = os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH")]))
     silent = subprocess.DEVNULL
-    return subprocess.Popen(command, stdin=silent, stdout=silent, stderr=silent)
+    return subprocess.Popen(command, stdin=silent, stdout=silent, stderr=silent, env={**os.environ, "PYTHONPATH": here})
 
 
 def _compiled() -> bool:
