@@ -37,6 +37,7 @@ def test_the_vertices_one_by_one_are_the_same_elements_each_time():
 
 def test_a_region_renumbers_its_rows_and_drops_the_others():
     region = Region(np.array([1, 4, 5]), 6)
+    assert region.moving.tolist() == [False, True, False, False, True, True]
     known = blocks(TRIANGLES, 0)
     system = System(make_pattern(6, TRIANGLES, [known]), "superlu").of(region, [known])
     whole = known.to_sparse(6).toarray()

@@ -14,6 +14,7 @@ from clothsim.energies.membrane import membrane
 from clothsim.mesh.world import make_world
 from clothsim.solve import newton, region
 from clothsim.solve.observe import unobserved
+from clothsim.solve.outcome import Ending, outcome
 from clothsim.solve.pattern import make_pattern
 from clothsim.solve.region import NOBODY, restless
 
@@ -57,7 +58,7 @@ def test_there_is_no_region_where_nothing_or_too_much_moves():
     assert len(restless(np.arange(81) == 0.0, 0.5, pattern, free))
 
 
-def dented(monkeypatch, most, observe=unobserved):
+def dented(monkeypatch, most, observe=unobserved, **settings):
     """A step of a sheet at rest with one dent in it; most: share of the vertices that a region may have."""
     monkeypatch.setattr(region, "MOST", most)
     positions, triangles = grid(24, 24)
@@ -66,7 +67,7 @@ def dented(monkeypatch, most, observe=unobserved):
     near = np.linalg.norm(x - x[312], axis=1)
     x = x + 0.2 * np.exp(-((near / 0.06) ** 2))[:, None] * np.array([0.3, -0.2, 1.0])
     energies = {"inertia": inertia(world), "membrane": membrane(world), "bending": bending(world)}
-    solver = newton_of(world, energies, dt=0.02, tolerance=1e-2)
+    solver = newton_of(world, energies, dt=0.02, tolerance=1e-2, **settings)
     return replace(solver, observe=observe).minimise(x, NOTHING)
 
 
@@ -91,3 +92,24 @@ def test_who_observes_sees_regions_too(monkeypatch):
     regions = int(np.isnan(fractions).sum())
     assert regions > 0
     assert len(fractions) == 1 + result.iterations + regions
+
+
+def test_the_last_iteration_is_followed_by_no_region(monkeypatch):
+    asked = []
+    monkeypatch.setattr(newton.Newton, "_settled", lambda self, x, dx, model: asked.append(x))
+    assert not dented(monkeypatch, 0.5, max_iterations=5).outcome.converged
+    assert len(asked) == 4
+
+
+def test_what_is_left_after_a_region_is_the_whole_step(monkeypatch):
+    """The step before the region says nothing of the rate at which Newton converges after it."""
+
+    def settled(self, x, dx, model):
+        return newton.NewtonResult(x, outcome(Ending.CONVERGED), 0, 0.0, 0.0)
+
+    rated = dented(monkeypatch, 0.0)
+    monkeypatch.setattr(newton.Newton, "_settled", settled)
+    result = dented(monkeypatch, 0.5)
+    assert result.outcome.converged
+    assert result.left == result.speed * 0.02
+    assert rated.left < rated.speed * 0.02
