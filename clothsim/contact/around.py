@@ -36,7 +36,7 @@ class CandidatesAround:
         began, radius = perf_counter(), REACH * whole.reach
         mine = np.zeros_like(moving)
         mine[whole.surface.first.points] = moving[whole.surface.first.points]
-        pairs = whole.search.pairs(x, x, whole.limit + 2.0 * radius, mine)
+        pairs, _ = whole.search.pairs(x, x, whole.limit + 2.0 * radius, mine)
         whole.seconds["candidates"] += perf_counter() - began
         return cls(whole, moving, np.flatnonzero(moving), x.copy(), radius, pairs)
 
@@ -48,11 +48,11 @@ class CandidatesAround:
         numbers, _ = near_pairs(x, self.pairs.elements, self.pairs.n_points, self.whole.limit)
         return self.pairs.at(numbers)
 
-    def step_limit(self, x: Floats, dx: Floats) -> float:
-        """The fraction of dx, which moves them alone, that is free of collision."""
+    def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
+        """The fraction of dx, which moves them alone and counts up to `most`, that is free of collision."""
         if not (self._holds(x) and self._holds(x + dx)):
-            return self.whole.step_limit(x, dx)
-        return self.whole.free(self.pairs, x, dx)
+            return self.whole.step_limit(x, dx, most)
+        return self.whole.free(self.pairs, x, dx, most)
 
     def _holds(self, x: Floats) -> bool:
         """Whether all of them are within `radius` of where the list was made."""

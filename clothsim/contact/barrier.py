@@ -41,8 +41,7 @@ class Barrier(Energy):
         return self.offset + self.d_hat
 
     def begin(self, step: Step) -> Self:
-        """Bound to the step: fresh candidates, and a stiffness that holds the loads at about half of d_hat."""
-        self.candidates.forget()
+        """Bound to the step: a stiffness that holds the loads at about half of d_hat."""
         if not self.adaptive:
             return self
         n = len(self.areas)
@@ -113,9 +112,9 @@ class Barrier(Energy):
         weights, lines, slopes = kernels.pull(x, *pairs, least * self.d_hat)
         return pairs[0], weights, lines, -stiffness * slopes
 
-    def step_limit(self, x: Floats, dx: Floats) -> float:
-        """The fraction of dx that is free of collision."""
-        return self.candidates.step_limit(x, dx)
+    def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
+        """The fraction of dx, at most `most`, that is free of collision."""
+        return self.candidates.step_limit(x, dx, most)
 
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance of a pair less the offset [m] where it is below d_hat, else inf."""

@@ -1,8 +1,9 @@
 """A hierarchy of axis-aligned boxes: built once for many elements, and set anew for those of them that move.
 
 The boxes are sorted along a Morton curve through their centres (Lauterbach et al. 2009, "Fast BVH construction on
-GPUs") and cut in half again and again: a complete binary tree of which node k has the children 2k + 1 and 2k + 2. Its
-shape depends on the number of boxes only, so nothing degenerates where boxes coincide, and a refit is one sweep.
+GPUs") and packed four by four, the boxes round each four likewise, up to a last four (a packed R-tree: Kamel & Faloutsos
+1993). Its shape depends on the number of boxes only, so nothing degenerates where boxes coincide, and a refit is one
+sweep. Four boxes lie side by side, corner by corner: one vector instruction compares a number with all four.
 """
 
 from dataclasses import dataclass
@@ -12,8 +13,8 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel, part
 
-LEAF = 4
-"""Most boxes in a leaf."""
+FOUR = 4
+"""Boxes side by side."""
 
 _MORTON_CELLS = 2.0**21
 """Cells of the Morton grid along the longest side: 3 x 21 bits fit one integer."""
@@ -21,68 +22,78 @@ _MORTON_CELLS = 2.0**21
 
 @dataclass(frozen=True)
 class BoxTree:
-    """A complete binary tree over the boxes of m elements, each of which encloses its element on a straight way.
+    """A packed tree over the boxes of m elements, each of which encloses its element on a straight way.
 
-    order (m,): the elements as the leaves hold them; elements (m, k): their rows of x in that order; starts (l + 1,):
-    leaf i holds order[starts[i]:starts[i + 1]], l a power of two; boxes (m, 6): lower and upper corners in that order
-    [m]; nodes (2 l - 1, 6): the boxes of the nodes, the root first, the leaves last [m]. An empty leaf has the box
-    [inf, -inf], which overlaps nothing.
+    order (m,): the elements as the leaves hold them; elements (m, k): their rows of x in that order; boxes (g, 6, 4):
+    lower and upper corners [m] of four boxes each, first those of the elements, then level by level those that enclose
+    a four of the level below; starts (levels + 1,): where each level starts, the last of which is one four; hangs
+    (N + 1,), places (m k,): places[hangs[i]:hangs[i + 1]] are the leaves' places of what hangs on row i of x. Where a
+    four has no box there is NaN, which overlaps nothing.
     """
 
     order: Ints
     elements: Ints
-    starts: Ints
     boxes: Floats
-    nodes: Floats
+    starts: Ints
+    hangs: Ints
+    places: Ints
+
+    def hanging(self, rows: np.ndarray) -> np.ndarray:
+        """Which elements, by their places in the leaves (m,), hang on one of these rows of x (N,)."""
+        return _hanging(self.hangs, self.places, rows, len(self.order))
 
 
 def build_tree(elements: Ints, before: Floats, after: Floats) -> BoxTree:
     """A tree over elements (m, k), rows of before and after (N, 3) [m], where their ways begin and end; m may be 0."""
     order = np.argsort(_morton_codes(elements, before, after), kind="stable")
-    leaves = 1
-    while leaves * LEAF < len(order):
-        leaves *= 2
-    starts = np.arange(leaves + 1) * len(order) // leaves
-    tree = BoxTree(order, elements[order], starts, np.empty((len(order), 6)), np.empty((2 * leaves - 1, 6)))
-    tree.nodes[:, :3], tree.nodes[:, 3:] = np.inf, -np.inf
+    sizes = [max(1, -(-len(order) // FOUR))]
+    while sizes[-1] > 1:
+        sizes.append(-(-sizes[-1] // FOUR))
+    rows = elements[order].ravel()
+    tree = BoxTree(
+        order,
+        elements[order],
+        np.full((sum(sizes), 6, FOUR), np.nan),
+        np.concatenate([[0], np.cumsum(sizes)]),
+        np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=len(before)))]),
+        np.argsort(rows, kind="stable") // elements.shape[1],
+    )
     refit(tree, before, after, np.ones(len(before), bool))
     return tree
 
 
 def refit(tree: BoxTree, before: Floats, after: Floats, moved: np.ndarray) -> None:
     """Set the boxes in the tree anew of all elements with a row that has `moved` (N,): right for any boxes."""
-    _refit(tree.elements, tree.starts, tree.boxes, tree.nodes, before, after, moved)
+    _refit(tree.elements, tree.hanging(moved), tree.boxes, tree.starts, before, after)
 
 
 @kernel
-def _refit(
-    elements: Ints, starts: Ints, boxes: Floats, nodes: Floats, before: Floats, after: Floats, moved: np.ndarray
-) -> None:
-    """The boxes, the leaves that hold them, then upwards what lies over these."""
-    leaves = len(starts) - 1
-    stale = np.zeros(len(nodes), np.bool_)
-    for leaf in range(leaves):
-        node = leaf + leaves - 1
-        for i in range(starts[leaf], starts[leaf + 1]):
-            has_moved = False
-            for k in range(elements.shape[1]):
-                has_moved |= moved[elements[i, k]]
-            if has_moved:
-                _set_box(boxes[i], elements, i, before, after)
-                stale[node] = True
-        if stale[node]:
-            _empty(nodes[node])
-            for i in range(starts[leaf], starts[leaf + 1]):
-                _enclose(nodes[node], boxes[i])
-    for node in range(2 * leaves - 2, -1, -1):
-        if not stale[node]:
-            continue
-        if node < leaves - 1:
-            _empty(nodes[node])
-            _enclose(nodes[node], nodes[2 * node + 1])
-            _enclose(nodes[node], nodes[2 * node + 2])
-        if node > 0:
-            stale[(node - 1) // 2] = True
+def _hanging(hangs: Ints, places: Ints, rows: np.ndarray, m: int) -> np.ndarray:
+    hanging = np.zeros(m, np.bool_)
+    for i in range(len(rows)):
+        if rows[i]:
+            for k in range(hangs[i], hangs[i + 1]):
+                hanging[places[k]] = True
+    return hanging
+
+
+@kernel
+def _refit(elements: Ints, stale: np.ndarray, boxes: Floats, starts: Ints, before: Floats, after: Floats) -> None:
+    """The boxes of the stale elements (m,), then upwards what lies round these."""
+    fresh, box = np.zeros(len(boxes), np.bool_), np.empty(6)
+    for e in range(len(elements)):
+        if stale[e]:
+            _set_box(box, elements, e, before, after)
+            for side in range(6):
+                boxes[e // FOUR, side, e % FOUR] = box[side]
+            fresh[e // FOUR] = True
+    for level in range(len(starts) - 2):
+        for four in range(starts[level], starts[level + 1]):
+            if fresh[four]:
+                place = four - starts[level]
+                above = starts[level + 1] + place // FOUR
+                _enclose(boxes, four, above, place % FOUR)
+                fresh[above] = True
 
 
 @part
@@ -98,17 +109,14 @@ def _set_box(box: Floats, elements: Ints, e: int, before: Floats, after: Floats)
 
 
 @part
-def _empty(box: Floats) -> None:
+def _enclose(boxes: Floats, four: int, above: int, place: int) -> None:
+    """Let the box at a place of the four `above` enclose a four: what is no number is passed over."""
     for axis in range(3):
-        box[axis], box[3 + axis] = np.inf, -np.inf
-
-
-@part
-def _enclose(box: Floats, other: Floats) -> None:
-    """Let `box` (6,) enclose `other` too."""
-    for axis in range(3):
-        box[axis] = min(box[axis], other[axis])
-        box[3 + axis] = max(box[3 + axis], other[3 + axis])
+        low, high = np.inf, -np.inf
+        for k in range(FOUR):
+            low = boxes[four, axis, k] if boxes[four, axis, k] < low else low
+            high = boxes[four, 3 + axis, k] if boxes[four, 3 + axis, k] > high else high
+        boxes[above, axis, place], boxes[above, 3 + axis, place] = low, high
 
 
 @kernel

@@ -17,7 +17,6 @@ from clothsim.contact.barrier_kernels import near_pairs
 from clothsim.contact.ccd import CLOSE, edge_edge_limit, point_triangle_limit
 from clothsim.contact.near import (
     displaced,
-    distances_at,
     equal,
     may_be_near,
     near_among,
@@ -61,7 +60,7 @@ class Candidates:
         self.forget()
 
     def forget(self) -> None:
-        """Search anew at the next call: a step then depends on its own start only, and a run can be resumed."""
+        """Search anew at the next call."""
         self._way: tuple[Floats, Floats] | None = None
         self._pairs = NONE
         self._distances = np.zeros(0)
@@ -113,20 +112,30 @@ class Candidates:
         _, squared = near_pairs(x, near.elements, near.n_points, np.inf)
         return near.elements[int(squared.argmin())]
 
-    def step_limit(self, x: Floats, dx: Floats) -> float:
-        """The fraction of dx that is free of collision, by additive CCD over straight paths, in [0, 1]."""
-        start = perf_counter()
-        gone = self._hold(x, x + dx, self.limit)
-        pairs = self._pairs.at(self._may_reach_their_floor(gone))
-        self.seconds["candidates"] += perf_counter() - start
-        return self.free(pairs, x, dx)
+    def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
+        """The fraction of dx, at most `most`, that is free of collision, by additive CCD over straight paths.
 
-    def free(self, pairs: Pairs, x: Floats, dx: Floats) -> float:
-        """The fraction of dx on which none of these pairs collides, in [0, 1]."""
+        What is in the list tells how far the search for the rest has to look.
+        """
+        start, of_ccd = perf_counter(), self.seconds["CCD"]
+        if self._way is not None:
+            most = self._free_of_known(self._gone(x, x + most * dx), x, dx, most)
+        known = self._pairs
+        gone = self._hold(x, x + most * dx, self.limit)
+        if self._pairs is not known:
+            most = self._free_of_known(gone, x, dx, most)
+        self.seconds["candidates"] += perf_counter() - start - (self.seconds["CCD"] - of_ccd)
+        return most
+
+    def _free_of_known(self, gone: Floats, x: Floats, dx: Floats, most: float) -> float:
+        return self.free(self._pairs.at(self._may_reach_their_floor(gone)), x, dx, most)
+
+    def free(self, pairs: Pairs, x: Floats, dx: Floats, most: float = 1.0) -> float:
+        """The fraction of dx, at most `most`, on which none of these pairs collides."""
         start = perf_counter()
         points, edges = pairs.elements[: pairs.n_points], pairs.elements[pairs.n_points :]
         keep = self.offset, SLACK, self.limit - self.offset
-        fraction = point_triangle_limit(x, dx, points, *keep, 1.0)
+        fraction = point_triangle_limit(x, dx, points, *keep, most)
         fraction = edge_edge_limit(x, dx, edges, *keep, fraction)
         self.ccd_calls += 1
         self.seconds["CCD"] += perf_counter() - start
@@ -159,9 +168,7 @@ class Candidates:
 
     def _gone(self, before: Floats, after: Floats) -> Floats:
         assert self._way is not None
-        start, rows = self._way[0], self.surface.rows
-        gone = displaced(before, start, rows)
-        return gone if after is before else np.maximum(gone, displaced(after, start, rows))
+        return displaced(before, after, self._way[0], self.surface.rows)
 
     def _stray(self, before: Floats, after: Floats) -> float:
         """The farthest that a row is from where all have gone one share of the way that the list is of."""
@@ -177,8 +184,7 @@ class Candidates:
         left = self._left(before, after)
         if left is None:
             self._way = before.copy(), after.copy()
-            self._pairs = self.search.pairs(*self._way, distance)
-            self._distances = distances_at(before, self._pairs.elements, self._pairs.n_points)
+            self._pairs, self._distances = self.search.pairs(*self._way, distance)
             self.searched += len(self.surface.rows)
             return
         assert self._way is not None
@@ -188,10 +194,8 @@ class Candidates:
         )
         start = np.where(left[:, None], before, self._way[0])
         self._way = start, np.where(left[:, None], after, start)
-        found = self.search.pairs(*self._way, distance, left)
-        known = self._pairs if len(numbers) == len(self._pairs) else self._pairs.at(numbers)
-        self._pairs, places = together(known, found)
-        self._distances = np.insert(distances, places, distances_at(start, found.elements, found.n_points))
+        found, far = self.search.pairs(*self._way, distance, left)
+        self._pairs, self._distances = together(self._pairs, numbers, distances, found, far)
 
     def _settle(self, x: Floats) -> np.ndarray:
         """Move the base along the way to where it is closest to x: the list holds there. Which rows moved (N,)."""

@@ -72,10 +72,9 @@ def edge_edge_limit(
 def _limit(
     x: Floats, dx: Floats, pairs: Ints, is_edges: bool, offset: float, slack: float, near: float, limit: float
 ) -> float:
-    span = limit  # the same for all pairs, or their order would matter
     for i in range(pairs.shape[0]):
         y, dy = _differences(x, pairs[i]), _differences(dx, pairs[i])
-        limit = _pair_limit(y, dy, is_edges, offset, slack, near, span, limit)
+        limit = _pair_limit(y, dy, is_edges, offset, slack, near, limit)
         if limit <= 0.0:
             return 0.0
     return limit
@@ -83,9 +82,9 @@ def _limit(
 
 @part
 def _pair_limit(
-    y: Points, dy: Points, is_edges: bool, offset: float, slack: float, near: float, span: float, limit: float
+    y: Points, dy: Points, is_edges: bool, offset: float, slack: float, near: float, limit: float
 ) -> float:
-    """The fraction for one pair, at most `limit` <= span."""
+    """The fraction for one pair, at most `limit`: nothing else of it depends on this, so the order of pairs is free."""
     dw = _between(dy, is_edges)
     speed = _speed(dw, is_edges)
     if speed == 0.0:
@@ -101,9 +100,9 @@ def _pair_limit(
     t = 0.0
     for _ in range(MAX_INCREMENTS):
         w = _between(_moved(y, dy, t), is_edges)
-        increment = max((distance - floor) / speed, _apart((m[0], ZERO, ZERO), w, dw, is_edges, floor, span - t))
+        increment = max((distance - floor) / speed, _apart((m[0], ZERO, ZERO), w, dw, is_edges, floor, 1.0 - t))
         if t + increment < limit:
-            increment = max(increment, _apart(m, w, dw, is_edges, floor, span - t))
+            increment = max(increment, _apart(m, w, dw, is_edges, floor, 1.0 - t))
         if t + increment >= limit:
             return limit
         if not t + increment > t:

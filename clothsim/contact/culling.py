@@ -30,8 +30,10 @@ def that_may_meet(
     before: Floats,
     after: Floats,
     distance: float,
-) -> tuple[Ints, Ints]:
+) -> tuple[Ints, Ints, Floats]:
     """Those pairs of rows first (p,) of a (n, k) and second (p,) of b (m, l) that may come nearer than `distance`.
+
+    And their distances (q,) [m] where the way begins.
 
     a, b: points and triangles, triangles and points, or edges: rows of before, after (N, 3) [m], where the common way
     begins and ends; distance [m]; labels (N,), allowed (L, L): which objects may touch. Pairs that share a vertex are
@@ -39,8 +41,9 @@ def that_may_meet(
     """
     way = before, after, distance
     if a.shape[1] == 3:
-        points, triangles = _that_may_meet(second, first, b, a, False, labels, np.ascontiguousarray(allowed.T), *way)
-        return triangles, points
+        allowed = np.ascontiguousarray(allowed.T)
+        points, triangles, distances = _that_may_meet(second, first, b, a, False, labels, allowed, *way)
+        return triangles, points, distances
     return _that_may_meet(first, second, a, b, a.shape[1] == 2, labels, allowed, *way)
 
 
@@ -56,9 +59,9 @@ def _that_may_meet(
     before: Floats,
     after: Floats,
     distance: float,
-) -> tuple[Ints, Ints]:
-    """Of pairs of edges, or of points a and triangles b."""
-    kept = np.empty((2, len(first)), np.int64)
+) -> tuple[Ints, Ints, Floats]:
+    """Of pairs of edges, or of points a and triangles b. A distance that is no number is 0: they may be anywhere."""
+    kept, distances = np.empty((2, len(first)), np.int64), np.empty(len(first))
     count, squared = 0, (distance * ROUNDING) ** 2
     for k in range(len(first)):
         rows = _rows(a, first[k], b, second[k], is_edges)
@@ -69,8 +72,10 @@ def _that_may_meet(
             continue
         m = _closest(x, is_edges)
         if dot(m, m) <= squared or not _are_apart(m, x, y, is_edges, squared):
+            length = np.sqrt(dot(m, m))
+            distances[count] = length if length >= 0.0 else 0.0
             kept[0, count], kept[1, count], count = first[k], second[k], count + 1
-    return kept[0, :count].copy(), kept[1, :count].copy()
+    return kept[0, :count].copy(), kept[1, :count].copy(), distances[:count].copy()
 
 
 @part

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Self
 
 import ipctk
 import numpy as np
@@ -12,6 +13,7 @@ from clothsim.contact.barrier import Barrier
 from clothsim.contact.candidates import SLACK, Candidates
 from clothsim.contact.near import strays
 from clothsim.contact.surface import ContactSurface
+from clothsim.energies.base import Step
 
 SEPARATION = 1e-6
 """Share of d_hat below which no step brings a pair: ipctk's additive CCD takes millions of steps at round-off."""
@@ -59,8 +61,8 @@ class IpctkCandidates(Candidates):
         self.collisions(x)
         return self._gap
 
-    def step_limit(self, x: Floats, dx: Floats) -> float:
-        """The fraction of dx that is free of collision; keeps SEPARATION d_hat or half the present gap."""
+    def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
+        """The fraction of dx, at most `most`, that is free of collision; keeps SEPARATION d_hat or half the gap."""
         separation = min(SEPARATION * self.limit, 0.5 * self.minimum_gap(x))
         start = perf_counter()
         self._cover(x, x + dx)
@@ -71,7 +73,7 @@ class IpctkCandidates(Candidates):
         self.ccd_calls += 1
         self.seconds["candidates"] += searched - start
         self.seconds["CCD"] += perf_counter() - searched
-        return float(fraction)
+        return min(most, float(fraction))
 
     def _cover(self, before: Floats, after: Floats) -> None:
         """Let ipctk's candidates hold every pair that comes closer than d_hat on a way: by its last search if near."""
@@ -90,6 +92,11 @@ class IpctkBarrier(Barrier):
 
     candidates: IpctkCandidates
     exact_in_newton = False
+
+    def begin(self, step: Step) -> Self:
+        """As the numba path's. ipctk's sums are in the order of its search: a resumed run must search where this did."""
+        self.candidates.forget()
+        return super().begin(step)
 
     def value(self, x: Floats) -> float:
         """Barrier energy [J]; +inf where a pair touches."""

@@ -10,14 +10,19 @@ from clothsim.contact.distance import closest
 
 
 @kernel
-def displaced(x: Floats, at: Floats, rows: Ints) -> Floats:
-    """How far each of these rows of x (N, 3) [m] is from where it was, (N,) [m]; 0 for all others, inf for NaN."""
-    gone = np.zeros(len(x))
-    for k in range(len(rows)):
-        i, squared = rows[k], 0.0
-        for axis in range(3):
-            squared += (x[i, axis] - at[i, axis]) ** 2
-        gone[i] = np.sqrt(squared) if squared >= 0.0 else np.inf
+def displaced(before: Floats, after: Floats, at: Floats, rows: Ints) -> Floats:
+    """How far each of these rows of x is from `at` where a way begins or ends, the farther of the two, (N,) [m].
+
+    before, after, at (N, 3) [m]. 0 for all other rows, inf for what is no number.
+    """
+    gone = np.zeros(len(at))
+    for i in rows:
+        squared = 0.0
+        for x in (before, after):
+            a, b, c = x[i, 0] - at[i, 0], x[i, 1] - at[i, 1], x[i, 2] - at[i, 2]
+            off = a * a + b * b + c * c
+            squared = max(squared, off if off >= 0.0 else np.inf)
+        gone[i] = np.sqrt(squared)
     return gone
 
 
@@ -63,17 +68,6 @@ def near_among(
             numbers[count], squared[count] = e, distance
             count += 1
     return numbers[:count].copy(), squared[:count].copy()
-
-
-@kernel
-def distances_at(x: Floats, elements: Ints, n_points: int) -> Floats:
-    """The distances of pairs at x (N, 3), (p,) [m]; 0 for what is no number: it may be anywhere."""
-    distances = np.empty(len(elements))
-    g, r = np.empty(4), np.empty(3)
-    for e in range(len(elements)):
-        distance = np.sqrt(closest(x, elements[e], e >= n_points, g, r))
-        distances[e] = distance if distance >= 0.0 else 0.0
-    return distances
 
 
 @kernel

@@ -1,5 +1,7 @@
 """Every pair of a surface that may come near on a straight way: boxes in trees, then what tells the pairs apart."""
 
+from typing import cast
+
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
@@ -7,13 +9,16 @@ from clothsim.compiled import kernel
 from clothsim.contact.box_tree import BoxTree, build_tree, refit
 from clothsim.contact.broad_phase import Overlaps, in_order, overlapping, overlapping_self
 from clothsim.contact.culling import that_may_meet
-from clothsim.contact.pairs import Pairs
+from clothsim.contact.pairs import Pairs, side_by_side
 from clothsim.contact.surface import ContactSurface, Primitives
 
 PARALLEL = 1e-3
 """Square of the sine, at rest lengths, below which a pair of edges is mollified (Li et al. 2020, IPC, section 4.1)."""
 
-NOBODY: Overlaps = np.zeros(0, np.int64), np.zeros(0, np.int64)
+Met = tuple[Ints, Ints, Floats]
+"""The first and the second of each pair, and how far apart they are [m], (p,) each."""
+
+NOBODY: Met = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
 
 
 class Search:
@@ -25,10 +30,13 @@ class Search:
         self._areas = surface.edge_areas(surface.first.edges), surface.edge_areas(surface.second.edges)
         self._lengths = surface.rest_lengths(surface.first.edges), surface.rest_lengths(surface.second.edges)
 
-    def pairs(self, before: Floats, after: Floats, distance: float, of: np.ndarray | None = None) -> Pairs:
+    def pairs(
+        self, before: Floats, after: Floats, distance: float, of: np.ndarray | None = None
+    ) -> tuple[Pairs, Floats]:
         """Every pair that may come nearer than `distance` [m] while all vertices go before -> after at one pace.
 
-        of (N,): only the pairs that hang on one of these rows of x, all of which belong to the first group.
+        And their distances (p,) [m] before. of (N,): only the pairs that hang on one of these rows of x, all of which
+        belong to the first group.
         """
         surface, first, second = self.surface, self.surface.first, self.surface.second
         end = after
@@ -37,48 +45,49 @@ class Search:
             end = after - common if np.isfinite(common).all() else after
         mine = self._first.on(before, end)
         theirs = mine if surface.itself else self._second.on(before, end)
-        points, edges, faces = (
-            None if of is None else mine.asked(kind, of) for kind in ("points", "edges", "triangles")
-        )
 
-        def met(found: Overlaps, a: Ints, b: Ints) -> Overlaps:
-            return in_order(that_may_meet(*found, a, b, surface.labels, surface.allowed, before, after, distance))
+        def met(found: Overlaps, a: Ints, b: Ints) -> Met:
+            return that_may_meet(*found, a, b, surface.labels, surface.allowed, before, after, distance)
 
-        of_points = overlapping(mine["points"], theirs["triangles"], distance, points)
-        of_points = met(of_points, first.points[:, None], second.triangles)
+        found = overlapping(mine["points"], theirs["triangles"], distance, of)
+        of_points = met(found, first.points[:, None], second.triangles)
         if surface.itself:
-            of_edges = met(overlapping_self(mine["edges"], distance, edges), first.edges, second.edges)
+            of_edges = met(overlapping_self(mine["edges"], distance, of), first.edges, second.edges)
         else:
-            of_edges = met(overlapping(mine["edges"], theirs["edges"], distance, edges), first.edges, second.edges)
+            of_edges = met(overlapping(mine["edges"], theirs["edges"], distance, of), first.edges, second.edges)
         if surface.itself and of is None:
             return self._listed(of_points, NOBODY, of_edges)
-        others = points if surface.itself else None  # the pairs of the points asked for are found
-        of_faces = overlapping(mine["triangles"], theirs["points"], distance, faces, others)
-        of_faces = met(of_faces, first.triangles, second.points[:, None])
+        others = of if surface.itself else None  # the pairs of the points asked for are found
+        found = overlapping(mine["triangles"], theirs["points"], distance, of, others)
+        of_faces = met(found, first.triangles, second.points[:, None])
         if surface.itself:
-            both = np.concatenate([of_points[0], of_faces[1]]), np.concatenate([of_points[1], of_faces[0]])
-            return self._listed(in_order(both), NOBODY, of_edges)
+            second_first = of_faces[1], of_faces[0], of_faces[2]
+            both = tuple(np.concatenate(two) for two in zip(of_points, second_first, strict=True))
+            return self._listed(cast(Met, both), NOBODY, of_edges)
         return self._listed(of_points, of_faces, of_edges)
 
-    def _listed(self, points: Overlaps, faces: Overlaps, edges: Overlaps) -> Pairs:
+    def _listed(self, *found: Met) -> tuple[Pairs, Floats]:
         """Points of the first group with triangles of the second, triangles of the first with points, and edges."""
         first, second = self.surface.first, self.surface.second
+        orders = [in_order((a, b)) for a, b, _ in found]
+        points, faces, edges = ((a[order], b[order]) for (a, b, _), order in zip(found, orders, strict=True))
         elements = (
-            np.column_stack([first.points[points[0]], second.triangles[points[1]]]),
-            np.column_stack([second.points[faces[1]], first.triangles[faces[0]]]),
-            np.column_stack([first.edges[edges[0]], second.edges[edges[1]]]),
+            side_by_side(first.points[:, None], points[0], second.triangles, points[1]),
+            side_by_side(second.points[:, None], faces[1], first.triangles, faces[0]),
+            side_by_side(first.edges, edges[0], second.edges, edges[1]),
         )
         n_points = len(elements[0]) + len(elements[1])
         on_points = np.concatenate(elements[:2])[:, 0]
         areas = self._areas[0][edges[0]] + self._areas[1][edges[1]]
         lengths = self._lengths[0][edges[0]] * self._lengths[1][edges[1]]
-        return Pairs(
+        listed = Pairs(
             np.concatenate(elements),
             np.concatenate([self.surface.vertex_areas[on_points], areas]) / 4,
             np.concatenate([np.zeros(n_points), PARALLEL * lengths**2]),
             np.concatenate([kind << 60 | a << 30 | b for kind, (a, b) in enumerate((points, faces, edges))]),
             n_points,
         )
+        return listed, np.concatenate([distances[order] for (_, _, distances), order in zip(found, orders, strict=True)])
 
 
 class _Trees:
@@ -116,10 +125,6 @@ class _Trees:
             self._since = way, _differ(*way, *self._way)
         return self._since[1]
 
-    def asked(self, kind: str, of: np.ndarray | None) -> np.ndarray | None:
-        """Which elements of a kind (m,) hang on one of these rows of x (N,); None for all of all."""
-        return None if of is None else _touching(self._elements[kind], of)
-
 
 @kernel
 def _differ(before: Floats, after: Floats, other_before: Floats, other_after: Floats) -> np.ndarray:
@@ -130,13 +135,3 @@ def _differ(before: Floats, after: Floats, other_before: Floats, other_after: Fl
             if not (before[i, k] == other_before[i, k] and after[i, k] == other_after[i, k]):
                 differ[i] = True
     return differ
-
-
-@kernel
-def _touching(elements: Ints, of: np.ndarray) -> np.ndarray:
-    """Which elements (m, k) hang on one of these rows of x (N,)."""
-    touching = np.zeros(len(elements), np.bool_)
-    for e in range(len(elements)):
-        for k in range(elements.shape[1]):
-            touching[e] |= of[elements[e, k]]
-    return touching

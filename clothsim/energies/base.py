@@ -156,9 +156,9 @@ class Energy(abc.ABC):
         kept = np.flatnonzero(moving[getattr(self, self.per_element[0])].any(axis=1))
         return replace(cast(Any, self), **{name: getattr(self, name)[kept] for name in self.per_element})
 
-    def step_limit(self, x: Floats, dx: Floats) -> float:
-        """The largest admissible fraction of dx, in (0, 1]."""
-        return 1.0
+    def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
+        """The largest admissible fraction of dx, in (0, most]."""
+        return most
 
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance that it keeps [m], inf where it keeps none."""

@@ -86,15 +86,15 @@ class StrainLimit(Energy):
         blocks += fibre_kernels.hessian(x, triangles, inverses, threads, along, curved, False)
         return ElementHessian(triangles, blocks)
 
-    def step_limit(self, x: Floats, dx: Floats) -> float:
-        """The fraction of dx that takes the tightest triangle at most SLACK of its way to the limit.
+    def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
+        """The fraction of dx, at most `most`, that takes the tightest triangle at most SLACK of its way to the limit.
 
         A stretch is convex along dx, so that it stays below its chord: where the chord from here to the end of the step
         meets the goal, the stretch has not. From there the next chord is drawn.
         """
         passing = np.flatnonzero(self._loads(x + dx, self.triangles).max(axis=1, initial=0.0) >= 1)
         if not len(passing):
-            return 1.0
+            return most
         corners = self.triangles[passing].ravel()
         own = np.arange(len(corners)).reshape(-1, 3)
         start, way = x[corners], dx[corners]
@@ -106,7 +106,7 @@ class StrainLimit(Energy):
             steps = np.where(end > goal, (goal - load) / np.where(end > goal, end - load, 1.0), 1.0).min(axis=1)
             fractions += (1 - fractions) * np.clip(steps, 0.0, 1.0)
             load = np.minimum(self._loads(start + np.repeat(fractions, 3)[:, None] * way, own, passing), goal)
-        return float(fractions.min())
+        return min(most, float(fractions.min()))
 
     def gap_change(self, x: Floats, dx: Floats) -> float:
         """The largest share of what is left to its limit that the step changes, of the triangles past a begin."""

@@ -134,7 +134,11 @@ class Potential:
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The smallest of the energies' step limits, in (0, 1]."""
-        return min(self._of_those_with("step_limit", x, dx), default=1.0)
+        limit = 1.0
+        for name, energy in self.acting.items():  # none looks beyond what the one before it allows
+            with self.ledger.effect(name, ""):
+                limit = energy.step_limit(x, dx, limit)
+        return limit
 
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance that any energy keeps [m], inf where none keeps one."""

@@ -95,8 +95,8 @@ class Wall(Energy):
     def hessian(self, x, project=True):
         raise NotImplementedError
 
-    def step_limit(self, x, dx):
-        return min(1.0, self.reach / float(np.abs(dx).max()))
+    def step_limit(self, x, dx, most=1.0):
+        return min(most, self.reach / float(np.abs(dx).max()))
 
 
 def test_a_step_is_lengthened_as_far_as_it_is_free():

@@ -40,8 +40,8 @@ class Toy(Energy):
         blocks = self.curvature(x)[:, :, None] * np.eye(3)
         return ElementHessian(np.arange(len(x))[:, None], blocks)
 
-    def step_limit(self, x, dx):
-        return self.limit
+    def step_limit(self, x, dx, most=1.0):
+        return min(most, self.limit)
 
 
 def quadratic(**changes):

@@ -61,8 +61,8 @@ class Limited(Energy):
     def hessian(self, x, project=True):
         return ElementHessian(np.zeros((0, 1), np.int64), np.zeros((0, 3, 3)))
 
-    def step_limit(self, x, dx):
-        return self.limit
+    def step_limit(self, x, dx, most=1.0):
+        return min(most, self.limit)
 
     def minimum_gap(self, x):
         return self.gap

@@ -88,7 +88,7 @@ def compared(case: Case, states: Path, repeats: int, heard: Callable[[str], None
 def taken(side: Side, ways: Sequence[Way]) -> tuple[float, Seconds]:
     """The energy of all ways [J], and the seconds of each part."""
     seconds = dict.fromkeys(PARTS, 0.0)
-    side.begin()
+    side.begin(ways[0][0])
     return sum(side.take(x, dx, seconds) for x, dx in ways), seconds
 
 
@@ -111,9 +111,9 @@ def recorded(session: Session, state: State) -> list[Way]:
     candidates = cast(Barrier, session.built.energies[CONTACTS[0]]).candidates
     limit = candidates.step_limit
 
-    def heard(x: Floats, dx: Floats) -> float:
+    def heard(x: Floats, dx: Floats, most: float) -> float:
         ways.append((x.copy(), dx.copy()))
-        return limit(x, dx)
+        return limit(x, dx, most)
 
     candidates.step_limit = heard  # type: ignore[method-assign]
     try:

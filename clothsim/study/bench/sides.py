@@ -23,8 +23,8 @@ Seconds = dict[str, float]
 class Side(Protocol):
     """One of the two."""
 
-    def begin(self) -> None:
-        """As a time step begins."""
+    def begin(self, x: Floats) -> None:
+        """As a time step begins at x (N, 3) [m], where the one before has ended."""
 
     def take(self, x: Floats, dx: Floats, seconds: Seconds) -> float:
         """All parts for the place x and the step dx (N, 3) [m], added to `seconds`; the energy [J]."""
@@ -37,10 +37,11 @@ class Ours:
     barriers: Sequence[Barrier]
     pattern: Pattern
 
-    def begin(self) -> None:
-        """Forget what was found."""
+    def begin(self, x: Floats) -> None:
+        """The step before has found what is near x."""
         for barrier in self.barriers:
             barrier.candidates.forget()
+            barrier.candidates.near(x)
 
     def take(self, x: Floats, dx: Floats, seconds: Seconds) -> float:
         """Pairs, sums, matrix, step; the contact's own receipt tells the CCD from the search for it."""
@@ -54,9 +55,9 @@ class Ours:
         clock.book("energy and gradient")
         self.pattern.assemble([barrier.hessian(x) for barrier in self.barriers])
         clock.book("projected Hessian")
-        before = self._of_ccd()
+        before, limit = self._of_ccd(), 1.0
         for barrier in self.barriers:
-            barrier.step_limit(x, dx)
+            limit = barrier.step_limit(x, dx, limit)
         of_ccd = self._of_ccd() - before
         clock.book("candidates")
         seconds["candidates"] -= of_ccd
@@ -85,7 +86,7 @@ class Ipctk:
         self._potential = ipctk.BarrierPotential(self._d_hat, 1.0, True)
         self._ccd = ipctk.AdditiveCCD(conservative_rescaling=SLACK)
 
-    def begin(self) -> None:
+    def begin(self, x: Floats) -> None:
         """Nothing is kept."""
 
     def take(self, x: Floats, dx: Floats, seconds: Seconds) -> float:
