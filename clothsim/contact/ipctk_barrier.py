@@ -94,7 +94,7 @@ class IpctkBarrier(Barrier):
     exact_in_newton = False
 
     def begin(self, step: Step) -> Self:
-        """As the numba path's. ipctk's sums are in the order of its search: a resumed run must search where this did."""
+        """As the numba path's. ipctk sums in the order of its search: a resumed run must search where this one did."""
         self.candidates.forget()
         return super().begin(step)
 

@@ -87,7 +87,8 @@ class Search:
             np.concatenate([kind << 60 | a << 30 | b for kind, (a, b) in enumerate((points, faces, edges))]),
             n_points,
         )
-        return listed, np.concatenate([distances[order] for (_, _, distances), order in zip(found, orders, strict=True)])
+        distances = [each[order] for (_, _, each), order in zip(found, orders, strict=True)]
+        return listed, np.concatenate(distances)
 
 
 class _Trees:
