@@ -3,7 +3,7 @@
 The boxes are sorted along a Morton curve through their centres (Lauterbach et al. 2009, "Fast BVH construction on
 GPUs") and packed four by four, the boxes round each four likewise, up to a last four (Kamel & Faloutsos 1993, "On
 packing R-trees"). Its shape depends on the number of boxes only, so nothing degenerates where boxes coincide, and a
-refit is one sweep. Four boxes lie side by side, corner by corner: one vector instruction compares a number with all four.
+refit is one sweep. Four boxes lie side by side, corner by corner: a vector instruction compares a number with all four.
 """
 
 from dataclasses import dataclass

@@ -81,9 +81,7 @@ def _limit(
 
 
 @part
-def _pair_limit(
-    y: Points, dy: Points, is_edges: bool, offset: float, slack: float, near: float, limit: float
-) -> float:
+def _pair_limit(y: Points, dy: Points, is_edges: bool, offset: float, slack: float, near: float, limit: float) -> float:
     """The fraction for one pair, at most `limit`: nothing else of it depends on this, so the order of pairs is free."""
     dw = _between(dy, is_edges)
     speed = _speed(dw, is_edges)
