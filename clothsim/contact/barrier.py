@@ -13,6 +13,9 @@ from clothsim.contact.semidefinite import clamp
 from clothsim.contact.stiffness import barrier_stiffness
 from clothsim.energies.base import ElementHessian, Energy, Step, room_for
 
+BESIDE = 0.5
+"""Share of d_hat beyond which a pair of cloth with cloth takes no place in the Newton matrix."""
+
 NOTHING = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12)))
 
 
@@ -93,7 +96,8 @@ class Barrier(Energy):
         """The rows (p, 4) of the pairs of cloth with cloth that are in reach of a small step."""
         if not self.candidates.surface.itself:
             return np.zeros((0, 4), np.int64)  # a body's vertices are no unknowns
-        return self.candidates.within(x, self.candidates.limit + self.candidates.reach).elements
+        candidates = self.candidates
+        return candidates.within(x, candidates.limit + min(BESIDE * self.d_hat, candidates.reach)).elements
 
     @property
     def remembers(self) -> float:

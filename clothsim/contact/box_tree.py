@@ -64,7 +64,9 @@ def build_tree(elements: Ints, before: Floats, after: Floats) -> BoxTree:
 
 def refit(tree: BoxTree, before: Floats, after: Floats, moved: np.ndarray) -> None:
     """Set the boxes in the tree anew of all elements with a row that has `moved` (N,): right for any boxes."""
-    _refit(tree.elements, tree.hanging(moved), tree.boxes, tree.starts, before, after)
+    stale = tree.hanging(moved)
+    if stale.any():
+        _refit(tree.elements, stale, tree.boxes, tree.starts, before, after)
 
 
 @kernel

@@ -77,7 +77,7 @@ def _met(boxes_a: Floats, asked: np.ndarray, boxes: Floats, starts: Ints, grown:
 
     asked (m,): which i; later: of a tree with itself, all of which are asked, and only j from the four of i on.
     """
-    found = np.empty(8 * len(asked) + 64, np.int64)
+    found = np.empty(8 * asked.sum() + 64, np.int64)
     group, whole, hits = np.empty((FOUR, 6)), np.empty(6), np.empty(FOUR, np.bool_)
     stack, met = np.empty(_DEPTH, np.int64), np.empty(starts[1] + FOUR, np.int64)
     count = 0
@@ -101,19 +101,22 @@ def _met(boxes_a: Floats, asked: np.ndarray, boxes: Floats, starts: Ints, grown:
 @part
 def _gathered(four: int, boxes: Floats, asked: np.ndarray, grown: float, group: Floats, whole: Floats) -> bool:
     """The boxes of a four that are asked for, grown, to `group`, and the one that holds them; whether there are any."""
-    some = False
+    start, some = FOUR * four, False
+    for place in range(start, min(start + FOUR, len(asked))):
+        some |= asked[place]
+    if not some:
+        return False
     for side in range(6):
         whole[side] = np.inf if side < 3 else -np.inf
     for k in range(FOUR):
-        mine = FOUR * four + k < len(asked) and asked[FOUR * four + k]
-        some |= mine
+        mine = start + k < len(asked) and asked[start + k]
         for axis in range(3):
             low = boxes[four, axis, k] - grown if mine else np.nan
             high = boxes[four, 3 + axis, k] + grown if mine else np.nan
             group[k, axis], group[k, 3 + axis] = low, high
             whole[axis] = low if low < whole[axis] else whole[axis]
             whole[3 + axis] = high if high > whole[3 + axis] else whole[3 + axis]
-    return some
+    return True
 
 
 @part

@@ -66,33 +66,30 @@ class Candidates:
         self._distances = np.zeros(0)
         self._near_at: Floats | None = None
         self._near = NONE
-        self._gap = np.inf
+        self._gap: float | None = None
 
     def near(self, x: Floats) -> Pairs:
         """The pairs closer than `limit` at x."""
         if self._near_at is not None and equal(x, self._near_at):
             return self._near
         start = perf_counter()
-        numbers, squared = self._closer(x, self.limit)
-        self._near, self._near_at = self._pairs.at(numbers), x.copy()
-        self._gap = float(np.sqrt(squared.min())) - self.offset if len(squared) else np.inf
-        self.pairs = len(numbers)
+        self._near, self._near_at, self._gap = self.within(x, self.limit), x.copy(), None
+        self.pairs = len(self._near)
         self.seconds["candidates"] += perf_counter() - start
         return self._near
 
     def within(self, x: Floats, distance: float) -> Pairs:
         """The pairs that are closer than `distance` [m] at x, at most limit + reach."""
-        numbers, _ = self._closer(x, distance)
-        return self._pairs.at(numbers)
-
-    def _closer(self, x: Floats, distance: float) -> tuple[Ints, Floats]:
-        """The numbers of the pairs closer than `distance` [m] at x, and their squared distances."""
         gone = self._hold(x, x, distance)
-        return near_among(x, self._pairs.elements, self._pairs.n_points, self._distances, gone, distance)
+        pairs = self._pairs
+        return pairs.at(near_among(x, pairs.elements, pairs.n_points, self._distances, gone, distance))
 
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance of a pair less the offset [m] where it is below d_hat, else inf."""
-        self.near(x)
+        near = self.near(x)
+        if self._gap is None:
+            _, squared = near_pairs(x, near.elements, near.n_points, np.inf)
+            self._gap = float(np.sqrt(squared.min(initial=np.inf))) - self.offset
         return self._gap
 
     def gap_change(self, x: Floats, dx: Floats) -> float:
@@ -158,13 +155,12 @@ class Candidates:
         Returns how far each row of x then goes from the base (N,) [m].
         """
         room = 0.5 * (self.limit + 4.0 * self.reach - distance)
-        if self._way is None:
-            self._search_way(before, after)
-        gone = self._gone(before, after)
-        if not gone.max(initial=0.0) <= room and not self._stray(before, after) <= room:
-            self._search_way(before, after)
+        if self._way is not None:
             gone = self._gone(before, after)
-        return gone
+            if gone.max(initial=0.0) <= room or self._stray(before, after) <= room:
+                return gone
+        self._search_way(before, after)
+        return self._gone(before, after)
 
     def _gone(self, before: Floats, after: Floats) -> Floats:
         assert self._way is not None
@@ -173,8 +169,8 @@ class Candidates:
     def _stray(self, before: Floats, after: Floats) -> float:
         """The farthest that a row is from where all have gone one share of the way that the list is of."""
         assert self._way is not None
-        places = (before,) if after is before else (before, after)
-        return max(strays(x, *self._way, self.surface.rows) for x in places)
+        off = strays(after, *self._way, self.surface.rows)
+        return off if before is after or off == np.inf else max(off, strays(before, *self._way, self.surface.rows))
 
     def _search_way(self, before: Floats, after: Floats) -> None:
         """The list of a way: what hangs on rows of x that leave the base is searched for, the rest is known."""

@@ -50,16 +50,16 @@ class IpctkCandidates(Candidates):
         collisions.build(self._found, self.mesh, self.rows_of(x), self.limit)
         self._collisions, self._collisions_at = collisions, x.copy()
         self.pairs = len(collisions)
-        self._gap = np.inf
+        self._least = np.inf
         if self.pairs:  # ipctk returns the squared distance
-            self._gap = float(np.sqrt(collisions.compute_minimum_distance(self.mesh, self.rows_of(x))))
+            self._least = float(np.sqrt(collisions.compute_minimum_distance(self.mesh, self.rows_of(x))))
         self.seconds["candidates"] += perf_counter() - start
         return collisions
 
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance of a pair [m] where it is below d_hat, else inf."""
         self.collisions(x)
-        return self._gap
+        return self._least
 
     def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
         """The fraction of dx, at most `most`, that is free of collision; keeps SEPARATION d_hat or half the gap."""

@@ -48,26 +48,27 @@ def may_be_near(elements: Ints, n_points: int, distances: Floats, gone: Floats, 
 
 
 @kernel
-def near_among(
-    x: Floats, elements: Ints, n_points: int, distances: Floats, gone: Floats, near: float
-) -> tuple[Ints, Floats]:
-    """The numbers of the pairs closer than `near` [m] at x (N, 3) [m], and their squared distances [m2].
+def near_among(x: Floats, elements: Ints, n_points: int, distances: Floats, gone: Floats, near: float) -> Ints:
+    """The numbers of the pairs closer than `near` [m] at x (N, 3) [m].
 
-    distances (p,) [m]: those that the pairs had where each row of x was before it has gone so far, gone (N,) [m].
+    distances (p,) [m]: those that the pairs had where each row of x was before it has gone so far, gone (N,) [m]. They
+    tell of most pairs that they are near, or that they are not.
     """
-    numbers, squared = np.empty(len(elements), np.int64), np.empty(len(elements))
+    numbers = np.empty(len(elements), np.int64)
     g, r = np.empty(4), np.empty(3)
     count = 0
     for e in range(len(elements)):
-        if distances[e] > ROUNDING * (near + _gone(elements, e, n_points, gone)):
+        change = _gone(elements, e, n_points, gone)
+        if distances[e] > ROUNDING * (near + change):
             continue
-        if _apart(x, elements[e], 1 if e < n_points else 2, near):
-            continue
-        distance = closest(x, elements[e], e >= n_points, g, r)
-        if distance < near * near:
-            numbers[count], squared[count] = e, distance
-            count += 1
-    return numbers[:count].copy(), squared[:count].copy()
+        if not ROUNDING * (distances[e] + change) < near:
+            if _apart(x, elements[e], 1 if e < n_points else 2, near):
+                continue
+            if not closest(x, elements[e], e >= n_points, g, r) < near * near:
+                continue
+        numbers[count] = e
+        count += 1
+    return numbers[:count].copy()
 
 
 @kernel

@@ -44,12 +44,12 @@ def together(one: Pairs, numbers: Ints, distances: Floats, other: Pairs, others:
     They are in the order of their keys: whence they come does not show. distances (k,), others (q,) [m]: what is known
     of both; of all together the second answer.
     """
-    *merged, known = _merged(
+    elements, weights, thresholds, keys, known = _merged(
         *(one.elements, one.weights, one.thresholds, one.keys, numbers, distances),
         *(other.elements, other.weights, other.thresholds, other.keys, others),
     )
     n_points = int(np.searchsorted(numbers, one.n_points)) + other.n_points
-    return Pairs(*merged, n_points=n_points), known
+    return Pairs(elements, weights, thresholds, keys, n_points), known
 
 
 @kernel

@@ -111,7 +111,7 @@ def recorded(session: Session, state: State) -> list[Way]:
     candidates = cast(Barrier, session.built.energies[CONTACTS[0]]).candidates
     limit = candidates.step_limit
 
-    def heard(x: Floats, dx: Floats, most: float) -> float:
+    def heard(x: Floats, dx: Floats, most: float = 1.0) -> float:
         ways.append((x.copy(), dx.copy()))
         return limit(x, dx, most)
 
