@@ -36,6 +36,22 @@ def cut(positions: Floats, triangles: Ints, axis: int, place: float) -> Floats:
     return np.asarray(ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0]) + place * np.eye(3)[axis])
 
 
+def ways_out(positions: Floats, triangles: Ints, radius: float) -> Floats:
+    """z [m] where each of the triangles' edges (3 m,) goes out of the cylinder of `radius` [m] about the z axis.
+
+    NaN for an edge that has not one end in it and one outside.
+    """
+    ends = positions[triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)]
+    inner = (ends[:, :, :2] ** 2).sum(axis=2).argmin(axis=1)
+    rows = np.arange(len(ends))
+    start, way = ends[rows, inner], ends[rows, 1 - inner] - ends[rows, inner]
+    a, b = ((way * other)[:, :2].sum(axis=1) for other in (way, start))
+    c = (start[:, :2] ** 2).sum(axis=1) - radius**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (np.sqrt(b**2 - a * c) - b) / a  # |start + share way| = radius; c < 0: the other root is behind
+        return np.asarray(np.where((c < 0) & (share <= 1), start[:, 2] + share * way[:, 2], np.nan), np.float64)
+
+
 def over_edges(places: Sequence[float], top: float, foot: float) -> Check:
     """In no frame does cloth cross one of the upright walls x = `places` between `foot` and their `top` edge [m]."""
 
