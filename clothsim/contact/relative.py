@@ -26,9 +26,13 @@ def absolute(y):
 
 @part
 def absolute_block(block, at, out, to):
-    """out[to] = the matrix block[at] (9, 9) over all coordinates, (12, 12)."""
-    for p in range(3):
-        for q in range(3):
+    """out[to] = the matrix block[at] (9, 9) over all coordinates, (12, 12).
+
+    Of a size that the compiler does not know: unrolled it would take several times as long to compile.
+    """
+    size = block.shape[1] // 3
+    for p in range(size):
+        for q in range(size):
             above = absolute((block[at, p, q], block[at, p, 3 + q], block[at, p, 6 + q]))
             middle = absolute((block[at, 3 + p, q], block[at, 3 + p, 3 + q], block[at, 3 + p, 6 + q]))
             below = absolute((block[at, 6 + p, q], block[at, 6 + p, 3 + q], block[at, 6 + p, 6 + q]))

@@ -27,112 +27,88 @@ def positive_squares(blocks, numbers, sides, at, first, count):
     Returns the row behind them. What is no number stays so.
     """
     n = blocks.shape[1]
-    a, y = np.empty((n, n, TOGETHER)), np.empty((n, n, TOGETHER))
-    d, e = np.empty((n, TOGETHER)), np.empty((n, TOGETHER))
+    z, d, e = np.empty((n, 2 * n, TOGETHER)), np.empty((n, TOGETHER)), np.empty((n, TOGETHER))
     for begin in range(0, len(blocks), TOGETHER):
         here = min(TOGETHER, len(blocks) - begin)
-        a[:] = 0.0
-        for k in range(here):
-            for i in range(n):
-                for j in range(n):
-                    a[i, j, k] = blocks[begin + k, i, j]
-        _tridiagonal(a, d, e, y)
-        _diagonal(d, e, y)
+        for i in range(n):
+            for j in range(n):
+                for k in range(TOGETHER):
+                    z[i, j, k] = blocks[begin + k, i, j] if k < here else 0.0
+                    z[i, n + j, k] = 1.0 if i == j else 0.0
+        _tridiagonal(z, d, e)
+        _diagonal(d, e, z)
         for k in range(here):
             number = numbers[begin + k]
             first[number] = at
             for i in range(n):
                 if not d[i, k] <= 0.0:
-                    _side(sides, at, np.sqrt(d[i, k]), y, i, k)
+                    _side(sides, at, np.sqrt(d[i, k]), z, i, k)
                     at += 1
             count[number] = at - first[number]
     return at
 
 
 @part
-def _side(sides, at, size, y, i, k):
+def _side(sides, at, size, z, i, k):
     for p in range(3):
-        v = absolute((size * y[i, p, k], size * y[i, 3 + p, k], size * y[i, 6 + p, k]))
+        v = absolute((size * z[i, 9 + p, k], size * z[i, 12 + p, k], size * z[i, 15 + p, k]))
         sides[at, p], sides[at, 3 + p], sides[at, 6 + p], sides[at, 9 + p] = v
 
 
 @part
-def _tridiagonal(a, d, e, y):
-    """a = y' t y with t tridiagonal: d (n, m) its diagonal, e (n, m) what stands beside it. a (n, n, m) is used up."""
+def _tridiagonal(z, d, e):
+    """Of z (n, 2 n, m), a and the identity beside it: a = y' t y, the identity becomes y. a is used up.
+
+    t is tridiagonal: d (n, m) its diagonal, e (n, m) what stands beside it.
+    """
     n, m = d.shape
-    v, w = np.empty((n, m)), np.empty((n, m))
-    by, half = np.empty(m), np.empty(m)
-    y[:] = 0.0
-    for i in range(n):
-        y[i, i] = 1.0
-    for i in range(n - 2):
-        _normal(a, d, e, v, by, half, i)
-        _mirrored(a, v, w, by, half, i + 1)
-        _mirrored_rows(y, v, by, half, i + 1)
+    v, by, along = np.empty((n, m)), np.empty(m), np.empty(m)
+    for i in range(n - 1):
+        _normal(z, d, e, v, by, along, i)
+        _mirrored(z, v, by, along, i + 1, n, False)
+        _mirrored(z, v, by, along, i + 1, 2 * n, True)
     for k in range(m):
-        d[n - 2, k], d[n - 1, k] = a[n - 2, n - 2, k], a[n - 1, n - 1, k]
-        e[n - 2, k], e[n - 1, k] = a[n - 1, n - 2, k], 0.0
+        d[n - 1, k], e[n - 1, k] = z[n - 1, n - 1, k], 0.0
 
 
 @part
-def _normal(a, d, e, v, by, half, i):
+def _normal(a, d, e, v, by, squared, i):
     """Of the mirror that clears column i below what stands beside the diagonal: v, and by = 2 / |v|^2."""
     n, m = d.shape
-    half[:] = 0.0
+    for k in range(m):
+        squared[k] = 0.0
     for j in range(i + 1, n):
         for k in range(m):
             v[j, k] = a[j, i, k]
-            half[k] += v[j, k] * v[j, k]
+            squared[k] += v[j, k] * v[j, k]
     for k in range(m):
-        root = np.sqrt(half[k])
+        root = np.sqrt(squared[k])
         beside = -root if v[i + 1, k] > 0.0 else root
-        size = half[k] - beside * v[i + 1, k]
+        size = squared[k] - beside * v[i + 1, k]
         by[k] = 1.0 / size if size != 0.0 else 0.0
         v[i + 1, k] -= beside
         d[i, k], e[i, k] = a[i, i, k], beside
 
 
 @part
-def _mirrored(a, v, w, by, half, first):
-    """The rows and columns of a from `first` on mirrored: a - v w' - w v'."""
+def _mirrored(z, v, by, along, first, end, columns):
+    """The rows of z from `first` to `end`, or its columns, mirrored in v, which is 0 before `first`."""
     n, m = v.shape
-    half[:] = 0.0
-    for i in range(first, n):
+    for i in range(first, end):
         for k in range(m):
-            w[i, k] = 0.0
+            along[k] = 0.0
         for j in range(first, n):
+            p, q = (j, i) if columns else (i, j)
             for k in range(m):
-                w[i, k] += a[i, j, k] * v[j, k]
-        for k in range(m):
-            w[i, k] *= by[k]
-            half[k] += 0.5 * by[k] * v[i, k] * w[i, k]
-    for i in range(first, n):
-        for k in range(m):
-            w[i, k] -= half[k] * v[i, k]
-    for i in range(first, n):
+                along[k] += v[j, k] * z[p, q, k]
         for j in range(first, n):
+            p, q = (j, i) if columns else (i, j)
             for k in range(m):
-                a[i, j, k] -= v[i, k] * w[j, k] + w[i, k] * v[j, k]
+                z[p, q, k] -= by[k] * along[k] * v[j, k]
 
 
 @part
-def _mirrored_rows(y, v, by, along, first):
-    """The rows of y from `first` on mirrored. The first column never changes."""
-    n, m = v.shape
-    for j in range(1, n):
-        along[:] = 0.0
-        for i in range(first, n):
-            for k in range(m):
-                along[k] += v[i, k] * y[i, j, k]
-        for k in range(m):
-            along[k] *= by[k]
-        for i in range(first, n):
-            for k in range(m):
-                y[i, j, k] -= along[k] * v[i, k]
-
-
-@part
-def _diagonal(d, e, y):
+def _diagonal(d, e, z):
     """The tridiagonal matrices of d and e (n, m) made diagonal: d their eigenvalues, the rows of y turned along."""
     n, m = d.shape
     least, ends, turn = np.zeros(m), np.empty(m, np.int64), np.empty((5, m))
@@ -144,7 +120,7 @@ def _diagonal(d, e, y):
             last = _ends(e, least, ends, first)
             if last == first:
                 break
-            _sweep(d, e, y, first, last, ends, turn)
+            _sweep(d, e, z, first, last, ends, turn)
 
 
 @part
@@ -161,7 +137,7 @@ def _ends(e, least, ends, first):
 
 
 @part
-def _sweep(d, e, y, first, last, ends, turn):
+def _sweep(d, e, z, first, last, ends, turn):
     """One sweep of turns over rows first to ends (m,), from below, with the shift of the upper two (Wilkinson).
 
     turn (5, m): sine and cosine of the last turn, what it moved along the diagonal, what it left beside it, and the
@@ -176,11 +152,11 @@ def _sweep(d, e, y, first, last, ends, turn):
             turn[3, k] = d[ends[k], k] - d[first, k] + e[first, k] / (g + root if g > 0.0 else g - root)
     for i in range(last - 1, first - 1, -1):
         _next_turn(d, e, i, ends, turn)
-        for j in range(n):
+        for j in range(n, 2 * n):
             for k in range(m):
-                low, high = y[i, j, k], y[i + 1, j, k]
-                y[i + 1, j, k] = turn[4, k] * low + turn[1, k] * high
-                y[i, j, k] = turn[1, k] * low - turn[4, k] * high
+                low, high = z[i, j, k], z[i + 1, j, k]
+                z[i + 1, j, k] = turn[4, k] * low + turn[1, k] * high
+                z[i, j, k] = turn[1, k] * low - turn[4, k] * high
     for k in range(m):
         if ends[k] > first:
             d[first, k] -= turn[2, k]
