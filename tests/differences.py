@@ -6,13 +6,13 @@ nothing must fail.
 
 import numpy as np
 
-from clothsim.energies.base import ElementHessian
+from clothsim.energies.base import ByElement
 
 
 def dense_hessian(energy, x, project=False):
     """The (3 N, 3 N) Hessian as a dense array."""
     hessian = energy.hessian(x, project)
-    matrix = hessian.to_sparse(len(x)) if isinstance(hessian, ElementHessian) else hessian
+    matrix = hessian.to_sparse(len(x)) if isinstance(hessian, ByElement) else hessian
     return matrix.toarray()
 
 

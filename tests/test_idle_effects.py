@@ -129,7 +129,7 @@ def test_what_is_idle_in_some_steps_has_the_bits_of_what_is_always_called(tmp_pa
         assert 0 < accounts[0][counter] < accounts[1][counter]
 
 
-KERNELS = ("value", "gradient", "hessian", "pull", "principal_gradient", "principal_hessian")
+KERNELS = ("measure", "value", "gradient", "hessian", "pull", "principal_gradient", "principal_hessian")
 
 
 @pytest.mark.parametrize("name", MEASURED)

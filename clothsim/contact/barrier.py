@@ -1,6 +1,6 @@
 """The barrier energy of contact: zero beyond d_hat, infinite at contact."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Self, cast
 
 import numpy as np
@@ -8,10 +8,23 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.contact import barrier_kernels as kernels
 from clothsim.contact.around import CandidatesAround
+from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.candidates import Candidates
-from clothsim.contact.semidefinite import clamp
+from clothsim.contact.near import equal
+from clothsim.contact.pairs import Pairs
 from clothsim.contact.stiffness import barrier_stiffness
-from clothsim.energies.base import ElementHessian, Energy, Step, room_for
+from clothsim.energies.base import ByElement, ElementHessian, Energy, Step
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Of the pairs that are near at a `place` (N, 3): their poses, and the energy [m3] for a stiffness of 1 Pa."""
+
+    place: Floats
+    pairs: Pairs
+    poses: Floats
+    value: float
+
 
 BESIDE = 0.5
 """Share of d_hat beyond which a pair of cloth with cloth takes no place in the Newton matrix."""
@@ -35,6 +48,7 @@ class Barrier(Energy):
     masses: Floats
     stiffness: float
     adaptive: bool
+    _last: list[Measured] = field(default_factory=list, init=False, repr=False, compare=False)
 
     begins_last = True
 
@@ -65,28 +79,25 @@ class Barrier(Energy):
 
     def value(self, x: Floats) -> float:
         """Barrier energy [J]; +inf where a pair touches."""
-        pairs = self._pairs(x)
-        if not len(pairs[0]):
-            return 0.0
-        value = self.stiffness * kernels.value(x, *pairs)
+        value = self.stiffness * self._measured(x).value
         return value if np.isfinite(value) else np.inf
 
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]: also on the rows of bodies, where it is the reaction's negative."""
-        pairs = self._pairs(x)
-        return self.stiffness * kernels.gradient(x, *pairs) if len(pairs[0]) else np.zeros_like(x)
+        measured = self._measured(x)
+        if not len(measured.poses):
+            return np.zeros_like(x)
+        pairs = measured.pairs
+        return self.stiffness * kernels.gradient(measured.poses, x, pairs.elements, pairs.thresholds)
 
-    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
-        """Blocks (p, 12, 12) [N/m] of the pairs; projected pair by pair, or exact."""
-        pairs = self._pairs(x)
-        if not len(pairs[0]):
+    def hessian(self, x: Floats, project: bool = True) -> ByElement:
+        """Over the pairs (p, 4) [N/m]; projected pair by pair, or exact."""
+        measured = self._measured(x)
+        if not len(measured.poses):
             return NOTHING
-        elements, weights, *others = pairs
-        blocks = room_for(elements)
-        dense = kernels.hessian(blocks, x, elements, self.stiffness * weights, *others, project)
-        if dense.any():
-            clamp(blocks, np.flatnonzero(dense))
-        return ElementHessian(elements, blocks)
+        pairs = measured.pairs
+        derived = projected if project else exact
+        return derived(measured.poses, x, pairs.elements, pairs.thresholds, pairs.n_points, self.stiffness)
 
     def around(self, moving: np.ndarray, x: Floats) -> Self:
         """The barrier of the pairs that a moving vertex belongs to."""
@@ -142,6 +153,17 @@ class Barrier(Energy):
     def _pairs(self, x: Floats) -> tuple[Ints, Floats, Floats, int, float, float]:
         pairs = self.candidates.near(x)
         return pairs.elements, pairs.weights, pairs.thresholds, pairs.n_points, self.offset, self.d_hat
+
+    def _measured(self, x: Floats) -> Measured:
+        """The poses at x: energy, gradient and Hessian are asked for at the same place, one after the other."""
+        if self._last and equal(x, self._last[0].place):
+            return self._last[0]
+        pairs = self.candidates.near(x)
+        poses, value = np.empty((len(pairs), kernels.POSE)), 0.0
+        if len(pairs):
+            value = kernels.measure(poses, x, *self._pairs(x))
+        self._last[:] = [Measured(x.copy(), pairs, poses, value)]
+        return self._last[0]
 
 
 def _toward(push: Floats) -> tuple[Floats, np.ndarray]:

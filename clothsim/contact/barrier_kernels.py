@@ -1,4 +1,4 @@
-"""Pair loops of the barrier: which pairs are near, their energy, gradient and Hessian blocks.
+"""Pair loops of the barrier: which pairs are near, their energy and gradient.
 
 E = sum w m(c) b(q). With s = q - o^2, S = (o + d_hat)^2 - o^2, o the offset:
     b = -(s - S)^2 ln(s / S) d_hat / S^2 [m]    (Li et al. 2020, IPC, eq. 6, in squares; scale: Li et al. 2023)
@@ -9,7 +9,10 @@ import numpy as np
 
 from clothsim.compiled import kernel, part
 from clothsim.contact.closest import cross, dot
-from clothsim.contact.distance import closest, edge, free_directions
+from clothsim.contact.distance import closest, closest_points, edge
+
+LINE, VALUE, FIRST, SECOND, SHARE, POSE = 4, 7, 8, 9, 10, 11
+"""Where in a pose its parts begin, and how long it is."""
 
 
 @part
@@ -52,19 +55,15 @@ def near_pairs(x, elements, n_points, limit):
 
 @part
 def barrier(s, S, d_hat):
-    """b [m] at squared distance s [m2]."""
+    """b [m], db/ds < 0 [1/m] and d2b/ds2 > 0 [1/m3] at squared distance s [m2]; 0 from S on."""
     if s >= S:
-        return 0.0
-    return np.inf if s <= 0.0 else -d_hat * (s / S - 1.0) ** 2 * np.log(s / S)
-
-
-@part
-def barrier_slopes(s, S, d_hat):
-    """db/ds < 0 [1/m] and d2b/ds2 > 0 [1/m3]."""
+        return 0.0, 0.0, 0.0
     y = s / S
-    first = -(2.0 * (y - 1.0) * np.log(y) + (y - 1.0) ** 2 / y)
-    second = -(2.0 * np.log(y) + 4.0 * (y - 1.0) / y - (y - 1.0) ** 2 / (y * y))
-    return d_hat * first / S, d_hat * second / (S * S)
+    log = np.log(y)
+    b = np.inf if s <= 0.0 else -d_hat * (y - 1.0) ** 2 * log
+    first = -(2.0 * (y - 1.0) * log + (y - 1.0) ** 2 / y)
+    second = -(2.0 * log + 4.0 * (y - 1.0) / y - (y - 1.0) ** 2 / (y * y))
+    return b, d_hat * first / S, d_hat * second / (S * S)
 
 
 @part
@@ -75,52 +74,65 @@ def crossing(x, rows):
 
 
 @part
-def mollifier(c, e):
-    """m, dm/dc, d2m/dc2."""
-    if c >= e:
-        return 1.0, 0.0, 0.0
-    return (2.0 - c / e) * c / e, 2.0 * (1.0 - c / e) / e, -2.0 / (e * e)
+def crossing_gradient(u, v):
+    """dc/du = 2 (|v|^2 u - (u.v) v) and dc/dv alike [m3]."""
+    uu, vv, uv = 2.0 * dot(u, u), 2.0 * dot(v, v), 2.0 * dot(u, v)
+    du = vv * u[0] - uv * v[0], vv * u[1] - uv * v[1], vv * u[2] - uv * v[2]
+    return du, (uu * v[0] - uv * u[0], uu * v[1] - uv * u[1], uu * v[2] - uv * u[2])
+
+
+@part
+def mollifier(share, e):
+    """m, dm/dc, d2m/dc2 where c is this share of e, at most 1."""
+    return (2.0 - share) * share, 2.0 * (1.0 - share) / e, -2.0 / (e * e)
 
 
 @kernel
-def value(x, elements, weights, thresholds, n_points, offset, d_hat):
-    """Sum of w m b [m3], for kappa = 1."""
+def measure(poses, x, elements, weights, thresholds, n_points, offset, d_hat):
+    """The sum of w m b [m3], for kappa = 1, and in `poses (p, POSE)` what all derivatives follow from.
+
+    A pose: the weights g of the closest points, their difference r [m] from LINE on, w b, w b', w b'', and c/e where
+    edges are mollified, else 1.
+    """
     S = d_hat * (2.0 * offset + d_hat)
-    g, r = np.empty(4), np.empty(3)
     total = 0.0
     for e in range(len(elements)):
-        b = barrier(closest(x, elements[e], e >= n_points, g, r) - offset * offset, S, d_hat)
-        if b > 0.0 and thresholds[e] > 0.0:
-            m = mollifier(crossing(x, elements[e]), thresholds[e])[0]
+        g, r = closest_points(x, elements[e], e >= n_points)
+        b, first, second = barrier(dot(r, r) - offset * offset, S, d_hat)
+        w = weights[e]
+        for i in range(4):
+            poses[e, i] = g[i]
+        for k in range(3):
+            poses[e, LINE + k] = r[k]
+        poses[e, VALUE], poses[e, FIRST], poses[e, SECOND], poses[e, SHARE] = w * b, w * first, w * second, 1.0
+        if thresholds[e] > 0.0:
+            share = min(crossing(x, elements[e]) / thresholds[e], 1.0)
+            poses[e, SHARE] = share
+            m = mollifier(share, thresholds[e])[0]
             b = b * m if m > 0.0 else 0.0
-        total += weights[e] * b
+        total += w * b
     return total
 
 
 @kernel
-def gradient(x, elements, weights, thresholds, n_points, offset, d_hat):
-    """d/dx of the value, (N, 3) [m2]: w (2 m b' g_i r + b dm/dc dc/dx_i)."""
-    S = d_hat * (2.0 * offset + d_hat)
+def gradient(poses, x, elements, thresholds):
+    """d/dx of the sum of w m b, (N, 3) [m2]: w (2 m b' g_i r + b dm/dc dc/dx_i)."""
     out = np.zeros_like(x)
-    g, r, dc = np.empty(4), np.empty(3), np.empty(12)
     for e in range(len(elements)):
-        rows = elements[e]
-        s = closest(x, rows, e >= n_points, g, r) - offset * offset
-        if s >= S:
-            continue
-        slope = barrier_slopes(s, S, d_hat)[0]
-        m, dm = 1.0, 0.0
-        if thresholds[e] > 0.0:
-            m, dm, _ = mollifier(crossing(x, rows), thresholds[e])
+        rows, m = elements[e], 1.0
+        if poses[e, SHARE] < 1.0:
+            m, dm, _ = mollifier(poses[e, SHARE], thresholds[e])
+            du, dv = crossing_gradient(edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3]))
+            turning = poses[e, VALUE] * dm
+            for k in range(3):
+                out[rows[0], k] -= turning * du[k]
+                out[rows[1], k] += turning * du[k]
+                out[rows[2], k] -= turning * dv[k]
+                out[rows[3], k] += turning * dv[k]
+        slope = 2.0 * m * poses[e, FIRST]
         for i in range(4):
             for k in range(3):
-                out[rows[i], k] += weights[e] * 2.0 * m * slope * g[i] * r[k]
-        if dm > 0.0:
-            b = barrier(s, S, d_hat)
-            _crossing_gradient(x, rows, dc)
-            for i in range(4):
-                for k in range(3):
-                    out[rows[i], k] += weights[e] * b * dm * dc[3 * i + k]
+                out[rows[i], k] += slope * poses[e, i] * poses[e, LINE + k]
     return out
 
 
@@ -137,127 +149,8 @@ def pull(x, elements, weights, thresholds, n_points, offset, d_hat, least):
         distance = max(np.sqrt(squared), offset + least)
         s = distance * distance - offset * offset
         if s < S:
-            m = mollifier(crossing(x, elements[e]), thresholds[e])[0] if thresholds[e] > 0.0 else 1.0
-            slopes[e] = weights[e] * m * barrier_slopes(s, S, d_hat)[0] * 2.0 * distance
+            m = 1.0
+            if thresholds[e] > 0.0:
+                m = mollifier(min(crossing(x, elements[e]) / thresholds[e], 1.0), thresholds[e])[0]
+            slopes[e] = weights[e] * m * barrier(s, S, d_hat)[1] * 2.0 * distance
     return g, r, slopes
-
-
-@kernel
-def hessian(blocks, x, elements, weights, thresholds, n_points, offset, d_hat, project):
-    """Fills `blocks (p, 12, 12)` of d2/dx2 of the value; says which of them are still to be projected, (p,).
-
-    Without a mollifier a block is 4 b'' q gg'nn' + b' (2 gg'I - 2 sum G G'). Its part along gg'nn' is clamped at 0;
-    each tangent a leaves 2|b'| (G G' - gg't t'), which in the directions g t and c n is |r||g||c| off the diagonal and
-    |r|^2 |c|^2 on it: its positive eigenpair is in closed form. Tangents along which the closest point does not move
-    have -2|b'| gg't t' alone: none of it is kept. Mollified blocks are dense: they are left to `semidefinite.clamp`.
-    """
-    S = d_hat * (2.0 * offset + d_hat)
-    dense = np.zeros(len(elements), np.bool_)
-    g, r, t, c, v = np.empty(4), np.empty(3), np.zeros((2, 3)), np.zeros((2, 4)), np.empty((3, 12))
-    for e in range(len(elements)):
-        rows = elements[e]
-        s = closest(x, rows, e >= n_points, g, r) - offset * offset
-        free = free_directions(x, rows, e >= n_points, g, t, c)
-        first, second = barrier_slopes(s, S, d_hat)
-        m, dm, d2m = 1.0, 0.0, 0.0
-        if thresholds[e] > 0.0:
-            m, dm, d2m = mollifier(crossing(x, rows), thresholds[e])
-        w = weights[e] if s < S else 0.0
-        whole = dm > 0.0 or not project
-        if whole:
-            _exact_sides(v, g, r, t, c, free, w * m * first, w * m * second)
-        else:
-            _projected_sides(v, g, r, t, c, free, w * first, w * second)
-        _squares(blocks[e], v, 2.0 * w * m * first if whole else 0.0, g)
-        if dm > 0.0:
-            _mollify(blocks[e], v, x, rows, g, r, w * barrier(s, S, d_hat), w * first, dm, d2m)
-            dense[e] = project
-    return dense
-
-
-@part
-def _exact_sides(v, g, r, t, c, free, first, second):
-    """The rows of v (3, 12), whose squares are 4 b'' gg'rr' - 2 b' sum G G', for b' < 0 < b''."""
-    along, across = np.sqrt(4.0 * second), np.sqrt(-2.0 * first)
-    for a in range(2):
-        turning = across if a < free else 0.0
-        for i in range(4):
-            for p in range(3):
-                v[0, 3 * i + p] = along * g[i] * r[p]
-                v[1 + a, 3 * i + p] = turning * (g[i] * t[a, p] + c[a, i] * r[p])
-
-
-@part
-def _projected_sides(v, g, r, t, c, free, first, second):
-    """The rows of v (3, 12), whose squares are what is positive."""
-    squared = r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
-    length = np.sqrt(squared)
-    size = np.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2] + g[3] * g[3])
-    normal = np.sqrt(max(4.0 * second * squared + 2.0 * first, 0.0)) / length
-    for a in range(2):
-        tangential = along = 0.0
-        if a < free:
-            reach = np.sqrt(c[a, 0] ** 2 + c[a, 1] ** 2 + c[a, 2] ** 2 + c[a, 3] ** 2)
-            off, on = length * size * reach, squared * reach * reach
-            eigenvalue = 0.5 * (on + np.sqrt(on * on + 4.0 * off * off))
-            share = np.sqrt(-2.0 * first * eigenvalue / (off * off + eigenvalue * eigenvalue))
-            tangential, along = share * off / size, share * eigenvalue / (reach * length)
-        for i in range(4):
-            for p in range(3):
-                v[0, 3 * i + p] = normal * g[i] * r[p]
-                v[1 + a, 3 * i + p] = tangential * g[i] * t[a, p] + along * c[a, i] * r[p]
-
-
-@part
-def _squares(block, v, all_ways, g):
-    """block = the sum of v v' over the rows of v (3, 12), and all_ways gg'I."""
-    for i in range(12):
-        a, b, c = v[0, i], v[1, i], v[2, i]
-        for j in range(12):
-            block[i, j] = a * v[0, j] + b * v[1, j] + c * v[2, j]
-        for j in range(4):
-            block[i, 3 * j + i % 3] += all_ways * g[i // 3] * g[j]
-
-
-@part
-def _crossing_gradient(x, rows, out):
-    """dc/dx_i, (12,): dc/du = 2 (|v|^2 u - (u.v) v) at the ends of u, dc/dv alike."""
-    u, v = edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3])
-    uu, vv, uv = dot(u, u), dot(v, v), dot(u, v)
-    for k in range(3):
-        du, dv = 2.0 * (vv * u[k] - uv * v[k]), 2.0 * (uu * v[k] - uv * u[k])
-        out[k], out[3 + k], out[6 + k], out[9 + k] = -du, du, -dv, dv
-
-
-@part
-def _mollify(block, sides, x, rows, g, r, b, first, dm, d2m):
-    """Adds b' (dm dq' + dq dm') + b (m'' dc dc' + m' d2c): what the mollifier adds to m times the block.
-
-    sides (3, 12) is used up. d2c/du2 = 2 (|v|^2 I - v v'), d2c/du dv = 2 (2 u v' - v u' - u.v I).
-    """
-    dc, dq, mixed = sides[0], sides[1], sides[2]
-    _crossing_gradient(x, rows, dc)
-    for i in range(4):
-        for k in range(3):
-            dq[3 * i + k] = 2.0 * g[i] * r[k]
-    for j in range(12):
-        mixed[j] = first * dm * dq[j] + b * d2m * dc[j]
-    for i in range(12):
-        by_crossing, by_distance = dc[i], first * dm * dq[i]
-        for j in range(12):
-            block[i, j] += by_crossing * mixed[j] + by_distance * dc[j]
-    u, v = edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3])
-    uu, vv, uv = dot(u, u), dot(v, v), dot(u, v)
-    for p in range(3):
-        for q in range(3):
-            same = 1.0 if p == q else 0.0
-            of_u, of_v = vv * same - v[p] * v[q], uu * same - u[p] * u[q]
-            across = 2.0 * u[p] * v[q] - v[p] * u[q] - uv * same
-            back = 2.0 * v[p] * u[q] - u[p] * v[q] - uv * same
-            for i in range(2):
-                for j in range(2):
-                    k = 2.0 * b * dm * (1.0 if i == j else -1.0)
-                    block[3 * i + p, 3 * j + q] += k * of_u
-                    block[6 + 3 * i + p, 6 + 3 * j + q] += k * of_v
-                    block[3 * i + p, 6 + 3 * j + q] += k * across
-                    block[6 + 3 * i + p, 3 * j + q] += k * back

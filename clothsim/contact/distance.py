@@ -1,5 +1,7 @@
 """The distance of a pair by its closest points, and its derivatives.
 
+Floats and tuples of them: a view of an array costs a kernel more than what is done with it here.
+
 A pair has four vertices x_i: a point and a triangle, or two edges. Its closest points differ by r = sum_i g_i x_i, so
 q = d^2 = |r|^2. Where they lie inside a face or an edge, g depends on up to two free parameters with the directions
 D_a = dg/dp_a, and e_a = sum_i D_ai x_i = dr/dp_a is tangent to the surface: r . e_a = 0 at the minimum. Hence
@@ -20,7 +22,14 @@ FLAT = 1e-20
 
 @part
 def closest(x, rows, is_edges, g, r):
-    """Fills g (4,) and r (3,) of the pair `rows (4,)`; returns d^2 [m2].
+    """Fills g (4,) and r (3,) of the pair `rows (4,)`; returns d^2 [m2]."""
+    (g[0], g[1], g[2], g[3]), (r[0], r[1], r[2]) = closest_points(x, rows, is_edges)
+    return r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+
+
+@part
+def closest_points(x, rows, is_edges):
+    """g and r [m] of the pair `rows (4,)`.
 
     sum g_i x_i is good to the last digits of x only, and at a small gap points anywhere. So r is taken as the part of
     a difference of vertices along the normal of the features (two edges, a face) or across the one edge.
@@ -28,29 +37,24 @@ def closest(x, rows, is_edges, g, r):
     p, a, b, c = _point(x, rows[0]), _point(x, rows[1]), _point(x, rows[2]), _point(x, rows[3])
     if is_edges:
         s, t = edge_edge_closest(p, a, b, c)
-        g[0], g[1], g[2], g[3] = 1.0 - s, s, t - 1.0, -t
+        g = 1.0 - s, s, t - 1.0, -t
         e, f = minus(a, p), minus(c, b)
         one, other = (a if g[0] == 0.0 else p), (c if g[2] == 0.0 else b)
         between = minus(one, other)
         if g[0] * g[1] != 0.0 and g[2] * g[3] != 0.0:
-            between = _along(cross(e, f), between)
-        elif g[0] * g[1] != 0.0:
-            between = _across(between, e)
-        elif g[2] * g[3] != 0.0:
-            between = _across(between, f)
-    else:
-        u, v, w = point_triangle_closest(p, a, b, c)
-        g[0], g[1], g[2], g[3] = 1.0, -u, -v, -w
-        zeros = (u == 0.0) + (v == 0.0) + (w == 0.0)
-        if zeros == 0:
-            between = _along(cross(minus(b, a), minus(c, a)), minus(p, a))
-        elif zeros == 1:
-            first, second = (b if u == 0.0 else a), (b if w == 0.0 else c)
-            between = _across(minus(p, first), minus(second, first))
-        else:
-            between = minus(p, a if u != 0.0 else (b if v != 0.0 else c))
-    r[0], r[1], r[2] = between
-    return dot(between, between)
+            return g, _along(cross(e, f), between)
+        if g[0] * g[1] != 0.0:
+            return g, _across(between, e)
+        return g, (_across(between, f) if g[2] * g[3] != 0.0 else between)
+    u, v, w = point_triangle_closest(p, a, b, c)
+    g = 1.0, -u, -v, -w
+    zeros = (u == 0.0) + (v == 0.0) + (w == 0.0)
+    if zeros == 0:
+        return g, _along(cross(minus(b, a), minus(c, a)), minus(p, a))
+    if zeros == 1:
+        first, second = (b if u == 0.0 else a), (b if w == 0.0 else c)
+        return g, _across(minus(p, first), minus(second, first))
+    return g, minus(p, a if u != 0.0 else (b if v != 0.0 else c))
 
 
 @part
@@ -79,52 +83,56 @@ def _across(r, e):
 
 
 @part
-def free_directions(x, rows, is_edges, g, t, c):
-    """Fills t (2, 3) with orthonormal tangents and c (2, 4) with their weights [1/m]; returns how many there are."""
-    count = 0
-    for a in range(2):
-        first, second = _free_pair(is_edges, g, a)
-        if first < 0:
-            continue
-        for i in range(4):
-            c[count, i] = 0.0
-        c[count, first], c[count, second] = 1.0, -1.0
-        length = 0.0
-        for k in range(3):
-            t[count, k] = x[rows[first], k] - x[rows[second], k]
-            length += t[count, k] * t[count, k]
-        if count == 1:
-            along = t[0, 0] * t[1, 0] + t[0, 1] * t[1, 1] + t[0, 2] * t[1, 2]
-            for k in range(3):
-                t[1, k] -= along * t[0, k]
-            for i in range(4):
-                c[1, i] -= along * c[0, i]
-        left = t[count, 0] ** 2 + t[count, 1] ** 2 + t[count, 2] ** 2
-        if not left > FLAT * length:
-            continue
-        size = np.sqrt(left)
-        for k in range(3):
-            t[count, k] /= size
-        for i in range(4):
-            c[count, i] /= size
-        count += 1
-    return count
+def free_directions(x, rows, is_edges, g):
+    """The tangents along which the closest points can move, two at most: of each whether it is there, t and c [1/m].
+
+    c has the four weights of the pair's vertices; the tangents are orthonormal.
+    """
+    i, j, k, m = _free_edges(is_edges, g)
+    one, t, c = i >= 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
+    other, u, d = k >= 0, t, c
+    if one:
+        t, c = edge(x, rows[j], rows[i]), _difference(i, j)
+        t, c = _scaled(1.0 / np.sqrt(dot(t, t)), t, c)
+    if other:
+        u, d = edge(x, rows[m], rows[k]), _difference(k, m)
+        length, along = dot(u, u), dot(t, u)
+        u = minus(u, (along * t[0], along * t[1], along * t[2]))
+        d = d[0] - along * c[0], d[1] - along * c[1], d[2] - along * c[2], d[3] - along * c[3]
+        left = dot(u, u)
+        other = left > FLAT * length
+        u, d = _scaled(1.0 / np.sqrt(left), u, d)
+    return (one, t, c), (other, u, d)
 
 
 @part
-def _free_pair(is_edges, g, a):
-    """The two vertices between which parameter a moves the closest point, or -1 where it stands at an end."""
+def _difference(i, j):
+    """The weights of x_i - x_j."""
+    return (
+        1.0 * ((i == 0) - (j == 0)),
+        1.0 * ((i == 1) - (j == 1)),
+        1.0 * ((i == 2) - (j == 2)),
+        1.0 * ((i == 3) - (j == 3)),
+    )
+
+
+@part
+def _scaled(by, t, c):
+    return (by * t[0], by * t[1], by * t[2]), (by * c[0], by * c[1], by * c[2], by * c[3])
+
+
+@part
+def _free_edges(is_edges, g):
+    """The pairs of vertices between which the closest points can move, two at most, -1 for none.
+
+    The corners of the triangle that have a weight, in order: from the first to each of the others.
+    """
     if is_edges:
-        i = 2 * a
-        return (i, i + 1) if g[i] != 0.0 and g[i + 1] != 0.0 else (-1, -1)
-    # the corners of the triangle with a weight, in order: parameter a moves from the first to number a + 1
-    first, found = -1, 0
-    for i in range(1, 4):
-        if g[i] != 0.0:
-            if first < 0:
-                first = i
-            else:
-                if found == a:
-                    return first, i
-                found += 1
-    return -1, -1
+        if g[0] == 0.0 or g[1] == 0.0:
+            return (-1, -1, -1, -1) if g[2] == 0.0 or g[3] == 0.0 else (2, 3, -1, -1)
+        return (0, 1, -1, -1) if g[2] == 0.0 or g[3] == 0.0 else (0, 1, 2, 3)
+    if g[1] == 0.0:
+        return (-1, -1, -1, -1) if g[2] == 0.0 or g[3] == 0.0 else (2, 3, -1, -1)
+    if g[2] == 0.0:
+        return (-1, -1, -1, -1) if g[3] == 0.0 else (1, 3, -1, -1)
+    return (1, 2, -1, -1) if g[3] == 0.0 else (1, 2, 1, 3)

@@ -1,7 +1,7 @@
 """What an Energy is, what a step tells it, and how its Hessian comes out."""
 
 import abc
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self, cast
 
@@ -66,6 +66,15 @@ class ElementHessian:
     elements: Ints
     blocks: Floats
 
+    @property
+    def nnz(self) -> int:
+        """Numbers in the blocks."""
+        return self.blocks.size
+
+    def times(self, vectors: Floats) -> Floats:
+        """Each block times the numbers of its vertices, (m, 3 k)."""
+        return np.einsum("mij,mj->mi", self.blocks, vectors)
+
     def to_sparse(self, n_vertices: int) -> sparse.csr_array:
         """The (3 n, 3 n) matrix, assembled the slow and obvious way (tests, diagnostics)."""
         dofs = (3 * self.elements[:, :, None] + np.arange(3)).reshape(len(self.elements), 3 * self.elements.shape[1])
@@ -73,6 +82,54 @@ class ElementHessian:
         columns = np.tile(dofs, (1, dofs.shape[1])).ravel()
         shape = (3 * n_vertices, 3 * n_vertices)
         return sparse.coo_array((self.blocks.ravel(), (rows, columns)), shape=shape).tocsr()
+
+
+@dataclass(frozen=True)
+class SquaresHessian:
+    """Projected second derivatives as sums of squares: contact's have a fifth of the numbers of their blocks.
+
+    Over the vertices of element e, of `elements (m, k)`, none twice in one, it is the sum of v v' over count[e] rows v
+    of `sides (s, 3 k)` [(N/m)^1/2] from first[e] on; first, count: (m,).
+    """
+
+    elements: Ints
+    first: Ints
+    count: Ints
+    sides: Floats
+
+    @property
+    def nnz(self) -> int:
+        """Numbers in the blocks."""
+        return len(self.elements) * self.sides.shape[1] ** 2
+
+    @property
+    def blocks(self) -> Floats:
+        """The same as dense blocks (m, 3 k, 3 k) [N/m]: slow, for diagnostics and tests."""
+        blocks = np.zeros((len(self.elements), *2 * self.sides.shape[1:]))
+        for has, sides in self._one_each():
+            blocks[has] += sides[:, :, None] * sides[:, None, :]
+        return blocks
+
+    def times(self, vectors: Floats) -> Floats:
+        """Each block times the numbers of its vertices, (m, 3 k)."""
+        products = np.zeros_like(vectors)
+        for has, sides in self._one_each():
+            products[has] += np.einsum("mi,mi->m", sides, vectors[has])[:, None] * sides
+        return products
+
+    def _one_each(self) -> Iterator[tuple[Ints, Floats]]:
+        """The elements that have a first side, and these sides; those that have a second, and so on."""
+        for k in range(int(self.count.max(initial=0))):
+            has = np.flatnonzero(self.count > k)
+            yield has, self.sides[self.first[has] + k]
+
+    def to_sparse(self, n_vertices: int) -> sparse.csr_array:
+        """The (3 n, 3 n) matrix, the slow and obvious way."""
+        return ElementHessian(self.elements, self.blocks).to_sparse(n_vertices)
+
+
+ByElement = ElementHessian | SquaresHessian
+"""What an energy hands over element by element."""
 
 
 def room_for(elements: Ints) -> Floats:
@@ -134,7 +191,7 @@ class Energy(abc.ABC):
         """dE/dx, (N, 3) [N]; rows of vertices that it does not touch are zero."""
 
     @abc.abstractmethod
-    def hessian(self, x: Floats, project: bool = True) -> "ElementHessian | sparse.csr_array":
+    def hessian(self, x: Floats, project: bool = True) -> "ByElement | sparse.csr_array":
         """d2E/dx2 [N/m]; `project`: positive semi-definite for the Newton direction, else exact."""
 
     def begin(self, step: Step) -> Self:

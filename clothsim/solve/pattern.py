@@ -15,13 +15,11 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel
-from clothsim.energies.base import ElementHessian
+from clothsim.energies.base import ByElement, ElementHessian
+from clothsim.solve import scatter
 
-BELOW, OUTSIDE = -1, -2
-"""Of a block that needs no place, and of one that has none."""
-
-Hessian: TypeAlias = ElementHessian | sparse.csr_array
-"""What an energy hands over: element blocks, or (by ipctk) a matrix."""
+Hessian: TypeAlias = ByElement | sparse.csr_array
+"""What an energy hands over: blocks or squares of elements, or (by ipctk) a matrix."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +36,11 @@ class Pattern:
     indices: NDArray[np.int32]
 
     def places(self, elements: Ints) -> NDArray[np.int32]:
-        """Where the block of corners a, b of each of the `elements (m, k)` begins in the data, (m, k, k).
+        """Where the blocks of corners a <= b of each of the `elements (m, k)` begin in the data, (m, k (k + 1) / 2).
 
-        BELOW for blocks of the lower triangle and for rows beyond n_vertices, OUTSIDE for those that do not fit.
+        BELOW for rows beyond n_vertices, OUTSIDE for blocks that do not fit.
         """
-        return _places(self.starts, self.columns, elements)
+        return scatter.places(self.starts, self.columns, elements)
 
     def assemble(
         self, hessians: list[Hessian], places: Callable[[Ints], NDArray[np.int32]] | None = None
@@ -54,13 +52,16 @@ class Pattern:
         data = np.zeros(len(self.indices))
         outside = 0
         for hessian in hessians:
-            if isinstance(hessian, ElementHessian):
+            if isinstance(hessian, ByElement):
                 if len(hessian.elements):
-                    at = (places or self.places)(hessian.elements)
-                    outside += _add_blocks(data, self.starts, hessian.elements, at, hessian.blocks)
+                    into = data, self.starts, hessian.elements, (places or self.places)(hessian.elements)
+                    if isinstance(hessian, ElementHessian):
+                        outside += scatter.add_blocks(*into, hessian.blocks)
+                    else:
+                        outside += scatter.add_squares(*into, hessian.first, hessian.count, hessian.sides)
             elif hessian.nnz:
                 matrix = hessian.tocsr()
-                outside += _add_csr(
+                outside += scatter.add_csr(
                     data, self.starts, self.columns, matrix.indptr, matrix.indices, matrix.data, self.n_vertices
                 )
         return data, outside
@@ -102,7 +103,7 @@ def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Hessian]) -> P
     The triangles are in it whether or not they are elastic: contact couples the corners of the one that it touches.
     """
     diagonal = np.arange(n_vertices)[:, None]
-    elements = [hessian.elements for hessian in hessians if isinstance(hessian, ElementHessian)]
+    elements = [hessian.elements for hessian in hessians if isinstance(hessian, ByElement)]
     return _pattern(n_vertices, np.unique(_keys(n_vertices, [diagonal, triangles, *elements])))
 
 
@@ -117,7 +118,7 @@ def coupled(pattern: Pattern, elements: list[Ints]) -> Pattern:
 
 def couplings(hessian: Hessian) -> Ints:
     """The rows of x that a Hessian couples, (m, k)."""
-    if isinstance(hessian, ElementHessian):
+    if isinstance(hessian, ByElement):
         return hessian.elements
     entries = hessian.tocoo()
     return np.column_stack([entries.row, entries.col]).astype(np.int64) // 3
@@ -146,10 +147,9 @@ def times(hessians: list[Hessian], vector: Floats) -> Floats:
     """(sum of Hessians) vector, (N, 3), over all rows: also those of bodies and ghosts."""
     product = np.zeros_like(vector)
     for hessian in hessians:
-        if isinstance(hessian, ElementHessian):
+        if isinstance(hessian, ByElement):
             local = vector[hessian.elements].reshape(len(hessian.elements), 3 * hessian.elements.shape[1])
-            result = np.einsum("mij,mj->mi", hessian.blocks, local).reshape(-1, 3)
-            np.add.at(product, hessian.elements.ravel(), result)
+            np.add.at(product, hessian.elements.ravel(), hessian.times(local).reshape(-1, 3))
         else:
             product += (hessian @ vector.ravel()).reshape(-1, 3)
     return product
@@ -174,88 +174,6 @@ def _fill_indices(indices, indptr, starts, columns):
                 for q in range(p if k == starts[i] else 0, 3):
                     indices[at] = 3 * columns[k] + q
                     at += 1
-
-
-@njit(cache=True, inline="always")
-def _rank(starts, columns, i, j):
-    """Where block (i, j) stands in block row i, or -1 (binary search)."""
-    low, high = starts[i], starts[i + 1]
-    while low < high:
-        middle = (low + high) // 2
-        if columns[middle] < j:
-            low = middle + 1
-        else:
-            high = middle
-    return low - starts[i] if low < starts[i + 1] and columns[low] == j else -1
-
-
-@njit(cache=True, inline="always")
-def _place(starts, i, p, rank, q):
-    """Where entry (3 i + p, 3 j + q) stands in the data, j the block of that rank: row lengths are 3 degree - p."""
-    degree = starts[i + 1] - starts[i]
-    row = 9 * starts[i] - 3 * i + p * 3 * degree - (p * (p - 1)) // 2
-    return row + 3 * rank + q - p
-
-
-@kernel
-def _places(starts, columns, elements):
-    n = len(starts) - 1
-    count, corners = elements.shape
-    at = np.full((count, corners, corners), BELOW, np.int32)
-    for e in range(count):
-        for a in range(corners):
-            i = elements[e, a]
-            if i >= n:
-                continue
-            for b in range(corners):
-                j = elements[e, b]
-                if i <= j < n:
-                    rank = _rank(starts, columns, i, j)
-                    at[e, a, b] = _place(starts, i, 0, rank, 0) if rank >= 0 else OUTSIDE
-    return at
-
-
-@kernel
-def _add_blocks(data, starts, elements, at, blocks):
-    n = len(starts) - 1
-    outside = 0
-    for e in range(len(elements)):
-        for a in range(elements.shape[1]):
-            i = elements[e, a]
-            if i >= n:
-                continue
-            length = 3 * (starts[i + 1] - starts[i])
-            for b in range(elements.shape[1]):
-                first = at[e, a, b]
-                if first < 0:
-                    outside += first == OUTSIDE
-                    continue
-                second, third = first + length - 1, first + 2 * length - 3
-                for q in range(3):
-                    data[first + q] += blocks[e, 3 * a, 3 * b + q]
-                for q in range(1 if i == elements[e, b] else 0, 3):
-                    data[second + q] += blocks[e, 3 * a + 1, 3 * b + q]
-                for q in range(2 if i == elements[e, b] else 0, 3):
-                    data[third + q] += blocks[e, 3 * a + 2, 3 * b + q]
-    return outside
-
-
-@kernel
-def _add_csr(data, starts, columns, indptr, indices, values, n):
-    outside = 0
-    for i in range(n):
-        for p in range(3):
-            for k in range(indptr[3 * i + p], indptr[3 * i + p + 1]):
-                column = indices[k]
-                j, q = column // 3, column % 3
-                if j < i or j >= n or (i == j and q < p):
-                    continue
-                rank = _rank(starts, columns, i, j)
-                if rank < 0:
-                    outside += values[k] != 0.0
-                else:
-                    data[_place(starts, i, p, rank, q)] += values[k]
-    return outside
 
 
 @njit(cache=True, error_model="numpy")

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.energies.base import ByElement, Energy, Step
 from clothsim.solve.lately import Lately
 from clothsim.solve.ledger import Ledger
 
@@ -105,13 +105,13 @@ class Potential:
                 total += energy.gradient(x)
         return total
 
-    def hessians(self, x: Floats) -> "list[ElementHessian | sparse.csr_array]":
+    def hessians(self, x: Floats) -> "list[ByElement | sparse.csr_array]":
         """The projected Hessian of each energy that acts [N/m], in the order of the energies."""
         return [self._hessian(name, x, True) for name in self.acting]
 
     def exact_hessians(
-        self, x: Floats, projected: "list[ElementHessian | sparse.csr_array] | None" = None
-    ) -> "list[ElementHessian | sparse.csr_array]":
+        self, x: Floats, projected: "list[ByElement | sparse.csr_array] | None" = None
+    ) -> "list[ByElement | sparse.csr_array]":
         """The exact Hessian of each energy that acts [N/m], or the projected one where that serves (friction).
 
         projected: what `hessians` gave at x, if it is known.
@@ -122,10 +122,10 @@ class Potential:
             for (name, energy), one in zip(self.acting.items(), known, strict=True)
         ]
 
-    def _hessian(self, name: str, x: Floats, project: bool) -> "ElementHessian | sparse.csr_array":
+    def _hessian(self, name: str, x: Floats, project: bool) -> "ByElement | sparse.csr_array":
         with self.ledger.effect(name, "hessians") as account:
             hessian = self.energies[name].hessian(x, project)
-            account.hessian_nonzeros = hessian.blocks.size if isinstance(hessian, ElementHessian) else int(hessian.nnz)
+            account.hessian_nonzeros = int(hessian.nnz)
         return hessian
 
     def couplings(self, x: Floats) -> list[Ints]:

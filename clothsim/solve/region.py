@@ -5,11 +5,13 @@ Every iteration over the whole cloth pays for all the rest again, and one crease
 all others (nonlinear elimination: Lanzkron, Rose & Wilkes 1996).
 """
 
+from dataclasses import replace
+
 import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ElementHessian
+from clothsim.energies.base import ByElement
 from clothsim.solve.pattern import Hessian, Pattern
 
 RINGS = 3
@@ -45,8 +47,8 @@ class Region:
 
     def hessian(self, hessian: Hessian) -> Hessian:
         """A Hessian over x as one over the region's rows."""
-        if isinstance(hessian, ElementHessian):
-            return ElementHessian(self.renumbered(hessian.elements), hessian.blocks)
+        if isinstance(hessian, ByElement):
+            return replace(hessian, elements=self.renumbered(hessian.elements))
         entries = (3 * self.rows[:, None] + np.arange(3)).ravel()
         return sparse.csr_array(hessian.tocsr()[entries][:, entries])
 

@@ -1,22 +1,27 @@
-"""Clamped blocks against LAPACK's eigenvalues, and the pairs that are clamped."""
+"""What is positive of a block against LAPACK's eigenvalues, and the pairs whose blocks are cut so."""
 
 import numpy as np
 import pytest
 from contact_poses import adversarial, at_random
 
-from clothsim.contact.barrier_kernels import crossing, hessian
-from clothsim.contact.semidefinite import clamp
+from clothsim.contact.barrier_hessian import exact, projected
+from clothsim.contact.barrier_kernels import POSE, crossing, measure
+from clothsim.contact.relative import absolute, relative
+from clothsim.contact.semidefinite import TOGETHER, positive_squares
+from clothsim.energies.base import SquaresHessian
 
-WITHOUT_TRANSLATION = np.eye(12) - np.kron(np.full((4, 4), 0.25), np.eye(3))
+COUNT = TOGETHER + 18
+"""Blocks of a kind: one group, and a part of another."""
 KINDS = {
-    "general": lambda rng: rng.normal(size=(12, 12)),
-    "a square": lambda rng: np.outer(*[rng.normal(size=12)] * 2),
-    "a negative square": lambda rng: -np.outer(*[rng.normal(size=12)] * 2),
-    "diagonal": lambda rng: np.diag(rng.integers(-1, 2, 12)).astype(float),
-    "eigenvalues three times": lambda rng: np.kron(rng.integers(-1, 2, (4, 4)), np.eye(3)),
-    "of many scales": lambda rng: rng.normal(size=(12, 12)) * 10.0 ** rng.uniform(-8, 0, 12),
-    "zero": lambda rng: np.zeros((12, 12)),
+    "general": lambda rng: rng.normal(size=(9, 9)),
+    "a square": lambda rng: np.outer(*[rng.normal(size=9)] * 2),
+    "a negative square": lambda rng: -np.outer(*[rng.normal(size=9)] * 2),
+    "diagonal": lambda rng: np.diag(rng.integers(-1, 2, 9)).astype(float),
+    "eigenvalues three times": lambda rng: np.kron(rng.integers(-1, 2, (3, 3)), np.eye(3)),
+    "of many scales": lambda rng: rng.normal(size=(9, 9)) * 10.0 ** rng.uniform(-8, 0, 9),
+    "zero": lambda rng: np.zeros((9, 9)),
 }
+TO_RELATIVE = np.kron(np.array([relative(vertex) for vertex in np.eye(4)]).T, np.eye(3))
 
 
 def clamped_by_lapack(block):
@@ -24,23 +29,37 @@ def clamped_by_lapack(block):
     return vectors * np.maximum(values, 0) @ vectors.T
 
 
+def positive(blocks):
+    """The positive parts as blocks (m, 12, 12), found from row 3 on in reverse order."""
+    numbers = np.arange(len(blocks))[::-1].copy()
+    sides, (first, count) = np.full((9 * len(blocks) + 3, 12), np.nan), np.zeros((2, len(blocks)), np.int64)
+    end = positive_squares(blocks, numbers, sides, 3, first, count)
+    assert end == 3 + count.sum()
+    return SquaresHessian(np.zeros((len(blocks), 4), np.int64), first, count, sides).blocks[::-1]
+
+
+def test_the_coordinates_are_orthonormal_and_know_no_translation():
+    assert pytest.approx(np.eye(9), abs=1e-15) == TO_RELATIVE @ TO_RELATIVE.T
+    assert np.abs(TO_RELATIVE @ np.tile(np.eye(3), (4, 1))).max() < 1e-15
+    assert absolute(relative((1.0, -2.0, 3.0, -2.0))) == pytest.approx((1.0, -2.0, 3.0, -2.0))
+
+
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_clamped_block_is_that_of_lapack(kind):
+def test_the_positive_part_is_that_of_lapack(kind):
     rng = np.random.default_rng(3)
-    blocks = np.stack([KINDS[kind](rng) for _ in range(50)])
-    blocks = WITHOUT_TRANSLATION @ (blocks + blocks.transpose(0, 2, 1)) @ WITHOUT_TRANSLATION
+    blocks = np.stack([KINDS[kind](rng) for _ in range(COUNT)])
+    blocks = blocks + blocks.transpose(0, 2, 1)
     size = max(np.abs(blocks).max(), 1e-9)
-    expected = np.stack([clamped_by_lapack(block) for block in blocks])
-    clamp(blocks, np.arange(50))
-    assert blocks == pytest.approx(expected, abs=2e-14 * size)
+    expected = np.stack([TO_RELATIVE.T @ clamped_by_lapack(block) @ TO_RELATIVE for block in blocks])
+    assert positive(blocks) == pytest.approx(expected, abs=2e-14 * size)
 
 
-def test_only_the_named_blocks_are_clamped_and_what_is_not_a_number_stays_so():
-    blocks = np.stack([-WITHOUT_TRANSLATION, -WITHOUT_TRANSLATION, np.full((12, 12), np.nan)])
-    clamp(blocks, np.array([1, 2]))
-    assert np.array_equal(blocks[0], -WITHOUT_TRANSLATION)
-    assert np.abs(blocks[1]).max() < 1e-15
-    assert np.isnan(blocks[2]).any()
+def test_what_is_not_a_number_stays_so_and_leaves_its_neighbours_alone():
+    blocks = np.tile(np.eye(9), (3, 1, 1))
+    blocks[1] = np.nan
+    found = positive(blocks)
+    assert np.isnan(found[1]).any()
+    assert found[[0, 2]] == pytest.approx(np.tile(TO_RELATIVE.T @ TO_RELATIVE, (2, 1, 1)), abs=1e-15)
 
 
 @pytest.mark.parametrize("poses", [adversarial, at_random])
@@ -48,21 +67,21 @@ def test_the_projected_blocks_of_mollified_pairs_are_their_exact_ones_clamped(po
     clamped = 0
     for name, pose in poses().items():
         contact = pose.contact()
-        projected, exact = contact.hessian(pose.x), contact.hessian(pose.x, project=False)
-        assert projected.elements is exact.elements  # so that their places in the matrix are looked up once
+        cut, whole = contact.hessian(pose.x), contact.hessian(pose.x, project=False)
+        assert cut.elements is whole.elements  # so that their places in the matrix are looked up once
+        blocks = cut.blocks
         thresholds = contact.candidates.near(pose.x).thresholds
         for k in range(len(thresholds)):
-            if crossing(pose.x, exact.elements[k]) < thresholds[k]:
-                difference = np.abs(projected.blocks[k] - clamped_by_lapack(exact.blocks[k])).max()
-                assert difference <= 1e-13 * np.abs(exact.blocks[k]).max(), name
-                clamped += np.linalg.eigvalsh(exact.blocks[k])[0] < -1e-3 * np.abs(exact.blocks[k]).max()
+            if crossing(pose.x, whole.elements[k]) < thresholds[k]:
+                difference = np.abs(blocks[k] - clamped_by_lapack(whole.blocks[k])).max()
+                assert difference <= 1e-13 * np.abs(whole.blocks[k]).max(), name
+                clamped += np.linalg.eigvalsh(whole.blocks[k])[0] < -1e-3 * np.abs(whole.blocks[k]).max()
     assert clamped > 10
 
 
 def test_a_pair_beyond_the_reach_of_the_barrier_has_a_block_of_zeros():
     x = np.array([[0.2, 0.3, 0.5], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    for project in (True, False):
-        blocks = np.full((2, 12, 12), np.nan)
-        pairs = np.tile(np.arange(4), (2, 1)), np.ones(2), np.zeros(2), 2
-        assert not hessian(blocks, x, *pairs, 0.0, 0.4, project).any()
-        assert np.array_equal(blocks, np.zeros((2, 12, 12)))
+    elements, poses = np.tile(np.arange(4), (2, 1)), np.full((2, POSE), np.nan)
+    assert measure(poses, x, elements, np.ones(2), np.zeros(2), 2, 0.0, 0.4) == 0.0
+    for derived in (projected, exact):
+        assert np.array_equal(derived(poses, x, elements, np.zeros(2), 2, 1.0).blocks, np.zeros((2, 12, 12)))

@@ -12,7 +12,7 @@ from differences import dense_hessian, gradient_error, hessian_error, numeric_he
 from meshes import cloth, deformed, irregular_grid, random_rotation
 from scipy import sparse
 
-from clothsim.energies.base import Constraint, ElementHessian, Energy, Step
+from clothsim.energies.base import ByElement, Constraint, Energy, Step
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.scene.effects import CONTACTS, EFFECTS
@@ -128,7 +128,7 @@ def test_types_and_shapes(name):
     assert gradient.shape == x.shape
     for project in (True, False):
         hessian = energy.hessian(x, project)
-        if isinstance(hessian, ElementHessian):
+        if isinstance(hessian, ByElement):
             m, k = hessian.elements.shape
             assert hessian.elements.dtype == np.int64
             assert hessian.blocks.dtype == np.float64

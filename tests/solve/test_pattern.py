@@ -5,7 +5,7 @@ import pytest
 from meshes import cloth, grid, small_world
 from scipy import sparse
 
-from clothsim.energies.base import ElementHessian
+from clothsim.energies.base import ByElement, ElementHessian, SquaresHessian
 from clothsim.solve.pattern import coupled, couplings, make_pattern, times
 
 
@@ -32,6 +32,14 @@ def contact(seed=5):
     return sparse.csr_array(blocks.to_sparse(ROWS))
 
 
+def squares(elements, seed):
+    """None to three squares an element, in no order."""
+    rng = np.random.default_rng(seed)
+    count = np.arange(len(elements)) % 4
+    first = np.concatenate([np.cumsum(count[::-1])[::-1][1:], [0]])
+    return SquaresHessian(elements, first, count, rng.standard_normal((count.sum(), 3 * elements.shape[1])))
+
+
 def hessians():
     return [
         random_blocks(TRIANGLES, 1),
@@ -39,11 +47,12 @@ def hessians():
         random_blocks(np.arange(N)[:, None], 3),
         ElementHessian(np.zeros((0, 1), np.int64), np.zeros((0, 3, 3))),
         contact(),
+        squares(random_elements(7, 4, ROWS, 6), 7),
     ]
 
 
 def dense(parts, size=N):
-    matrices = [h.to_sparse(ROWS) if isinstance(h, ElementHessian) else h for h in parts]
+    matrices = [h.to_sparse(ROWS) if isinstance(h, ByElement) else h for h in parts]
     return sum(matrix.toarray() for matrix in matrices)[: 3 * size, : 3 * size]
 
 
@@ -61,12 +70,27 @@ def test_assembly_is_the_dense_sum_of_the_unknown_rows():
     assert np.abs(expected).max() > 1
 
 
-@pytest.mark.parametrize("which", range(5))
+@pytest.mark.parametrize("which", range(6))
 def test_each_kind_of_hessian_alone(which):
     parts = hessians()
     pattern = make_pattern(N, TRIANGLES, parts)
     assembled = full(pattern.upper(pattern.assemble(parts[which : which + 1])[0]))
     assert np.abs(assembled - dense(parts[which : which + 1])).max() < 1e-13
+
+
+def test_a_sum_of_squares_is_that_of_its_sides():
+    part = hessians()[5]
+    assert 0 < (part.count > 1).sum() < (part.count > 0).sum() < len(part.count)
+    for block, first, count in zip(part.blocks, part.first, part.count, strict=True):
+        sides = part.sides[first : first + count]
+        assert block == pytest.approx(sides.T @ sides, abs=1e-14)
+    assert part.nnz == part.blocks.size
+
+
+def test_a_vertex_that_is_twice_in_an_element_gets_all_of_it():
+    part = random_blocks(np.array([[2, 5, 2]]), 9)
+    pattern = make_pattern(N, TRIANGLES, [part])
+    assert np.abs(full(pattern.upper(pattern.assemble([part])[0])) - dense([part])).max() < 1e-14
 
 
 def test_the_upper_triangle_is_canonical_csr_with_the_diagonal_first():
@@ -92,7 +116,7 @@ def test_the_pattern_of_a_sheet_is_its_one_ring_and_with_hinges_the_two_ring():
 
 def test_what_is_outside_the_pattern_is_counted_and_a_coupled_pattern_takes_it():
     pattern = make_pattern(N, np.zeros((0, 3), np.int64), [])
-    for part in (hessians()[0], hessians()[1], contact()):
+    for part in (hessians()[0], hessians()[1], contact(), hessians()[5]):
         assert pattern.assemble([part])[1] > 0
         wider = coupled(pattern, [couplings(part)])
         data, outside = wider.assemble([part])
