@@ -11,7 +11,7 @@ from clothsim.contact.barrier_kernels import near_pairs
 from clothsim.contact.candidates import Candidates
 from clothsim.contact.search import Pairs
 
-REACH = 2.0
+REACH = 3.0
 """How far they may go on one list, in `reach` of the whole surface."""
 
 

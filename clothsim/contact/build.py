@@ -38,7 +38,7 @@ def contact_energy(
         raise InputError(f"contact.backend is {backend!r}.", f"Known: {', '.join(BACKENDS)}.")
     start = world.start()
     _refuse_intersections(world, surface, start)
-    candidates = Candidates(surface, distance + thickness, reach=distance, offset=thickness)
+    candidates = Candidates(surface, distance + thickness, reach=0.7 * distance, offset=thickness)
     _refuse_touch(world, candidates, start, thickness)
     if backend == "ipctk":
         from clothsim.contact.ipctk_barrier import IpctkBarrier, IpctkCandidates
