@@ -9,7 +9,7 @@ import numpy as np
 
 from clothsim.compiled import kernel, part
 from clothsim.contact.closest import cross, dot
-from clothsim.contact.distance import closest, closest_points, edge
+from clothsim.contact.distance import closest_points, edge, squared_distance
 
 LINE, VALUE, FIRST, SECOND, SHARE, POSE = 4, 7, 8, 9, 10, 11
 """Where in a pose its parts begin, and how long it is."""
@@ -35,14 +35,13 @@ def _apart(x, rows, split, limit):
 def near_pairs(x, elements, n_points, limit):
     """The numbers of the pairs with distance below `limit`, and their squared distances. The first n_points pairs are
     point-triangle, the others edge-edge."""
-    g, r = np.empty(4), np.empty(3)
     squared = np.empty(len(elements))
     count = 0
     for e in range(len(elements)):
         split = 1 if e < n_points else 2
         squared[e] = np.inf
         if not _apart(x, elements[e], split, limit):
-            squared[e] = closest(x, elements[e], split == 2, g, r)
+            squared[e] = squared_distance(x, elements[e], split == 2)
         count += squared[e] < limit * limit
     found, distances_squared = np.empty(count, np.int64), np.empty(count)
     k = 0
@@ -145,8 +144,10 @@ def pull(x, elements, weights, thresholds, n_points, offset, d_hat, least):
     S = d_hat * (2.0 * offset + d_hat)
     g, r, slopes = np.zeros((len(elements), 4)), np.zeros((len(elements), 3)), np.zeros(len(elements))
     for e in range(len(elements)):
-        squared = closest(x, elements[e], e >= n_points, g[e], r[e])
-        distance = max(np.sqrt(squared), offset + least)
+        weights_of, line = closest_points(x, elements[e], e >= n_points)
+        g[e, 0], g[e, 1], g[e, 2], g[e, 3] = weights_of
+        r[e, 0], r[e, 1], r[e, 2] = line
+        distance = max(np.sqrt(dot(line, line)), offset + least)
         s = distance * distance - offset * offset
         if s < S:
             m = 1.0

@@ -12,6 +12,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel, part
+from clothsim.contact.closest import Point
 
 FOUR = 4
 """Boxes side by side."""
@@ -82,13 +83,15 @@ def _hanging(hangs: Ints, places: Ints, rows: np.ndarray, m: int) -> np.ndarray:
 @kernel
 def _refit(elements: Ints, stale: np.ndarray, boxes: Floats, starts: Ints, before: Floats, after: Floats) -> None:
     """The boxes of the stale elements (m,), then upwards what lies round these."""
-    fresh, box = np.zeros(len(boxes), np.bool_), np.empty(6)
+    fresh = np.zeros(len(boxes), np.bool_)
     for e in range(len(elements)):
         if stale[e]:
-            _set_box(box, elements, e, before, after)
-            for side in range(6):
-                boxes[e // FOUR, side, e % FOUR] = box[side]
-            fresh[e // FOUR] = True
+            four, k = e // FOUR, e % FOUR
+            fresh[four] = True
+            (
+                (boxes[four, 0, k], boxes[four, 1, k], boxes[four, 2, k]),
+                (boxes[four, 3, k], boxes[four, 4, k], boxes[four, 5, k]),
+            ) = _box(elements, e, before, after)
     for level in range(len(starts) - 2):
         for four in range(starts[level], starts[level + 1]):
             if fresh[four]:
@@ -99,15 +102,15 @@ def _refit(elements: Ints, stale: np.ndarray, boxes: Floats, starts: Ints, befor
 
 
 @part
-def _set_box(box: Floats, elements: Ints, e: int, before: Floats, after: Floats) -> None:
-    """The box (6,) of an element on the way before -> after."""
-    for axis in range(3):
-        low, high = np.inf, -np.inf
-        for k in range(elements.shape[1]):
-            i = elements[e, k]
-            low = min(low, before[i, axis], after[i, axis])
-            high = max(high, before[i, axis], after[i, axis])
-        box[axis], box[3 + axis] = low, high
+def _box(elements: Ints, e: int, before: Floats, after: Floats) -> tuple[Point, Point]:
+    """The corners of the box round an element on the way before -> after."""
+    a = b = c = np.inf
+    d = f = g = -np.inf
+    for k in range(elements.shape[1]):
+        i = elements[e, k]
+        a, b, c = min(a, before[i, 0], after[i, 0]), min(b, before[i, 1], after[i, 1]), min(c, before[i, 2], after[i, 2])
+        d, f, g = max(d, before[i, 0], after[i, 0]), max(f, before[i, 1], after[i, 1]), max(g, before[i, 2], after[i, 2])
+    return (a, b, c), (d, f, g)
 
 
 @part
@@ -125,17 +128,17 @@ def _enclose(boxes: Floats, four: int, above: int, place: int) -> None:
 def _morton_codes(elements: Ints, before: Floats, after: Floats) -> Ints:
     """Places of the boxes' centres along the Morton curve (m,)."""
     m = len(elements)
-    codes, centres, box = np.zeros(m, np.int64), np.empty((m, 3)), np.empty(6)
+    codes, centres = np.zeros(m, np.int64), np.empty((m, 3))
     for e in range(m):
-        _set_box(box, elements, e, before, after)
+        low, high = _box(elements, e, before, after)
         for axis in range(3):
-            centres[e, axis] = 0.5 * box[axis] + 0.5 * box[3 + axis]
+            centres[e, axis] = 0.5 * low[axis] + 0.5 * high[axis]
     least, extent = np.zeros(3), 0.0
     for axis in range(3):
-        low, high = np.inf, -np.inf
+        first, last = np.inf, -np.inf
         for e in range(m):
-            low, high = min(low, centres[e, axis]), max(high, centres[e, axis])
-        least[axis], extent = low, max(extent, high - low)
+            first, last = min(first, centres[e, axis]), max(last, centres[e, axis])
+        least[axis], extent = first, max(extent, last - first)
     if not (extent > 0.0 and extent < np.inf):
         return codes
     for e in range(m):

@@ -21,10 +21,10 @@ FLAT = 1e-20
 
 
 @part
-def closest(x, rows, is_edges, g, r):
-    """Fills g (4,) and r (3,) of the pair `rows (4,)`; returns d^2 [m2]."""
-    (g[0], g[1], g[2], g[3]), (r[0], r[1], r[2]) = closest_points(x, rows, is_edges)
-    return r[0] * r[0] + r[1] * r[1] + r[2] * r[2]
+def squared_distance(x, rows, is_edges):
+    """d^2 [m2] of the pair `rows (4,)`."""
+    _, r = closest_points(x, rows, is_edges)
+    return dot(r, r)
 
 
 @part

@@ -6,7 +6,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel, part
 from clothsim.contact.barrier_kernels import _apart
 from clothsim.contact.culling import ROUNDING
-from clothsim.contact.distance import closest
+from clothsim.contact.distance import squared_distance
 
 
 @kernel
@@ -17,13 +17,17 @@ def displaced(before: Floats, after: Floats, at: Floats, rows: Ints) -> Floats:
     """
     gone = np.zeros(len(at))
     for i in rows:
-        squared = 0.0
-        for x in (before, after):
-            a, b, c = x[i, 0] - at[i, 0], x[i, 1] - at[i, 1], x[i, 2] - at[i, 2]
-            off = a * a + b * b + c * c
-            squared = max(squared, off if off >= 0.0 else np.inf)
+        squared = max(_off(before, at, i), _off(after, at, i))
         gone[i] = np.sqrt(squared)
     return gone
+
+
+@part
+def _off(x: Floats, at: Floats, i: int) -> float:
+    """The squared distance [m2] of a row from where it was."""
+    a, b, c = x[i, 0] - at[i, 0], x[i, 1] - at[i, 1], x[i, 2] - at[i, 2]
+    squared = a * a + b * b + c * c
+    return squared if squared >= 0.0 else np.inf
 
 
 @part
@@ -55,7 +59,6 @@ def near_among(x: Floats, elements: Ints, n_points: int, distances: Floats, gone
     tell of most pairs that they are near, or that they are not.
     """
     numbers = np.empty(len(elements), np.int64)
-    g, r = np.empty(4), np.empty(3)
     count = 0
     for e in range(len(elements)):
         change = _gone(elements, e, n_points, gone)
@@ -64,7 +67,7 @@ def near_among(x: Floats, elements: Ints, n_points: int, distances: Floats, gone
         if not ROUNDING * (distances[e] + change) < near:
             if _apart(x, elements[e], 1 if e < n_points else 2, near):
                 continue
-            if not closest(x, elements[e], e >= n_points, g, r) < near * near:
+            if not squared_distance(x, elements[e], e >= n_points) < near * near:
                 continue
         numbers[count] = e
         count += 1
@@ -80,7 +83,6 @@ def still_near(
     Those in which a row has moved (N,) are measured anew at x (N, 3) [m].
     """
     numbers, measured = np.empty(len(elements), np.int64), np.empty(len(elements))
-    g, r = np.empty(4), np.empty(3)
     count = 0
     for e in range(len(elements)):
         gone = has_moved = False
@@ -89,7 +91,7 @@ def still_near(
             has_moved |= moved[elements[e, k]]
         if gone:
             continue
-        distance = np.sqrt(closest(x, elements[e], e >= n_points, g, r)) if has_moved else distances[e]
+        distance = np.sqrt(squared_distance(x, elements[e], e >= n_points)) if has_moved else distances[e]
         if distance <= near:
             numbers[count], measured[count] = e, distance
             count += 1

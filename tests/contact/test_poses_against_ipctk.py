@@ -8,7 +8,7 @@ from contacts import jittered
 from differences import dense_hessian
 
 from clothsim.contact import barrier_kernels as kernels
-from clothsim.contact.distance import closest
+from clothsim.contact.distance import closest_points
 
 POSES = {**at_random(), **adversarial(), **close()}
 TIES = [name for name, pose in POSES.items() if pose.tie]
@@ -79,10 +79,9 @@ def features(contact, x):
     Edges that are mollified stay pairs of edges, whichever of their points are closest.
     """
     pairs, found = contact.candidates.near(x), {}
-    g, r = np.empty(4), np.empty(3)
     for k, (rows, area) in enumerate(zip(pairs.elements, pairs.weights, strict=True)):
         split = 1 if k < pairs.n_points else 2
-        closest(x, rows, split == 2, g, r)
+        g = np.array(closest_points(x, rows, split == 2)[0])
         whole = split == 2 and kernels.crossing(x, rows) < pairs.thresholds[k]
         held = np.ones(4, bool) if whole else g != 0.0
         key = frozenset(frozenset(rows[part][held[part]].tolist()) for part in (slice(split), slice(split, None)))
