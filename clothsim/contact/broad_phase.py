@@ -56,19 +56,16 @@ def in_order(overlaps: Overlaps) -> Ints:
 
 
 @part
-def _meets(
-    a: float, b: float, c: float, d: float, e: float, f: float, boxes: Floats, four: int, hits: np.ndarray
-) -> None:
-    """Which boxes of a four the box with the corners (a, b, c) and (d, e, f) overlaps, to hits (4,)."""
-    for k in range(FOUR):
-        hits[k] = (
-            (a <= boxes[four, 3, k])
-            & (boxes[four, 0, k] <= d)
-            & (b <= boxes[four, 4, k])
-            & (boxes[four, 1, k] <= e)
-            & (c <= boxes[four, 5, k])
-            & (boxes[four, 2, k] <= f)
-        )
+def _meets(a: float, b: float, c: float, d: float, e: float, f: float, boxes: Floats, four: int, k: int) -> bool:
+    """Whether the box with the corners (a, b, c) and (d, e, f) overlaps a box of a four."""
+    return (
+        (a <= boxes[four, 3, k])
+        & (boxes[four, 0, k] <= d)
+        & (b <= boxes[four, 4, k])
+        & (boxes[four, 1, k] <= e)
+        & (c <= boxes[four, 5, k])
+        & (boxes[four, 2, k] <= f)
+    )
 
 
 @kernel
@@ -77,24 +74,23 @@ def _met(boxes_a: Floats, asked: np.ndarray, boxes: Floats, starts: Ints, grown:
 
     asked (m,): which i; later: of a tree with itself, all of which are asked, and only j from the four of i on.
     """
-    found = np.empty(8 * asked.sum() + 64, np.int64)
-    group, whole, hits = np.empty((FOUR, 6)), np.empty(6), np.empty(FOUR, np.bool_)
+    found = np.empty(12 * asked.sum() + 64, np.int64)
+    group, whole = np.empty((FOUR, 6)), np.empty(6)
     stack, met = np.empty(_DEPTH, np.int64), np.empty(starts[1] + FOUR, np.int64)
     count = 0
     for four in range((len(asked) + FOUR - 1) // FOUR):
         if not _gathered(four, boxes_a, asked, grown, group, whole):
             continue
-        n_met = _fours_met(whole, four, boxes, starts, later, stack, met, hits)
+        n_met = _fours_met(whole, four, boxes, starts, later, stack, met)
         most = FOUR * FOUR * n_met
         if count + most > len(found):
             found = _longer(found, count, 2 * (count + most))
         for k in range(FOUR):
             a, b, c, d, e, f = group[k, 0], group[k, 1], group[k, 2], group[k, 3], group[k, 4], group[k, 5]
             for m in range(n_met):  # all that is looked at is written, and counts if it meets: no branch to foresee
-                _meets(a, b, c, d, e, f, boxes, met[m], hits)
                 for j in range(FOUR):
                     found[count] = (FOUR * four + k) << 32 | (FOUR * met[m] + j)
-                    count += hits[j]
+                    count += _meets(a, b, c, d, e, f, boxes, met[m], j)
     return found[:count]
 
 
@@ -120,49 +116,38 @@ def _gathered(four: int, boxes: Floats, asked: np.ndarray, grown: float, group: 
 
 
 @part
-def _fours_met(
-    box: Floats, four: int, boxes: Floats, starts: Ints, later: bool, stack: Ints, met: Ints, hits: np.ndarray
-) -> int:
+def _fours_met(box: Floats, four: int, boxes: Floats, starts: Ints, later: bool, stack: Ints, met: Ints) -> int:
     """Write the fours of elements that hold a box which meets `box` (6,) to `met`; how many it is.
 
-    later: only from this four on: itself, and what comes after it on each level.
+    later: only from this four on: itself, and what comes after it on each level. The stack holds a four and, in its
+    last eight bits, the level.
     """
     a, b, c, d, e, f = box[0], box[1], box[2], box[3], box[4], box[5]  # as numbers: what is written is no box
     top = n_met = 0
     if later or len(starts) == 2:
         met[0], n_met = (four if later else 0), 1
     else:
-        stack[0], top = starts[-1] - 1, 1
+        stack[0], top = (starts[-1] - 1) << 8 | (len(starts) - 2), 1
     place, level = four, 1
     while top > 0 or (later and level < len(starts) - 1):
         above = 0
         if top > 0:
             top -= 1
-            node = stack[top]
-            at = _level(node, starts)
+            node, at = stack[top] >> 8, stack[top] & 255
         else:
             above, at = place + 1, level  # those after `place` in the four that holds it
             place, level = place // FOUR, level + 1
             node = starts[at] + place
-        _meets(a, b, c, d, e, f, boxes, node, hits)
         child = FOUR * (node - starts[at])
         for k in range(FOUR):
-            hit = hits[k] & (child + k >= above)
+            hit = _meets(a, b, c, d, e, f, boxes, node, k) & (child + k >= above)
             if at == 1:
                 met[n_met] = child + k
                 n_met += hit
             else:
-                stack[top] = starts[at - 1] + child + k
+                stack[top] = (starts[at - 1] + child + k) << 8 | (at - 1)
                 top += hit
     return n_met
-
-
-@part
-def _level(four: int, starts: Ints) -> int:
-    level = 1
-    while four >= starts[level + 1]:
-        level += 1
-    return level
 
 
 @part

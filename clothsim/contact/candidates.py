@@ -18,12 +18,12 @@ from clothsim.contact.ccd import CLOSE, edge_edge_limit, point_triangle_limit
 from clothsim.contact.near import (
     displaced,
     equal,
+    keeps_to,
     may_be_near,
     near_among,
     place_on_way,
     share_of_way,
     still_near,
-    strays,
 )
 from clothsim.contact.pairs import NONE, Pairs, together
 from clothsim.contact.search import Search
@@ -115,10 +115,11 @@ class Candidates:
         What is in the list tells how far the search for the rest has to look.
         """
         start, of_ccd = perf_counter(), self.seconds["CCD"]
+        known, gone, whole = self._pairs, None, most
         if self._way is not None:
-            most = self._free_of_known(self._gone(x, x + most * dx), x, dx, most)
-        known = self._pairs
-        gone = self._hold(x, x + most * dx, self.limit)
+            gone = self._gone(x, x + most * dx)
+            most = self._free_of_known(gone, x, dx, most)
+        gone = self._hold(x, x + most * dx, self.limit, gone if most == whole else None)
         if self._pairs is not known:
             most = self._free_of_known(gone, x, dx, most)
         self.seconds["candidates"] += perf_counter() - start - (self.seconds["CCD"] - of_ccd)
@@ -149,15 +150,15 @@ class Candidates:
         pairs = self._pairs
         return may_be_near(pairs.elements, pairs.n_points, self._distances, gone, self.offset, factor)
 
-    def _hold(self, before: Floats, after: Floats, distance: float) -> Floats:
+    def _hold(self, before: Floats, after: Floats, distance: float, gone: Floats | None = None) -> Floats:
         """Let the list hold every pair that comes closer than `distance` <= limit + reach [m] on a way.
 
-        Returns how far each row of x then goes from the base (N,) [m].
+        Returns how far each row of x then goes from the base (N,) [m]; gone: the same for the base as it is.
         """
         room = 0.5 * (self.limit + 4.0 * self.reach - distance)
         if self._way is not None:
-            gone = self._gone(before, after)
-            if gone.max(initial=0.0) <= room or self._stray(before, after) <= room:
+            gone = self._gone(before, after) if gone is None else gone
+            if gone.max(initial=0.0) <= room or self._keeps_to_way(before, after, room):
                 return gone
         self._search_way(before, after)
         return self._gone(before, after)
@@ -166,11 +167,11 @@ class Candidates:
         assert self._way is not None
         return displaced(before, after, self._way[0], self.surface.rows)
 
-    def _stray(self, before: Floats, after: Floats) -> float:
-        """The farthest that a row is from where all have gone one share of the way that the list is of."""
+    def _keeps_to_way(self, before: Floats, after: Floats, room: float) -> bool:
+        """Whether no row is further than `room` [m] from the way that the list is of, gone by all at one pace."""
         assert self._way is not None
-        off = strays(after, *self._way, self.surface.rows)
-        return off if before is after or off == np.inf else max(off, strays(before, *self._way, self.surface.rows))
+        places = (before,) if after is before else (after, before)
+        return all(keeps_to(x, *self._way, self.surface.rows, room) for x in places)
 
     def _search_way(self, before: Floats, after: Floats) -> None:
         """The list of a way: what hangs on rows of x that leave the base is searched for, the rest is known."""

@@ -11,7 +11,7 @@ from scipy import sparse
 from clothsim.arrays import Floats
 from clothsim.contact.barrier import Barrier
 from clothsim.contact.candidates import SLACK, Candidates
-from clothsim.contact.near import strays
+from clothsim.contact.near import keeps_to
 from clothsim.contact.surface import ContactSurface
 from clothsim.energies.base import Step
 
@@ -78,7 +78,7 @@ class IpctkCandidates(Candidates):
     def _cover(self, before: Floats, after: Floats) -> None:
         """Let ipctk's candidates hold every pair that comes closer than d_hat on a way: by its last search if near."""
         rows = self.surface.rows
-        if self._path is not None and all(strays(x, *self._path, rows) <= self.reach for x in (before, after)):
+        if self._path is not None and all(keeps_to(x, *self._path, rows, self.reach) for x in (before, after)):
             return
         self._found, self._path = ipctk.Candidates(), (before.copy(), after.copy())
         inflation = 0.5 * self.limit + 2.0 * self.reach

@@ -110,20 +110,19 @@ def share_of_way(x: Floats, start: Floats, end: Floats, rows: Ints) -> float:
 
 
 @kernel
-def strays(x: Floats, start: Floats, end: Floats, rows: Ints) -> float:
-    """The largest distance [m] of a row of x from where it is when all have gone one and the same share start -> end.
+def keeps_to(x: Floats, start: Floats, end: Floats, rows: Ints, room: float) -> bool:
+    """Whether no row of x is further than `room` [m] from where all have gone one and the same share of start -> end.
 
-    x, start, end (N, 3) [m]; rows (n,): those that count. inf for what is no number.
+    x, start, end (N, 3) [m]; rows (n,): those that count. False for what is no number.
     """
-    share, most = share_of_way(x, start, end, rows), 0.0
+    share = share_of_way(x, start, end, rows)
     for i in rows:
         off = 0.0
         for k in range(3):
             off += (x[i, k] - start[i, k] - share * (end[i, k] - start[i, k])) ** 2
-        if not off < np.inf:
-            return np.inf
-        most = max(most, off)
-    return np.sqrt(most)
+        if not off <= room * room:
+            return False
+    return True
 
 
 @kernel

@@ -7,7 +7,7 @@ from contacts import body_surface, jittered, self_surface, sheet_on_ball, two_sh
 from clothsim.contact.barrier_kernels import near_pairs
 from clothsim.contact.candidates import Candidates
 from clothsim.contact.ccd import edge_edge_limit, point_triangle_limit
-from clothsim.contact.near import strays
+from clothsim.contact.near import keeps_to
 from clothsim.intersection.pairs import intersecting_pairs
 
 D_HAT = 0.05
@@ -242,18 +242,25 @@ def test_the_offset_is_kept_free():
     assert candidates.minimum_gap(x + limit * dx) > 0
 
 
-def test_how_far_a_point_strays_from_where_all_would_be():
+def test_a_place_is_on_a_way_where_all_have_gone_one_share_of_it():
     start, end = np.zeros((3, 3)), np.array([[2.0, 0, 0], [0, 0, 0], [0, 1, 0]])
     rows = np.arange(3)
+
+    def room_of(x, start, end):
+        """The least room in which x keeps to the way."""
+        rooms = np.linspace(0.0, 2.0, 2001)
+        return rooms[np.argmax([keeps_to(x, start, end, rows, room) for room in rooms])]
+
     halfway = 0.5 * end + np.array([[0, 0.3, 0], [0, 0, 0.2], [0, 0, 0.1]])
-    assert strays(halfway, start, end, rows) == pytest.approx(0.3)
+    assert room_of(halfway, start, end) == pytest.approx(0.3, abs=1e-3)
     each_its_own = np.array([[2.0, 0, 0], [0, 0, 0], [0, 0, 0]])  # the first arrived, the third stayed
-    assert strays(each_its_own, start, end, rows) == pytest.approx(0.8)  # at the share .8, the third is .8 behind
-    assert strays(start + 0.1, start, start, rows) == pytest.approx(0.1 * np.sqrt(3))
+    assert room_of(each_its_own, start, end) == pytest.approx(0.8, abs=1e-3)  # at the share .8, the third is .8 behind
+    assert room_of(start + 0.1, start, start) == pytest.approx(0.1 * np.sqrt(3), abs=1e-3)
     nowhere = halfway.copy()
     nowhere[0] = np.nan
-    assert strays(nowhere, start, end, rows) == np.inf == strays(nowhere, start, start, rows)
-    assert strays(nowhere, start, end, rows[1:]) < 1.0
+    assert not keeps_to(nowhere, start, end, rows, np.inf)
+    assert not keeps_to(nowhere, start, start, rows, np.inf)
+    assert keeps_to(nowhere, start, end, rows[1:], 1.0)
 
 
 def test_the_change_of_a_gap_is_seen_pair_by_pair():
