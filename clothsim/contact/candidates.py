@@ -115,11 +115,13 @@ class Candidates:
         What is in the list tells how far the search for the rest has to look.
         """
         start, of_ccd = perf_counter(), self.seconds["CCD"]
-        known, gone, whole = self._pairs, None, most
+        known, gone, after, whole = self._pairs, None, x + most * dx, most
         if self._way is not None:
-            gone = self._gone(x, x + most * dx)
+            gone = self._gone(x, after)
             most = self._free_of_known(gone, x, dx, most)
-        gone = self._hold(x, x + most * dx, self.limit, gone if most == whole else None)
+        if most < whole:
+            gone, after = None, x + most * dx
+        gone = self._hold(x, after, self.limit, gone)
         if self._pairs is not known:
             most = self._free_of_known(gone, x, dx, most)
         self.seconds["candidates"] += perf_counter() - start - (self.seconds["CCD"] - of_ccd)
