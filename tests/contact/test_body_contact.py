@@ -115,6 +115,16 @@ def test_the_stiffness_of_a_step_depends_on_that_step_alone():
     assert first.begin(replace(step, dt=0.1)).stiffness < first.stiffness
 
 
+def test_a_step_begins_with_the_pairs_that_the_one_before_has_found():
+    world = world_at(0.31)
+    contact = body_contact(world, d_hat=0.025)
+    x = world.start()
+    bound = contact.begin(step_at(x, 0.0 * x, dt=0.01))
+    assert bound.step_limit(x, 0.0 * x) == 1.0
+    bound.begin(step_at(x, 0.0 * x, dt=0.01)).value(x)
+    assert contact.candidates.builds == 1
+
+
 def test_the_stiffness_is_the_largest_of_three_pressures():
     settings = {"pressure": 3.0, "area_density": 0.2, "speed": 1.0, "d_hat": 1e-3, "dt": 0.1, "answers_in": 0.1}
     assert barrier_stiffness(**settings) == 3.0

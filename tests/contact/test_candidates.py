@@ -109,12 +109,13 @@ def test_after_any_ways_the_pairs_are_those_of_all_pairs(kind, seed):
         dx = some_way(rng, surface, x, reach)
         if rng.random() < 0.1:
             dx[rng.integers(len(x))] = rng.choice([np.nan, np.inf])
+        most = 1.0 if rng.random() < 0.6 else rng.random()
         with np.errstate(invalid="ignore"):
-            fraction = candidates.step_limit(x, dx)
+            fraction = candidates.step_limit(x, dx, most)
             if not np.isfinite(dx).all():
                 continue
         keep = offset, 0.9, limit - offset
-        least = point_triangle_limit(x, dx, elements[:n_points], *keep, 1.0)
+        least = point_triangle_limit(x, dx, elements[:n_points], *keep, most)
         assert fraction == edge_edge_limit(x, dx, elements[n_points:], *keep, least)
         for share in (fraction, rng.random() * fraction, 1.0):
             y = x + share * dx
@@ -126,6 +127,25 @@ def test_after_any_ways_the_pairs_are_those_of_all_pairs(kind, seed):
                 found += len(numbers)
         places.append(x + fraction * dx)
     assert found > 100
+
+
+def test_what_the_list_knows_shortens_the_way_that_is_searched():
+    """A vertex over the ball is about to touch; far from there another would go far: it is not searched for."""
+    surface, x = body_surface(sheet_on_ball(0.32))
+    candidates = Candidates(surface, 0.04, 0.02)
+    candidates.near(x)
+    cloth = surface.first.points
+    over = cloth[np.linalg.norm(x[cloth, :2], axis=1).argmin()]
+    corner = cloth[np.linalg.norm(x[cloth, :2], axis=1).argmax()]
+    dx = np.zeros_like(x)
+    dx[over], dx[corner] = [0.0, 0.0, -1.0], [0.0, 0.0, 0.5]
+    assert candidates.step_limit(x, dx) < 0.03
+    assert candidates.builds == 1
+    dx[over] = 0.0
+    assert candidates.step_limit(x, dx, 0.03) == 0.03
+    assert candidates.builds == 1
+    assert candidates.step_limit(x, dx) == 1.0
+    assert candidates.builds == 2
 
 
 def layers_apart(distance):
