@@ -122,6 +122,13 @@ def test_a_resumed_run_has_the_bits_of_one_that_never_stopped(run, tmp_path, ste
         assert resumed.summary[key] == run.summary[key]
 
 
+def test_a_resumed_run_with_ipctk_has_the_bits_of_one_that_never_stopped(tmp_path):
+    scene = small_scene(contact={"backend": "ipctk"})
+    whole = simulate(scene, tmp_path / "whole")
+    stopped_after(tmp_path / "stopped", scene, 5)
+    assert np.array_equal(frames(resume(tmp_path / "stopped")), frames(whole))
+
+
 @pytest.mark.parametrize("steps", [1, 5])
 def test_a_resumed_run_of_bdf2_has_the_bits_of_one_that_never_stopped(tmp_path, steps):
     """The checkpoint knows the state a step earlier; after the first step only the start is."""

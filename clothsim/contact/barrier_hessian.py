@@ -22,7 +22,7 @@ from clothsim.energies.base import ElementHessian, SquaresHessian, room_for
 def projected(
     poses: Floats, x: Floats, elements: Ints, thresholds: Floats, n_points: int, kappa: float
 ) -> SquaresHessian:
-    """The nearest positive semi-definite Hessian, pair by pair [N/m]."""
+    """A positive semi-definite Hessian no smaller than the exact one, pair by pair [N/m]."""
     mollified = np.flatnonzero(poses[:, SHARE] < 1.0)
     sides = np.empty((3 * (len(elements) - len(mollified)) + 9 * len(mollified), 12))
     first, count = np.empty((2, len(elements)), np.int64)

@@ -14,7 +14,7 @@ Overlaps = tuple[Ints, Ints]
 """The first and the second of each pair, (p,) and (p,)."""
 
 _DEPTH = 128
-"""Deepest stack of a walk, 7 a level: more than 2^31 boxes, and these are told apart by 31 bits."""
+"""Deepest stack of a walk, 3 a level: more than the 2^31 boxes that 31 bits tell apart."""
 
 _FEW = 32
 """Numbers that insertion sorts fastest."""

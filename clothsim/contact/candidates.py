@@ -42,8 +42,9 @@ SLACK = 0.9
 class Candidates:
     """A cache over one surface; what it returns does not depend on what it holds. It also keeps count of its work.
 
-    limit [m]: the pairs needed are those closer (d_hat and offset); reach [m]: how far a vertex may go from where a
-    list was built before it is built anew; offset [m]: the distance that no pair goes below.
+    limit [m]: the pairs needed are those closer (d_hat and offset); reach [m]: a list is of pairs closer than limit + 4
+    reach, and a vertex that goes further than it from the base may be searched for anew; offset [m]: the distance that
+    no pair goes below.
     """
 
     def __init__(self, surface: ContactSurface, limit: float, reach: float, offset: float = 0.0) -> None:
@@ -112,10 +113,12 @@ class Candidates:
     def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
         """The fraction of dx, at most `most`, that is free of collision, by additive CCD over straight paths.
 
-        What is in the list tells how far the search for the rest has to look.
+        What is in the list tells how far the search for the rest has to look. 0 where a place is no number.
         """
         start, of_ccd = perf_counter(), self.seconds["CCD"]
         known, gone, after, whole = self._pairs, None, x + most * dx, most
+        if not np.isfinite(after).all():
+            return 0.0
         if self._way is not None:
             gone = self._gone(x, after)
             most = self._free_of_known(gone, x, dx, most)

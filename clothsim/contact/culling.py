@@ -33,11 +33,9 @@ def that_may_meet(
 ) -> tuple[Ints, Ints, Floats]:
     """Those pairs of rows first (p,) of a (n, k) and second (p,) of b (m, l) that may come nearer than `distance`.
 
-    And their distances (q,) [m] where the way begins.
-
-    a, b: points and triangles, triangles and points, or edges: rows of before, after (N, 3) [m], where the common way
-    begins and ends; distance [m]; labels (N,), allowed (L, L): which objects may touch. Pairs that share a vertex are
-    left out.
+    And their distances (q,) [m] where the way begins. a, b: points and triangles, triangles and points, or edges: rows
+    of before, after (N, 3) [m], where the common way begins and ends; distance [m]; labels (N,), allowed (L, L): which
+    objects may touch. Pairs that share a vertex are left out.
     """
     way = before, after, distance
     if a.shape[1] == 3:

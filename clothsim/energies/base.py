@@ -214,7 +214,7 @@ class Energy(abc.ABC):
         return replace(cast(Any, self), **{name: getattr(self, name)[kept] for name in self.per_element})
 
     def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
-        """The largest admissible fraction of dx, in (0, most]."""
+        """The largest admissible fraction of dx, in [0, most]; 0 where it cannot be told."""
         return most
 
     def minimum_gap(self, x: Floats) -> float:

@@ -133,9 +133,9 @@ class Potential:
         return list(self._of_those_with("couplings", x))
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
-        """The smallest of the energies' step limits, in (0, 1]."""
+        """The smallest of the energies' step limits, in [0, 1]: each is told what those before it allow."""
         limit = 1.0
-        for name, energy in self.acting.items():  # none looks beyond what the one before it allows
+        for name, energy in self._with_own("step_limit"):
             with self.ledger.effect(name, ""):
                 limit = energy.step_limit(x, dx, limit)
         return limit
@@ -150,11 +150,15 @@ class Potential:
 
     def _of_those_with(self, method: str, *where: Floats) -> Iterator[Any]:
         """What the acting energies that have a `method` of their own answer, each on its account."""
+        for name, energy in self._with_own(method):
+            with self.ledger.effect(name, ""):
+                answer = getattr(energy, method)(*where)
+            yield answer
+
+    def _with_own(self, method: str) -> Iterator[tuple[str, Energy]]:
         for name, energy in self.acting.items():
             if getattr(type(energy), method) is not getattr(Energy, method):
-                with self.ledger.effect(name, ""):
-                    answer = getattr(energy, method)(*where)
-                yield answer
+                yield name, energy
 
     def memory(self) -> dict[str, float | Floats]:
         """What the energies remember of the step, of those that remember something."""

@@ -115,6 +115,21 @@ def test_the_stiffness_of_a_step_depends_on_that_step_alone():
     assert first.begin(replace(step, dt=0.1)).stiffness < first.stiffness
 
 
+def test_what_is_known_of_a_place_is_not_taken_for_another():
+    """x changed in place between two calls: energy, gradient, Hessian and gap are those of fresh contact."""
+    world = world_at(0.31)
+    contact = body_contact(world, d_hat=0.025, stiffness=100.0)
+    x = world.start()
+    contact.hessian(x)
+    gap = contact.minimum_gap(x)
+    x[: world.n_cloth, 2] += 0.002
+    fresh = body_contact(world, d_hat=0.025, stiffness=100.0)
+    assert contact.minimum_gap(x) == fresh.minimum_gap(x) > gap + 0.001
+    assert contact.value(x) == fresh.value(x) > 0.0
+    assert np.array_equal(contact.gradient(x), fresh.gradient(x))
+    assert np.array_equal(contact.hessian(x).blocks, fresh.hessian(x).blocks)
+
+
 def test_a_step_begins_with_the_pairs_that_the_one_before_has_found():
     world = world_at(0.31)
     contact = body_contact(world, d_hat=0.025)

@@ -113,6 +113,7 @@ def test_after_any_ways_the_pairs_are_those_of_all_pairs(kind, seed):
         with np.errstate(invalid="ignore"):
             fraction = candidates.step_limit(x, dx, most)
             if not np.isfinite(dx).all():
+                assert fraction == 0.0
                 continue
         keep = offset, 0.9, limit - offset
         least = point_triangle_limit(x, dx, elements[:n_points], *keep, most)
@@ -323,7 +324,7 @@ def test_what_few_vertices_meet_is_found_by_searching_for_them_alone(kind, share
         dx[some] = 0.06 * rng.standard_normal((len(some), 3))
         limit = candidates.step_limit(x, dx)
         fresh = Candidates(surface, D_HAT, 0.02)
-        assert limit == pytest.approx(fresh.step_limit(x, dx))
+        assert limit == fresh.step_limit(x, dx)
         for fraction in (0.0, 0.7 * limit, limit):
             pairs = candidates.near(x + fraction * dx)
             np.testing.assert_array_equal(pairs.elements, fresh.near(x + fraction * dx).elements)

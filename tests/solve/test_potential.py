@@ -68,6 +68,18 @@ class Limited(Energy):
         return self.gap
 
 
+def test_no_energy_is_asked_beyond_what_those_before_it_allow(monkeypatch):
+    world = small_world()
+    x, heard = world.start(), []
+    monkeypatch.setattr(
+        Limited, "step_limit", lambda self, x, dx, most=1.0: heard.append(most) or min(most, self.limit)
+    )
+    limits = {str(k): Limited(limit, np.inf) for k, limit in enumerate((0.9, 0.4, 0.7))}
+    potential = Potential(energies_of(world) | limits, Ledger())
+    assert potential.step_limit(x, x) == 0.4
+    assert heard == [1.0, 0.9, 0.4]
+
+
 def test_the_smallest_limit_and_gap_count():
     world = small_world()
     x = world.start()
