@@ -106,13 +106,18 @@ def settled(session: Session, case: Case, states: Path) -> State:
 
 
 def recorded(session: Session, state: State) -> list[Way]:
-    """Where, and about which steps, Newton asks body contact in the time step from `state`."""
+    """Where, and about which steps, Newton asks body contact in the time step from `state`, once at each place.
+
+    A line search that tries longer steps asks again from the same place, where nothing but the way is new: to take the
+    energy and its derivatives there once more would measure who remembers them.
+    """
     ways: list[Way] = []
     candidates = cast(Barrier, session.built.energies[CONTACTS[0]]).candidates
     limit = candidates.step_limit
 
     def heard(x: Floats, dx: Floats, most: float = 1.0) -> float:
-        ways.append((x.copy(), dx.copy()))
+        if not ways or not np.array_equal(x, ways[-1][0]):
+            ways.append((x.copy(), dx.copy()))
         return limit(x, dx, most)
 
     candidates.step_limit = heard  # type: ignore[method-assign]
