@@ -123,7 +123,14 @@ def test_a_resumed_run_has_the_bits_of_one_that_never_stopped(run, tmp_path, ste
 
 
 def test_a_resumed_run_with_ipctk_has_the_bits_of_one_that_never_stopped(tmp_path):
-    scene = small_scene(contact={"backend": "ipctk"})
+    cloth = [SHEET | {"name": "a"}, SHEET | {"name": "b", "position": [0.05, 0.0, 0.36], "cells": [5, 4]}]
+    scene = small_scene(
+        cloth,
+        BALL | {"motion": {"velocity": [0.3, 0.0, 0.5]}},
+        EFFECTS | {"self_contact": {}, "friction": {"coefficient": 0.4}},
+        run={"duration": 0.24, "frames_per_second": 25},
+        contact={"backend": "ipctk"},
+    )
     whole = simulate(scene, tmp_path / "whole")
     stopped_after(tmp_path / "stopped", scene, 5)
     assert np.array_equal(frames(resume(tmp_path / "stopped")), frames(whole))
