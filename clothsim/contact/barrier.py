@@ -26,9 +26,6 @@ class Measured:
     value: float
 
 
-BESIDE = 0.5
-"""Share of d_hat beyond which a pair of cloth with cloth takes no place in the Newton matrix."""
-
 NOTHING = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12)))
 
 
@@ -103,12 +100,12 @@ class Barrier(Energy):
         """The barrier of the pairs that a moving vertex belongs to."""
         return replace(self, candidates=cast(Candidates, CandidatesAround.of(self.candidates, moving, x)))
 
-    def couplings(self, x: Floats) -> Ints:
-        """The rows (p, 4) of the pairs of cloth with cloth that are in reach of a small step."""
+    def couplings(self, x: Floats, dx: Floats) -> Ints:
+        """The rows (p, 4) of the pairs of cloth with cloth that come near on the straight way x -> x + dx."""
         if not self.candidates.surface.itself:
             return np.zeros((0, 4), np.int64)  # a body's vertices are no unknowns
-        candidates = self.candidates
-        return candidates.within(x, candidates.limit + min(BESIDE * self.d_hat, candidates.reach)).elements
+        pairs, _ = self.candidates.search.pairs(x, x + dx, self.candidates.limit)
+        return pairs.elements
 
     @property
     def remembers(self) -> float:

@@ -229,8 +229,11 @@ class Energy(abc.ABC):
         """What of it is nearly at a limit at x, for a failure to say; empty where nothing is, and for contact."""
         return ""
 
-    def couplings(self, x: Floats) -> Ints:
-        """Rows (m, k) that its Hessian may couple near x beyond the mesh's own stencils: (0, 1) for all but contact."""
+    def couplings(self, x: Floats, dx: Floats) -> Ints:
+        """Rows (m, k) that its Hessian is expected to couple on the way x -> x + dx beyond the mesh's own stencils.
+
+        A guess: it may lack some. (0, 1) for all but contact.
+        """
         return np.zeros((0, 1), np.int64)
 
     @property

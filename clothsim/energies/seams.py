@@ -113,7 +113,7 @@ class Seams(Links):
         rows = np.concatenate([_four(stitched.elements), bent.elements])
         return ElementHessian(rows, np.concatenate([blocks, bent.blocks]))
 
-    def couplings(self, x: Floats) -> Ints:
+    def couplings(self, x: Floats, dx: Floats) -> Ints:
         """The rows (m, 4) of the stitches that pull in this step, and of the hinges over closed seams."""
         return np.concatenate([_four(self.rows[self.stiffnesses > 0]), self.bending.vertices])
 

@@ -161,7 +161,7 @@ def _solve(
     answers_in = max(h, ANSWERS) if integrator.control is None else integrator.control.answers_in
     start = replace(start, weighed=formula.past, answers_in=answers_in)
     bound = integrator.potential.begin(start)
-    integrator.system.begin(bound.couplings(state.positions))
+    integrator.system.begin(bound.couplings(state.positions, h * state.velocities))
     result = _newton(integrator, state, h, bound).minimise(state.positions, target)
     for _ in range(1, bound.passes):
         if not result.outcome.converged:

@@ -28,15 +28,19 @@ FULL = 0.3
 
 @dataclass(frozen=True)
 class Kept:
-    """The last factor: the solver that holds it, the matrices since it was made, the products that the last took."""
+    """The last factor: the solver that holds it, the matrices since it was made, the products that the last took.
+
+    It may lack the blocks of the pattern that have come since: it preconditions, no more.
+    """
 
     solver: LinearSolver | None = None
     age: int = 0
     products: int = 0
 
-    def serves(self, solver: LinearSolver) -> bool:
-        """Whether it is of use for a matrix that `solver` is for: not where the pattern has grown since."""
-        return self.solver is solver and self.age < OLDEST and self.products <= MOST_PRODUCTS
+    @property
+    def serves(self) -> bool:
+        """Whether it may be of use for one more matrix, also for one whose pattern has grown since."""
+        return self.solver is not None and self.age < OLDEST and self.products <= MOST_PRODUCTS
 
     def after(self, fraction: float) -> "Kept":
         """What is kept after a step of which the line search took `fraction`."""
@@ -77,25 +81,25 @@ class Model:
         gradient = self.potential.gradient(x)
         if not np.isfinite(gradient).all():
             return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)))
-        if trust.exact and len(self.fixed) >= WORTH_KEEPING and kept.serves(self.system.solver):
-            curved = self._assembled(x, self.potential.exact_hessians(x))
-            if kept.serves(self.system.solver):
-                right = self._free(-gradient)
-                with self.potential.ledger.phase("linear solve"):
-                    first = self.system.solver.back_solve(right)
-                return self._curved(curved, right, first, gradient, trust, replace(kept, age=kept.age + 1))
+        if trust.exact and len(self.fixed) >= WORTH_KEEPING and kept.solver is not None and kept.serves:
+            curved = self._assembled(self.potential.exact_hessians(x))
+            right = self._free(-gradient)
+            with self.potential.ledger.phase("linear solve"):
+                first = kept.solver.back_solve(right)
+            return self._curved(curved, right, first, gradient, trust, replace(kept, age=kept.age + 1))
         hessians = self.potential.hessians(x)
         right = self._free(-gradient - assembly.times(hessians, way) if way.any() else -gradient)
-        data = self._assembled(x, hessians)
+        data = self._assembled(hessians)
         if not (np.isfinite(right).all() and np.isfinite(data).all()):
             return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(right.reshape(-1, 3))))
-        solution = self._solve(data, right, ROUGH if trust.exact else EXACT)
-        if solution is None:
+        solved = self._solve(data, right, ROUGH if trust.exact else EXACT)
+        if solved is None:
             return Direction(way, gradient, end=outcome(Ending.SINGULAR))
+        solution, solver = solved
         if not trust.exact:
             return Direction(self._with(way, solution), gradient)
-        curved = self._assembled(x, self.potential.exact_hessians(x, hessians))
-        return self._curved(curved, right, solution, gradient, trust, Kept(self.system.solver))
+        curved = self._assembled(self.potential.exact_hessians(x, hessians))
+        return self._curved(curved, right, solution, gradient, trust, Kept(solver))
 
     def _curved(
         self, curved: Floats, right: Floats, first: Floats, gradient: Floats, trust: Trust, kept: Kept
@@ -104,8 +108,10 @@ class Model:
         if not np.isfinite(curved).all():
             return Direction(self._with(np.zeros_like(gradient), first), gradient)
         with self.potential.ledger.phase("linear solve"):
-            times, back_solve = self.system.pattern.times(curved), self.system.solver.back_solve
-            found = saddle_free_solve(times, back_solve, right, trust.radius, first)
+            assert kept.solver is not None
+            found = saddle_free_solve(
+                self.system.pattern.times(curved), kept.solver.back_solve, right, trust.radius, first
+            )
         dx = self._with(np.zeros_like(gradient), found.x)
         return Direction(dx, gradient, found.bends, replace(kept, products=found.products))
 
@@ -125,14 +131,14 @@ class Model:
         dx[self.system.rows[~self.fixed]] = solution.reshape(-1, 3)[~self.fixed]
         return dx
 
-    def _assembled(self, x: Floats, hessians: list[assembly.Hessian]) -> Floats:
+    def _assembled(self, hessians: list[assembly.Hessian]) -> Floats:
         with self.potential.ledger.phase("assembly"):
-            data = self.system.assemble(hessians, lambda: self.potential.couplings(x))
+            data = self.system.assemble(hessians)
             self.system.pattern.fix(data, self.fixed)
         return data
 
-    def _solve(self, data: Floats, b: Floats, accuracy: float) -> Floats | None:
-        """The solution, with a growing shift of the diagonal where the matrix is not positive definite."""
+    def _solve(self, data: Floats, b: Floats, accuracy: float) -> tuple[Floats, LinearSolver] | None:
+        """The solution and what holds the factor, with a growing shift of the diagonal where there is none."""
         ledger = self.potential.ledger
         diagonal = self.system.pattern.diagonal(data)
         shift = 1e-10 * max(float(diagonal.max(initial=0.0)), np.finfo(float).tiny)
@@ -141,14 +147,18 @@ class Model:
                 ledger.linear_solves += 1
                 try:
                     shifted = self.system.pattern.shift(data, np.full(len(diagonal), shift)) if attempt else data
-                    solution = self.system.solver.solve(shifted, b, accuracy)
+                    if attempt or accuracy == EXACT:
+                        solver = self.system.solver
+                    else:
+                        solver, shifted = self.system.preconditioner(data)
+                    solution = solver.solve(shifted, b, accuracy)
                 except NotPositiveDefiniteError:
                     shift *= 10.0 if attempt else 1.0
                     continue
             with np.errstate(over="ignore", invalid="ignore"):
                 descent = dot(solution, b)
             if np.isfinite(solution).all() and 0.0 <= descent < np.inf:
-                return solution
+                return solution, solver
             shift *= 10.0 if attempt else 1.0
         return None
 

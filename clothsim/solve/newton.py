@@ -137,9 +137,7 @@ class Newton:
         ledger = self.potential.ledger
         with ledger.phase("assembly"):
             potential = self.potential.around(region.moving, x)
-        hessians = potential.exact_hessians(x)
-        with ledger.phase("linear solve"):
-            system = self.system.of(region, hessians)
+            system = self.system.of(region)
         part = Newton(potential, system, replace(self.settings, max_iterations=REGIONAL), self.dt)
         return part._descend(x, Model(potential, system, np.zeros(len(region.rows), bool)), TRUSTED, 0)
 

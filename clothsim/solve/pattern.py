@@ -66,6 +66,19 @@ class Pattern:
                 )
         return data, outside
 
+    def of(self, rows: Ints) -> "Pattern":
+        """The pattern of the blocks between these `rows (k,)`, ascending, numbered by their place among them."""
+        numbers = np.full(self.n_vertices, -1)
+        numbers[rows] = np.arange(len(rows))
+        starts, columns = _among(self.starts, self.columns, rows, numbers)
+        return Pattern(len(rows), starts, columns, *_scalar_pattern(starts, columns))
+
+    def own(self, data: Floats, whole: "Pattern") -> Floats:
+        """Of the `data` of a pattern that holds all blocks of this one, those: all others are left out."""
+        own = np.zeros(len(self.indices))
+        _copy_own(own, self.starts, self.columns, data, whole.starts, whole.columns)
+        return own
+
     def same_as(self, other: "Pattern") -> bool:
         """True where both have the same blocks."""
         return self is other or (
@@ -110,10 +123,14 @@ def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Hessian]) -> P
 def coupled(pattern: Pattern, elements: list[Ints]) -> Pattern:
     """The pattern with the blocks of more `elements`, each (m, k); the same object where it holds them all."""
     n = pattern.n_vertices
-    rows = np.repeat(np.arange(n), np.diff(pattern.starts))
-    known = rows * n + pattern.columns
-    added = np.setdiff1d(_keys(n, elements), known)
-    return _pattern(n, np.sort(np.concatenate([known, added]))) if len(added) else pattern
+    added = np.sort(
+        np.concatenate([np.zeros(0, np.int64), *(_missing(pattern.starts, pattern.columns, rows) for rows in elements)])
+    )
+    if not len(added):
+        return pattern
+    added = added[np.diff(added, prepend=-1) > 0]
+    known = np.repeat(np.arange(n), np.diff(pattern.starts)) * n + pattern.columns
+    return _pattern(n, np.sort(np.concatenate([known, added])))
 
 
 def couplings(hessian: Hessian) -> Ints:
@@ -163,6 +180,55 @@ def _scalar_pattern(starts: Ints, columns: Ints) -> tuple[NDArray[np.int32], NDA
     indices = np.empty(indptr[-1], np.int32)
     _fill_indices(indices, indptr, starts, columns)
     return indptr, indices
+
+
+@kernel
+def _missing(starts, columns, elements):
+    """row n + column of each block of the upper triangle that `elements (m, k)` couple and the pattern has not."""
+    n = len(starts) - 1
+    count, corners = elements.shape
+    found = np.empty(count * (corners * (corners - 1)) // 2, np.int64)
+    size = 0
+    for e in range(count):
+        for a in range(corners):
+            for b in range(a + 1, corners):
+                i, j = min(elements[e, a], elements[e, b]), max(elements[e, a], elements[e, b])
+                if j < n and scatter.rank(starts, columns, i, j) < 0:
+                    found[size] = i * n + j
+                    size += 1
+    return found[:size]
+
+
+@kernel
+def _among(starts, columns, rows, numbers):
+    """starts and columns of the blocks between `rows`; numbers (n,): the place of each row among them, or -1."""
+    size = 0
+    for row in rows:
+        for k in range(starts[row], starts[row + 1]):
+            size += numbers[columns[k]] >= 0
+    inside, own = np.empty(size, np.int64), np.zeros(len(rows) + 1, np.int64)
+    size = 0
+    for i in range(len(rows)):
+        for k in range(starts[rows[i]], starts[rows[i] + 1]):
+            if numbers[columns[k]] >= 0:
+                inside[size] = numbers[columns[k]]
+                size += 1
+        own[i + 1] = size
+    return own, inside
+
+
+@kernel
+def _copy_own(own, starts, columns, data, whole_starts, whole_columns):
+    for i in range(len(starts) - 1):
+        k = starts[i]
+        for whole in range(whole_starts[i], whole_starts[i + 1]):
+            if k == starts[i + 1] or columns[k] != whole_columns[whole]:
+                continue
+            for p in range(3):
+                for q in range(p if k == starts[i] else 0, 3):
+                    known = scatter.place(starts, i, p, k - starts[i], q)
+                    own[known] = data[scatter.place(whole_starts, i, p, whole - whole_starts[i], q)]
+            k += 1
 
 
 @kernel

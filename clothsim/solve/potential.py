@@ -128,9 +128,9 @@ class Potential:
             account.hessian_nonzeros = int(hessian.nnz)
         return hessian
 
-    def couplings(self, x: Floats) -> list[Ints]:
-        """Rows (m, k) that contact may couple near x, energy by energy; none where there is no contact."""
-        return list(self._of_those_with("couplings", x))
+    def couplings(self, x: Floats, dx: Floats) -> list[Ints]:
+        """Rows (m, k) that contact may couple on the way x -> x + dx, energy by energy; none where there is none."""
+        return list(self._of_those_with("couplings", x, dx))
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The smallest of the energies' step limits, in [0, 1]: each is told what those before it allow."""

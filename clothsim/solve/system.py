@@ -1,21 +1,23 @@
 """The Newton matrix and its solver: a pattern that serves many steps, and grows where contact couples new vertices."""
 
-from collections.abc import Callable
-
 import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.arrays import Floats, Ints
 from clothsim.solve.direct import LinearSolver
 from clothsim.solve.linear import make_solver
-from clothsim.solve.pattern import Hessian, Pattern, coupled, couplings, make_pattern
+from clothsim.solve.pattern import Hessian, Pattern, coupled, couplings
 from clothsim.solve.region import Region
+
+MANY = 0.02
+"""Share of the blocks that may have come since the last analysis for a preconditioner to do without them: a sheet that
+crumples would else be analysed anew at every second iteration."""
 
 
 class System:
     """A cache of one pattern and the analysis of it.
 
-    `base` is what the mesh couples. Each step starts with what contact couples within reach (`begin`), so that the
+    `base` is what the mesh couples. Each step starts with what contact is expected to couple (`begin`), so that the
     order of elimination, and with it every bit, depends on the step's own start; inside a step the pattern only grows.
     region: the rows of x that the matrix is about, None for the first ones, all of the cloth.
     """
@@ -26,37 +28,54 @@ class System:
         self.rows = np.arange(base.n_vertices) if region is None else region.rows
         self.analyses = 0
         self._linear, self._threads = linear, threads
-        self.pattern = base
+        self.pattern = self._analysed = base
         self._places: dict[int, tuple[Ints, NDArray[np.int32]]] = {}
-        self.solver = self._analysed(base)
+        self._solver: LinearSolver | None = None
+
+    @property
+    def solver(self) -> LinearSolver:
+        """That of the pattern as it is, which is analysed when its solver is first asked for."""
+        if self._solver is None or self._analysed is not self.pattern:
+            self.analyses += 1
+            self._solver = make_solver(self._linear, self.pattern, self._threads)
+            self._analysed = self.pattern
+        return self._solver
+
+    def preconditioner(self, data: Floats) -> tuple[LinearSolver, Floats]:
+        """A solver, and the data for it, of a matrix that is `data` but for at most a few blocks, which it lacks.
+
+        They have come since the last analysis, and are those between the two sides of pairs that touch: without them
+        each side is held as if the other stood still, at most twice as stiff.
+        """
+        known, few = self._analysed, len(self.pattern.columns) <= (1.0 + MANY) * len(self._analysed.columns)
+        if self._solver is None or known is self.pattern or not few:
+            return self.solver, data
+        return self._solver, known.own(data, self.pattern)
 
     def begin(self, couplings: list[Ints]) -> None:
         """The pattern of the base and of `couplings`, lists of rows (m, k) that act on one another."""
         self._take(coupled(self.base, couplings))
-        self.solver.restart()
+        if self._analysed.same_as(self.pattern):
+            self.pattern = self._analysed
+        else:
+            self._solver = None
+        if self._solver is not None:
+            self._solver.restart()
 
-    def of(self, region: Region, hessians: list[Hessian]) -> "System":
-        """A system of a region, with the same kind of solver; its pattern is that of the `hessians` over x."""
-        own = [region.hessian(hessian) for hessian in hessians]
-        pattern = make_pattern(len(region.rows), np.zeros((0, 3), np.int64), own)
-        return System(pattern, self._linear, self._threads, region)
+    def of(self, region: Region) -> "System":
+        """A system of a region of this one, with the same kind of solver."""
+        rows = np.searchsorted(self.rows, region.rows)
+        part = System(self.base.of(rows), self._linear, self._threads, region)
+        part.pattern = self.pattern.of(rows)
+        return part
 
-    def assemble(self, hessians: list[Hessian], nearby: Callable[[], list[Ints]]) -> Floats:
-        """The sum of the Hessians as the data of the pattern, which grows first where something does not fit.
-
-        nearby: gives the couplings that may soon be needed too.
-        """
+    def assemble(self, hessians: list[Hessian]) -> Floats:
+        """The sum of the Hessians as the data of the pattern, which grows first where something does not fit."""
         if self.region is not None:
-            region = self.region
-            hessians = [region.hessian(hessian) for hessian in hessians]
-            return self._grown(hessians, lambda: [*map(region.renumbered, nearby())])
-        return self._grown(hessians, nearby)
-
-    def _grown(self, hessians: list[Hessian], nearby: Callable[[], list[Ints]]) -> Floats:
+            hessians = [self.region.hessian(hessian) for hessian in hessians]
         data, outside = self._assembled(hessians)
         if outside:
-            own = [couplings(hessian) for hessian in hessians]
-            self._take(coupled(self.pattern, [*own, *nearby()]))
+            self._take(coupled(self.pattern, [couplings(hessian) for hessian in hessians]))
             data, outside = self._assembled(hessians)
         return data
 
@@ -76,8 +95,3 @@ class System:
         if not pattern.same_as(self.pattern):
             self.pattern = pattern
             self._places = {}
-            self.solver = self._analysed(pattern)
-
-    def _analysed(self, pattern: Pattern) -> LinearSolver:
-        self.analyses += 1
-        return make_solver(self._linear, pattern, self._threads)

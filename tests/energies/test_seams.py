@@ -94,8 +94,9 @@ def test_the_strings_are_shortened_from_start_to_end():
     assert not closed.lengths.any()
     assert len(closed.bending.stiffnesses) == 3
     assert closed.drives
-    assert len(closed.couplings(world.start())) == 4 + 3
-    assert not len(at(energy, world, 0.5).couplings(world.start()))
+    place = world.start(), np.zeros_like(world.start())
+    assert len(closed.couplings(*place)) == 4 + 3
+    assert not len(at(energy, world, 0.5).couplings(*place))
     assert energy.found(world.start()) == ("seam[0] gapes by 1e+03 mm at most",)
 
 

@@ -127,6 +127,34 @@ def test_what_is_outside_the_pattern_is_counted_and_a_coupled_pattern_takes_it()
         assert not wider.same_as(pattern)
 
 
+def test_a_wider_pattern_has_each_block_once_and_in_order():
+    pattern = make_pattern(N, np.zeros((0, 3), np.int64), [])
+    twice = np.array([[4, 1, 0], [0, 4, N], [1, 4, 1]])  # a row that is none of the cloth's, a vertex twice
+    wider = coupled(pattern, [twice, twice[:, :2]])
+    blocks = [(i, int(j)) for i in range(N) for j in wider.columns[wider.starts[i] : wider.starts[i + 1]]]
+    assert blocks == sorted({*((i, i) for i in range(N)), (0, 1), (0, 4), (1, 4)})
+
+
+def test_the_pattern_of_some_rows_is_that_part_of_the_matrix():
+    pattern = make_pattern(N, TRIANGLES, hessians())
+    rows = np.array([0, 2, 3, N - 1])
+    entries = (3 * rows[:, None] + np.arange(3)).ravel()
+    whole, of = pattern.upper(np.ones(len(pattern.indices))).toarray(), pattern.of(rows)
+    assert np.array_equal(of.upper(np.ones(len(of.indices))).toarray(), whole[np.ix_(entries, entries)])
+    assert pattern.of(np.arange(N)).same_as(pattern)
+    assert not len(pattern.of(rows[:0]).columns)
+
+
+def test_a_narrower_pattern_takes_its_own_blocks():
+    parts = hessians()
+    narrow, wide = make_pattern(N, TRIANGLES, [parts[0]]), make_pattern(N, TRIANGLES, parts)
+    assert len(narrow.columns) < len(wide.columns)
+    data, _ = wide.assemble(parts)
+    own = narrow.upper(narrow.own(data, wide)).toarray()
+    has = narrow.upper(np.ones(len(narrow.indices))).toarray() > 0
+    assert np.array_equal(own, np.where(has, wide.upper(data).toarray(), 0.0))
+
+
 def test_fixed_rows_become_the_identity():
     parts = hessians()
     pattern = make_pattern(N, TRIANGLES, parts)

@@ -20,10 +20,10 @@ def blocks(elements, seed):
 def test_a_pattern_that_grows_moves_the_places_of_what_was_known():
     known, new = blocks(TRIANGLES, 0), blocks(np.array([[0, 3]]), 1)
     system = System(make_pattern(6, TRIANGLES, [known]), "superlu")
-    before = system.assemble([known], list)
+    before = system.assemble([known])
     np.testing.assert_array_equal(before, system.base.assemble([known])[0])
     for _ in range(2):  # the second time all places are remembered
-        grown = system.assemble([known, new], list)
+        grown = system.assemble([known, new])
         np.testing.assert_array_equal(grown, system.pattern.assemble([known, new])[0])
     assert len(grown) > len(before)
 
@@ -39,10 +39,10 @@ def test_a_region_renumbers_its_rows_and_drops_the_others():
     region = Region(np.array([1, 4, 5]), 6)
     assert region.moving.tolist() == [False, True, False, False, True, True]
     known = blocks(TRIANGLES, 0)
-    system = System(make_pattern(6, TRIANGLES, [known]), "superlu").of(region, [known])
+    system = System(make_pattern(6, TRIANGLES, [known]), "superlu").of(region)
     whole = known.to_sparse(6).toarray()
     entries = (3 * region.rows[:, None] + np.arange(3)).ravel()
-    data = system.assemble([known], list)
+    data = system.assemble([known])
     np.testing.assert_array_equal(system.pattern.upper(data).toarray(), np.triu(whole[np.ix_(entries, entries)]))
     np.testing.assert_array_equal(region.hessian(known.to_sparse(6)).toarray(), whole[np.ix_(entries, entries)])
     assert region.renumbered(TRIANGLES) is region.renumbered(TRIANGLES)

@@ -67,7 +67,7 @@ def newton_of(
     x = world.start() if positions is None else positions
     system = System(pattern_of(world, energies, x), linear)
     potential = Potential(energies, Ledger()).begin(step_at(x, velocities, dt))
-    system.begin(potential.couplings(x))
+    system.begin(potential.couplings(x, np.zeros_like(x)))
     return Newton(potential, system, NewtonSettings(**settings), dt)
 
 
