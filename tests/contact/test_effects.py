@@ -103,6 +103,21 @@ def test_a_falling_sheet_stays_above_the_offset_of_a_held_one(offset):
     assert min(report.minimum_gap for report in reports) > 0
 
 
+def test_cloth_that_will_meet_is_expected_in_the_matrix():
+    world = two_sheets(gap=0.06, cells=3)
+    energy, x = self_contact(world, d_hat=0.01), world.start()
+    down, high = np.zeros_like(x), world.cloth_slices[1]
+    assert not len(energy.couplings(x, down))
+    down[high, 2] = -0.055
+    expected = energy.couplings(x, down)
+    assert np.array_equal(expected, energy.candidates.near(x + down).elements)
+    assert len(expected)
+    down[high, 2] = -0.12  # and through: they are near on the way
+    assert len(energy.couplings(x, down)) >= len(expected)
+    world = sheet_on_ball()
+    assert not len(body_contact(world).couplings(world.start(), -world.start()))  # a body's vertices are no unknowns
+
+
 def test_auto_keeps_self_contact_below_what_slivers_leave_between_them():
     """200 x 10 mm cells: a tenth of the median edge is more than the slivers are high."""
     positions, triangles = grid(2, 40, 0.4, 0.4)

@@ -2,9 +2,16 @@
 
 import numpy as np
 import pytest
+from small_scenes import EFFECTS, SHEET, small_scene
 
+from clothsim.contact.barrier import Barrier
 from clothsim.energies.base import ElementHessian
 from clothsim.mesh.generate import rectangle
+from clothsim.scene.build import build
+from clothsim.session import prepare
+from clothsim.sim.state import first_state
+from clothsim.sim.stepping import advance
+from clothsim.solve import system as module
 from clothsim.solve.pattern import make_pattern
 from clothsim.solve.system import MANY, System
 
@@ -62,3 +69,34 @@ def test_a_step_begins_with_its_own_pattern(count):
     assert system.solver is system.solver
     assert system.analyses == (2 if count else 1)  # nothing is analysed twice in a row
     assert len(system.pattern.columns) == len(system.base.columns) + count
+
+
+def two_sheets(steps=10):
+    """Positions after some steps of a sheet that falls flat on another, and how often the matrix was analysed."""
+    upper = {**SHEET, "name": "upper", "cells": [6, 6], "size": [0.6, 0.6], "position": [0.0, 0.0, 0.05]}
+    lower = {**SHEET, "name": "lower", "cells": [8, 8], "position": [0.0, 0.0, 0.0]}
+    floor = {"name": "floor", "mesh": "rectangle", "cells": [2, 2], "size": [3.0, 3.0], "position": [0.0, 0.0, -0.05]}
+    effects, solver = {**EFFECTS, "self_contact": {}}, {"dt": 0.02, "linear": "superlu", "tolerance": 1e-5}
+    session = prepare(scene := small_scene([upper, lower], floor, effects, solver), build(scene))
+    state = first_state(session.built.world, 0.02)
+    for _ in range(steps):
+        report = advance(session.integrator, state, state.time + 0.02)
+        assert report.converged
+        state = report.state
+    return state.positions, session.integrator.system.analyses
+
+
+def test_contact_that_is_expected_is_analysed_before_it_is_there():
+    assert two_sheets()[1] <= 3
+
+
+def test_what_was_not_expected_changes_the_way_and_not_the_end(monkeypatch):
+    expected, _ = two_sheets()
+    monkeypatch.setattr(Barrier, "couplings", lambda self, x, dx: np.zeros((0, 4), np.int64))
+    monkeypatch.setattr(module, "MANY", 0.0)
+    surprised, often = two_sheets()
+    monkeypatch.setattr(module, "MANY", 10.0)
+    lacking, seldom = two_sheets()
+    assert seldom < often
+    assert np.abs(surprised - expected).max() < 1e-6
+    assert 0.0 < np.abs(lacking - expected).max() < 1e-6
