@@ -26,6 +26,9 @@ class Measured:
     value: float
 
 
+FORESEEN = 30.0
+"""How far, in d_hat, a vertex is followed to see what it will meet: a guess is worth no search of a long way."""
+
 NOTHING = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12)))
 
 
@@ -101,10 +104,13 @@ class Barrier(Energy):
         return replace(self, candidates=cast(Candidates, CandidatesAround.of(self.candidates, moving, x)))
 
     def couplings(self, x: Floats, dx: Floats) -> Ints:
-        """The rows (p, 4) of the pairs of cloth with cloth that come near on the straight way x -> x + dx."""
+        """The rows (p, 4) of the pairs of cloth with cloth that come near on the way x -> x + dx, or its beginning."""
         if not self.candidates.surface.itself:
             return np.zeros((0, 4), np.int64)  # a body's vertices are no unknowns
-        pairs, _ = self.candidates.search.pairs(x, x + dx, self.candidates.limit)
+        way = dx - dx[self.candidates.surface.rows].mean(axis=0)
+        length = np.linalg.norm(way, axis=1, keepdims=True)
+        way *= np.minimum(1.0, FORESEEN * self.d_hat / np.maximum(length, np.finfo(float).tiny))
+        pairs, _ = self.candidates.search.pairs(x, x + way, self.candidates.limit)
         return pairs.elements
 
     @property

@@ -123,9 +123,8 @@ def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Hessian]) -> P
 def coupled(pattern: Pattern, elements: list[Ints]) -> Pattern:
     """The pattern with the blocks of more `elements`, each (m, k); the same object where it holds them all."""
     n = pattern.n_vertices
-    added = np.sort(
-        np.concatenate([np.zeros(0, np.int64), *(_missing(pattern.starts, pattern.columns, rows) for rows in elements)])
-    )
+    missing = [_missing(pattern.starts, pattern.columns, rows) for rows in elements if len(rows)]
+    added = np.sort(np.concatenate([np.zeros(0, np.int64), *missing]))
     if not len(added):
         return pattern
     added = added[np.diff(added, prepend=-1) > 0]
