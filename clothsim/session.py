@@ -67,7 +67,8 @@ def prepare(scene: Scene, built: Built) -> Session:
     integrator = replace(integrator, control=control)
     cut = not settings.error and frame < settings.dt
     shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if cut else ""
-    slow = slowness(system.solver) if settings.linear == "auto" else ""
+    solver = system.solver  # one that is not installed is told here, not in the first step
+    slow = slowness(solver) if settings.linear == "auto" else ""
     unheard = "" if formula == settings.integrator else f"{settings.integrator} does nothing without effects.inertia."
     notes = (*built.notes, *filter(None, [shorter, slow, unheard, finer]))
     return Session(scene, built, integrator, notes)

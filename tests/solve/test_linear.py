@@ -5,10 +5,13 @@ import builtins
 import numpy as np
 import pytest
 from meshes import deformed, grid, small_world
+from small_scenes import small_scene
 
 from clothsim.energies.base import ElementHessian
 from clothsim.energies.membrane import membrane
 from clothsim.errors import ClothsimError, InputError, MissingPackageError
+from clothsim.scene.build import build
+from clothsim.session import prepare
 from clothsim.solve.linear import SOLVERS, NotPositiveDefiniteError, make_solver, slowness
 from clothsim.solve.pattern import make_pattern
 
@@ -77,6 +80,14 @@ def test_a_missing_package_is_named(monkeypatch, name, package):
     missing_packages(monkeypatch)
     with pytest.raises(MissingPackageError, match=f"{package}, which is not installed"):
         make_solver(name, newton_matrix()[0])
+
+
+def test_a_missing_package_is_named_before_the_first_step(monkeypatch):
+    scene = small_scene(solver={"dt": 0.02, "linear": "cholmod"})
+    built = build(scene)
+    missing_packages(monkeypatch)
+    with pytest.raises(MissingPackageError, match="sksparse, which is not installed"):
+        prepare(scene, built)
 
 
 def missing_packages(monkeypatch):
