@@ -40,8 +40,9 @@ class Search:
         if surface.itself and of is None:  # what all have in common brings none nearer
             common = (after - before)[surface.rows].mean(axis=0)
             end = after - common if np.isfinite(common).all() else after
-        mine = self._first.on(before, end)
-        theirs = mine if surface.itself else self._second.on(before, end)
+        way = before.copy(), end.copy()
+        mine = self._first.on(way)
+        theirs = mine if surface.itself else self._second.on(way)
 
         def met(one: BoxTree, other: BoxTree, of: np.ndarray | None, but: np.ndarray | None = None) -> Met:
             way = surface.labels, surface.allowed, before, after, distance
@@ -98,9 +99,9 @@ class _Trees:
         self._way = np.zeros((0, 3)), np.zeros((0, 3))
         self._since: tuple[tuple[Floats, Floats], np.ndarray] | None = None
 
-    def on(self, before: Floats, after: Floats) -> "_Trees":
-        """The trees are asked for on the way before -> after (N, 3) [m] from now on."""
-        self._way, self._since = (before.copy(), after.copy()), None
+    def on(self, way: tuple[Floats, Floats]) -> "_Trees":
+        """The trees are asked for on this way (N, 3) [m] from now on; it stays as it is."""
+        self._way, self._since = way, None
         return self
 
     def __getitem__(self, kind: str) -> BoxTree:
@@ -123,9 +124,10 @@ class _Trees:
 @kernel
 def _differ(before: Floats, after: Floats, other_before: Floats, other_after: Floats) -> np.ndarray:
     """Which rows of two ways differ (N,); NaN differs from all."""
-    differ = np.zeros(len(before), np.bool_)
+    differ = np.empty(len(before), np.bool_)
     for i in range(len(before)):
+        same = True
         for k in range(3):
-            if not (before[i, k] == other_before[i, k] and after[i, k] == other_after[i, k]):
-                differ[i] = True
+            same &= (before[i, k] == other_before[i, k]) & (after[i, k] == other_after[i, k])
+        differ[i] = not same
     return differ
