@@ -10,74 +10,39 @@ most pairs apart, and between the closest points before, which tells apart whate
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import kernel, part
+from clothsim.compiled import part
 from clothsim.contact.closest import Point, dot, edge_edge_closest, point_triangle_closest
 
 ROUNDING = 1.0 + 1e-9
 """The distance is taken so much larger: products of coordinates are rounded, and a pair too many costs nothing."""
 
-
 Corners = tuple[Point, Point, Point, Point]
 
 
-def that_may_meet(
-    first: Ints,
-    second: Ints,
-    a: Ints,
-    b: Ints,
-    labels: Ints,
-    allowed: np.ndarray,
-    before: Floats,
-    after: Floats,
-    distance: float,
-) -> tuple[Ints, Ints, Floats]:
-    """Those pairs of rows first (p,) of a (n, k) and second (p,) of b (m, l) that may come nearer than `distance`.
+@part
+def are_kept_apart(x: Corners, y: Corners, is_edges: bool, squared: float) -> bool:
+    """Whether the direction from middle to middle tells that two edges, or a point and a triangle, never come near.
 
-    And their distances (q,) [m] where the way begins. a, b: points and triangles, triangles and points, or edges: rows
-    of before, after (N, 3) [m], where the common way begins and ends; distance [m]; labels (N,), allowed (L, L): which
-    objects may touch. Pairs that share a vertex are left out.
+    x, y: their corners where the way begins and ends; squared: of the distance in question, times ROUNDING^2 [m2].
     """
-    way = before, after, distance
-    if a.shape[1] == 3:
-        allowed = np.ascontiguousarray(allowed.T)
-        points, triangles, distances = _that_may_meet(second, first, b, a, False, labels, allowed, *way)
-        return triangles, points, distances
-    return _that_may_meet(first, second, a, b, a.shape[1] == 2, labels, allowed, *way)
-
-
-@kernel
-def _that_may_meet(
-    first: Ints,
-    second: Ints,
-    a: Ints,
-    b: Ints,
-    is_edges: bool,
-    labels: Ints,
-    allowed: np.ndarray,
-    before: Floats,
-    after: Floats,
-    distance: float,
-) -> tuple[Ints, Ints, Floats]:
-    """Of pairs of edges, or of points a and triangles b. A distance that is no number is 0: they may be anywhere."""
-    kept, distances = np.empty((2, len(first)), np.int64), np.empty(len(first))
-    count, squared = 0, (distance * ROUNDING) ** 2
-    for k in range(len(first)):
-        rows = _rows(a, first[k], b, second[k], is_edges)
-        if _share_a_vertex(rows, is_edges) or not allowed[labels[rows[0]], labels[rows[3]]]:
-            continue
-        x, y = _corners(before, rows), _corners(after, rows)
-        if _are_apart(_between(x, is_edges), x, y, is_edges, squared):
-            continue
-        m = _closest(x, is_edges)
-        if dot(m, m) <= squared or not _are_apart(m, x, y, is_edges, squared):
-            length = np.sqrt(dot(m, m))
-            distances[count] = length if length >= 0.0 else 0.0
-            kept[0, count], kept[1, count], count = first[k], second[k], count + 1
-    return kept[0, :count].copy(), kept[1, :count].copy(), distances[:count].copy()
+    return _are_apart(_between(x, is_edges), x, y, is_edges, squared)
 
 
 @part
-def _rows(a: Ints, i: int, b: Ints, j: int, is_edges: bool) -> tuple[int, int, int, int]:
+def distance_if_near(x: Corners, y: Corners, is_edges: bool, squared: float) -> float:
+    """How far apart the two are where the way begins [m], and -1 where the closest points tell that they never meet.
+
+    A distance that is no number is 0: they may be anywhere.
+    """
+    m = _closest(x, is_edges)
+    if dot(m, m) <= squared or not _are_apart(m, x, y, is_edges, squared):
+        length = np.sqrt(dot(m, m))
+        return length if length >= 0.0 else 0.0
+    return -1.0
+
+
+@part
+def rows_of(a: Ints, i: int, b: Ints, j: int, is_edges: bool) -> tuple[int, int, int, int]:
     """The rows of x of both: of two edges, or of a point and a triangle."""
     if is_edges:
         return a[i, 0], a[i, 1], b[j, 0], b[j, 1]
@@ -85,7 +50,8 @@ def _rows(a: Ints, i: int, b: Ints, j: int, is_edges: bool) -> tuple[int, int, i
 
 
 @part
-def _share_a_vertex(rows: tuple[int, int, int, int], is_edges: bool) -> bool:
+def share_a_vertex(rows: tuple[int, int, int, int], is_edges: bool) -> bool:
+    """Whether two edges, or a point and a triangle, do."""
     i, j, k, m = rows
     if is_edges:
         return (i == k) | (i == m) | (j == k) | (j == m)
@@ -93,7 +59,7 @@ def _share_a_vertex(rows: tuple[int, int, int, int], is_edges: bool) -> bool:
 
 
 @part
-def _corners(x: Floats, rows: tuple[int, int, int, int]) -> Corners:
+def corners(x: Floats, rows: tuple[int, int, int, int]) -> Corners:
     """The corners from the first one on: how far away all are does not matter."""
     i, j, k, m = rows
     o = x[i, 0], x[i, 1], x[i, 2]

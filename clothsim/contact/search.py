@@ -4,19 +4,16 @@ from typing import cast
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.arrays import Floats
 from clothsim.compiled import kernel
 from clothsim.contact.box_tree import BoxTree, build_tree, refit
-from clothsim.contact.broad_phase import Overlaps, in_order, overlapping, overlapping_self
-from clothsim.contact.culling import that_may_meet
+from clothsim.contact.broad_phase import Met, that_may_meet
+from clothsim.contact.order import in_order
 from clothsim.contact.pairs import Pairs, side_by_side
 from clothsim.contact.surface import ContactSurface, Primitives
 
 PARALLEL = 1e-3
 """Square of the sine, at rest lengths, below which a pair of edges is mollified (Li et al. 2020, IPC, section 4.1)."""
-
-Met = tuple[Ints, Ints, Floats]
-"""The first and the second of each pair, and how far apart they are [m], (p,) each."""
 
 NOBODY: Met = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
 
@@ -38,28 +35,25 @@ class Search:
         And their distances (p,) [m] before. of (N,): only the pairs that hang on one of these rows of x, all of which
         belong to the first group.
         """
-        surface, first, second = self.surface, self.surface.first, self.surface.second
+        surface = self.surface
         end = after
         if surface.itself and of is None:  # what all have in common brings none nearer
             common = (after - before)[surface.rows].mean(axis=0)
             end = after - common if np.isfinite(common).all() else after
-        mine = self._first.on(before, end)
-        theirs = mine if surface.itself else self._second.on(before, end)
+        way = before.copy(), end.copy()
+        mine = self._first.on(way)
+        theirs = mine if surface.itself else self._second.on(way)
 
-        def met(found: Overlaps, a: Ints, b: Ints) -> Met:
-            return that_may_meet(*found, a, b, surface.labels, surface.allowed, before, after, distance)
+        def met(one: BoxTree, other: BoxTree, of: np.ndarray | None, but: np.ndarray | None = None) -> Met:
+            way = surface.labels, surface.allowed, before, after, distance
+            return that_may_meet(one, other, distance, *way, of, but)
 
-        found = overlapping(mine["points"], theirs["triangles"], distance, of)
-        of_points = met(found, first.points[:, None], second.triangles)
-        if surface.itself:
-            of_edges = met(overlapping_self(mine["edges"], distance, of), first.edges, second.edges)
-        else:
-            of_edges = met(overlapping(mine["edges"], theirs["edges"], distance, of), first.edges, second.edges)
+        of_points = met(mine["points"], theirs["triangles"], of)
+        of_edges = met(mine["edges"], theirs["edges"], of)
         if surface.itself and of is None:
             return self._listed(of_points, NOBODY, of_edges)
         others = of if surface.itself else None  # the pairs of the points asked for are found
-        found = overlapping(mine["triangles"], theirs["points"], distance, of, others)
-        of_faces = met(found, first.triangles, second.points[:, None])
+        of_faces = met(mine["triangles"], theirs["points"], of, others)
         if surface.itself:
             second_first = of_faces[1], of_faces[0], of_faces[2]
             both = tuple(np.concatenate(two) for two in zip(of_points, second_first, strict=True))
@@ -69,7 +63,7 @@ class Search:
     def _listed(self, *found: Met) -> tuple[Pairs, Floats]:
         """Points of the first group with triangles of the second, triangles of the first with points, and edges."""
         first, second = self.surface.first, self.surface.second
-        orders = [in_order((a, b)) for a, b, _ in found]
+        orders = [in_order(a, b) for a, b, _ in found]
         points, faces, edges = ((a[order], b[order]) for (a, b, _), order in zip(found, orders, strict=True))
         elements = (
             side_by_side(first.points[:, None], points[0], second.triangles, points[1]),
@@ -105,9 +99,9 @@ class _Trees:
         self._way = np.zeros((0, 3)), np.zeros((0, 3))
         self._since: tuple[tuple[Floats, Floats], np.ndarray] | None = None
 
-    def on(self, before: Floats, after: Floats) -> "_Trees":
-        """The trees are asked for on the way before -> after (N, 3) [m] from now on."""
-        self._way, self._since = (before.copy(), after.copy()), None
+    def on(self, way: tuple[Floats, Floats]) -> "_Trees":
+        """The trees are asked for on this way (N, 3) [m] from now on; it stays as it is."""
+        self._way, self._since = way, None
         return self
 
     def __getitem__(self, kind: str) -> BoxTree:
@@ -130,9 +124,10 @@ class _Trees:
 @kernel
 def _differ(before: Floats, after: Floats, other_before: Floats, other_after: Floats) -> np.ndarray:
     """Which rows of two ways differ (N,); NaN differs from all."""
-    differ = np.zeros(len(before), np.bool_)
+    differ = np.empty(len(before), np.bool_)
     for i in range(len(before)):
+        same = True
         for k in range(3):
-            if not (before[i, k] == other_before[i, k] and after[i, k] == other_after[i, k]):
-                differ[i] = True
+            same &= (before[i, k] == other_before[i, k]) & (after[i, k] == other_after[i, k])
+        differ[i] = not same
     return differ

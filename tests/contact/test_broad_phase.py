@@ -1,10 +1,16 @@
 """The hierarchy of boxes against the comparison of every box with every other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from clothsim.contact.box_tree import build_tree, refit
-from clothsim.contact.broad_phase import in_order, overlapping, overlapping_self
+from clothsim.contact.broad_phase import that_may_meet
+from clothsim.contact.order import in_order
+
+FAR = 2000
+"""More rows than boxes have here."""
 
 
 def corners(lower, upper):
@@ -24,19 +30,25 @@ def overlap_by_comparison(lower, upper, tree_lower, tree_upper):
     return np.argwhere(meet.all(axis=2))
 
 
-def ordered(overlaps):
-    """Pairs (p, 2), sorted."""
-    return np.column_stack(overlaps)[in_order(overlaps)]
+def overlaps(queries, tree, grown=0.0, of=None, but=None):
+    """Pairs (p, 2), sorted, of edges whose boxes overlap: all that do may meet, as far apart as they like."""
+    if tree is not queries:  # other rows of x: else they share vertices
+        tree = replace(tree, elements=tree.elements + FAR)
+    x = np.zeros((2 * FAR, 3))
+    labels, allowed = np.zeros(len(x), np.int64), np.ones((1, 1), bool)
+    first, second, distances = that_may_meet(queries, tree, grown, labels, allowed, x, x, np.inf, of, but)
+    assert (distances == 0.0).all()
+    return np.column_stack([first, second])[in_order(first, second)]
 
 
 def found_in(tree, lower, upper):
     """Pairs (p, 2) of queries and boxes of the tree, sorted."""
-    return ordered(overlapping(tree_of(lower, upper), tree))
+    return overlaps(tree_of(lower, upper), tree)
 
 
 def found_within(tree):
     """Pairs (p, 2) of boxes of the tree, sorted."""
-    return ordered(overlapping_self(tree))
+    return overlaps(tree, tree)
 
 
 def random_boxes(count, size, rng):
@@ -120,11 +132,11 @@ def test_only_those_asked_for_are_found_and_each_pair_once():
     every = overlap_by_comparison(lower - grown, upper + grown, lower, upper)
     one, other = every.T
     of = np.concatenate([asked, np.zeros(300, bool)])  # a box hangs on two rows: one of them is enough
-    found = ordered(overlapping(tree, tree, grown, of, np.tile(but, 2)))
+    found = overlaps(tree_of(lower, upper), tree, grown, of, np.tile(but, 2))
     np.testing.assert_array_equal(found, every[asked[one] & ~but[other]])
-    found = ordered(overlapping_self(tree, grown, of))
+    found = overlaps(tree, tree, grown, of)
     np.testing.assert_array_equal(found, every[(one < other) & (asked[one] | asked[other])])
-    found = ordered(overlapping_self(tree, grown))
+    found = overlaps(tree, tree, grown)
     np.testing.assert_array_equal(found, every[one < other])
 
 
