@@ -114,7 +114,11 @@ def _own_solve(session: Any, report: Any) -> float | None:
         from clothsim.solve.linear import make_solver
 
         system, n = session.integrator.system, session.built.world.n_cloth
-        data = system.assemble(report.potential.hessians(report.state.positions), list)
+        hessians = report.potential.hessians(report.state.positions)
+        try:
+            data = system.assemble(hessians)
+        except TypeError:  # revisions before 9610942 asked what may be coupled soon
+            data = system.assemble(hessians, list)
         held = prescribed(session.built.world, session.integrator.constraints.values(), report.state.time).vertices
         fixed = np.zeros(n, bool)
         fixed[held[held < n]] = True
