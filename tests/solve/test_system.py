@@ -81,6 +81,7 @@ def test_what_is_the_same_in_the_next_step_is_not_analysed_again():
     for _ in range(2):
         system.begin([far(5).elements])
         system.solver.factorise(system.assemble([squares(TRIANGLES), far(5)]))
+        system.assemble([squares(TRIANGLES), far(7)])  # and what comes later goes with the step
     assert system.analyses == 2
 
 
