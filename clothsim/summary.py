@@ -102,7 +102,7 @@ def summary_of(
         "peak_memory_bytes": peak_memory(),
         "vertices": world.n_cloth,
         "triangles": len(world.triangles),
-        "solver": session.integrator.system.solver.name,
+        "solver": session.integrator.system.name,
         "notes": [*session.notes, *filter(None, [missed])],
         "found": [f"{name}: {said}." for name, energy in energies for said in energy.found(state.positions)],
         "effects": potential.accounts(),

@@ -29,6 +29,11 @@ class Measured:
 FORESEEN = 30.0
 """How far, in d_hat, a vertex is followed to see what it will meet: a guess is worth no search of a long way."""
 
+MOST_FORESEEN = 16.0
+"""Pairs for each vertex from which on a shorter way is looked along; a sheet flat on its like has 12. Layers that close
+upon one another would each be coupled with all that lie before them, though the first stops them: ten of 529 vertices,
+5 d_hat apart, had 9.2 times the blocks of the mesh, and a factor took 170 times as long (2.3 s)."""
+
 NOTHING = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12)))
 
 
@@ -109,9 +114,13 @@ class Barrier(Energy):
             return np.zeros((0, 4), np.int64)  # a body's vertices are no unknowns
         way = dx - dx[self.candidates.surface.rows].mean(axis=0)
         length = np.linalg.norm(way, axis=1, keepdims=True)
-        way *= np.minimum(1.0, FORESEEN * self.d_hat / np.maximum(length, np.finfo(float).tiny))
-        pairs, _ = self.candidates.search.pairs(x, x + way, self.candidates.limit)
-        return pairs.elements
+        seen, many = FORESEEN, MOST_FORESEEN * len(self.candidates.surface.rows)
+        while True:
+            share = np.minimum(1.0, seen * self.d_hat / np.maximum(length, np.finfo(float).tiny))
+            pairs, _ = self.candidates.search.pairs(x, x + share * way, self.candidates.limit)
+            if len(pairs) <= many or seen < 1.0:
+                return pairs.elements
+            seen *= 0.25
 
     @property
     def remembers(self) -> float:

@@ -19,14 +19,15 @@ class System:
 
     `base` is what the mesh couples. Each step starts with what contact is expected to couple (`begin`), so that the
     order of elimination, and with it every bit, depends on the step's own start; inside a step the pattern only grows.
-    region: the rows of x that the matrix is about, None for the first ones, all of the cloth.
+    region: the rows of x that the matrix is about, None for the first ones, all of the cloth. name: that of the solver
+    once there is one, which no summary has to analyse a pattern for.
     """
 
     def __init__(self, base: Pattern, linear: str = "auto", threads: int = 0, region: Region | None = None) -> None:
         self.base = base
         self.region = region
         self.rows = np.arange(base.n_vertices) if region is None else region.rows
-        self.analyses = 0
+        self.analyses, self.name = 0, linear
         self._linear, self._threads = linear, threads
         self.pattern = self._analysed = base
         self._places: dict[int, tuple[Ints, NDArray[np.int32]]] = {}
@@ -38,14 +39,15 @@ class System:
         if self._solver is None or self._analysed is not self.pattern:
             self.analyses += 1
             self._solver = make_solver(self._linear, self.pattern, self._threads)
-            self._analysed = self.pattern
+            self._analysed, self.name = self.pattern, self._solver.name
         return self._solver
 
     def preconditioner(self, data: Floats) -> tuple[LinearSolver, Floats]:
         """A solver, and the data for it, of a matrix that is `data` but for at most a few blocks, which it lacks.
 
         They have come since the last analysis, and are those between the two sides of pairs that touch: without them
-        each side is held as if the other stood still, at most twice as stiff.
+        each side is held as if the other stood still, at most twice as stiff. Where only some blocks of a pair are
+        lacked, what is left may be indefinite (one of ten to twenty such matrices): NotPositiveDefiniteError says so.
         """
         known, few = self._analysed, len(self.pattern.columns) <= (1.0 + MANY) * len(self._analysed.columns)
         if self._solver is None or known is self.pattern or not few:
@@ -65,9 +67,7 @@ class System:
     def of(self, region: Region) -> "System":
         """A system of a region of this one, with the same kind of solver."""
         rows = np.searchsorted(self.rows, region.rows)
-        part = System(self.base.of(rows), self._linear, self._threads, region)
-        part.pattern = self.pattern.of(rows)
-        return part
+        return System(self.pattern.of(rows), self._linear, self._threads, region)
 
     def assemble(self, hessians: list[Hessian]) -> Floats:
         """The sum of the Hessians as the data of the pattern, which grows first where something does not fit."""

@@ -9,6 +9,8 @@ from meshes import cloth, grid
 from solving import integrator_of, run_of, step_at
 
 import clothsim
+from clothsim.contact import barrier
+from clothsim.contact.barrier import MOST_FORESEEN
 from clothsim.contact.body_contact import body_contact
 from clothsim.contact.friction import friction
 from clothsim.contact.self_contact import self_contact
@@ -116,6 +118,16 @@ def test_cloth_that_will_meet_is_expected_in_the_matrix():
     assert len(energy.couplings(x, down)) >= len(expected)
     world = sheet_on_ball()
     assert not len(body_contact(world).couplings(world.start(), -world.start()))  # a body's vertices are no unknowns
+
+
+def test_of_layers_that_close_upon_one_another_the_next_is_foreseen_and_not_all(monkeypatch):
+    world = make_world([sheet(0.05 * k, f"sheet {k}", 8) for k in range(12)], [])
+    energy, x = self_contact(world, d_hat=0.01), world.start()
+    down = -x * np.array([0.0, 0.0, 0.9])
+    few = energy.couplings(x, down)
+    assert len(few) <= MOST_FORESEEN * len(x)
+    monkeypatch.setattr(barrier, "MOST_FORESEEN", np.inf)
+    assert len(energy.couplings(x, down)) > 2 * MOST_FORESEEN * len(x)
 
 
 def test_auto_keeps_self_contact_below_what_slivers_leave_between_them():

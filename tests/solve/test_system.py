@@ -12,7 +12,12 @@ from clothsim.session import prepare
 from clothsim.sim.state import first_state
 from clothsim.sim.stepping import advance
 from clothsim.solve import system as module
+from clothsim.solve.direct import EXACT
+from clothsim.solve.direction import ROUGH, Model
+from clothsim.solve.ledger import Ledger
 from clothsim.solve.pattern import make_pattern
+from clothsim.solve.potential import Potential
+from clothsim.solve.region import Region
 from clothsim.solve.system import MANY, System
 
 COUNT, TRIANGLES = 441, rectangle(cells=(20, 20))[1]
@@ -69,6 +74,59 @@ def test_a_step_begins_with_its_own_pattern(count):
     assert system.solver is system.solver
     assert system.analyses == (2 if count else 1)  # nothing is analysed twice in a row
     assert len(system.pattern.columns) == len(system.base.columns) + count
+
+
+def test_what_is_the_same_in_the_next_step_is_not_analysed_again():
+    system, _ = grown(5)
+    for _ in range(2):
+        system.begin([far(5).elements])
+        system.solver.factorise(system.assemble([squares(TRIANGLES), far(5)]))
+        system.assemble([squares(TRIANGLES), far(7)])  # and what comes later goes with the step
+    assert system.analyses == 2
+
+
+def test_a_step_whose_pattern_is_another_starts_without_the_solver_of_the_last():
+    """What the first matrix of a step is solved with may not depend on the step before."""
+    system, _ = grown(5)
+    system.begin([far(5).elements])
+    data = system.assemble([squares(TRIANGLES), far(5)])
+    assert system.preconditioner(data)[1] is data
+    assert system.analyses == 2
+
+
+def test_a_step_trusts_single_precision_anew(monkeypatch):
+    system, _ = grown(5)
+    restarts = []
+    monkeypatch.setattr(system.solver, "restart", lambda: restarts.append(system.analyses))
+    system.solver.restart()  # of the grown pattern
+    system.begin([far(5).elements])
+    assert len(restarts) == 2
+
+
+def test_a_region_has_what_has_come_in_the_step():
+    system, _ = grown(5)
+    region = Region(np.array([0, 1, 200, 201]), COUNT)
+    part = system.of(region)
+    before = len(part.pattern.columns)
+    part.assemble([squares(TRIANGLES), far(5)])
+    assert before == len(part.pattern.columns) == 4 + 2 + 2
+
+
+def test_the_name_of_the_solver_costs_no_analysis():
+    system, _ = grown(5)
+    assert system.name == "superlu"
+    assert system.analyses == 1
+
+
+@pytest.mark.parametrize("accuracy", [EXACT, ROUGH])
+def test_only_a_preconditioner_lacks_blocks(accuracy):
+    """The projected directions are Newton's own: no product with the whole matrix comes after them."""
+    system, data = grown(5)
+    model = Model(Potential({}, Ledger()), system, np.zeros(COUNT, bool))
+    solved = model._solve(data, b := np.random.default_rng(0).standard_normal(3 * COUNT), accuracy)
+    assert solved is not None
+    off = np.abs(system.pattern.times(data)(solved[0]) - b).max()
+    assert off < 1e-10 if accuracy == EXACT else off > 1e-6
 
 
 def two_sheets(steps=10):
