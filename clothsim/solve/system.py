@@ -47,7 +47,7 @@ class System:
 
         They have come since the last analysis, and are those between the two sides of pairs that touch: without them
         each side is held as if the other stood still, at most twice as stiff. Where only some blocks of a pair are
-        lacked, what is left may be indefinite (one of ten to twenty such matrices): NotPositiveDefiniteError says so.
+        lacked, what is left may be indefinite (up to one in ten such matrices): NotPositiveDefiniteError says so.
         """
         known, few = self._analysed, len(self.pattern.columns) <= (1.0 + MANY) * len(self._analysed.columns)
         if self._solver is None or known is self.pattern or not few:
