@@ -270,6 +270,13 @@ def test_contact_that_finds_another_energy_than_ipctk_is_not_timed(tmp_path, mon
         compared(ON_BALL, tmp_path, 1, print)
 
 
+def test_a_page_that_is_not_there_is_told_before_anything_is_measured(tmp_path, capsys):
+    assert main(["--oracle", "--results", str(tmp_path), "--page", str(tmp_path / "no.md")]) == 2
+    told = capsys.readouterr()
+    assert "no.md, which is no file" in told.err
+    assert not told.out
+
+
 def test_the_command_prints_the_table_against_ipctk_and_writes_the_page(tmp_path, capsys):
     page = tmp_path / "profile.md"
     page.write_text("head\n<!-- oracle -->\n<!-- /oracle -->\n", encoding="utf-8")

@@ -157,6 +157,8 @@ def main(argv: Sequence[str] | None = None, cases: Sequence[Case] | None = None)
     try:
         if arguments.repeats < 1:
             raise InputError(f"--repeats is {arguments.repeats}.", "Give 1 or more.")
+        if arguments.page is not None and not arguments.page.is_file():  # told before minutes of measuring
+            raise InputError(f"--page is {arguments.page}, which is no file.", "Give a page with marks in it.")
         if arguments.alone:
             print(alone(arguments.results, arguments.repeats))
             return 0
