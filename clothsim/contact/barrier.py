@@ -116,8 +116,8 @@ class Barrier(Energy):
         length = np.linalg.norm(way, axis=1, keepdims=True)
         seen, many = FORESEEN, MOST_FORESEEN * len(self.candidates.surface.rows)
         while True:
-            share = np.minimum(1.0, seen * self.d_hat / np.maximum(length, np.finfo(float).tiny))
-            pairs, _ = self.candidates.search.pairs(x, x + share * way, self.candidates.limit)
+            far = seen * self.d_hat
+            pairs, _ = self.candidates.search.pairs(x, x + far / np.maximum(length, far) * way, self.candidates.limit)
             if len(pairs) <= many or seen < 1.0:
                 return pairs.elements
             seen *= 0.25
