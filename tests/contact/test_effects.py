@@ -120,6 +120,19 @@ def test_cloth_that_will_meet_is_expected_in_the_matrix():
     assert not len(body_contact(world).couplings(world.start(), -world.start()))  # a body's vertices are no unknowns
 
 
+def test_what_is_foreseen_is_how_cloth_goes_toward_cloth_and_no_long_way():
+    world = two_sheets(gap=0.06, cells=3)
+    energy, x = self_contact(world, d_hat=0.01), world.start()
+    down, high = np.zeros_like(x), world.cloth_slices[1]
+    down[high, 2] = -0.055
+    expected, common = energy.couplings(x, down), np.array([5.0, 0.0, 0.0])
+    assert len(expected)
+    assert np.array_equal(energy.couplings(x, down + common), expected)
+    world = two_sheets(gap=10.0, cells=3)
+    energy, x = self_contact(world, d_hat=0.01), world.start()
+    assert not len(energy.couplings(x, 400.0 * down))
+
+
 def test_of_layers_that_close_upon_one_another_the_next_is_foreseen_and_not_all(monkeypatch):
     world = make_world([sheet(0.05 * k, f"sheet {k}", 8) for k in range(12)], [])
     energy, x = self_contact(world, d_hat=0.01), world.start()
