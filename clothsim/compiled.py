@@ -16,3 +16,19 @@ kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 
 part = register_jitable(error_model="numpy", no_cfunc_wrapper=True)
 """A function that kernels call. Compiled with them, never for a literal number: 1 is an int64 like any other."""
+
+inlined = njit(cache=True, error_model="numpy", inline="always")
+"""A part that is put into its callers before they are typed: where a call would hide a straight loop from LLVM."""
+
+
+@inlined
+def natural(i):
+    """An index i that is known not to be negative. Numba asks of each index whether it counts from the end: where that
+    cannot be told once and for all, as of what was read from an array, it is asked at every access."""
+    return max(i, 0)
+
+
+LANES = 16
+"""Elements that a kernel takes side by side. Number i of the element in lane l of such a group stands at i LANES + l: a
+loop over l without a branch or a call becomes vector instructions (with 8 lanes it is unrolled before LLVM looks for
+them). In such a loop numbers and tuples may be handed on to parts, arrays only to what is `inlined`."""

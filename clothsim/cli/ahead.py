@@ -33,10 +33,10 @@ def start() -> "subprocess.Popen[bytes] | None":
 
 def _compiled() -> bool:
     """Whether the kernel that takes longest is there, or has no place to be."""
-    from clothsim.energies.membrane_kernels import hessian
+    from clothsim.energies.membrane_kernels import fill
 
-    folder = hessian.stats.cache_path
-    return not folder or any(Path(folder).glob("membrane_kernels.hessian-*.nbi"))
+    folder = fill.stats.cache_path
+    return not folder or any(Path(folder).glob("membrane_kernels.fill-*.nbi"))
 
 
 def compile_the_rest() -> None:

@@ -1,7 +1,7 @@
 """What an Energy is, what a step tells it, and how its Hessian comes out."""
 
 import abc
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar, Self, cast
 
@@ -9,6 +9,8 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import LANES
+from clothsim.energies.lanes import unpack
 
 ANSWERS = 0.01
 """In which contact answers at the latest [s], the dt that scenes have. With a shorter dt its stiffness no longer grows:
@@ -128,7 +130,51 @@ class SquaresHessian:
         return ElementHessian(self.elements, self.blocks).to_sparse(n_vertices)
 
 
-ByElement = ElementHessian | SquaresHessian
+AT_ONCE = 1024
+"""Elements that are computed before they are added: hinges fill 0.7 MB, which stays in the second cache."""
+
+
+@dataclass(frozen=True)
+class LanesHessian:
+    """Second derivatives that are computed where they are added, a few groups of LANES elements at a time.
+
+    All at once they would go through the memory twice, which takes longer than to compute them. fill(lanes, first)
+    writes those of elements (m, k) from `first` on, as many as there is room for, to `lanes` (g, numbers of the blocks
+    of corners a <= b in this order, each row by row, times LANES). A group's last places may be for no element.
+    """
+
+    elements: Ints
+    fill: Callable[[Floats, int], None]
+
+    @property
+    def nnz(self) -> int:
+        """Numbers in the blocks."""
+        return len(self.elements) * (3 * self.elements.shape[1]) ** 2
+
+    def room(self, count: int) -> Floats:
+        """Lanes for so many elements, to be filled."""
+        corners = self.elements.shape[1]
+        return np.empty((-(-count // LANES), 9 * corners * (corners + 1) // 2 * LANES))
+
+    @property
+    def blocks(self) -> Floats:
+        """The same as dense blocks (m, 3 k, 3 k) [N/m]."""
+        blocks, lanes = room_for(self.elements), self.room(min(AT_ONCE, len(self.elements)))
+        for first in range(0, len(blocks), AT_ONCE):
+            self.fill(lanes, first)
+            unpack(blocks, first, lanes)
+        return blocks
+
+    def times(self, vectors: Floats) -> Floats:
+        """Each block times the numbers of its vertices, (m, 3 k)."""
+        return ElementHessian(self.elements, self.blocks).times(vectors)
+
+    def to_sparse(self, n_vertices: int) -> sparse.csr_array:
+        """The (3 n, 3 n) matrix, the slow and obvious way."""
+        return ElementHessian(self.elements, self.blocks).to_sparse(n_vertices)
+
+
+ByElement = ElementHessian | SquaresHessian | LanesHessian
 """What an energy hands over element by element."""
 
 

@@ -6,7 +6,7 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_positive
-from clothsim.energies.base import ElementHessian, Energy, Off, Step
+from clothsim.energies.base import ByElement, ElementHessian, Energy, Off, Step
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_difference, weighted_square
 from clothsim.energies.hinge_bending import HingeBending, hinge_bending
 from clothsim.energies.strain_damping import HingeDamping, StrainDamping
@@ -76,8 +76,8 @@ class Dampings(Energy):
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """All blocks in the size of the largest [N/m]: a smaller one repeats its last vertex, with zeros."""
         hessians = [part.hessian(x, project) for part in self.parts]
-        size = max(h.elements.shape[1] for h in hessians if isinstance(h, ElementHessian))
-        padded = [_padded(h, size) for h in hessians if isinstance(h, ElementHessian)]
+        size = max(h.elements.shape[1] for h in hessians)
+        padded = [_padded(h, size) for h in hessians]
         elements, blocks = zip(*padded, strict=True)
         return ElementHessian(np.concatenate(elements), np.concatenate(blocks))
 
@@ -130,7 +130,7 @@ def _hinge_damping(spring: HingeBending, beta: float) -> HingeDamping:
     return HingeDamping(beta * kept.stiffnesses, kept)
 
 
-def _padded(hessian: ElementHessian, size: int) -> tuple[np.ndarray, Floats]:
+def _padded(hessian: ByElement, size: int) -> tuple[np.ndarray, Floats]:
     missing = size - hessian.elements.shape[1]
     if not missing:
         return hessian.elements, hessian.blocks

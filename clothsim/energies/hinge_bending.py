@@ -19,9 +19,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import kernel
-from clothsim.energies.base import ElementHessian, Energy, room_for
-from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_hessian, hinge_points
+from clothsim.compiled import LANES, kernel
+from clothsim.energies.base import Energy, LanesHessian
+from clothsim.energies.lanes import point, write
+from clothsim.kinematics.hinge import has_angle, hinge_angle, hinge_angle_gradient, hinge_blocks, hinge_points
 from clothsim.mesh.hinges import Hinges
 
 
@@ -46,14 +47,10 @@ class HingeBending(Energy):
         """dE/dx, (N, 3) [N]."""
         return _gradient(self.vertices, self.rest_angles, self.stiffnesses, x)
 
-    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+    def hessian(self, x: Floats, project: bool = True) -> LanesHessian:
         """12 x 12 a hinge [N/m]; projected: Gauss-Newton, k g g', else with k (theta - theta0) d2theta/dx2 too."""
-        blocks = room_for(self.vertices)
-        if project:
-            _hessian(blocks, self.vertices, self.stiffnesses, x)
-        else:
-            _exact_hessian(blocks, self.vertices, self.rest_angles, self.stiffnesses, x)
-        return ElementHessian(self.vertices, blocks)
+        hinges = self.vertices, self.rest_angles, self.stiffnesses
+        return LanesHessian(self.vertices, lambda lanes, first: _fill(lanes, first, *hinges, x, project))
 
 
 def hinge_bending(hinges: Hinges) -> HingeBending:
@@ -88,24 +85,38 @@ def _gradient(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Float
 
 
 @kernel
-def _hessian(blocks: Floats, vertices: Ints, stiffnesses: Floats, x: Floats) -> None:
-    """k g g' with g = dtheta/dx; zeros for a hinge without an angle."""
-    for h in range(len(vertices)):
-        a, b, c, d = hinge_points(x, vertices, h)
-        g = hinge_angle_gradient(a, b, c, d)
-        for k in range(4):
-            for i in range(3):
-                row = stiffnesses[h] * g[k][i]
-                for m in range(4):
-                    for j in range(3):
-                        blocks[h, 3 * k + i, 3 * m + j] = row * g[m][j]
+def _fill(
+    lanes: Floats, first: int, vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats, project: bool
+) -> None:
+    """`LanesHessian.fill` of k g g' + k (theta - theta0) d2theta/dx2, projected without its second part.
 
-
-@kernel
-def _exact_hessian(blocks: Floats, vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats) -> None:
-    """k g g' + k (theta - theta0) d2theta/dx2. By itself: few runs need it, and it takes long to compile."""
-    for h in range(len(vertices)):
-        a, b, c, d = hinge_points(x, vertices, h)
-        angle = hinge_angle(a, b, c, d)
-        moment = 0.0 if np.isinf(angle) else stiffnesses[h] * (angle - rest_angles[h])
-        hinge_hessian(a, b, c, d, moment, stiffnesses[h], blocks[h])
+    A hinge without an angle, and a lane without a hinge, get zeros: those of another hinge, of no stiffness.
+    """
+    points, factors = np.empty(12 * LANES), np.empty(2 * LANES)
+    for group in range(len(lanes)):
+        for lane in range(LANES):
+            a, b, c, d = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
+            moment, stiffness, h = 0.0, 0.0, first + group * LANES + lane
+            if h < len(vertices):
+                e, f, g, i = hinge_points(x, vertices, h)
+                if has_angle(e, f, g, i):
+                    a, b, c, d, stiffness = e, f, g, i, stiffnesses[h]
+                    moment = 0.0 if project else stiffness * (hinge_angle(a, b, c, d) - rest_angles[h])
+            factors[lane], factors[LANES + lane] = moment, stiffness
+            for k in range(3):
+                points[k * LANES + lane], points[(3 + k) * LANES + lane] = a[k], b[k]
+                points[(6 + k) * LANES + lane], points[(9 + k) * LANES + lane] = c[k], d[k]
+        out = lanes[group]
+        for lane in range(LANES):
+            a, b, c, d = point(points, 0, lane), point(points, 3, lane), point(points, 6, lane), point(points, 9, lane)
+            aa, ab, ac, ad, bb, bc, bd, cc, cd, dd = hinge_blocks(a, b, c, d, factors[lane], factors[LANES + lane])
+            write(out, 0, lane, aa)
+            write(out, 1, lane, ab)
+            write(out, 2, lane, ac)
+            write(out, 3, lane, ad)
+            write(out, 4, lane, bb)
+            write(out, 5, lane, bc)
+            write(out, 6, lane, bd)
+            write(out, 7, lane, cc)
+            write(out, 8, lane, cd)
+            write(out, 9, lane, dd)

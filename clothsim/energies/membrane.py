@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import membrane_kernels as kernels
-from clothsim.energies.base import ElementHessian, Energy, Off, room_for
+from clothsim.energies.base import Energy, LanesHessian, Off
 from clothsim.energies.values import over_cloth
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
@@ -47,11 +47,10 @@ class NeoHookeanMembrane(Energy):
         """dE/dx, (N, 3) [N]."""
         return kernels.gradient(x, *self._elements)
 
-    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+    def hessian(self, x: Floats, project: bool = True) -> LanesHessian:
         """Blocks (m, 9, 9) [N/m]; projected in F-space in closed form, or exact."""
-        blocks = room_for(self.triangles)
-        kernels.hessian(blocks, x, *self._elements, project)
-        return ElementHessian(self.triangles, blocks)
+        elements = self._elements
+        return LanesHessian(self.triangles, lambda lanes, first: kernels.fill(lanes, first, x, *elements, project))
 
     @property
     def _elements(self) -> tuple[Ints, Floats, Floats, Floats, Floats]:

@@ -5,13 +5,15 @@ F = [x1 - x0, x2 - x0] Dm^-1 (3x2), columns f1, f2; E = sum A psi(F).
 
 import numpy as np
 
-from clothsim.compiled import kernel
+from clothsim.compiled import LANES, kernel
 from clothsim.energies.neo_hookean import density, inverse_factor, other_modes, stretch_block
 from clothsim.energies.triangle_kernels import (
+    KEPT,
     deformation_gradient,
+    fill_lanes,
+    keep,
     normal,
     principal,
-    principal_block,
     principal_rates,
     products,
     project_2x2,
@@ -57,22 +59,25 @@ def gradient(x, triangles, inverses, areas, mu, lam):
 
 
 @kernel
-def hessian(blocks, x, triangles, inverses, areas, mu, lam, project):
-    """Fills `blocks (m, 9, 9)` of d2E/dx2. With `project` the negative eigenvalues of d2psi/dF2 are set to zero first.
+def fill(lanes, first, x, triangles, inverses, areas, mu, lam, project):
+    """`LanesHessian.fill` of d2E/dx2. With `project` the negative eigenvalues of d2psi/dF2 are set to zero first.
 
-    In the frame Q = [w1 w2 n] and with corner a's rates alpha_a, beta_a along v1, v2 (rows of Dm^-1 V), the modes are
+    In the frame w1, w2, n and with corner a's rates alpha_a, beta_a along v1, v2 (rows of Dm^-1 V), the modes are
     block diagonal: stretch [[a, b], [b, c]] over (w1 v1, w2 v2), twist and flip over (w2 v1, w1 v2), n v1, n v2.
     """
     F, n, V, W = np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3))
     alpha, beta = np.empty(3), np.empty(3)
-    for t in range(len(triangles)):
-        B = inverses[t]
-        deformation_gradient(x, triangles[t], B, F)
-        s1, s2 = principal(F, n, normal(F, n), V, W)
-        principal_rates(B, V, alpha, beta)
-        a, b, c = stretch_block(mu[t], lam[t], s1, s2)
-        twist, flip, out1, out2 = other_modes(mu[t], lam[t], s1, s2)
-        if project:
-            a, b, c = project_2x2(a, b, c)
-            twist, flip, out1, out2 = max(twist, 0.0), max(flip, 0.0), max(out1, 0.0), max(out2, 0.0)
-        principal_block(blocks[t], areas[t], alpha, beta, W, n, (a, b, c), (twist, flip, out1, out2))
+    kept = np.zeros(KEPT * LANES)
+    for group in range(len(lanes)):
+        for lane in range(min(LANES, len(triangles) - first - group * LANES)):
+            t = first + group * LANES + lane
+            deformation_gradient(x, triangles[t], inverses[t], F)
+            s1, s2 = principal(F, n, normal(F, n), V, W)
+            principal_rates(inverses[t], V, alpha, beta)
+            a, b, c = stretch_block(mu[t], lam[t], s1, s2)
+            twist, flip, out1, out2 = other_modes(mu[t], lam[t], s1, s2)
+            if project:
+                a, b, c = project_2x2(a, b, c)
+                twist, flip, out1, out2 = max(twist, 0.0), max(flip, 0.0), max(out1, 0.0), max(out2, 0.0)
+            keep(kept, lane, areas[t], alpha, beta, W, n, (a, b, c), (twist, flip, out1, out2))
+        fill_lanes(lanes[group], kept)

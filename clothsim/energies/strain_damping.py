@@ -16,7 +16,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel
-from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.energies.base import ElementHessian, Energy, LanesHessian, Step
 from clothsim.energies.hinge_bending import HingeBending
 from clothsim.energies.history import past_of
 from clothsim.kinematics.triangle import deformation_gradients
@@ -114,7 +114,7 @@ class HingeDamping(Energy):
         """(N, 3) [N]."""
         return self.spring.gradient(x)
 
-    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+    def hessian(self, x: Floats, project: bool = True) -> LanesHessian:
         """12 x 12 a hinge [N/m]."""
         return self.spring.hessian(x, project)
 

@@ -21,7 +21,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints, as_number
 from clothsim.energies import fibre_kernels
 from clothsim.energies import strain_limit_kernels as kernels
-from clothsim.energies.base import ElementHessian, Energy, Off
+from clothsim.energies.base import ElementHessian, Energy, LanesHessian, Off
 from clothsim.energies.values import over_cloth
 from clothsim.errors import InputError
 from clothsim.kinematics.threads import thread_axes
@@ -80,7 +80,9 @@ class StrainLimit(Energy):
         middle = np.repeat(stretches[:, :2].mean(axis=1), 4).reshape(-1, 4)
         between = self._curvature(middle, near)[:, 0]
         pairs = np.ascontiguousarray(slopes[:, :2]), np.ascontiguousarray(curvatures[:, :2])
-        blocks = kernels.principal_hessian(x, triangles, inverses, *pairs, between)
+        blocks = LanesHessian(
+            triangles, lambda lanes, first: kernels.fill(lanes, first, x, triangles, inverses, *pairs, between)
+        ).blocks
         threads, along, none = _of_threads(stretches), _of_threads(slopes), np.zeros(len(near))
         curved = np.column_stack([curvatures[:, 2], none, curvatures[:, 3], none])
         blocks += fibre_kernels.hessian(x, triangles, inverses, threads, along, curved, False)

@@ -5,12 +5,14 @@
 
 import numpy as np
 
-from clothsim.compiled import kernel
+from clothsim.compiled import LANES, kernel
 from clothsim.energies.triangle_kernels import (
+    KEPT,
     deformation_gradient,
+    fill_lanes,
+    keep,
     normal,
     principal,
-    principal_block,
     principal_rates,
     products,
 )
@@ -51,21 +53,22 @@ def principal_gradient(x, triangles, inverses, slopes):
 
 
 @kernel
-def principal_hessian(x, triangles, inverses, slopes, curvatures, between):
-    """Blocks (m, 9, 9) of d2E/dx2 of E = sum e(s1) + e(s2); between (m,): e'' half-way from s2 to s1.
+def fill(lanes, first, x, triangles, inverses, slopes, curvatures, between):
+    """`LanesHessian.fill` of d2E/dx2 of E = sum e(s1) + e(s2); between (m,): e'' half-way from s2 to s1.
 
-    The modes of `membrane_kernels.hessian`: e'' on the stretches, (e1' + e2')/(s1 + s2) twist, (e1' - e2')/(s1 - s2)
+    The modes of `membrane_kernels.fill`: e'' on the stretches, (e1' + e2')/(s1 + s2) twist, (e1' - e2')/(s1 - s2)
     flip, e_i'/s_i out of plane. None is negative where e grows and is convex.
     """
-    blocks = np.zeros((len(triangles), 9, 9))
     F, n, V, W = np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3))
-    alpha, beta = np.empty(3), np.empty(3)
-    for t in range(len(triangles)):
-        deformation_gradient(x, triangles[t], inverses[t], F)
-        s1, s2 = principal(F, n, normal(F, n), V, W)
-        principal_rates(inverses[t], V, alpha, beta)
-        p1, p2 = slopes[t]
-        flip = (p1 - p2) / (s1 - s2) if s1 - s2 > ALIKE else between[t]
-        others = ((p1 + p2) / (s1 + s2), flip, p1 / s1, p2 / s2)
-        principal_block(blocks[t], 1.0, alpha, beta, W, n, (curvatures[t, 0], 0.0, curvatures[t, 1]), others)
-    return blocks
+    alpha, beta, kept = np.empty(3), np.empty(3), np.zeros(KEPT * LANES)
+    for group in range(len(lanes)):
+        for lane in range(min(LANES, len(triangles) - first - group * LANES)):
+            t = first + group * LANES + lane
+            deformation_gradient(x, triangles[t], inverses[t], F)
+            s1, s2 = principal(F, n, normal(F, n), V, W)
+            principal_rates(inverses[t], V, alpha, beta)
+            p1, p2 = slopes[t]
+            flip = (p1 - p2) / (s1 - s2) if s1 - s2 > ALIKE else between[t]
+            others = (p1 + p2) / (s1 + s2), flip, p1 / s1, p2 / s2
+            keep(kept, lane, 1.0, alpha, beta, W, n, (curvatures[t, 0], 0.0, curvatures[t, 1]), others)
+        fill_lanes(lanes[group], kept)

@@ -4,12 +4,12 @@ F = [x1 - x0, x2 - x0] Dm^-1 (3x2), columns f1, f2; F = W' diag(s1, s2) V'.
 """
 
 import numpy as np
-from numba import njit
 
-from clothsim.compiled import part
+from clothsim.compiled import LANES, inlined, part
+from clothsim.energies.lanes import point, write
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def deformation_gradient(x, triangle, B, F):
     """F[:, 0] = e1 B00 + e2 B10, F[:, 1] = e1 B01 + e2 B11, with B = Dm^-1."""
     for k in range(3):
@@ -19,7 +19,7 @@ def deformation_gradient(x, triangle, B, F):
         F[k, 1] = e1 * B[0, 1] + e2 * B[1, 1]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def products(F):
     """F'F: f1.f1, f1.f2, f2.f2."""
     c11 = c12 = c22 = 0.0
@@ -30,7 +30,7 @@ def products(F):
     return c11, c12, c22
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def normal(F, n):
     """n = f1 x f2 / J; returns J, the area ratio."""
     n[0] = F[1, 0] * F[2, 1] - F[2, 0] * F[1, 1]
@@ -42,7 +42,7 @@ def normal(F, n):
     return J
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def principal(F, n, J, V, W):
     """F = W' diag(s1, s2) V', s1 >= s2, the rows of W being w1, w2; V from the angle of C = F'F, s2 = J/s1."""
     c11, c12, c22 = products(F)
@@ -61,7 +61,7 @@ def principal(F, n, J, V, W):
     return s1, J / s1
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def principal_rates(B, V, alpha, beta):
     """The rates of each corner along v1 and v2: alpha, beta (3,) are the rows of Dm^-1 V, that of corner 0 closing."""
     for k in range(2):
@@ -70,36 +70,87 @@ def principal_rates(B, V, alpha, beta):
     alpha[0], beta[0] = -alpha[1] - alpha[2], -beta[1] - beta[2]
 
 
-@njit(cache=True, error_model="numpy", inline="always")
-def principal_block(block, area, alpha, beta, W, n, stretch, others):
-    """A triangle's (9, 9) block from its modes: stretch (a, b, c), others (twist, flip, out_1, out_2).
+KEPT = 23
+"""Numbers of a triangle from which its block is made: W, n, rates, area and modes."""
 
-    [[a, b], [b, c]] over (w1 v1, w2 v2), twist and flip over (w2 v1, w1 v2), out_i over n v_i; W's rows are w1, w2.
+
+@inlined
+def keep(kept, lane, area, alpha, beta, W, n, stretch, others):
+    """Puts what `fill_lanes` needs of a triangle into its lane of kept (KEPT LANES,)."""
+    for k in range(3):
+        kept[k * LANES + lane], kept[(3 + k) * LANES + lane], kept[(6 + k) * LANES + lane] = W[0, k], W[1, k], n[k]
+        kept[(9 + k) * LANES + lane], kept[(12 + k) * LANES + lane] = alpha[k], beta[k]
+        kept[(15 + k) * LANES + lane] = stretch[k]
+    for k in range(4):
+        kept[(18 + k) * LANES + lane] = others[k]
+    kept[22 * LANES + lane] = area
+
+
+@inlined
+def fill_lanes(out, kept):
+    """A group of `LanesHessian` from what is kept of its triangles."""
+    for lane in range(LANES):
+        w1, w2, n = point(kept, 0, lane), point(kept, 3, lane), point(kept, 6, lane)
+        alpha, beta, stretch = point(kept, 9, lane), point(kept, 12, lane), point(kept, 15, lane)
+        others, area = (*point(kept, 18, lane), kept[21 * LANES + lane]), kept[22 * LANES + lane]
+        b00, b01, b02, b11, b12, b22 = principal_blocks(area, alpha, beta, w1, w2, n, stretch, others)
+        write(out, 0, lane, b00)
+        write(out, 1, lane, b01)
+        write(out, 2, lane, b02)
+        write(out, 3, lane, b11)
+        write(out, 4, lane, b12)
+        write(out, 5, lane, b22)
+
+
+@inlined
+def principal_blocks(area, alpha, beta, w1, w2, n, stretch, others):
+    """A triangle's blocks 00, 01, 02, 11, 12, 22, three rows each, from its modes.
+
+    stretch (a, b, c), others (twist, flip, out_1, out_2): [[a, b], [b, c]] over (w1 v1, w2 v2), twist and flip over
+    (w2 v1, w1 v2), out_i over n v_i. The rows and columns of corner 0 follow from rest under translation.
     """
+    b11 = _modes(area, (alpha[1], beta[1]), (alpha[1], beta[1]), w1, w2, n, stretch, others)
+    b12 = _modes(area, (alpha[1], beta[1]), (alpha[2], beta[2]), w1, w2, n, stretch, others)
+    b22 = _modes(area, (alpha[2], beta[2]), (alpha[2], beta[2]), w1, w2, n, stretch, others)
+    b01, b02 = _closing(b11, _transposed(b12)), _closing(b12, b22)
+    return _closing(b01, b02), b01, b02, b11, b12, b22
+
+
+@part
+def _modes(area, p, q, w1, w2, n, stretch, others):
+    """The block of two corners with the rates p and q along v1 and v2."""
     a, b, c = stretch
     twist, flip, out1, out2 = others
     same, swap = 0.5 * (flip + twist), 0.5 * (flip - twist)
-    for p in range(1, 3):
-        for q in range(p, 3):
-            aa, ab = area * alpha[p] * alpha[q], area * alpha[p] * beta[q]
-            ba, bb = area * beta[p] * alpha[q], area * beta[p] * beta[q]
-            k11, k22, knn = a * aa + same * bb, c * bb + same * aa, out1 * aa + out2 * bb
-            k12, k21 = b * ab + swap * ba, b * ba + swap * ab
-            for i in range(3):
-                r1 = k11 * W[0, i] + k21 * W[1, i]
-                r2 = k12 * W[0, i] + k22 * W[1, i]
-                rn = knn * n[i]
-                for j in range(3):
-                    entry = r1 * W[0, j] + r2 * W[1, j] + rn * n[j]
-                    block[3 * p + i, 3 * q + j] = entry
-                    block[3 * q + j, 3 * p + i] = entry
-    for i in range(3):  # corner 0 from rest under translation
-        for j in range(3, 9):
-            block[i, j] = -block[3 + i, j] - block[6 + i, j]
-            block[j, i] = block[i, j]
-    for i in range(3):
-        for j in range(3):
-            block[i, j] = -block[i, 3 + j] - block[i, 6 + j]
+    aa, ab, ba, bb = area * p[0] * q[0], area * p[0] * q[1], area * p[1] * q[0], area * p[1] * q[1]
+    k11, k22, knn = a * aa + same * bb, c * bb + same * aa, out1 * aa + out2 * bb
+    k12, k21 = b * ab + swap * ba, b * ba + swap * ab
+    return (
+        _row(k11 * w1[0] + k21 * w2[0], w1, k12 * w1[0] + k22 * w2[0], w2, knn * n[0], n),
+        _row(k11 * w1[1] + k21 * w2[1], w1, k12 * w1[1] + k22 * w2[1], w2, knn * n[1], n),
+        _row(k11 * w1[2] + k21 * w2[2], w1, k12 * w1[2] + k22 * w2[2], w2, knn * n[2], n),
+    )
+
+
+@part
+def _row(x, u, y, v, z, w):
+    """x u + y v + z w."""
+    return x * u[0] + y * v[0] + z * w[0], x * u[1] + y * v[1] + z * w[1], x * u[2] + y * v[2] + z * w[2]
+
+
+@part
+def _closing(a, b):
+    """What makes the sum of three blocks zero."""
+    return (
+        (-a[0][0] - b[0][0], -a[0][1] - b[0][1], -a[0][2] - b[0][2]),
+        (-a[1][0] - b[1][0], -a[1][1] - b[1][1], -a[1][2] - b[1][2]),
+        (-a[2][0] - b[2][0], -a[2][1] - b[2][1], -a[2][2] - b[2][2]),
+    )
+
+
+@part
+def _transposed(a):
+    return (a[0][0], a[1][0], a[2][0]), (a[0][1], a[1][1], a[2][1]), (a[0][2], a[1][2], a[2][2])
 
 
 @part

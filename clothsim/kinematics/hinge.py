@@ -16,10 +16,11 @@ A hinge with a triangle that has no area to round-off (sine of the angle at its 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import part
+from clothsim.compiled import inlined, natural, part
 
 Point = tuple[float, float, float]
 Points = tuple[Point, Point, Point, Point]
+Rows = tuple[Point, Point, Point]
 
 _NO_AREA = 1e-28
 """Squared sine below which a triangle counts as a line."""
@@ -35,10 +36,10 @@ def hinge_point(x: Floats, vertex: int) -> Point:
 def hinge_points(x: Floats, vertices: Ints, h: int) -> Points:
     """The four points of row h of `vertices (h, 4)`."""
     return (
-        hinge_point(x, vertices[h, 0]),
-        hinge_point(x, vertices[h, 1]),
-        hinge_point(x, vertices[h, 2]),
-        hinge_point(x, vertices[h, 3]),
+        hinge_point(x, natural(vertices[h, 0])),
+        hinge_point(x, natural(vertices[h, 1])),
+        hinge_point(x, natural(vertices[h, 2])),
+        hinge_point(x, natural(vertices[h, 3])),
     )
 
 
@@ -75,63 +76,99 @@ def hinge_angle_gradient(a: Point, b: Point, c: Point, d: Point) -> Points:
 
 
 @part
-def hinge_hessian(a: Point, b: Point, c: Point, d: Point, first: float, second: float, hessian: Floats) -> None:
-    """first d2theta + second g g' with g = d theta/d (a, b, c, d), written to `hessian (12, 12)`.
+def has_angle(a: Point, b: Point, c: Point, d: Point) -> bool:
+    """Whether both triangles have an area."""
+    e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
+    return not (_no_area(e, r, _cross(e, r)) or _no_area(e, s, _cross(s, e)))
 
-    In the frame of a triangle, t along the edge of length l, m from the edge to the corner at height h, n the normal,
-    g_c = -n/h. A move of c turns n by -m (n.dc)/h and changes h by m.dc; a move of b does so -u times as much, and
-    turns n by -t (n.db)/l:
 
-        cc = (n m' + m n')/h^2,   cb = t n'/(h l) - u cc,   bb = -u (cb + n t'/(h l)) - w (db + n t'/(h l)) + n m'/l^2
+@inlined
+def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: float) -> tuple[Rows, ...]:
+    """first d2theta + second g g', g = d theta/d (a, b, c, d): the blocks aa, ab, ac, ad, bb, bc, bd, cc, cd, dd.
 
-    with db alike, cd = 0, and n m' summed over both triangles, which is symmetric. Rows and columns of a follow from
-    rest under translation. Row i of each block is written as a vector.
+    For a hinge that `has_angle`. In the frame of a triangle, t along the edge of length l, m from the edge to the
+    corner at height h, n the normal, a move of corner p changes the angle by g_p = -f_p n, f_c = 1/h, f_b = -u/h,
+    f_a = (u - 1)/h; it turns n by -y_p n' with y_p = f_p m + k_p t, k_b = -k_a = 1/l, k_c = 0. With n m' summed over
+    both triangles, which is symmetric,
+
+        pq = sum over both (f_q n y_p' + f_p y_q n') + k_p k_q sum over both (n m')
+
+    and cd = 0. Each block is three rows.
     """
     e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
     n1, n2 = _cross(e, r), _cross(s, e)
-    if _no_area(e, r, n1) or _no_area(e, s, n2):
-        for i in range(12):
-            for j in range(12):
-                hessian[i, j] = 0.0
-        return
-    g_a, g_b, g_c, g_d = hinge_angle_gradient(a, b, c, d)
     ee = _dot(e, e)
     length, size1, size2 = np.sqrt(ee), np.sqrt(_dot(n1, n1)), np.sqrt(_dot(n2, n2))
     t, n1, n2 = _times(1 / length, e), _times(1 / size1, n1), _times(1 / size2, n2)
-    u, w, m1, m2 = _dot(r, e) / ee, _dot(s, e) / ee, _cross(n1, t), _cross(t, n2)
-    per_height1, per_height2 = length / size1, length / size2
-    for i in range(3):
-        turn1 = _plus(_times(first * n1[i], m1), _times(first * m1[i], n1))
-        turn2 = _plus(_times(first * n2[i], m2), _times(first * m2[i], n2))
-        cc, dd = _times(per_height1 * per_height1, turn1), _times(per_height2 * per_height2, turn2)
-        along1, along2 = _times(first * n1[i] / size1, t), _times(first * n2[i] / size2, t)
-        cb = _minus(_times(first * t[i] / size1, n1), _times(u, cc))
-        db = _minus(_times(first * t[i] / size2, n2), _times(w, dd))
-        bc, bd = _minus(along1, _times(u, cc)), _minus(along2, _times(w, dd))
-        bb = _times(0.5 / ee, _plus(turn1, turn2))
-        bb = _minus(bb, _plus(_times(u, _plus(cb, along1)), _times(w, _plus(db, along2))))
-        ca, da, ac, ad = _closing(cc, cb), _closing(dd, db), _closing(cc, bc), _closing(dd, bd)
-        ab, ba = _closing(bb, _plus(cb, db)), _closing(bb, _plus(bc, bd))
-        none = (0.0, 0.0, 0.0)
-        gradient = g_a, g_b, g_c, g_d
-        _write(hessian, i, (_closing(ab, _plus(ac, ad)), ab, ac, ad), second * g_a[i], gradient)
-        _write(hessian, 3 + i, (ba, bb, bc, bd), second * g_b[i], gradient)
-        _write(hessian, 6 + i, (ca, cb, cc, none), second * g_c[i], gradient)
-        _write(hessian, 9 + i, (da, db, none, dd), second * g_d[i], gradient)
+    m1, m2, along = _cross(n1, t), _cross(t, n2), _times(1 / length, t)
+    c1, d2 = length / size1, length / size2
+    b1, b2 = -_dot(r, e) / ee * c1, -_dot(s, e) / ee * d2
+    a1, a2 = -b1 - c1, -b2 - d2
+    y_a1, y_b1, y_c1 = _minus(_times(a1, m1), along), _plus(_times(b1, m1), along), _times(c1, m1)
+    y_a2, y_b2, y_d2 = _minus(_times(a2, m2), along), _plus(_times(b2, m2), along), _times(d2, m2)
+    g_a, g_b = _minus(_times(-a1, n1), _times(a2, n2)), _minus(_times(-b1, n1), _times(b2, n2))
+    g_c, g_d = _times(-c1, n1), _times(-d2, n2)
+    turn = _with_outer(0.5 * first / ee, m1, n1, _outer(0.5 * first / ee, n1, m1))
+    turn = _with_outer(0.5 * first / ee, m2, n2, _with_outer(0.5 * first / ee, n2, m2, turn))
+    n1, n2 = _times(first, n1), _times(first, n2)
+    aa = _bent(a1, y_a1, a1, y_a1, n1, _bent(a2, y_a2, a2, y_a2, n2, _outer(second, g_a, g_a)))
+    ab = _bent(a1, y_a1, b1, y_b1, n1, _bent(a2, y_a2, b2, y_b2, n2, _outer(second, g_a, g_b)))
+    bb = _bent(b1, y_b1, b1, y_b1, n1, _bent(b2, y_b2, b2, y_b2, n2, _outer(second, g_b, g_b)))
+    return (
+        _sum(aa, turn, 1.0),
+        _sum(ab, turn, -1.0),
+        _bent(a1, y_a1, c1, y_c1, n1, _outer(second, g_a, g_c)),
+        _bent(a2, y_a2, d2, y_d2, n2, _outer(second, g_a, g_d)),
+        _sum(bb, turn, 1.0),
+        _bent(b1, y_b1, c1, y_c1, n1, _outer(second, g_b, g_c)),
+        _bent(b2, y_b2, d2, y_d2, n2, _outer(second, g_b, g_d)),
+        _bent(c1, y_c1, c1, y_c1, n1, _outer(second, g_c, g_c)),
+        _outer(second, g_c, g_d),
+        _bent(d2, y_d2, d2, y_d2, n2, _outer(second, g_d, g_d)),
+    )
 
 
 @part
-def _closing(a: Point, b: Point) -> Point:
-    """What makes the sum of three zero."""
-    return -a[0] - b[0], -a[1] - b[1], -a[2] - b[2]
+def hinge_hessian(a: Point, b: Point, c: Point, d: Point, first: float, second: float, hessian: Floats) -> None:
+    """`hinge_blocks` as a matrix, written to `hessian (12, 12)`; zeros for a hinge without an angle."""
+    hessian[:] = 0.0
+    if has_angle(a, b, c, d):
+        blocks = hinge_blocks(a, b, c, d, first, second)
+        k = 0
+        for p in range(4):
+            for q in range(p, 4):
+                for i in range(3):
+                    for j in range(3):
+                        hessian[3 * p + i, 3 * q + j] = hessian[3 * q + j, 3 * p + i] = blocks[k][i][j]
+                k += 1
 
 
 @part
-def _write(hessian: Floats, row: int, parts: Points, factor: float, gradient: Points) -> None:
-    """parts + factor gradient, four vectors each, as a row of `hessian (12, 12)`."""
-    for k in range(4):
-        for j in range(3):
-            hessian[row, 3 * k + j] = parts[k][j] + factor * gradient[k][j]
+def _bent(f_p: float, y_p: Point, f_q: float, y_q: Point, n: Point, rows: Rows) -> Rows:
+    """rows + f_q n y_p' + f_p y_q n'."""
+    return _with_outer(f_p, y_q, n, _with_outer(f_q, n, y_p, rows))
+
+
+@part
+def _outer(factor: float, a: Point, b: Point) -> Rows:
+    """factor a b', three rows."""
+    return _times(factor * a[0], b), _times(factor * a[1], b), _times(factor * a[2], b)
+
+
+@part
+def _with_outer(factor: float, a: Point, b: Point, rows: Rows) -> Rows:
+    """rows + factor a b'."""
+    return _sum(rows, _outer(factor, a, b), 1.0)
+
+
+@part
+def _sum(rows: Rows, others: Rows, factor: float) -> Rows:
+    """rows + factor others."""
+    return (
+        _plus(rows[0], _times(factor, others[0])),
+        _plus(rows[1], _times(factor, others[1])),
+        _plus(rows[2], _times(factor, others[2])),
+    )
 
 
 @part

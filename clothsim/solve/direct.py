@@ -29,7 +29,7 @@ class LinearSolver(abc.ABC):
 
     @abc.abstractmethod
     def factorise(self, data: Floats) -> None:
-        """Factorise the matrix whose upper triangle is `data` in the pattern; NotPositiveDefiniteError if it is not."""
+        """Factorise the matrix of `data` in the pattern; NotPositiveDefiniteError if it is not positive definite."""
 
     @abc.abstractmethod
     def back_solve(self, b: Floats) -> Floats:

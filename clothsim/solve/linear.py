@@ -21,7 +21,7 @@ class Cholmod(LinearSolver):
     def __init__(self, pattern: Pattern, threads: int) -> None:
         from sksparse.cholmod import analyze
 
-        ones = np.ones(len(pattern.indices))
+        ones = np.ones(9 * len(pattern.columns))
         self._pattern = pattern
         self._factor = analyze(_full(pattern, ones), ordering_method="amd")
 

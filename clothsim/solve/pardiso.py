@@ -41,15 +41,16 @@ class Factor:
         self._solver.set_iparm(2, 0)  # minimum degree: 10 % faster than nested dissection at these sizes
         self._solver.set_iparm(28, int(kind is np.float32))
         self._kind = kind
-        self._indptr, self._indices = pattern.indptr + 1, pattern.indices + 1  # it counts from one
-        self._data: NDArray[Any] = np.zeros(len(self._indices), kind)
-        self._data[pattern.indptr[:-1]] = 1.0
+        self._pattern = pattern
+        indptr, indices = pattern.scalar
+        self._indptr, self._indices = indptr + 1, indices + 1  # it counts from one
+        self._data: NDArray[Any] = np.zeros(len(indices), kind)
+        self._data[indptr[:-1]] = 1.0
         self._call(ANALYSIS, np.zeros(3 * pattern.n_vertices, kind))
 
     def factorise(self, data: Floats) -> None:
-        """The upper triangle `data` of the matrix; NotPositiveDefiniteError."""
-        with np.errstate(over="ignore"):
-            self._data = data.astype(self._kind)
+        """The matrix of `data`; NotPositiveDefiniteError."""
+        self._data = self._pattern.entries(data, self._kind)
         if not np.isfinite(self._data).all():
             raise NotPositiveDefiniteError  # too large for single precision
         self._call(FACTORISATION, np.zeros(len(self._indptr) - 1, self._kind))

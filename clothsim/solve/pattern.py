@@ -1,81 +1,91 @@
 """The fixed sparsity of the Newton matrix, and assembly straight into it.
 
-The matrix is stored as the upper triangle of a CSR matrix, 3x3 block by block. Energies hand over element blocks; each
+The matrix is stored as the upper triangle of a symmetric one in blocks of 3x3. Energies hand over element blocks; each
 (element, corner, corner) is looked up once, when an element list is new (`places`).
 """
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel
-from clothsim.energies.base import ByElement, ElementHessian
+from clothsim.energies.base import AT_ONCE, ByElement, ElementHessian, SquaresHessian
 from clothsim.solve import scatter
 
 Hessian: TypeAlias = ByElement | sparse.csr_array
-"""What an energy hands over: blocks or squares of elements, or (by ipctk) a matrix."""
+"""What an energy hands over: blocks, squares or lanes of elements, or (by ipctk) a matrix."""
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """Upper triangle of a symmetric matrix over n vertices, 3x3 blocks.
+    """Upper triangle of a symmetric matrix over n vertices, in b blocks of 3x3.
 
-    starts (n + 1,), columns: the block pattern, diagonal first in each row; indptr, indices: the scalar CSR pattern.
+    starts (n + 1,), columns (b,): the blocks, the diagonal first in each row. The data of a matrix are the (9 b,)
+    numbers of its blocks, each row by row; those on the diagonal are whole.
     """
 
     n_vertices: int
     starts: Ints
     columns: Ints
-    indptr: NDArray[np.int32]
-    indices: NDArray[np.int32]
+
+    @property
+    def nonzeros(self) -> int:
+        """Numbers in the upper triangle."""
+        return 9 * len(self.columns) - 3 * self.n_vertices
+
+    @cached_property
+    def scalar(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+        """indptr and indices of the scalar upper triangle in CSR (int32, as direct solvers take them)."""
+        row_lengths = (3 * np.diff(self.starts)[:, None] - np.arange(3)).ravel()
+        indptr = np.concatenate([[0], np.cumsum(row_lengths)]).astype(np.int32)
+        indices = np.empty(indptr[-1], np.int32)
+        _fill_indices(indices, indptr, self.starts, self.columns)
+        return indptr, indices
+
+    def entries(self, data: Floats, kind: type[np.floating] = np.float64) -> NDArray[Any]:
+        """`data` in the order of the scalar upper triangle; what a `kind` cannot hold becomes inf."""
+        entries = np.empty(self.nonzeros, kind)
+        _fill_entries(entries, self.starts, data)
+        return entries
 
     def places(self, elements: Ints) -> NDArray[np.int32]:
-        """Where the blocks of corners a <= b of each of the `elements (m, k)` begin in the data, (m, k (k + 1) / 2).
-
-        BELOW for rows beyond n_vertices, OUTSIDE for blocks that do not fit.
-        """
+        """Where the blocks of each of the `elements (m, k)` belong, (m, k (k + 1) / 2): see `scatter.places`."""
         return scatter.places(self.starts, self.columns, elements)
 
     def assemble(
         self, hessians: list[Hessian], places: Callable[[Ints], NDArray[np.int32]] | None = None
     ) -> tuple[Floats, int]:
-        """The sum of the Hessians as the data of the upper CSR matrix, and how many blocks do not fit.
+        """The sum of the Hessians as data, and how many blocks do not fit.
 
         Rows beyond n_vertices are dropped. places: `self.places`, or what remembers it.
         """
-        data = np.zeros(len(self.indices))
+        data = np.zeros(9 * len(self.columns))
         outside = 0
         for hessian in hessians:
             if isinstance(hessian, ByElement):
                 if len(hessian.elements):
-                    into = data, self.starts, hessian.elements, (places or self.places)(hessian.elements)
-                    if isinstance(hessian, ElementHessian):
-                        outside += scatter.add_blocks(*into, hessian.blocks)
-                    else:
-                        outside += scatter.add_squares(*into, hessian.first, hessian.count, hessian.sides)
+                    outside += _added(data, hessian, (places or self.places)(hessian.elements))
             elif hessian.nnz:
                 matrix = hessian.tocsr()
-                outside += scatter.add_csr(
-                    data, self.starts, self.columns, matrix.indptr, matrix.indices, matrix.data, self.n_vertices
-                )
+                arrays = matrix.indptr, matrix.indices, matrix.data
+                outside += scatter.add_csr(data, self.starts, self.columns, *arrays)
         return data, outside
 
     def of(self, rows: Ints) -> "Pattern":
         """The pattern of the blocks between these `rows (k,)`, ascending, numbered by their place among them."""
         numbers = np.full(self.n_vertices, -1)
         numbers[rows] = np.arange(len(rows))
-        starts, columns = _among(self.starts, self.columns, rows, numbers)
-        return Pattern(len(rows), starts, columns, *_scalar_pattern(starts, columns))
+        return Pattern(len(rows), *_among(self.starts, self.columns, rows, numbers))
 
     def own(self, data: Floats, whole: "Pattern") -> Floats:
         """Of the `data` of a pattern that holds all blocks of this one, those: all others are left out."""
-        own = np.zeros(len(self.indices))
+        own = np.zeros(9 * len(self.columns))
         _copy_own(own, self.starts, self.columns, data, whole.starts, whole.columns)
         return own
 
@@ -87,27 +97,44 @@ class Pattern:
 
     def upper(self, data: Floats) -> sparse.csr_matrix:
         """The upper triangle as a scipy matrix."""
-        size = 3 * self.n_vertices
-        return sparse.csr_matrix((data, self.indices, self.indptr), shape=(size, size))
+        (indptr, indices), size = self.scalar, 3 * self.n_vertices
+        return sparse.csr_matrix((self.entries(data), indices, indptr), shape=(size, size))
 
     def times(self, data: Floats) -> Callable[[Floats], Floats]:
-        """v -> A v for the symmetric matrix whose upper triangle is `data`."""
-        return lambda v: _times(data, self.indptr, self.indices, v)
+        """v -> A v for the matrix of `data`."""
+        return lambda v: _times(data, self.starts, self.columns, v)
 
     def fix(self, data: Floats, fixed: np.ndarray) -> None:
         """Cut the rows and columns of `fixed` vertices ((n,) booleans) out of `data` in place; 1 on their diagonal."""
         if fixed.any():
-            _fix(data, self.indptr, self.indices, fixed)
+            _fix(data, self.starts, self.columns, fixed)
 
     def diagonal(self, data: Floats) -> Floats:
-        """The diagonal, (3 n,): the first entry of each row."""
-        return data[self.indptr[:-1]]
+        """The diagonal, (3 n,)."""
+        return data[self._on_diagonal]
 
     def shift(self, data: Floats, amount: Floats) -> Floats:
         """A copy of `data` with `amount (3 n,)` added to the diagonal."""
         shifted = data.copy()
-        shifted[self.indptr[:-1]] += amount
+        shifted[self._on_diagonal] += amount
         return shifted
+
+    @property
+    def _on_diagonal(self) -> Ints:
+        return (9 * self.starts[:-1, None] + np.array([0, 4, 8])).ravel()
+
+
+def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
+    """Adds the blocks of a Hessian to `data` and returns how many have no place."""
+    if isinstance(hessian, ElementHessian):
+        return scatter.add_blocks(data, at, hessian.blocks)
+    if isinstance(hessian, SquaresHessian):
+        return scatter.add_squares(data, at, hessian.first, hessian.count, hessian.sides)
+    lanes, outside = hessian.room(min(AT_ONCE, len(at))), 0
+    for first in range(0, len(at), AT_ONCE):
+        hessian.fill(lanes, first)
+        outside += scatter.add_lanes(data, at, first, lanes)
+    return outside
 
 
 def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Hessian]) -> Pattern:
@@ -155,8 +182,7 @@ def _keys(n: int, elements: list[Ints]) -> Ints:
 def _pattern(n: int, keys: Ints) -> Pattern:
     rows, columns = keys // n, keys % n
     starts = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=n))])
-    indptr, indices = _scalar_pattern(starts, columns)
-    return Pattern(n, starts, columns, indptr, indices)
+    return Pattern(n, starts, columns)
 
 
 def times(hessians: list[Hessian], vector: Floats) -> Floats:
@@ -171,16 +197,6 @@ def times(hessians: list[Hessian], vector: Floats) -> Floats:
     return product
 
 
-def _scalar_pattern(starts: Ints, columns: Ints) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """indptr and indices (int32, as the direct solvers take them) of the scalar upper triangle."""
-    degree = np.diff(starts)
-    row_lengths = (3 * degree[:, None] - np.arange(3)).ravel()
-    indptr = np.concatenate([[0], np.cumsum(row_lengths)]).astype(np.int32)
-    indices = np.empty(indptr[-1], np.int32)
-    _fill_indices(indices, indptr, starts, columns)
-    return indptr, indices
-
-
 @kernel
 def _missing(starts, columns, elements):
     """row n + column of each block of the upper triangle that `elements (m, k)` couple and the pattern has not."""
@@ -192,7 +208,7 @@ def _missing(starts, columns, elements):
         for a in range(corners):
             for b in range(a + 1, corners):
                 i, j = min(elements[e, a], elements[e, b]), max(elements[e, a], elements[e, b])
-                if j < n and scatter.rank(starts, columns, i, j) < 0:
+                if j < n and scatter.find(starts, columns, i, j) < 0:
                     found[size] = i * n + j
                     size += 1
     return found[:size]
@@ -223,10 +239,8 @@ def _copy_own(own, starts, columns, data, whole_starts, whole_columns):
         for whole in range(whole_starts[i], whole_starts[i + 1]):
             if k == starts[i + 1] or columns[k] != whole_columns[whole]:
                 continue
-            for p in range(3):
-                for q in range(p if k == starts[i] else 0, 3):
-                    known = scatter.place(starts, i, p, k - starts[i], q)
-                    own[known] = data[scatter.place(whole_starts, i, p, whole - whole_starts[i], q)]
+            for p in range(9):
+                own[9 * k + p] = data[9 * whole + p]
             k += 1
 
 
@@ -241,23 +255,50 @@ def _fill_indices(indices, indptr, starts, columns):
                     at += 1
 
 
-@njit(cache=True, error_model="numpy")
-def _times(data, indptr, indices, v):
-    """A v, each entry of the upper triangle read once; the first of a row is the diagonal's."""
+@kernel
+def _fill_entries(entries, starts, data):
+    """The diagonal's blocks give their upper triangle, the others all: row by row of the scalar matrix."""
+    at = 0
+    for i in range(len(starts) - 1):
+        for p in range(3):
+            for q in range(p, 3):
+                entries[at] = data[9 * starts[i] + 3 * p + q]
+                at += 1
+            for k in range(starts[i] + 1, starts[i + 1]):
+                for q in range(3):
+                    entries[at + q] = data[9 * k + 3 * p + q]
+                at += 3
+
+
+@kernel
+def _times(data, starts, columns, v):
+    """A v, each block of the upper triangle read once, for itself and for its transpose."""
     product = np.zeros_like(v)
-    for i in range(len(v)):
-        along = data[indptr[i]] * v[i]
-        for k in range(indptr[i] + 1, indptr[i + 1]):
-            along += data[k] * v[indices[k]]
-            product[indices[k]] += data[k] * v[i]
-        product[i] += along
+    for i in range(len(starts) - 1):
+        x, y, z = v[3 * i], v[3 * i + 1], v[3 * i + 2]
+        k = 9 * starts[i]
+        u = data[k] * x + data[k + 1] * y + data[k + 2] * z
+        r = data[k + 3] * x + data[k + 4] * y + data[k + 5] * z
+        s = data[k + 6] * x + data[k + 7] * y + data[k + 8] * z
+        for block in range(starts[i] + 1, starts[i + 1]):
+            k, j = 9 * block, 3 * columns[block]
+            a, b, c = v[j], v[j + 1], v[j + 2]
+            u += data[k] * a + data[k + 1] * b + data[k + 2] * c
+            r += data[k + 3] * a + data[k + 4] * b + data[k + 5] * c
+            s += data[k + 6] * a + data[k + 7] * b + data[k + 8] * c
+            product[j] += data[k] * x + data[k + 3] * y + data[k + 6] * z
+            product[j + 1] += data[k + 1] * x + data[k + 4] * y + data[k + 7] * z
+            product[j + 2] += data[k + 2] * x + data[k + 5] * y + data[k + 8] * z
+        product[3 * i] += u
+        product[3 * i + 1] += r
+        product[3 * i + 2] += s
     return product
 
 
 @kernel
-def _fix(data, indptr, indices, fixed):
-    for row in range(len(indptr) - 1):
-        row_fixed = fixed[row // 3]
-        for k in range(indptr[row], indptr[row + 1]):
-            if row_fixed or fixed[indices[k] // 3]:
-                data[k] = 1.0 if indices[k] == row else 0.0
+def _fix(data, starts, columns, fixed):
+    for i in range(len(starts) - 1):
+        for k in range(starts[i], starts[i + 1]):
+            if fixed[i] or fixed[columns[k]]:
+                for p in range(9):
+                    data[9 * k + p] = 1.0 if k == starts[i] and p % 4 == 0 else 0.0

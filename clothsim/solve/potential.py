@@ -1,6 +1,6 @@
 """E(x) = sum of energies, bound to a step."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
@@ -9,7 +9,7 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ByElement, Energy, Step
+from clothsim.energies.base import ByElement, Energy, LanesHessian, Step
 from clothsim.solve.lately import Lately
 from clothsim.solve.ledger import Ledger
 
@@ -126,7 +126,16 @@ class Potential:
         with self.ledger.effect(name, "hessians") as account:
             hessian = self.energies[name].hessian(x, project)
             account.hessian_nonzeros = int(hessian.nnz)
-        return hessian
+        return replace(hessian, fill=self._booked(name, hessian.fill)) if isinstance(hessian, LanesHessian) else hessian
+
+    def _booked(self, name: str, fill: Callable[[Floats, int], None]) -> Callable[[Floats, int], None]:
+        """`fill` of a Hessian, on the account of its energy."""
+
+        def booked(lanes: Floats, first: int) -> None:
+            with self.ledger.effect(name, ""):
+                fill(lanes, first)
+
+        return booked
 
     def couplings(self, x: Floats, dx: Floats) -> list[Ints]:
         """Rows (m, k) that contact may couple on the way x -> x + dx, energy by energy; none where there is none."""

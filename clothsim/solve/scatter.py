@@ -1,40 +1,38 @@
-"""Where the blocks of elements stand in the data of a Newton matrix, and their sum there.
+"""Where the blocks of elements stand in a Newton matrix, and their sum there.
 
-The matrix is the upper triangle of a symmetric one, 3x3 block by block: starts (n + 1,) and columns of the blocks, the
-diagonal first in each row. Of an element only the blocks of corners a <= b are looked at, in this order: whether
-block (a, b) or its transpose is in the upper triangle is no branch, which would go either way by chance.
+The matrix is the upper triangle of a symmetric one in blocks of 3x3: starts (n + 1,) and columns of the blocks, the
+diagonal first in each row; data (9 b,) their numbers, block by block, row by row. Of an element only the blocks of
+corners a <= b are looked at, in this order. Whether the matrix has block (a, b) or its transpose is a matter of how its
+numbers are read: a branch would go either way by chance.
 """
 
 import numpy as np
 
-from clothsim.compiled import kernel, part
+from clothsim.compiled import LANES, inlined, kernel, natural, part
 
 BELOW, OUTSIDE = -1, -2
 """Of a block that needs no place, and of one that has none."""
+ACROSS, TWICE = 1, 2
+"""Of a block whose transpose is in the upper triangle, and of one between a vertex and itself, there with both."""
 
 
 @part
-def rank(starts, columns, i, j):
-    """Where block (i, j) stands in block row i, or -1 (binary search, in steps that do not depend on what is met)."""
+def find(starts, columns, i, j):
+    """The number of block (i, j), or -1 (binary search, in steps that do not depend on what is met)."""
     at, count = starts[i], starts[i + 1] - starts[i]
     while count > 1:
         half = count >> 1
         at += half if columns[at + half] <= j else 0
         count -= half
-    return at - starts[i] if columns[at] == j else -1
-
-
-@part
-def place(starts, i, p, rank, q):
-    """Where entry (3 i + p, 3 j + q) stands in the data, j the block of that rank: row lengths are 3 degree - p."""
-    degree = starts[i + 1] - starts[i]
-    row = 9 * starts[i] - 3 * i + p * 3 * degree - (p * (p - 1)) // 2
-    return row + 3 * rank + q - p
+    return at if columns[at] == j else -1
 
 
 @kernel
 def places(starts, columns, elements):
-    """Where the blocks of corners a <= b of `elements (m, k)` begin, (m, k (k + 1) / 2)."""
+    """Where the blocks of corners a <= b of `elements (m, k)` belong, (m, k (k + 1) / 2).
+
+    4 x the number of the block in the matrix, + ACROSS where that is its transpose, + TWICE where both belong there.
+    """
     n = len(starts) - 1
     count, corners = elements.shape
     at = np.full((count, corners * (corners + 1) // 2), BELOW, np.int32)
@@ -42,112 +40,108 @@ def places(starts, columns, elements):
         block = 0
         for a in range(corners):
             for b in range(a, corners):
-                i, j = min(elements[e, a], elements[e, b]), max(elements[e, a], elements[e, b])
-                if j < n:
-                    found = rank(starts, columns, i, j)
-                    at[e, block] = place(starts, i, 0, found, 0) if found >= 0 else OUTSIDE
+                i, j = elements[e, a], elements[e, b]
+                if max(i, j) < n:
+                    found = find(starts, columns, min(i, j), max(i, j))
+                    how = (ACROSS if i > j else 0) + (TWICE if i == j and a != b else 0)
+                    at[e, block] = 4 * found + how if found >= 0 else OUTSIDE
                 block += 1
     return at
 
 
 @kernel
-def add_blocks(data, starts, elements, at, blocks):
+def add_blocks(data, at, blocks):
     """Adds dense blocks (m, 3 k, 3 k); returns how many of 3x3 have no place."""
-    corners = elements.shape[1]
-    outside = 0
-    for e in range(len(elements)):
-        block = 0
-        for a in range(corners):
-            for b in range(a, corners):
-                first = at[e, block]
-                block += 1
-                if first < 0:
-                    outside += first == OUTSIDE
-                    continue
-                i, j = elements[e, a], elements[e, b]
-                length = 3 * (starts[min(i, j) + 1] - starts[min(i, j)])
-                x, y, z = _entries(blocks, e, 3 * a, 3 * b)
-                _add(data, first, length, x, y, z, i <= j, i == j)
-                if i == j and a != b:  # a vertex that is there twice
-                    x, y, z = _entries(blocks, e, 3 * b, 3 * a)
-                    _add(data, first, length, x, y, z, True, True)
+    numbers, size, outside = blocks.reshape(-1), blocks.shape[1], 0
+    for e in range(len(blocks)):
+        k = 0
+        for a in range(size // 3):
+            for b in range(a, size // 3):
+                if at[e, k] >= 0:
+                    _add(data, at[e, k], numbers, natural((e * size + 3 * a) * size + 3 * b), natural(size), 1)
+                outside += at[e, k] == OUTSIDE
+                k += 1
     return outside
-
-
-@part
-def _entries(blocks, e, row, column):
-    """The rows of a block of 3x3."""
-    return (
-        (blocks[e, row, column], blocks[e, row, column + 1], blocks[e, row, column + 2]),
-        (blocks[e, row + 1, column], blocks[e, row + 1, column + 1], blocks[e, row + 1, column + 2]),
-        (blocks[e, row + 2, column], blocks[e, row + 2, column + 1], blocks[e, row + 2, column + 2]),
-    )
-
-
-@part
-def _add(data, first, length, x, y, z, upper, diagonal):
-    """Adds a block of 3x3 with these rows, or its transpose, where the matrix's row of this length has it."""
-    second, third = first + length - 1, first + 2 * length - 3
-    data[first] += x[0]
-    data[first + 1] += x[1] if upper else y[0]
-    data[first + 2] += x[2] if upper else z[0]
-    data[second + 1] += y[1]
-    data[second + 2] += y[2] if upper else z[1]
-    data[third + 2] += z[2]
-    if not diagonal:
-        data[second] += y[0] if upper else x[1]
-        data[third] += z[0] if upper else x[2]
-        data[third + 1] += z[1] if upper else y[2]
 
 
 @kernel
-def add_squares(data, starts, elements, at, first, count, sides):
+def add_lanes(data, at, first, lanes):
+    """Adds the blocks of `lanes` (`LanesHessian`), of the elements from `first` on; returns as above."""
+    numbers, size, outside = lanes.reshape(-1), lanes.shape[1], 0
+    for i in range(min(LANES * len(lanes), len(at) - first)):
+        begin = natural(i // LANES * size + i % LANES)
+        for k in range(at.shape[1]):
+            where = at[first + i, k]
+            if where >= 0:
+                _add(data, where, numbers, begin + 9 * k * LANES, 3 * LANES, LANES)
+            outside += where == OUTSIDE
+    return outside
+
+
+@inlined
+def _add(data, where, numbers, first, down, along):
+    """Adds a block of 3x3 that stands in `numbers` from `first` on, each row `down`, each column `along` further."""
+    at, middle = 9 * (where >> 2), first + down + along
+    swap = (where & ACROSS) * (down - along)  # no branch
+    down, along = natural(down - swap), natural(along + swap)
+    data[at] += numbers[first]
+    data[at + 1] += numbers[first + along]
+    data[at + 2] += numbers[first + 2 * along]
+    data[at + 3] += numbers[first + down]
+    data[at + 4] += numbers[middle]
+    data[at + 5] += numbers[middle + along]
+    data[at + 6] += numbers[first + 2 * down]
+    data[at + 7] += numbers[middle + down]
+    data[at + 8] += numbers[middle + down + along]
+    if where & TWICE:
+        for i in range(3):
+            for j in range(3):
+                data[at + 3 * i + j] += numbers[first + j * down + i * along]
+
+
+@kernel
+def add_squares(data, at, first, count, sides):
     """Adds sums of squares (`SquaresHessian`) over elements none of which has a vertex twice; returns as above."""
-    corners = elements.shape[1]
     outside = 0
-    for e in range(len(elements)):
-        block = 0
-        for a in range(corners):
-            for b in range(a, corners):
-                begins = at[e, block]
-                block += 1
-                if begins < 0:
-                    outside += begins == OUTSIDE
-                    continue
-                i, j = elements[e, a], elements[e, b]
-                length = 3 * (starts[min(i, j) + 1] - starts[min(i, j)])
-                x, y, z = _products(sides, first[e], first[e] + count[e], 3 * a, 3 * b)
-                _add(data, begins, length, x, y, z, i <= j, a == b)
+    for e in range(len(at)):
+        k = 0
+        for a in range(sides.shape[1] // 3):
+            for b in range(a, sides.shape[1] // 3):
+                if at[e, k] >= 0:
+                    row, column = (b, a) if at[e, k] & ACROSS else (a, b)
+                    _add_products(data, 9 * (at[e, k] >> 2), sides, first[e], count[e], 3 * row, 3 * column)
+                outside += at[e, k] == OUTSIDE
+                k += 1
     return outside
 
 
 @part
-def _products(sides, first, end, row, column):
-    """The rows of the sum over the sides of (x, y, z)(u, v, w)', the parts of a side at two vertices."""
+def _add_products(data, at, sides, first, count, row, column):
+    """Adds the sum over the sides of (x, y, z)(u, v, w)', the parts of a side at two vertices."""
     xu = xv = xw = yu = yv = yw = zu = zv = zw = 0.0
-    for k in range(first, end):
+    for k in range(first, first + count):
         x, y, z = sides[k, row], sides[k, row + 1], sides[k, row + 2]
         u, v, w = sides[k, column], sides[k, column + 1], sides[k, column + 2]
         xu, xv, xw = xu + x * u, xv + x * v, xw + x * w
         yu, yv, yw = yu + y * u, yv + y * v, yw + y * w
         zu, zv, zw = zu + z * u, zv + z * v, zw + z * w
-    return (xu, xv, xw), (yu, yv, yw), (zu, zv, zw)
+    for i, entry in enumerate((xu, xv, xw, yu, yv, yw, zu, zv, zw)):
+        data[at + i] += entry
 
 
 @kernel
-def add_csr(data, starts, columns, indptr, indices, values, n):
-    """Adds the upper triangle of a CSR matrix over all rows of x; returns how many entries have no place."""
-    outside = 0
+def add_csr(data, starts, columns, indptr, indices, values):
+    """Adds a symmetric CSR matrix over all rows of x; returns how many entries of its upper triangle have no place."""
+    outside, n = 0, len(starts) - 1
     for i in range(n):
         for p in range(3):
             for k in range(indptr[3 * i + p], indptr[3 * i + p + 1]):
-                column = indices[k]
-                j, q = column // 3, column % 3
-                if j < i or j >= n or (i == j and q < p):
+                j, q = indices[k] // 3, indices[k] % 3
+                if j < i or j >= n:
                     continue
-                found = rank(starts, columns, i, j)
+                found = find(starts, columns, i, j)
                 if found < 0:
                     outside += values[k] != 0.0
                 else:
-                    data[place(starts, i, p, found, q)] += values[k]
+                    data[9 * found + 3 * p + q] += values[k]
     return outside

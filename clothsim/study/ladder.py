@@ -97,7 +97,7 @@ def climb(cells: int = 40, steps: int = 3, lead: int = 25, repeats: int = 4) -> 
     for effects, session, seen in zip(sets, sessions, zip(*tries, strict=True), strict=True):
         iterations, seconds = min(seen, key=lambda one: sum(one[1].values()))
         parts = {part: 1e3 * spent / steps for part, spent in seconds.items()}
-        nonzeros = len(session.integrator.system.pattern.indices)
+        nonzeros = session.integrator.system.pattern.nonzeros
         name = " + ".join(GROUND) if effects == sets[0] else effects[-1]
         rungs.append(Rung(name, sum(parts.values()), iterations / steps, nonzeros, parts))
     return Ladder(tuple(rungs), cells, date.today().isoformat(), left_out)

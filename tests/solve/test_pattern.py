@@ -95,12 +95,13 @@ def test_a_vertex_that_is_twice_in_an_element_gets_all_of_it():
 
 def test_the_upper_triangle_is_canonical_csr_with_the_diagonal_first():
     pattern = make_pattern(N, TRIANGLES, hessians())
-    upper = pattern.upper(np.arange(1.0, len(pattern.indices) + 1))
+    upper = pattern.upper(np.arange(1.0, 9 * len(pattern.columns) + 1))
     assert upper.has_canonical_format
     assert np.array_equal(upper.indices[upper.indptr[:-1]], np.arange(3 * N))
-    assert np.array_equal(pattern.diagonal(upper.data), upper.diagonal())
+    assert np.array_equal(pattern.diagonal(np.arange(1.0, 9 * len(pattern.columns) + 1)), upper.diagonal())
     assert sparse.tril(upper, -1).nnz == 0
-    assert pattern.indptr.dtype == pattern.indices.dtype == np.int32
+    assert upper.indptr.dtype == upper.indices.dtype == np.int32
+    assert upper.nnz == pattern.nonzeros
 
 
 def test_the_pattern_of_a_sheet_is_its_one_ring_and_with_hinges_the_two_ring():
@@ -139,8 +140,8 @@ def test_the_pattern_of_some_rows_is_that_part_of_the_matrix():
     pattern = make_pattern(N, TRIANGLES, hessians())
     rows = np.array([0, 2, 3, N - 1])
     entries = (3 * rows[:, None] + np.arange(3)).ravel()
-    whole, of = pattern.upper(np.ones(len(pattern.indices))).toarray(), pattern.of(rows)
-    assert np.array_equal(of.upper(np.ones(len(of.indices))).toarray(), whole[np.ix_(entries, entries)])
+    whole, of = pattern.upper(np.ones(9 * len(pattern.columns))).toarray(), pattern.of(rows)
+    assert np.array_equal(of.upper(np.ones(9 * len(of.columns))).toarray(), whole[np.ix_(entries, entries)])
     assert pattern.of(np.arange(N)).same_as(pattern)
     assert not len(pattern.of(rows[:0]).columns)
 
@@ -151,7 +152,7 @@ def test_a_narrower_pattern_takes_its_own_blocks():
     assert len(narrow.columns) < len(wide.columns)
     data, _ = wide.assemble(parts)
     own = narrow.upper(narrow.own(data, wide)).toarray()
-    has = narrow.upper(np.ones(len(narrow.indices))).toarray() > 0
+    has = narrow.upper(np.ones(9 * len(narrow.columns))).toarray() > 0
     assert np.array_equal(own, np.where(has, wide.upper(data).toarray(), 0.0))
 
 

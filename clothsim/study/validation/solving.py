@@ -7,7 +7,7 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Constraint, ElementHessian, Energy, Off, Prescribed, Step
+from clothsim.energies.base import ByElement, Constraint, Energy, Off, Prescribed, Step
 from clothsim.energies.pins import pins
 from clothsim.errors import ClothsimError
 from clothsim.mesh.world import World
@@ -38,7 +38,7 @@ def those_on(**effects: Energy | Off) -> dict[str, Energy]:
 def second_derivatives(energy: Energy | Off, x: Floats) -> sparse.csr_array:
     """The exact ones of an energy with an element Hessian, (3 N, 3 N)."""
     hessian = energy.hessian(x, project=False) if isinstance(energy, Energy) else None
-    if not isinstance(hessian, ElementHessian):
+    if not isinstance(hessian, ByElement):
         raise ClothsimError(f"{type(energy).__name__} has no element Hessian.")
     return hessian.to_sparse(len(x))
 

@@ -1,0 +1,34 @@
+"""Reading and writing the numbers of elements that lie side by side (`compiled.LANES`)."""
+
+from clothsim.compiled import LANES, inlined, kernel
+
+
+@inlined
+def point(numbers, k, lane):
+    """Numbers k, k + 1 and k + 2 of the element in a lane."""
+    return numbers[k * LANES + lane], numbers[(k + 1) * LANES + lane], numbers[(k + 2) * LANES + lane]
+
+
+@inlined
+def write(numbers, block, lane, rows):
+    """A block of 3x3, given as three rows, among the blocks of the element in a lane."""
+    at = 9 * block * LANES + lane
+    numbers[at], numbers[at + LANES], numbers[at + 2 * LANES] = rows[0]
+    numbers[at + 3 * LANES], numbers[at + 4 * LANES], numbers[at + 5 * LANES] = rows[1]
+    numbers[at + 6 * LANES], numbers[at + 7 * LANES], numbers[at + 8 * LANES] = rows[2]
+
+
+@kernel
+def unpack(blocks, first, lanes):
+    """Writes lanes (g, numbers LANES) to the dense `blocks` (m, 3 k, 3 k) from `first` on, as far as there are any."""
+    corners = blocks.shape[1] // 3
+    for i in range(min(LANES * len(lanes), len(blocks) - first)):
+        numbers, lane = lanes[i // LANES], i % LANES
+        for p in range(corners):
+            for q in range(p, corners):
+                for row in range(3):
+                    for column in range(3):
+                        entry = numbers[lane]
+                        blocks[first + i, 3 * p + row, 3 * q + column] = entry
+                        blocks[first + i, 3 * q + column, 3 * p + row] = entry
+                        lane += LANES
