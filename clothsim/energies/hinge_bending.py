@@ -14,15 +14,15 @@ which is admissible where the rest shape is bent. Without self-contact a fold pu
 (theta0 = 0) or a jump there.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import LANES, kernel
+from clothsim.energies import hinge_kernels as kernels
 from clothsim.energies.base import Energy, LanesHessian
-from clothsim.energies.lanes import point, write
-from clothsim.kinematics.hinge import has_angle, hinge_angle, hinge_angle_gradient, hinge_blocks, hinge_points
+from clothsim.lately import Lately
+from clothsim.linalg import dot
 from clothsim.mesh.hinges import Hinges
 
 
@@ -39,84 +39,32 @@ class HingeBending(Energy):
 
     per_element = ("vertices", "rest_angles", "stiffnesses")
 
+    _angles: Lately[Floats] = field(default_factory=Lately, init=False, repr=False, compare=False)
+
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
-        return _value(self.vertices, self.rest_angles, self.stiffnesses, x)
+        bent = self._bent(x)
+        return 0.5 * dot(self.stiffnesses, bent**2) if np.isfinite(bent).all() else np.inf
 
     def gradient(self, x: Floats) -> Floats:
-        """dE/dx, (N, 3) [N]."""
-        return _gradient(self.vertices, self.rest_angles, self.stiffnesses, x)
+        """k (theta - theta0) dtheta/dx, (N, 3) [N]."""
+        return kernels.pull(self.vertices, self._moments(x), x)
 
     def hessian(self, x: Floats, project: bool = True) -> LanesHessian:
         """12 x 12 a hinge [N/m]; projected: Gauss-Newton, k g g', else with k (theta - theta0) d2theta/dx2 too."""
-        hinges = self.vertices, self.rest_angles, self.stiffnesses
-        return LanesHessian(self.vertices, lambda lanes, first: _fill(lanes, first, *hinges, x, project))
+        moments = np.zeros(len(self.vertices)) if project else self._moments(x)
+        hinges = self.vertices, moments, self.stiffnesses
+        return LanesHessian(self.vertices, lambda lanes, first: kernels.fill(lanes, first, *hinges, x))
+
+    def _bent(self, x: Floats) -> Floats:
+        """theta - theta0, (h,) [rad]; +inf where there is no angle."""
+        return self._angles.at(x, lambda x: kernels.angles(self.vertices, x)) - self.rest_angles
+
+    def _moments(self, x: Floats) -> Floats:
+        bent = self._bent(x)
+        return np.where(np.isfinite(bent), self.stiffnesses * bent, 0.0)
 
 
 def hinge_bending(hinges: Hinges) -> HingeBending:
     """The energy of `hinges`."""
     return HingeBending(hinges.vertices, hinges.rest_angles, hinges.stiffness * hinges.edge_lengths**2 / hinges.areas)
-
-
-@kernel
-def _value(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats) -> float:
-    energy = 0.0
-    for h in range(len(vertices)):
-        a, b, c, d = hinge_points(x, vertices, h)
-        energy += 0.5 * stiffnesses[h] * (hinge_angle(a, b, c, d) - rest_angles[h]) ** 2
-    return energy
-
-
-@kernel
-def _gradient(vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats) -> Floats:
-    """k (theta - theta0) dtheta/dx."""
-    gradient = np.zeros_like(x)
-    for h in range(len(vertices)):
-        a, b, c, d = hinge_points(x, vertices, h)
-        angle = hinge_angle(a, b, c, d)
-        if np.isinf(angle):
-            continue
-        moment = stiffnesses[h] * (angle - rest_angles[h])
-        angle_gradient = hinge_angle_gradient(a, b, c, d)
-        for k in range(4):
-            for i in range(3):
-                gradient[vertices[h, k], i] += moment * angle_gradient[k][i]
-    return gradient
-
-
-@kernel
-def _fill(
-    lanes: Floats, first: int, vertices: Ints, rest_angles: Floats, stiffnesses: Floats, x: Floats, project: bool
-) -> None:
-    """`LanesHessian.fill` of k g g' + k (theta - theta0) d2theta/dx2, projected without its second part.
-
-    A hinge without an angle, and a lane without a hinge, get zeros: those of another hinge, of no stiffness.
-    """
-    points, factors = np.empty(12 * LANES), np.empty(2 * LANES)
-    for group in range(len(lanes)):
-        for lane in range(LANES):
-            a, b, c, d = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0)
-            moment, stiffness, h = 0.0, 0.0, first + group * LANES + lane
-            if h < len(vertices):
-                e, f, g, i = hinge_points(x, vertices, h)
-                if has_angle(e, f, g, i):
-                    a, b, c, d, stiffness = e, f, g, i, stiffnesses[h]
-                    moment = 0.0 if project else stiffness * (hinge_angle(a, b, c, d) - rest_angles[h])
-            factors[lane], factors[LANES + lane] = moment, stiffness
-            for k in range(3):
-                points[k * LANES + lane], points[(3 + k) * LANES + lane] = a[k], b[k]
-                points[(6 + k) * LANES + lane], points[(9 + k) * LANES + lane] = c[k], d[k]
-        out = lanes[group]
-        for lane in range(LANES):
-            a, b, c, d = point(points, 0, lane), point(points, 3, lane), point(points, 6, lane), point(points, 9, lane)
-            aa, ab, ac, ad, bb, bc, bd, cc, cd, dd = hinge_blocks(a, b, c, d, factors[lane], factors[LANES + lane])
-            write(out, 0, lane, aa)
-            write(out, 1, lane, ab)
-            write(out, 2, lane, ac)
-            write(out, 3, lane, ad)
-            write(out, 4, lane, bb)
-            write(out, 5, lane, bc)
-            write(out, 6, lane, bd)
-            write(out, 7, lane, cc)
-            write(out, 8, lane, cd)
-            write(out, 9, lane, dd)

@@ -16,9 +16,10 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel
+from clothsim.energies import hinge_kernels as kernels
 from clothsim.energies.base import ElementHessian, Energy
 from clothsim.kinematics.curvature import bending_strains
-from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_hessian, hinge_point
+from clothsim.kinematics.hinge import hinge_angle_gradient, hinge_hessian, hinge_point
 from clothsim.mesh.hinges import Hinges
 from clothsim.mesh.world import World
 
@@ -44,7 +45,7 @@ class MidedgeBending(Energy):
 
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
-        angles = _angles(self.vertices, x)
+        angles = kernels.angles(self.vertices, x)
         if np.isinf(angles).any():
             return np.inf
         return 0.5 * float(np.sum((self.strains @ (angles - self.rest_angles)) ** 2))
@@ -62,7 +63,7 @@ class MidedgeBending(Energy):
 
     def _moments(self, x: Floats) -> Floats:
         """dE/dtheta, (h,) [N m]."""
-        angles = _angles(self.vertices, x)
+        angles = kernels.angles(self.vertices, x)
         change = np.where(np.isinf(angles), 0.0, angles - self.rest_angles)
         return self.strains.T @ (self.strains @ change)
 
@@ -105,15 +106,6 @@ def _distinct(vertices: Ints) -> tuple[Ints, Ints]:
     distinct = np.repeat(ordered[:, :1], rank.max(initial=0) + 1, axis=1)
     np.put_along_axis(distinct, rank, ordered, axis=1)
     return distinct, places.reshape(vertices.shape)
-
-
-@kernel
-def _angles(vertices: Ints, x: Floats) -> Floats:
-    angles = np.empty(len(vertices))
-    for h in range(len(vertices)):
-        a, b, c, d = vertices[h]
-        angles[h] = hinge_angle(hinge_point(x, a), hinge_point(x, b), hinge_point(x, c), hinge_point(x, d))
-    return angles
 
 
 @kernel

@@ -21,7 +21,8 @@ import numpy as np
 
 from clothsim.arrays import Floats, as_positive
 from clothsim.energies.base import Energy, Off, Step
-from clothsim.energies.shifted_hinges import ShiftedHinges, angles, hinges_of_bending
+from clothsim.energies.hinge_kernels import angles
+from clothsim.energies.shifted_hinges import ShiftedHinges, hinges_of_bending
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
 

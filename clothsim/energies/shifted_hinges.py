@@ -15,11 +15,11 @@ from typing import ClassVar
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import kernel
-from clothsim.energies.base import ElementHessian, Energy
+from clothsim.energies import hinge_kernels as kernels
+from clothsim.energies.base import Energy, LanesHessian
 from clothsim.energies.hinge_bending import HingeBending
 from clothsim.errors import InputError
-from clothsim.kinematics.hinge import hinge_angle, hinge_angle_gradient, hinge_hessian, hinge_points
+from clothsim.linalg import dot
 
 
 @dataclass(frozen=True)
@@ -47,18 +47,19 @@ class ShiftedHinges(Energy):
         """E(x) [J]."""
         active = self._active()
         offset = 0.5 * float(np.sum(self.stiffnesses * self.shifts**2))
-        return offset - _work(self.vertices[active], self.references[active], self._moments(active), x)
+        turned = kernels.angles(self.vertices[active], x) - self.references[active]
+        return offset - dot(self._moments(active), turned) if np.isfinite(turned).all() else np.inf
 
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]."""
         active = self._active()
-        return _gradient(self.vertices[active], -self._moments(active), x)
+        return kernels.pull(self.vertices[active], -self._moments(active), x)
 
-    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+    def hessian(self, x: Floats, project: bool = True) -> LanesHessian:
         """Exact: 12 x 12 for each hinge that is shifted [N/m]; projected: none."""
         active = self._active() if not project else np.zeros(0, np.int64)
-        vertices = self.vertices[active]
-        return ElementHessian(vertices, _hessian(vertices, -self._moments(active), x))
+        hinges = self.vertices[active], -self._moments(active), np.zeros(len(active))
+        return LanesHessian(hinges[0], lambda lanes, first: kernels.fill(lanes, first, *hinges, x))
 
     def _active(self) -> Ints:
         return np.flatnonzero(self.shifts)
@@ -75,49 +76,3 @@ def hinges_of_bending(name: str, bending: Energy | None) -> HingeBending | None:
             'Take effects.bending.model = "hinge".',
         )
     return bending
-
-
-@kernel
-def angles(vertices: Ints, x: Floats) -> Floats:
-    """The angle of each hinge, (h,) [rad]; +inf where a triangle has no area."""
-    found = np.empty(len(vertices))
-    for h in range(len(vertices)):
-        a, b, c, d = hinge_points(x, vertices, h)
-        found[h] = hinge_angle(a, b, c, d)
-    return found
-
-
-@kernel
-def _work(vertices: Ints, references: Floats, moments: Floats, x: Floats) -> float:
-    """sum M (theta - theta0), -inf where a hinge has no angle."""
-    work = 0.0
-    for h in range(len(vertices)):
-        a, b, c, d = hinge_points(x, vertices, h)
-        angle = hinge_angle(a, b, c, d)
-        if np.isinf(angle):
-            return -np.inf
-        work += moments[h] * (angle - references[h])
-    return work
-
-
-@kernel
-def _gradient(vertices: Ints, moments: Floats, x: Floats) -> Floats:
-    """M dtheta/dx."""
-    gradient = np.zeros_like(x)
-    for h in range(len(vertices)):
-        a, b, c, d = hinge_points(x, vertices, h)
-        g = hinge_angle_gradient(a, b, c, d)
-        for k in range(4):
-            for i in range(3):
-                gradient[vertices[h, k], i] += moments[h] * g[k][i]
-    return gradient
-
-
-@kernel
-def _hessian(vertices: Ints, moments: Floats, x: Floats) -> Floats:
-    """M d2theta/dx2."""
-    blocks = np.zeros((len(vertices), 12, 12))
-    for h in range(len(vertices)):
-        a, b, c, d = hinge_points(x, vertices, h)
-        hinge_hessian(a, b, c, d, moments[h], 0.0, blocks[h])
-    return blocks

@@ -46,11 +46,16 @@ def hinge_points(x: Floats, vertices: Ints, h: int) -> Points:
 @part
 def hinge_angle(a: Point, b: Point, c: Point, d: Point) -> float:
     """theta [rad]; +inf where a triangle has no area."""
+    sine, cosine, whole = hinge_direction(a, b, c, d)
+    return np.arctan2(sine, cosine) if whole else np.inf
+
+
+@part
+def hinge_direction(a: Point, b: Point, c: Point, d: Point) -> tuple[float, float, bool]:
+    """What theta is the arctan2 of, and whether there is an angle."""
     e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
     n1, n2 = _cross(e, r), _cross(s, e)
-    if _no_area(e, r, n1) or _no_area(e, s, n2):
-        return np.inf
-    return np.arctan2(-np.sqrt(_dot(e, e)) * _dot(n1, s), _dot(n1, n2))
+    return -np.sqrt(_dot(e, e)) * _dot(n1, s), _dot(n1, n2), _area(e, r, n1) & _area(e, s, n2)
 
 
 @part
@@ -63,7 +68,7 @@ def hinge_angle_gradient(a: Point, b: Point, c: Point, d: Point) -> Points:
     """
     e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
     n1, n2 = _cross(e, r), _cross(s, e)
-    if _no_area(e, r, n1) or _no_area(e, s, n2):
+    if not (_area(e, r, n1) & _area(e, s, n2)):
         zero = (0.0, 0.0, 0.0)
         return zero, zero, zero, zero
     ee = _dot(e, e)
@@ -75,18 +80,11 @@ def hinge_angle_gradient(a: Point, b: Point, c: Point, d: Point) -> Points:
     return g_a, g_b, g_c, g_d
 
 
-@part
-def has_angle(a: Point, b: Point, c: Point, d: Point) -> bool:
-    """Whether both triangles have an area."""
-    e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
-    return not (_no_area(e, r, _cross(e, r)) or _no_area(e, s, _cross(s, e)))
-
-
 @inlined
 def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: float) -> tuple[Rows, ...]:
     """first d2theta + second g g', g = d theta/d (a, b, c, d): the blocks aa, ab, ac, ad, bb, bc, bd, cc, cd, dd.
 
-    For a hinge that `has_angle`. In the frame of a triangle, t along the edge of length l, m from the edge to the
+    Zeros for a hinge without an angle. In the frame of a triangle, t along the edge of length l, m from the edge to the
     corner at height h, n the normal, a move of corner p changes the angle by g_p = -f_p n, f_c = 1/h, f_b = -u/h,
     f_a = (u - 1)/h; it turns n by -y_p n' with y_p = f_p m + k_p t, k_b = -k_a = 1/l, k_c = 0. With n m' summed over
     both triangles, which is symmetric,
@@ -96,6 +94,9 @@ def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: f
     and cd = 0. Each block is three rows.
     """
     e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
+    whole = _area(e, r, _cross(e, r)) & _area(e, s, _cross(s, e))
+    first, second = first if whole else 0.0, second if whole else 0.0
+    e, r, s = _or(whole, e, 1.0, 0.0), _or(whole, r, 0.0, 1.0), _or(whole, s, 0.0, -1.0)  # any hinge, times 0
     n1, n2 = _cross(e, r), _cross(s, e)
     ee = _dot(e, e)
     length, size1, size2 = np.sqrt(ee), np.sqrt(_dot(n1, n1)), np.sqrt(_dot(n2, n2))
@@ -130,17 +131,21 @@ def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: f
 
 @part
 def hinge_hessian(a: Point, b: Point, c: Point, d: Point, first: float, second: float, hessian: Floats) -> None:
-    """`hinge_blocks` as a matrix, written to `hessian (12, 12)`; zeros for a hinge without an angle."""
-    hessian[:] = 0.0
-    if has_angle(a, b, c, d):
-        blocks = hinge_blocks(a, b, c, d, first, second)
-        k = 0
-        for p in range(4):
-            for q in range(p, 4):
-                for i in range(3):
-                    for j in range(3):
-                        hessian[3 * p + i, 3 * q + j] = hessian[3 * q + j, 3 * p + i] = blocks[k][i][j]
-                k += 1
+    """`hinge_blocks` as a matrix, written to `hessian (12, 12)`."""
+    blocks = hinge_blocks(a, b, c, d, first, second)
+    k = 0
+    for p in range(4):
+        for q in range(p, 4):
+            for i in range(3):
+                for j in range(3):
+                    hessian[3 * p + i, 3 * q + j] = hessian[3 * q + j, 3 * p + i] = blocks[k][i][j]
+            k += 1
+
+
+@part
+def _or(whole: bool, a: Point, x: float, y: float) -> Point:
+    """a, or (x, y, 0) where the hinge is not whole."""
+    return a[0] if whole else x, a[1] if whole else y, a[2] if whole else 0.0
 
 
 @part
@@ -172,8 +177,9 @@ def _sum(rows: Rows, others: Rows, factor: float) -> Rows:
 
 
 @part
-def _no_area(edge1: Point, edge2: Point, normal: Point) -> bool:
-    return not _dot(normal, normal) > _NO_AREA * _dot(edge1, edge1) * _dot(edge2, edge2)
+def _area(edge1: Point, edge2: Point, normal: Point) -> bool:
+    """Whether there is any."""
+    return _dot(normal, normal) > _NO_AREA * _dot(edge1, edge1) * _dot(edge2, edge2)
 
 
 @part

@@ -10,7 +10,7 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ByElement, Energy, LanesHessian, Step
-from clothsim.solve.lately import Lately
+from clothsim.lately import Lately
 from clothsim.solve.ledger import Ledger
 
 

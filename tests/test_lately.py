@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.solve.lately import PLACES, Lately
+from clothsim.lately import PLACES, Lately
 
 
 def test_the_last_places_are_known_by_their_numbers():
