@@ -103,8 +103,8 @@ class Pattern:
         """The diagonal, (3 n,): the first entry of each row."""
         return data[self.indptr[:-1]]
 
-    def shift(self, data: Floats, amount: Floats) -> Floats:
-        """A copy of `data` with `amount (3 n,)` added to the diagonal."""
+    def shift(self, data: Floats, amount: Floats | float) -> Floats:
+        """A copy of `data` with `amount`, one for all or (3 n,), added to the diagonal."""
         shifted = data.copy()
         shifted[self.indptr[:-1]] += amount
         return shifted
