@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from scipy import sparse
 
@@ -92,7 +91,7 @@ class Pattern:
 
     def times(self, data: Floats) -> Callable[[Floats], Floats]:
         """v -> A v for the symmetric matrix whose upper triangle is `data`."""
-        return lambda v: _times(data, self.indptr, self.indices, v)
+        return lambda v: _times(data, self.starts, self.columns, v)
 
     def fix(self, data: Floats, fixed: np.ndarray) -> None:
         """Cut the rows and columns of `fixed` vertices ((n,) booleans) out of `data` in place; 1 on their diagonal."""
@@ -241,16 +240,33 @@ def _fill_indices(indices, indptr, starts, columns):
                     at += 1
 
 
-@njit(cache=True, error_model="numpy")
-def _times(data, indptr, indices, v):
-    """A v, each entry of the upper triangle read once; the first of a row is the diagonal's."""
+@kernel
+def _times(data, starts, columns, v):
+    """A v, each block of the upper triangle read once; the first of a row is the diagonal's, of which half is there."""
     product = np.zeros_like(v)
-    for i in range(len(v)):
-        along = data[indptr[i]] * v[i]
-        for k in range(indptr[i] + 1, indptr[i + 1]):
-            along += data[k] * v[indices[k]]
-            product[indices[k]] += data[k] * v[i]
-        product[i] += along
+    first = 0  # where the three rows of a vertex begin in the data
+    for i in range(len(starts) - 1):
+        blocks = starts[i + 1] - starts[i]
+        second = first + 3 * blocks
+        third = second + 3 * blocks - 1
+        a, b, c = v[3 * i], v[3 * i + 1], v[3 * i + 2]
+        along_a = data[first] * a + data[first + 1] * b + data[first + 2] * c
+        along_b = data[second] * b + data[second + 1] * c
+        along_c = data[third] * c
+        product[3 * i + 1] += data[first + 1] * a
+        product[3 * i + 2] += data[first + 2] * a
+        product[3 * i + 2] += data[second + 1] * b
+        for k in range(1, blocks):
+            p, q, r, j = first + 3 * k, second + 3 * k - 1, third + 3 * k - 2, 3 * columns[starts[i] + k]
+            for n in range(3):
+                along_a += data[p + n] * v[j + n]
+                along_b += data[q + n] * v[j + n]
+                along_c += data[r + n] * v[j + n]
+                product[j + n] = product[j + n] + data[p + n] * a + data[q + n] * b + data[r + n] * c
+        product[3 * i] += along_a
+        product[3 * i + 1] += along_b
+        product[3 * i + 2] += along_c
+        first = third + 3 * blocks - 2
     return product
 
 
