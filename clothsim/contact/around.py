@@ -9,6 +9,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.contact.barrier_kernels import near_pairs
 from clothsim.contact.candidates import Candidates
+from clothsim.contact.near import keeps_to
 from clothsim.contact.search import Pairs
 
 REACH = 3.0
@@ -44,7 +45,7 @@ class CandidatesAround:
         """The pairs closer than `limit` at x that can change."""
         if not self._holds(x):
             near = self.whole.near(x)
-            return near.at(np.flatnonzero(self.moving[near.elements].any(axis=1)))
+            return near.at(np.flatnonzero(np.logical_or.reduce([self.moving.take(rows) for rows in near.elements.T])))
         numbers, _ = near_pairs(x, self.pairs.elements, self.pairs.n_points, self.whole.limit)
         return self.pairs.at(numbers)
 
@@ -56,8 +57,7 @@ class CandidatesAround:
 
     def _holds(self, x: Floats) -> bool:
         """Whether all of them are within `radius` of where the list was made."""
-        way = x[self.rows] - self.start[self.rows]
-        return bool(np.einsum("ij,ij->i", way, way).max(initial=0.0) <= self.radius**2)
+        return keeps_to(x, self.start, self.start, self.rows, self.radius)
 
     def __getattr__(self, name: str) -> Any:
         """All else is asked of the whole."""

@@ -10,10 +10,10 @@ from clothsim.contact import barrier_kernels as kernels
 from clothsim.contact.around import CandidatesAround
 from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.candidates import Candidates
-from clothsim.contact.near import equal
 from clothsim.contact.pairs import Pairs
 from clothsim.contact.stiffness import barrier_stiffness
 from clothsim.energies.base import ByElement, ElementHessian, Energy, Step
+from clothsim.rows import equal
 
 
 @dataclass(frozen=True)

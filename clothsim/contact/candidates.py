@@ -17,7 +17,6 @@ from clothsim.contact.barrier_kernels import near_pairs
 from clothsim.contact.ccd import CLOSE, edge_edge_limit, point_triangle_limit
 from clothsim.contact.near import (
     displaced,
-    equal,
     keeps_to,
     may_be_near,
     near_among,
@@ -28,6 +27,7 @@ from clothsim.contact.near import (
 from clothsim.contact.pairs import NONE, Pairs, together
 from clothsim.contact.search import Search
 from clothsim.contact.surface import ContactSurface
+from clothsim.rows import equal
 
 FEW = 0.25
 """Share of the vertices that may have left the base for a search of theirs alone: two such cost as one of all."""

@@ -126,15 +126,6 @@ def keeps_to(x: Floats, start: Floats, end: Floats, rows: Ints, room: float) -> 
 
 
 @kernel
-def equal(x: Floats, y: Floats) -> bool:
-    """Whether two arrays (N, 3) are the same, told at the first difference; NaN equals nothing."""
-    i = 0
-    while i < len(x) and x[i, 0] == y[i, 0] and x[i, 1] == y[i, 1] and x[i, 2] == y[i, 2]:
-        i += 1
-    return i == len(x)
-
-
-@kernel
 def place_on_way(start: Floats, end: Floats, share: float) -> tuple[Floats, np.ndarray]:
     """Where all are at this share of their ways (N, 3) [m], and which rows have moved (N,)."""
     place, moved = start.copy(), np.zeros(len(start), np.bool_)

@@ -1,6 +1,7 @@
 """The effect `gravity`: weight in a uniform field."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -10,6 +11,7 @@ from clothsim.arrays import Floats, Ints, as_vector
 from clothsim.energies.base import ElementHessian, Energy, Off, Step
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex
 from clothsim.mesh.world import World
+from clothsim.rows import as_rows, taken
 
 
 @dataclass(frozen=True)
@@ -33,14 +35,18 @@ class Gravity(Energy):
 
     def value(self, x: Floats) -> float:
         """Potential energy over the origin [J]."""
-        moment = self.masses @ (x[self.rows[:, 0]] - self.origin)
+        moment = self.masses @ (taken(x, as_rows(self.rows[:, 0])) - self.origin)
         return float(-self.load * (moment @ self.acceleration))
 
     def gradient(self, x: Floats) -> Floats:
         """-m g, (N, 3) [N]."""
         out = np.zeros_like(x)
-        out[self.rows[:, 0]] = -self.load * self.masses[:, None] * self.acceleration
+        out[as_rows(self.rows[:, 0])] = self._pull
         return out
+
+    @cached_property
+    def _pull(self) -> Floats:
+        return -self.load * self.masses[:, None] * self.acceleration
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Nothing: the energy is linear."""

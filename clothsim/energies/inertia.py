@@ -1,6 +1,7 @@
 """The effect `inertia`: the term that turns a sum of potentials into a time step."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Self
 
 from clothsim.arrays import Floats, Ints
@@ -40,6 +41,10 @@ class Inertia(Energy):
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """m / h^2 on the diagonal [N/m]."""
+        return self._hessian
+
+    @cached_property
+    def _hessian(self) -> ElementHessian:
         return diagonal_hessian(self.rows, self.masses / self.dt**2)
 
 

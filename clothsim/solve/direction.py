@@ -6,6 +6,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.linalg import dot
+from clothsim.rows import taken
 from clothsim.solve import pattern as assembly
 from clothsim.solve.direct import EXACT, LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.lanczos import saddle_free_solve
@@ -83,18 +84,19 @@ class Model:
             return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)))
         if trust.exact and len(self.fixed) >= WORTH_KEEPING and kept.solver is not None and kept.serves:
             curved = self._assembled(self.potential.exact_hessians(x))
-            right = self._free(-gradient)
+            right = -self._free(gradient)
             with self.potential.ledger.phase("linear solve"):
                 first = kept.solver.back_solve(right)
             return self._curved(curved, right, first, gradient, trust, replace(kept, age=kept.age + 1))
         hessians = self.potential.hessians(x)
-        right = self._free(-gradient - assembly.times(hessians, way) if way.any() else -gradient)
+        right = -self._free(gradient + assembly.times(hessians, way) if way.any() else gradient)
         data = self._assembled(hessians)
-        if not (np.isfinite(right).all() and np.isfinite(data).all()):
-            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(right.reshape(-1, 3))))
-        solved = self._solve(data, right, ROUGH if trust.exact else EXACT)
-        if solved is None:
+        finite = bool(np.isfinite(right).all())
+        solved = self._solve(data, right, ROUGH if trust.exact else EXACT) if finite else None
+        if solved is None and finite and np.isfinite(data).all():
             return Direction(way, gradient, end=outcome(Ending.SINGULAR))
+        if solved is None:
+            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(right.reshape(-1, 3))))
         solution, solver = solved
         if not trust.exact:
             return Direction(self._with(way, solution), gradient)
@@ -105,30 +107,32 @@ class Model:
         self, curved: Floats, right: Floats, first: Floats, gradient: Floats, trust: Trust, kept: Kept
     ) -> Direction:
         """The direction of the exact Hessian `curved`; first: what the preconditioner makes of the right-hand side."""
-        if not np.isfinite(curved).all():
-            return Direction(self._with(np.zeros_like(gradient), first), gradient)
         with self.potential.ledger.phase("linear solve"):
             assert kept.solver is not None
             found = saddle_free_solve(
                 self.system.pattern.times(curved), kept.solver.back_solve, right, trust.radius, first
             )
         dx = self._with(np.zeros_like(gradient), found.x)
-        return Direction(dx, gradient, found.bends, replace(kept, products=found.products))
+        kept = replace(kept, products=found.products) if found.products else NOTHING
+        return Direction(dx, gradient, found.bends, kept)
 
     def residual(self, gradient: Floats) -> float:
         """The largest component of the gradient (N, 3) at a vertex that moves [N]."""
-        return float(np.abs(gradient[self.system.rows[~self.fixed]]).max(initial=0.0))
+        return float(np.abs(self._free(gradient)).max(initial=0.0))
 
     def _free(self, vectors: Floats) -> Floats:
         """The entries (3 n,) of vectors (N, 3) at the region's vertices, 0 where they are fixed."""
-        entries = vectors[self.system.rows]
-        entries[self.fixed] = 0.0
+        entries = taken(vectors, self.system.rows)
+        if self.fixed.any():
+            entries = np.where(self.fixed[:, None], 0.0, entries)
         return entries.ravel()
 
     def _with(self, way: Floats, solution: Floats) -> Floats:
         """`way` with the solution at the vertices that are free."""
-        dx = way.copy()
-        dx[self.system.rows[~self.fixed]] = solution.reshape(-1, 3)[~self.fixed]
+        dx, moved = way.copy(), solution.reshape(-1, 3)
+        if self.fixed.any():
+            moved = np.where(self.fixed[:, None], taken(way, self.system.rows), moved)
+        dx[self.system.rows] = moved
         return dx
 
     def _assembled(self, hessians: list[assembly.Hessian]) -> Floats:
@@ -140,27 +144,34 @@ class Model:
     def _solve(self, data: Floats, b: Floats, accuracy: float) -> tuple[Floats, LinearSolver] | None:
         """The solution and what holds the factor, with a growing shift of the diagonal where there is none."""
         ledger = self.potential.ledger
-        diagonal = self.system.pattern.diagonal(data)
-        shift = 1e-10 * max(float(diagonal.max(initial=0.0)), np.finfo(float).tiny)
+        shift = 0.0
         for attempt in range(MAX_SHIFTS):
+            if attempt == 1:
+                if not np.isfinite(data).all():
+                    return None
+                shift = self._smallest_shift(data)
+            elif attempt:
+                shift *= 10.0
             with ledger.phase("linear solve"):
                 ledger.linear_solves += 1
                 try:
-                    shifted = self.system.pattern.shift(data, np.full(len(diagonal), shift)) if attempt else data
+                    shifted = self.system.pattern.shift(data, shift) if attempt else data
                     if attempt or accuracy == EXACT:
                         solver = self.system.solver
                     else:
                         solver, shifted = self.system.preconditioner(data)
                     solution = solver.solve(shifted, b, accuracy)
                 except NotPositiveDefiniteError:
-                    shift *= 10.0 if attempt else 1.0
                     continue
             with np.errstate(over="ignore", invalid="ignore"):
                 descent = dot(solution, b)
             if np.isfinite(solution).all() and 0.0 <= descent < np.inf:
                 return solution, solver
-            shift *= 10.0 if attempt else 1.0
         return None
+
+    def _smallest_shift(self, data: Floats) -> float:
+        largest = float(self.system.pattern.diagonal(data).max(initial=0.0))
+        return 1e-10 * max(largest, np.finfo(float).tiny)
 
 
 def _first_not_finite(vectors: Floats) -> int:

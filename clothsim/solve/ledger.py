@@ -26,6 +26,25 @@ class Account:
     parts: dict[str, float] = field(default_factory=dict)
 
 
+class _Call:
+    """One call of an effect, timed inside `with`: at 60 an iteration a generator made into a context tells."""
+
+    __slots__ = ("account", "counter", "ledger", "start")
+
+    def __init__(self, ledger: "Ledger", account: Account, counter: str) -> None:
+        self.ledger, self.account, self.counter = ledger, account, counter
+
+    def __enter__(self) -> Account:
+        self.start = self.ledger._open()
+        return self.account
+
+    def __exit__(self, *failure: object) -> None:
+        account, counter = self.account, self.counter
+        account.seconds += self.ledger._close(self.start)
+        if counter:
+            setattr(account, counter, getattr(account, counter) + 1)
+
+
 @dataclass
 class Ledger:
     """Accounts by name. `effects`: what the scene named; `phases`: assembly, linear solve, ...; both in seconds.
@@ -42,17 +61,12 @@ class Ledger:
     _inside: list[float] = field(default_factory=list, repr=False)
     """For each open measurement the seconds that others inside it have booked."""
 
-    @contextmanager
-    def effect(self, name: str, counter: str) -> Iterator[Account]:
+    def effect(self, name: str, counter: str) -> "_Call":
         """Time one call of an effect and count it under `counter`."""
-        account = self.effects.setdefault(name, Account())
-        start = self._open()
-        try:
-            yield account
-        finally:
-            account.seconds += self._close(start)
-            if counter:
-                setattr(account, counter, getattr(account, counter) + 1)
+        account = self.effects.get(name)
+        if account is None:
+            account = self.effects[name] = Account()
+        return _Call(self, account, counter)
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:

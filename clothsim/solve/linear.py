@@ -29,6 +29,7 @@ class Cholmod(LinearSolver):
         """Numeric factorisation with the kept analysis."""
         from sksparse.cholmod import CholmodNotPositiveDefiniteError
 
+        _refuse_what_is_no_number(data)
         try:
             self._factor.cholesky_inplace(_full(self._pattern, data))
         except CholmodNotPositiveDefiniteError as error:
@@ -49,6 +50,7 @@ class SuperLU(LinearSolver):
 
     def factorise(self, data: Floats) -> None:
         """With diagonal pivots; a negative pivot says that the matrix is not positive definite."""
+        _refuse_what_is_no_number(data)
         try:
             self._factor = linalg.splu(
                 _full(self._pattern, data),
@@ -105,6 +107,11 @@ def slowness(solver: LinearSolver) -> str:
         f"The linear solver is SuperLU, about ten times slower than PARDISO, which does not exist for {sys.platform} "
         "on this processor or is not installed; scikit-sparse (CHOLMOD) helps."
     )
+
+
+def _refuse_what_is_no_number(data: Floats) -> None:
+    if not np.isfinite(data).all():
+        raise NotPositiveDefiniteError
 
 
 def _full(pattern: Pattern, data: Floats) -> sparse.csc_matrix:

@@ -125,7 +125,7 @@ class Newton:
         """The few vertices that the last step dx moved, brought to rest by themselves; None where they are not few."""
         if self.system.region is not None:
             return None
-        moved = np.abs(dx[self.system.rows]).max(axis=1, initial=0.0)
+        moved = np.abs(dx[self.system.rows].T.copy()).max(axis=0, initial=0.0)
         rows = restless(moved, self.settings.tolerance * self.dt, self.system.base, model.fixed)
         if not len(rows):
             return None

@@ -48,11 +48,9 @@ class Pattern:
         _fill_indices(indices, indptr, self.starts, self.columns)
         return indptr, indices
 
-    def entries(self, data: Floats, kind: type[np.floating] = np.float64) -> NDArray[Any]:
-        """`data` in the order of the scalar upper triangle; what a `kind` cannot hold becomes inf."""
-        entries = np.empty(self.nonzeros, kind)
-        _fill_entries(entries, self.starts, data)
-        return entries
+    def write_entries(self, data: Floats, entries: NDArray[Any]) -> None:
+        """`data` in the order of the scalar upper triangle; what `entries` cannot hold becomes inf."""
+        _write_entries(entries, self.starts, data)
 
     def places(self, elements: Ints) -> NDArray[np.int32]:
         """Where the blocks of each of the `elements (m, k)` belong, (m, k (k + 1) / 2): see `scatter.places`."""
@@ -98,7 +96,9 @@ class Pattern:
     def upper(self, data: Floats) -> sparse.csr_matrix:
         """The upper triangle as a scipy matrix."""
         (indptr, indices), size = self.scalar, 3 * self.n_vertices
-        return sparse.csr_matrix((self.entries(data), indices, indptr), shape=(size, size))
+        entries = np.empty(len(indices))
+        self.write_entries(data, entries)
+        return sparse.csr_matrix((entries, indices, indptr), shape=(size, size))
 
     def times(self, data: Floats) -> Callable[[Floats], Floats]:
         """v -> A v for the matrix of `data`."""
@@ -113,8 +113,8 @@ class Pattern:
         """The diagonal, (3 n,)."""
         return data[self._on_diagonal]
 
-    def shift(self, data: Floats, amount: Floats) -> Floats:
-        """A copy of `data` with `amount (3 n,)` added to the diagonal."""
+    def shift(self, data: Floats, amount: Floats | float) -> Floats:
+        """A copy of `data` with `amount`, one for all or (3 n,), added to the diagonal."""
         shifted = data.copy()
         shifted[self._on_diagonal] += amount
         return shifted
@@ -256,7 +256,7 @@ def _fill_indices(indices, indptr, starts, columns):
 
 
 @kernel
-def _fill_entries(entries, starts, data):
+def _write_entries(entries, starts, data):
     """The diagonal's blocks give their upper triangle, the others all: row by row of the scalar matrix."""
     at = 0
     for i in range(len(starts) - 1):

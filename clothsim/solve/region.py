@@ -11,6 +11,7 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel
 from clothsim.energies.base import ByElement
 from clothsim.solve.pattern import Hessian, Pattern
 
@@ -62,11 +63,18 @@ def restless(moved: Floats, least: float, pattern: Pattern, fixed: np.ndarray) -
     chosen = (moved > least) & ~fixed
     if len(moved) < LEAST or not 0 < chosen.sum() <= MOST * len(moved):
         return NOBODY
-    rows = np.repeat(np.arange(pattern.n_vertices), np.diff(pattern.starts))
     for _ in range(RINGS):
         grown = chosen.copy()
-        grown[pattern.columns[chosen[rows]]] = True
-        grown[rows[chosen[pattern.columns]]] = True
+        _grow(grown, chosen, pattern.starts, pattern.columns)
         chosen = grown
     found = np.flatnonzero(chosen & ~fixed)
     return found if len(found) <= MOST * len(moved) else NOBODY
+
+
+@kernel
+def _grow(grown, chosen, starts, columns):
+    """Add the neighbours of the `chosen` (n,) to `grown (n,)`."""
+    for i in range(len(chosen)):
+        for k in range(starts[i], starts[i + 1]):
+            grown[i] |= chosen[columns[k]]
+            grown[columns[k]] |= chosen[i]

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.arrays import Floats, Ints
+from clothsim.rows import Rows
 from clothsim.solve.direct import LinearSolver
 from clothsim.solve.linear import make_solver
 from clothsim.solve.pattern import Hessian, Pattern, coupled, couplings
@@ -19,14 +20,14 @@ class System:
 
     `base` is what the mesh couples. Each step starts with what contact is expected to couple (`begin`), so that the
     order of elimination, and with it every bit, depends on the step's own start; inside a step the pattern only grows.
-    region: the rows of x that the matrix is about, None for the first ones, all of the cloth. name: that of the solver
+    region: what the matrix is about, None for all of the cloth; rows: which of x these are. name: that of the solver
     once there is one, which no summary has to analyse a pattern for.
     """
 
     def __init__(self, base: Pattern, linear: str = "auto", threads: int = 0, region: Region | None = None) -> None:
         self.base = base
         self.region = region
-        self.rows = np.arange(base.n_vertices) if region is None else region.rows
+        self.rows: Rows = slice(0, base.n_vertices) if region is None else region.rows
         self.analyses, self.name = 0, linear
         self._linear, self._threads = linear, threads
         self.pattern = self._analysed = base
@@ -65,9 +66,8 @@ class System:
             self._solver.restart()
 
     def of(self, region: Region) -> "System":
-        """A system of a region of this one, with the same kind of solver."""
-        rows = np.searchsorted(self.rows, region.rows)
-        return System(self.pattern.of(rows), self._linear, self._threads, region)
+        """A system of a region of this one, which is of all of the cloth, with the same kind of solver."""
+        return System(self.pattern.of(region.rows), self._linear, self._threads, region)
 
     def assemble(self, hessians: list[Hessian]) -> Floats:
         """The sum of the Hessians as the data of the pattern, which grows first where something does not fit."""

@@ -11,10 +11,10 @@ from solving import equilibrium, held, step_at, those_on
 from clothsim import resume, simulate
 from clothsim.energies.base import Off
 from clothsim.energies.bending import bending
+from clothsim.energies.hinge_kernels import angles
 from clothsim.energies.membrane import membrane
 from clothsim.energies.plastic_bending import flowed, plastic_bending
 from clothsim.energies.rest_angle import rest_angle
-from clothsim.energies.hinge_kernels import angles
 from clothsim.errors import InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.mesh.world import make_world

@@ -11,9 +11,9 @@ from solving import equilibrium, held, step_at, those_on
 from clothsim import simulate
 from clothsim.energies.base import Off
 from clothsim.energies.bending import bending
+from clothsim.energies.hinge_kernels import angles
 from clothsim.energies.membrane import membrane
 from clothsim.energies.rest_angle import rest_angle
-from clothsim.energies.hinge_kernels import angles
 from clothsim.errors import InputError
 from clothsim.mesh.world import make_world
 

@@ -13,9 +13,9 @@ from clothsim import Scene, simulate
 from clothsim.energies.base import Off
 from clothsim.energies.bending import bending
 from clothsim.energies.gravity import gravity
+from clothsim.energies.hinge_kernels import angles
 from clothsim.energies.membrane import membrane
 from clothsim.energies.seams import seams
-from clothsim.energies.hinge_kernels import angles
 from clothsim.errors import InputError
 from clothsim.mesh.world import make_world
 

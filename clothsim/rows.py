@@ -1,0 +1,30 @@
+"""Rows of arrays: those that are wanted, and whether all are the same."""
+
+from typing import TypeAlias
+
+from clothsim.arrays import Floats, Ints
+from clothsim.compiled import kernel
+
+Rows: TypeAlias = slice | Ints
+"""What an array is indexed with: where none is left out between those that are wanted, nothing is gathered."""
+
+
+def as_rows(rows: Ints) -> Rows:
+    """The same rows (k,), which ascend, as a slice where they follow one another."""
+    if len(rows) and rows[-1] - rows[0] + 1 == len(rows):
+        return slice(int(rows[0]), int(rows[-1]) + 1)
+    return rows
+
+
+def taken(x: Floats, rows: Rows) -> Floats:
+    """These rows of x: a view of it where they are a slice. `take` costs a quarter of what indexing does."""
+    return x[rows] if isinstance(rows, slice) else x.take(rows, axis=0)
+
+
+@kernel
+def equal(x: Floats, y: Floats) -> bool:
+    """Whether two arrays (N, 3) are the same, told at the first difference; NaN equals nothing."""
+    i = 0
+    while i < len(x) and x[i, 0] == y[i, 0] and x[i, 1] == y[i, 1] and x[i, 2] == y[i, 2]:
+        i += 1
+    return i == len(x)
