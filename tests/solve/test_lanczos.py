@@ -105,4 +105,6 @@ def test_a_product_that_is_no_number_leaves_the_preconditioner_s_direction():
         calls.append(v)
         return A @ v if len(calls) < 3 else np.full(30, np.nan)
 
-    assert solved(times, lambda r: 0.1 * r, b).x == pytest.approx(0.1 * b)
+    found = solved(times, lambda r: 0.1 * r, b)
+    assert found.x == pytest.approx(0.1 * b)
+    assert found.products == 0
