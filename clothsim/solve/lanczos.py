@@ -64,11 +64,13 @@ def saddle_free_solve(
             return Found(preconditioned, False, 0)
         values, rotation, _ = dstev(diagonal[: last + 1], beside[: max(last, 1)])  # NumPy's eigh takes three times this
         shares = rotation.copy() @ (whole * rotation[0] / np.maximum(np.abs(values), 1.0 / trust))
+        if len(vectors) == MAX_PRODUCTS or (last and norm * abs(shares[-1]) <= RELATIVE_ERROR * whole):
+            break  # the coupling to the next vector is about the last: to know it would take one more back-solve
         residual -= curvature * dual
         residual -= norm * before
         image = precondition(residual)
         before, norm = dual, float(np.sqrt(max(dot(residual, image), 0.0)))
-        if not norm * abs(shares[-1]) > RELATIVE_ERROR * whole or len(vectors) == MAX_PRODUCTS:
+        if not norm * abs(shares[-1]) > RELATIVE_ERROR * whole:
             break
         beside[last] = norm
     x = np.zeros_like(b)

@@ -108,3 +108,17 @@ def test_a_product_that_is_no_number_leaves_the_preconditioner_s_direction():
     found = solved(times, lambda r: 0.1 * r, b)
     assert found.x == pytest.approx(0.1 * b)
     assert found.products == 0
+
+
+@pytest.mark.parametrize("values", [np.logspace(0, 12, 60), np.linspace(1, 10, 60)])
+def test_no_back_solve_comes_after_the_last_product(values):
+    """The first is given; one more would only tell how far the last vector couples to the next."""
+    A, b, calls = matrix(values), right(60), []
+
+    def precondition(r):
+        calls.append(r)
+        return r
+
+    found = saddle_free_solve(lambda v: A @ v, precondition, b, TRUST, b)
+    assert found.products > 2
+    assert len(calls) == found.products - 1

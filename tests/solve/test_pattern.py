@@ -5,7 +5,8 @@ import pytest
 from meshes import cloth, grid, small_world
 from scipy import sparse
 
-from clothsim.energies.base import ByElement, ElementHessian, SquaresHessian
+from clothsim.compiled import LANES
+from clothsim.energies.base import AT_ONCE, ByElement, ElementHessian, LanesHessian, SquaresHessian
 from clothsim.solve.pattern import coupled, couplings, make_pattern, times
 
 
@@ -40,6 +41,21 @@ def squares(elements, seed):
     return SquaresHessian(elements, first, count, rng.standard_normal((count.sum(), 3 * elements.shape[1])))
 
 
+def lanes(elements, seed):
+    """The blocks of `random_blocks`, told lane by lane; lanes without an element hold what must not be read."""
+    blocks = random_blocks(elements, seed).blocks
+    corners = elements.shape[1]
+
+    def fill(room, first):
+        room[:] = np.nan
+        for i in range(min(LANES * len(room), len(elements) - first)):
+            own = blocks[first + i].reshape(corners, 3, corners, 3)
+            numbers = [own[a, :, b] for a in range(corners) for b in range(a, corners)]
+            room[i // LANES, i % LANES :: LANES] = np.ravel(numbers)
+
+    return LanesHessian(elements, fill)
+
+
 def hessians():
     return [
         random_blocks(TRIANGLES, 1),
@@ -48,6 +64,7 @@ def hessians():
         ElementHessian(np.zeros((0, 1), np.int64), np.zeros((0, 3, 3))),
         contact(),
         squares(random_elements(7, 4, ROWS, 6), 7),
+        lanes(random_elements(2 * LANES + 3, 4, ROWS, 10), 11),
     ]
 
 
@@ -70,7 +87,7 @@ def test_assembly_is_the_dense_sum_of_the_unknown_rows():
     assert np.abs(expected).max() > 1
 
 
-@pytest.mark.parametrize("which", range(6))
+@pytest.mark.parametrize("which", range(7))
 def test_each_kind_of_hessian_alone(which):
     parts = hessians()
     pattern = make_pattern(N, TRIANGLES, parts)
@@ -87,8 +104,23 @@ def test_a_sum_of_squares_is_that_of_its_sides():
     assert part.nnz == part.blocks.size
 
 
-def test_a_vertex_that_is_twice_in_an_element_gets_all_of_it():
-    part = random_blocks(np.array([[2, 5, 2]]), 9)
+@pytest.mark.parametrize("count", [0, 1, LANES, LANES + 1, 2 * AT_ONCE + 5])
+def test_lanes_are_blocks(count):
+    elements = random_elements(count, 3, ROWS, 12).reshape(count, 3)
+    part, blocks = lanes(elements, 13), random_blocks(elements, 13)
+    assert np.array_equal(part.blocks, blocks.blocks)
+    assert part.nnz == blocks.nnz
+    pattern = make_pattern(N, TRIANGLES, [part])
+    data, outside = pattern.assemble([part])
+    assert outside == 0
+    assert np.abs(data - pattern.assemble([blocks])[0]).max(initial=0.0) < 1e-13 * max(1, count)
+    vectors = np.random.default_rng(14).standard_normal((count, 9))
+    assert np.array_equal(part.times(vectors), blocks.times(vectors))
+
+
+@pytest.mark.parametrize("kind", [random_blocks, lanes])
+def test_a_vertex_that_is_twice_in_an_element_gets_all_of_it(kind):
+    part = kind(np.array([[2, 5, 2]]), 9)
     pattern = make_pattern(N, TRIANGLES, [part])
     assert np.abs(full(pattern.upper(pattern.assemble([part])[0])) - dense([part])).max() < 1e-14
 
@@ -117,7 +149,7 @@ def test_the_pattern_of_a_sheet_is_its_one_ring_and_with_hinges_the_two_ring():
 
 def test_what_is_outside_the_pattern_is_counted_and_a_coupled_pattern_takes_it():
     pattern = make_pattern(N, np.zeros((0, 3), np.int64), [])
-    for part in (hessians()[0], hessians()[1], contact(), hessians()[5]):
+    for part in (hessians()[0], hessians()[1], contact(), *hessians()[5:]):
         assert pattern.assemble([part])[1] > 0
         wider = coupled(pattern, [couplings(part)])
         data, outside = wider.assemble([part])
