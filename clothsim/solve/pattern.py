@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import kernel
+from clothsim.compiled import LANES, kernel
 from clothsim.energies.base import AT_ONCE, ByElement, ElementHessian, SquaresHessian
 from clothsim.solve import scatter
 
@@ -126,14 +126,17 @@ class Pattern:
 
 def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
     """Adds the blocks of a Hessian to `data` and returns how many have no place."""
-    if isinstance(hessian, ElementHessian):
-        return scatter.add_blocks(data, at, hessian.blocks)
     if isinstance(hessian, SquaresHessian):
         return scatter.add_squares(data, at, hessian.first, hessian.count, hessian.sides)
-    lanes, outside = hessian.room(min(AT_ONCE, len(at))), 0
+    if isinstance(hessian, ElementHessian):
+        size = hessian.blocks.shape[1]
+        rows, columns = np.triu_indices(size // 3)
+        numbers = np.ascontiguousarray(hessian.blocks).reshape(len(at), size * size)
+        return scatter.add_blocks(data, at, 0, numbers, 1, 3 * (rows * size + columns), size, 1)
+    lanes, outside, offsets = hessian.room(min(AT_ONCE, len(at))), 0, 9 * LANES * np.arange(at.shape[1])
     for first in range(0, len(at), AT_ONCE):
         hessian.fill(lanes, first)
-        outside += scatter.add_lanes(data, at, first, lanes)
+        outside += scatter.add_blocks(data, at, first, lanes, LANES, offsets, 3 * LANES, LANES)
     return outside
 
 

@@ -8,7 +8,7 @@ numbers are read: a branch would go either way by chance.
 
 import numpy as np
 
-from clothsim.compiled import LANES, inlined, kernel, natural, part
+from clothsim.compiled import inlined, kernel, natural, part
 
 BELOW, OUTSIDE = -1, -2
 """Of a block that needs no place, and of one that has none."""
@@ -50,30 +50,19 @@ def places(starts, columns, elements):
 
 
 @kernel
-def add_blocks(data, at, blocks):
-    """Adds dense blocks (m, 3 k, 3 k); returns how many of 3x3 have no place."""
-    numbers, size, outside = blocks.reshape(-1), blocks.shape[1], 0
-    for e in range(len(blocks)):
-        k = 0
-        for a in range(size // 3):
-            for b in range(a, size // 3):
-                if at[e, k] >= 0:
-                    _add(data, at[e, k], numbers, natural((e * size + 3 * a) * size + 3 * b), natural(size), 1)
-                outside += at[e, k] == OUTSIDE
-                k += 1
-    return outside
+def add_blocks(data, at, first, numbers, lanes, offsets, down, along):
+    """Adds blocks of the elements from `first` on; returns how many of 3x3 have no place.
 
-
-@kernel
-def add_lanes(data, at, first, lanes):
-    """Adds the blocks of `lanes` (`LanesHessian`), of the elements from `first` on; returns as above."""
-    numbers, size, outside = lanes.reshape(-1), lanes.shape[1], 0
-    for i in range(min(LANES * len(lanes), len(at) - first)):
-        begin = natural(i // LANES * size + i % LANES)
+    Each row of numbers (g, n) is for as many elements as there are lanes. Block k of the element in lane l begins at
+    offsets[k] + l; its rows are `down` apart, and its columns `along`.
+    """
+    flat, size, outside = numbers.reshape(-1), numbers.shape[1], 0
+    for i in range(min(lanes * len(numbers), len(at) - first)):
+        begin = natural(i // lanes * size + i % lanes)
         for k in range(at.shape[1]):
             where = at[first + i, k]
             if where >= 0:
-                _add(data, where, numbers, begin + 9 * k * LANES, 3 * LANES, LANES)
+                _add(data, where, flat, begin + natural(offsets[k]), down, along)
             outside += where == OUTSIDE
     return outside
 
