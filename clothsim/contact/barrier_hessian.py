@@ -11,9 +11,9 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel, part
-from clothsim.contact.barrier_kernels import FIRST, LINE, SECOND, SHARE, VALUE, crossing_gradient, mollifier
+from clothsim.contact.barrier_kernels import FIRST, LINE, SECOND, SHARE, VALUE, crossing_gradient, edges, mollifier
 from clothsim.contact.closest import dot
-from clothsim.contact.distance import edge, free_directions
+from clothsim.contact.distance import free_directions, vertices
 from clothsim.contact.relative import absolute_block, relative
 from clothsim.contact.semidefinite import positive_squares
 from clothsim.energies.base import ElementHessian, SquaresHessian, room_for
@@ -54,7 +54,7 @@ def squares(sides, first, count, poses, x, elements, n_points, kappa):
             continue
         g, r = _pose(poses, e)
         slope, curvature = kappa * poses[e, FIRST], kappa * poses[e, SECOND]
-        (one, t, c), (other, u, d) = free_directions(x, elements[e], e >= n_points, g)
+        (one, t, c), (other, u, d) = free_directions(vertices(x, elements, e), e >= n_points, g)
         _along_normal(sides, at, g, r, slope, curvature)
         at += 1
         if one:
@@ -100,7 +100,7 @@ def exact_blocks(blocks, poses, x, elements, thresholds, n_points, kappa):
     """Fills `blocks (p, 12, 12)`."""
     own, sides = np.empty((1, 9, 9)), np.empty((5, 9))
     for e in range(len(elements)):
-        _relative_block(own, 0, sides, poses, x, elements[e], e, e >= n_points, thresholds[e], kappa)
+        _relative_block(own, 0, sides, poses, vertices(x, elements, e), e, e >= n_points, thresholds[e], kappa)
         absolute_block(own, 0, blocks, e)
 
 
@@ -110,11 +110,11 @@ def relative_blocks(blocks, numbers, poses, x, elements, thresholds, n_points, k
     sides = np.empty((5, 9))
     for k in range(len(numbers)):
         e = numbers[k]
-        _relative_block(blocks, k, sides, poses, x, elements[e], e, e >= n_points, thresholds[e], kappa)
+        _relative_block(blocks, k, sides, poses, vertices(x, elements, e), e, e >= n_points, thresholds[e], kappa)
 
 
 @part
-def _relative_block(blocks, at, sides, poses, x, rows, e, is_edges, threshold, kappa):
+def _relative_block(blocks, at, sides, poses, points, e, is_edges, threshold, kappa):
     """blocks[at] of pair e: m times the above, b' m' (dq dc' + dc dq') and b (m'' dc dc' + m' d2c).
 
     sides (5, 9) is used up: g r, G of either tangent, dc, and what stands beside dc.
@@ -124,15 +124,14 @@ def _relative_block(blocks, at, sides, poses, x, rows, e, is_edges, threshold, k
     if poses[e, SHARE] < 1.0:
         m, dm, d2m = mollifier(poses[e, SHARE], threshold)
     b, slope, curvature = kappa * poses[e, VALUE], kappa * poses[e, FIRST], kappa * poses[e, SECOND]
-    (one, t, c), (other, u, d) = free_directions(x, rows, is_edges, g)
+    (one, t, c), (other, u, d) = free_directions(points, is_edges, g)
     across = -2.0 * m * slope
     _fill_sides(sides, relative(g), r, t, relative(c), u, relative(d))
-    edges = edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3])
-    _fill_crossing(sides, crossing_gradient(*edges), dm, 2.0 * slope * dm, b * d2m)
+    _fill_crossing(sides, crossing_gradient(*edges(points)), dm, 2.0 * slope * dm, b * d2m)
     _sum(blocks, at, sides, 4.0 * m * curvature, across * one, across * other, 2.0 * slope * dm)
     _add_all_ways(blocks, at, relative(g), -across)
     if dm > 0.0:
-        _add_turning(blocks, at, *edges, 4.0 * b * dm)
+        _add_turning(blocks, at, *edges(points), 4.0 * b * dm)
 
 
 @part

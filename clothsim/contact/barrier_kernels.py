@@ -7,28 +7,32 @@ m(c) = (2 - c/e) c/e for c < e, else 1, the mollifier of nearly parallel edges u
 
 import numpy as np
 
-from clothsim.compiled import kernel, part
-from clothsim.contact.closest import cross, dot
-from clothsim.contact.distance import closest_points, edge, squared_distance
+from clothsim.compiled import kernel, natural, part
+from clothsim.contact.closest import cross, dot, minus
+from clothsim.contact.distance import closest_points, squared_distance, vertices
 
 LINE, VALUE, FIRST, SECOND, SHARE, POSE = 4, 7, 8, 9, 10, 11
 """Where in a pose its parts begin, and how long it is."""
 
 
 @part
-def _apart(x, rows, split, limit):
+def apart(points, is_edges, limit):
     """True where the boxes of the two parts of a pair are further apart than `limit` along an axis."""
-    for k in range(3):
-        low, high = x[rows[0], k], x[rows[0], k]
-        if split == 2:
-            low, high = min(low, x[rows[1], k]), max(high, x[rows[1], k])
-        other_low, other_high = x[rows[2], k], x[rows[2], k]
-        other_low, other_high = min(other_low, x[rows[3], k]), max(other_high, x[rows[3], k])
-        if split == 1:
-            other_low, other_high = min(other_low, x[rows[1], k]), max(other_high, x[rows[1], k])
-        if low - other_high > limit or other_low - high > limit:
-            return True
-    return False
+    p, a, b, c = points
+    return (
+        _apart_along(p[0], a[0], b[0], c[0], is_edges, limit)
+        | _apart_along(p[1], a[1], b[1], c[1], is_edges, limit)
+        | _apart_along(p[2], a[2], b[2], c[2], is_edges, limit)
+    )
+
+
+@part
+def _apart_along(p, a, b, c, is_edges, limit):
+    low, high = (min(p, a), max(p, a)) if is_edges else (p, p)
+    other_low, other_high = min(b, c), max(b, c)
+    if not is_edges:
+        other_low, other_high = min(other_low, a), max(other_high, a)
+    return (low - other_high > limit) | (other_low - high > limit)
 
 
 @kernel
@@ -38,10 +42,10 @@ def near_pairs(x, elements, n_points, limit):
     squared = np.empty(len(elements))
     count = 0
     for e in range(len(elements)):
-        split = 1 if e < n_points else 2
+        points, is_edges = vertices(x, elements, e), e >= n_points
         squared[e] = np.inf
-        if not _apart(x, elements[e], split, limit):
-            squared[e] = squared_distance(x, elements[e], split == 2)
+        if not apart(points, is_edges, limit):
+            squared[e] = squared_distance(points, is_edges)
         count += squared[e] < limit * limit
     found, distances_squared = np.empty(count, np.int64), np.empty(count)
     k = 0
@@ -66,9 +70,15 @@ def barrier(s, S, d_hat):
 
 
 @part
-def crossing(x, rows):
+def edges(points):
+    """Both edges of an edge-edge pair [m]."""
+    return minus(points[1], points[0]), minus(points[3], points[2])
+
+
+@part
+def crossing(points):
     """c = |u x v|^2 of the edges u, v of an edge-edge pair [m4]."""
-    n = cross(edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3]))
+    n = cross(*edges(points))
     return dot(n, n)
 
 
@@ -96,7 +106,8 @@ def measure(poses, x, elements, weights, thresholds, n_points, offset, d_hat):
     S = d_hat * (2.0 * offset + d_hat)
     total = 0.0
     for e in range(len(elements)):
-        g, r = closest_points(x, elements[e], e >= n_points)
+        points = vertices(x, elements, e)
+        g, r = closest_points(points, e >= n_points)
         b, first, second = barrier(dot(r, r) - offset * offset, S, d_hat)
         w = weights[e]
         for i in range(4):
@@ -105,7 +116,7 @@ def measure(poses, x, elements, weights, thresholds, n_points, offset, d_hat):
             poses[e, LINE + k] = r[k]
         poses[e, VALUE], poses[e, FIRST], poses[e, SECOND], poses[e, SHARE] = w * b, w * first, w * second, 1.0
         if thresholds[e] > 0.0:
-            share = min(crossing(x, elements[e]) / thresholds[e], 1.0)
+            share = min(crossing(points) / thresholds[e], 1.0)
             poses[e, SHARE] = share
             m = mollifier(share, thresholds[e])[0]
             b = b * m if m > 0.0 else 0.0
@@ -118,20 +129,21 @@ def gradient(poses, x, elements, thresholds):
     """d/dx of the sum of w m b, (N, 3) [m2]: w (2 m b' g_i r + b dm/dc dc/dx_i)."""
     out = np.zeros_like(x)
     for e in range(len(elements)):
-        rows, m = elements[e], 1.0
+        m = 1.0
         if poses[e, SHARE] < 1.0:
             m, dm, _ = mollifier(poses[e, SHARE], thresholds[e])
-            du, dv = crossing_gradient(edge(x, rows[0], rows[1]), edge(x, rows[2], rows[3]))
+            du, dv = crossing_gradient(*edges(vertices(x, elements, e)))
             turning = poses[e, VALUE] * dm
             for k in range(3):
-                out[rows[0], k] -= turning * du[k]
-                out[rows[1], k] += turning * du[k]
-                out[rows[2], k] -= turning * dv[k]
-                out[rows[3], k] += turning * dv[k]
+                out[elements[e, 0], k] -= turning * du[k]
+                out[elements[e, 1], k] += turning * du[k]
+                out[elements[e, 2], k] -= turning * dv[k]
+                out[elements[e, 3], k] += turning * dv[k]
         slope = 2.0 * m * poses[e, FIRST]
         for i in range(4):
+            row = natural(elements[e, i])
             for k in range(3):
-                out[rows[i], k] += slope * poses[e, i] * poses[e, LINE + k]
+                out[row, k] += slope * poses[e, i] * poses[e, LINE + k]
     return out
 
 
@@ -144,7 +156,8 @@ def pull(x, elements, weights, thresholds, n_points, offset, d_hat, least):
     S = d_hat * (2.0 * offset + d_hat)
     g, r, slopes = np.zeros((len(elements), 4)), np.zeros((len(elements), 3)), np.zeros(len(elements))
     for e in range(len(elements)):
-        weights_of, line = closest_points(x, elements[e], e >= n_points)
+        points = vertices(x, elements, e)
+        weights_of, line = closest_points(points, e >= n_points)
         g[e, 0], g[e, 1], g[e, 2], g[e, 3] = weights_of
         r[e, 0], r[e, 1], r[e, 2] = line
         distance = max(np.sqrt(dot(line, line)), offset + least)
@@ -152,6 +165,6 @@ def pull(x, elements, weights, thresholds, n_points, offset, d_hat, least):
         if s < S:
             m = 1.0
             if thresholds[e] > 0.0:
-                m = mollifier(min(crossing(x, elements[e]) / thresholds[e], 1.0), thresholds[e])[0]
+                m = mollifier(min(crossing(points) / thresholds[e], 1.0), thresholds[e])[0]
             slopes[e] = weights[e] * m * barrier(s, S, d_hat)[1] * 2.0 * distance
     return g, r, slopes

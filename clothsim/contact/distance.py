@@ -13,7 +13,7 @@ as in any envelope theorem). One formula serves point-point, point-edge, point-t
 
 import numpy as np
 
-from clothsim.compiled import part
+from clothsim.compiled import natural, part
 from clothsim.contact.closest import cross, dot, edge_edge_closest, minus, point_triangle_closest
 
 FLAT = 1e-20
@@ -21,20 +21,31 @@ FLAT = 1e-20
 
 
 @part
-def squared_distance(x, rows, is_edges):
-    """d^2 [m2] of the pair `rows (4,)`."""
-    _, r = closest_points(x, rows, is_edges)
+def vertices(x, elements, e):
+    """The four vertices of pair e of `elements (p, 4)`, as points."""
+    return (
+        _point(x, natural(elements[e, 0])),
+        _point(x, natural(elements[e, 1])),
+        _point(x, natural(elements[e, 2])),
+        _point(x, natural(elements[e, 3])),
+    )
+
+
+@part
+def squared_distance(points, is_edges):
+    """d^2 [m2] of a pair with these vertices."""
+    _, r = closest_points(points, is_edges)
     return dot(r, r)
 
 
 @part
-def closest_points(x, rows, is_edges):
-    """g and r [m] of the pair `rows (4,)`.
+def closest_points(points, is_edges):
+    """g and r [m] of a pair with these vertices.
 
     sum g_i x_i is good to the last digits of x only, and at a small gap points anywhere. So r is taken as the part of
     a difference of vertices along the normal of the features (two edges, a face) or across the one edge.
     """
-    p, a, b, c = _point(x, rows[0]), _point(x, rows[1]), _point(x, rows[2]), _point(x, rows[3])
+    p, a, b, c = points
     if is_edges:
         s, t = edge_edge_closest(p, a, b, c)
         g = 1.0 - s, s, t - 1.0, -t
@@ -63,12 +74,6 @@ def _point(x, row):
 
 
 @part
-def edge(x, first, second):
-    """x[second] - x[first]."""
-    return minus(_point(x, second), _point(x, first))
-
-
-@part
 def _along(n, r):
     """The part of r along n."""
     share = dot(r, n) / dot(n, n)
@@ -83,7 +88,7 @@ def _across(r, e):
 
 
 @part
-def free_directions(x, rows, is_edges, g):
+def free_directions(points, is_edges, g):
     """The tangents along which the closest points can move, two at most: of each whether it is there, t and c [1/m].
 
     c has the four weights of the pair's vertices; the tangents are orthonormal.
@@ -92,10 +97,10 @@ def free_directions(x, rows, is_edges, g):
     one, t, c = i >= 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0)
     other, u, d = k >= 0, t, c
     if one:
-        t, c = edge(x, rows[j], rows[i]), _difference(i, j)
+        t, c = minus(points[i], points[j]), _difference(i, j)
         t, c = _scaled(1.0 / np.sqrt(dot(t, t)), t, c)
     if other:
-        u, d = edge(x, rows[m], rows[k]), _difference(k, m)
+        u, d = minus(points[k], points[m]), _difference(k, m)
         length, along = dot(u, u), dot(t, u)
         u = minus(u, (along * t[0], along * t[1], along * t[2]))
         d = d[0] - along * c[0], d[1] - along * c[1], d[2] - along * c[2], d[3] - along * c[3]

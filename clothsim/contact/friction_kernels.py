@@ -3,19 +3,21 @@
 import numpy as np
 from numba import njit
 
-from clothsim.compiled import kernel
+from clothsim.compiled import kernel, natural
 
 
 @njit(cache=True, error_model="numpy", inline="always")
 def _sliding(x, start, rows, g, n, u):
     """Fills u (3,) [m]; returns its length."""
-    along = 0.0
     for k in range(3):
         u[k] = 0.0
-        for i in range(4):
-            u[k] += g[i] * (x[rows[i], k] - start[rows[i], k])
+    for i in range(4):
+        row = natural(rows[i])
+        for k in range(3):
+            u[k] += g[i] * (x[row, k] - start[row, k])
+    along = squared = 0.0
+    for k in range(3):
         along += u[k] * n[k]
-    squared = 0.0
     for k in range(3):
         u[k] -= along * n[k]
         squared += u[k] * u[k]
@@ -47,8 +49,9 @@ def gradient(x, start, elements, weights, normals, limits, e):
     for p in range(len(elements)):
         slope = limits[p] * _per_length(_sliding(x, start, elements[p], weights[p], normals[p], u), e)
         for i in range(4):
+            row = natural(elements[p, i])
             for k in range(3):
-                out[elements[p, i], k] += slope * weights[p, i] * u[k]
+                out[row, k] += slope * weights[p, i] * u[k]
     return out
 
 
@@ -56,17 +59,20 @@ def gradient(x, start, elements, weights, normals, limits, e):
 def hessian(x, start, elements, weights, normals, limits, e):
     """Blocks (p, 12, 12): L g_i g_j (f0'/|u| (I - n n' - t t') + f0'' t t'), t = u/|u|."""
     blocks = np.empty((len(elements), 12, 12))
-    u = np.empty(3)
+    u, block = np.empty(3), np.empty((3, 3))
     for p in range(len(elements)):
         y = _sliding(x, start, elements[p], weights[p], normals[p], u)
         across = _per_length(y, e)
         along = 0.0 if y >= e else 2.0 * (1.0 - y / e) / e
         for k in range(3):
             for q in range(3):
-                entry = across * ((1.0 if k == q else 0.0) - normals[p, k] * normals[p, q])
+                block[k, q] = across * ((1.0 if k == q else 0.0) - normals[p, k] * normals[p, q])
                 if y > 0.0:
-                    entry += (along - across) * u[k] * u[q] / (y * y)
-                for i in range(4):
-                    for j in range(4):
-                        blocks[p, 3 * i + k, 3 * j + q] = limits[p] * weights[p, i] * weights[p, j] * entry
+                    block[k, q] += (along - across) * u[k] * u[q] / (y * y)
+        for i in range(4):
+            for k in range(3):
+                for j in range(4):
+                    weight = limits[p] * weights[p, i] * weights[p, j]
+                    for q in range(3):
+                        blocks[p, 3 * i + k, 3 * j + q] = weight * block[k, q]
     return blocks

@@ -3,10 +3,10 @@
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import kernel, part
-from clothsim.contact.barrier_kernels import _apart
+from clothsim.compiled import kernel, natural, part
+from clothsim.contact.barrier_kernels import apart
 from clothsim.contact.culling import ROUNDING
-from clothsim.contact.distance import squared_distance
+from clothsim.contact.distance import squared_distance, vertices
 
 
 @kernel
@@ -16,7 +16,8 @@ def displaced(before: Floats, after: Floats, at: Floats, rows: Ints) -> Floats:
     before, after, at (N, 3) [m]. 0 for all other rows, inf for what is no number.
     """
     gone = np.zeros(len(at))
-    for i in rows:
+    for row in rows:
+        i = natural(row)
         squared = max(_off(before, at, i), _off(after, at, i))
         gone[i] = np.sqrt(squared)
     return gone
@@ -65,9 +66,8 @@ def near_among(x: Floats, elements: Ints, n_points: int, distances: Floats, gone
         if distances[e] > ROUNDING * (near + change):
             continue
         if not ROUNDING * (distances[e] + change) < near:
-            if _apart(x, elements[e], 1 if e < n_points else 2, near):
-                continue
-            if not squared_distance(x, elements[e], e >= n_points) < near * near:
+            points, is_edges = vertices(x, elements, e), e >= n_points
+            if apart(points, is_edges, near) or not squared_distance(points, is_edges) < near * near:
                 continue
         numbers[count] = e
         count += 1
@@ -87,11 +87,12 @@ def still_near(
     for e in range(len(elements)):
         gone = has_moved = False
         for k in range(4):
-            gone |= left[elements[e, k]]
-            has_moved |= moved[elements[e, k]]
+            i = natural(elements[e, k])
+            gone |= left[i]
+            has_moved |= moved[i]
         if gone:
             continue
-        distance = np.sqrt(squared_distance(x, elements[e], e >= n_points)) if has_moved else distances[e]
+        distance = np.sqrt(squared_distance(vertices(x, elements, e), e >= n_points)) if has_moved else distances[e]
         if distance <= near:
             numbers[count], measured[count] = e, distance
             count += 1

@@ -7,7 +7,7 @@ B = Dm^-1 [a b].
 
 import numpy as np
 
-from clothsim.compiled import kernel
+from clothsim.compiled import kernel, natural
 from clothsim.energies.triangle_kernels import deformation_gradient, products, project_2x2
 
 
@@ -32,14 +32,15 @@ def gradient(x, triangles, inverses, measured, slopes):
         B = inverses[t]
         deformation_gradient(x, triangles[t], B, F)
         pull_u, pull_v, shear = slopes[t, 0] / measured[t, 0], slopes[t, 1] / measured[t, 1], slopes[t, 2]
+        i, j, m = natural(triangles[t, 0]), natural(triangles[t, 1]), natural(triangles[t, 2])
         for k in range(3):
             du = pull_u * F[k, 0] + shear * F[k, 1]
             dv = pull_v * F[k, 1] + shear * F[k, 0]
             g1 = du * B[0, 0] + dv * B[0, 1]
             g2 = du * B[1, 0] + dv * B[1, 1]
-            out[triangles[t, 0], k] -= g1 + g2
-            out[triangles[t, 1], k] += g1
-            out[triangles[t, 2], k] += g2
+            out[i, k] -= g1 + g2
+            out[j, k] += g1
+            out[m, k] += g2
     return out
 
 

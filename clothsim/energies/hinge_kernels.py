@@ -6,7 +6,7 @@ vertices (h, 4): a, b, c, d of `kinematics.hinge`; moments M (h,) [N m], 0 where
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import LANES, inlined, kernel
+from clothsim.compiled import LANES, inlined, kernel, natural
 from clothsim.energies.lanes import point, write
 from clothsim.kinematics.hinge import hinge_angle_gradient, hinge_blocks, hinge_direction, hinge_points
 
@@ -36,8 +36,9 @@ def pull(vertices: Ints, moments: Floats, x: Floats) -> Floats:
             a, b, c, d = hinge_points(x, vertices, h)
             g = hinge_angle_gradient(a, b, c, d)
             for k in range(4):
+                row = natural(vertices[h, k])
                 for i in range(3):
-                    gradient[vertices[h, k], i] += moments[h] * g[k][i]
+                    gradient[row, i] += moments[h] * g[k][i]
     return gradient
 
 

@@ -5,7 +5,7 @@ F = [x1 - x0, x2 - x0] Dm^-1 (3x2), columns f1, f2; E = sum A psi(F).
 
 import numpy as np
 
-from clothsim.compiled import LANES, kernel
+from clothsim.compiled import LANES, kernel, natural
 from clothsim.energies.neo_hookean import density, inverse_factor, other_modes, stretch_block
 from clothsim.energies.triangle_kernels import (
     KEPT,
@@ -47,14 +47,15 @@ def gradient(x, triangles, inverses, areas, mu, lam):
         J = normal(F, n)
         b = inverse_factor(mu[t], lam[t], J) / (J * J)
         c11, c12, c22 = products(F)
+        i, j, m = natural(triangles[t, 0]), natural(triangles[t, 1]), natural(triangles[t, 2])
         for k in range(3):
             P1 = mu[t] * F[k, 0] + b * (F[k, 0] * c22 - F[k, 1] * c12)
             P2 = mu[t] * F[k, 1] + b * (F[k, 1] * c11 - F[k, 0] * c12)
             g1 = areas[t] * (P1 * B[0, 0] + P2 * B[0, 1])
             g2 = areas[t] * (P1 * B[1, 0] + P2 * B[1, 1])
-            out[triangles[t, 0], k] -= g1 + g2
-            out[triangles[t, 1], k] += g1
-            out[triangles[t, 2], k] += g2
+            out[i, k] -= g1 + g2
+            out[j, k] += g1
+            out[m, k] += g2
     return out
 
 

@@ -5,7 +5,7 @@
 
 import numpy as np
 
-from clothsim.compiled import LANES, kernel
+from clothsim.compiled import LANES, kernel, natural
 from clothsim.energies.triangle_kernels import (
     KEPT,
     deformation_gradient,
@@ -47,8 +47,9 @@ def principal_gradient(x, triangles, inverses, slopes):
         principal(F, n, normal(F, n), V, W)
         principal_rates(inverses[t], V, alpha, beta)
         for p in range(3):
+            row = natural(triangles[t, p])
             for k in range(3):
-                out[triangles[t, p], k] += slopes[t, 0] * alpha[p] * W[0, k] + slopes[t, 1] * beta[p] * W[1, k]
+                out[row, k] += slopes[t, 0] * alpha[p] * W[0, k] + slopes[t, 1] * beta[p] * W[1, k]
     return out
 
 

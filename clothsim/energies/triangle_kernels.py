@@ -5,16 +5,16 @@ F = [x1 - x0, x2 - x0] Dm^-1 (3x2), columns f1, f2; F = W' diag(s1, s2) V'.
 
 import numpy as np
 
-from clothsim.compiled import LANES, inlined, part
+from clothsim.compiled import LANES, inlined, natural, part
 from clothsim.energies.lanes import point, write
 
 
 @inlined
 def deformation_gradient(x, triangle, B, F):
     """F[:, 0] = e1 B00 + e2 B10, F[:, 1] = e1 B01 + e2 B11, with B = Dm^-1."""
+    i, j, m = natural(triangle[0]), natural(triangle[1]), natural(triangle[2])
     for k in range(3):
-        e1 = x[triangle[1], k] - x[triangle[0], k]
-        e2 = x[triangle[2], k] - x[triangle[0], k]
+        e1, e2 = x[j, k] - x[i, k], x[m, k] - x[i, k]
         F[k, 0] = e1 * B[0, 0] + e2 * B[1, 0]
         F[k, 1] = e1 * B[0, 1] + e2 * B[1, 1]
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import LANES, kernel
+from clothsim.compiled import LANES, kernel, natural
 from clothsim.energies.base import AT_ONCE, ByElement, ElementHessian, SquaresHessian
 from clothsim.solve import scatter
 
@@ -268,8 +268,9 @@ def _write_entries(entries, starts, data):
                 entries[at] = data[9 * starts[i] + 3 * p + q]
                 at += 1
             for k in range(starts[i] + 1, starts[i + 1]):
+                to, source = natural(at), natural(9 * k + 3 * p)
                 for q in range(3):
-                    entries[at + q] = data[9 * k + 3 * p + q]
+                    entries[to + q] = data[source + q]
                 at += 3
 
 

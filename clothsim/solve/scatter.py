@@ -19,7 +19,7 @@ ACROSS, TWICE = 1, 2
 @part
 def find(starts, columns, i, j):
     """The number of block (i, j), or -1 (binary search, in steps that do not depend on what is met)."""
-    at, count = starts[i], starts[i + 1] - starts[i]
+    at, count = natural(starts[i]), starts[i + 1] - starts[i]
     while count > 1:
         half = count >> 1
         at += half if columns[at + half] <= j else 0
@@ -108,6 +108,7 @@ def add_squares(data, at, first, count, sides):
 def _add_products(data, at, sides, first, count, row, column):
     """Adds the sum over the sides of (x, y, z)(u, v, w)', the parts of a side at two vertices."""
     xu = xv = xw = yu = yv = yw = zu = zv = zw = 0.0
+    first, row, column, at = natural(first), natural(row), natural(column), natural(at)
     for k in range(first, first + count):
         x, y, z = sides[k, row], sides[k, row + 1], sides[k, row + 2]
         u, v, w = sides[k, column], sides[k, column + 1], sides[k, column + 2]

@@ -19,6 +19,7 @@ from differences import dense_hessian
 from solving import step_at
 
 from clothsim.contact import barrier_kernels as kernels
+from clothsim.contact.distance import vertices
 from clothsim.contact.friction import friction
 
 POSES = {**at_random(), **adversarial(), **close()}
@@ -31,7 +32,8 @@ def mollified(contact, x):
     """{rows} of the pairs of edges that the mollifier weakens."""
     pairs = contact.candidates.near(x)
     edges = range(pairs.n_points, len(pairs))
-    return {tuple(pairs.elements[k]) for k in edges if kernels.crossing(x, pairs.elements[k]) < pairs.thresholds[k]}
+    found = [k for k in edges if kernels.crossing(vertices(x, pairs.elements, k)) < pairs.thresholds[k]]
+    return {tuple(pairs.elements[k]) for k in found}
 
 
 def lagged(pose):

@@ -8,7 +8,7 @@ from contacts import jittered
 from differences import dense_hessian
 
 from clothsim.contact import barrier_kernels as kernels
-from clothsim.contact.distance import closest_points
+from clothsim.contact.distance import closest_points, vertices
 
 POSES = {**at_random(), **adversarial(), **close()}
 TIES = [name for name, pose in POSES.items() if pose.tie]
@@ -81,8 +81,9 @@ def features(contact, x):
     pairs, found = contact.candidates.near(x), {}
     for k, (rows, area) in enumerate(zip(pairs.elements, pairs.weights, strict=True)):
         split = 1 if k < pairs.n_points else 2
-        g = np.array(closest_points(x, rows, split == 2)[0])
-        whole = split == 2 and kernels.crossing(x, rows) < pairs.thresholds[k]
+        points = vertices(x, pairs.elements, k)
+        g = np.array(closest_points(points, split == 2)[0])
+        whole = split == 2 and kernels.crossing(points) < pairs.thresholds[k]
         held = np.ones(4, bool) if whole else g != 0.0
         key = frozenset(frozenset(rows[part][held[part]].tolist()) for part in (slice(split), slice(split, None)))
         found[key] = found.get(key, 0.0) + area
