@@ -54,6 +54,17 @@ def test_two_panels_come_to_rest_at_the_angle_of_their_crease_and_are_flat(degre
     assert abs(sum(energy.value(x) for energy in bound)) < 1e-12
 
 
+@pytest.mark.parametrize("degrees", [90.0, -60.0])
+def test_a_shifted_hinge_without_an_angle_is_refused_and_nothing_is_nan(degrees):
+    world = sheet()
+    energy = creased(world, MIDDLE | {"angle_degrees": degrees}).begin(step_at(world.start()))
+    x = world.start()
+    x[:, 0] = 0.0
+    assert energy.value(x) == np.inf
+    assert np.isfinite(energy.gradient(x)).all()
+    assert np.isfinite(energy.hessian(x, project=False).blocks).all()
+
+
 def test_a_shifted_hinge_is_a_hinge_of_that_rest_angle():
     """The sum of bending and crease is k/2 (theta - angle)^2, in value and derivatives."""
     world = make_world([cloth(*irregular_grid(2))])

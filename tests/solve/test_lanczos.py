@@ -122,3 +122,9 @@ def test_no_back_solve_comes_after_the_last_product(values):
     found = saddle_free_solve(lambda v: A @ v, precondition, b, TRUST, b)
     assert found.products > 2
     assert len(calls) == found.products - 1
+
+
+def test_a_right_hand_side_whose_square_is_no_number_leaves_the_preconditioner_s_direction():
+    found = solved(lambda v: 2.0 * v, lambda r: 0.1 * r, np.full(30, 1e200))
+    assert found.x == pytest.approx(np.full(30, 1e199))
+    assert found.products == 0

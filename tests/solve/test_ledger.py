@@ -2,12 +2,15 @@
 
 from time import perf_counter, sleep
 
+import numpy as np
 import pytest
 from meshes import small_world
 
+from clothsim.energies.base import Energy, LanesHessian
 from clothsim.energies.gravity import gravity
 from clothsim.energies.membrane import membrane
 from clothsim.solve.ledger import Ledger
+from clothsim.solve.pattern import make_pattern
 from clothsim.solve.potential import Potential
 
 
@@ -40,6 +43,35 @@ def test_seconds_inside_a_phase_are_booked_once():
     assert sum(booked) == pytest.approx(elapsed, rel=0.05)
     assert ledger.effects["inner"].seconds >= 0.02
     assert ledger.phases["outer"] >= 0.01
+
+
+class Slow(Energy):
+    """Takes .02 s where its Hessian is added."""
+
+    def value(self, x):
+        return 0.0
+
+    def gradient(self, x):
+        return np.zeros_like(x)
+
+    def hessian(self, x, project=True):
+        def fill(lanes, first):
+            sleep(0.02)
+            lanes[:] = 0.0
+
+        return LanesHessian(np.array([[0, 1, 2]]), fill)
+
+
+def test_what_is_computed_where_it_is_added_is_on_its_energy_s_account():
+    world = small_world()
+    potential = Potential({"slow": Slow()}, Ledger())
+    hessians = potential.hessians(world.start())
+    pattern = make_pattern(world.n_cloth, world.triangles, hessians)
+    with potential.ledger.phase("assembly"):
+        pattern.assemble(hessians)
+    assert potential.accounts()["slow"]["seconds"] >= 0.02
+    assert potential.accounts()["slow"]["hessians"] == 1
+    assert potential.ledger.phases["assembly"] < 0.02
 
 
 def test_an_error_inside_is_booked_and_passed_on():

@@ -154,6 +154,31 @@ def test_rows_beyond_the_cloth_are_carried_too():
     assert np.array_equal(result[: world.n_cloth], x[: world.n_cloth])
 
 
+def test_the_free_vertices_know_on_their_way_where_the_others_go():
+    """H_ff dx_f = -(g + H way)_f."""
+    world = small_world()
+    x, way = deformed(world), np.zeros_like(world.start())
+    energies = {"inertia": inertia(world), "membrane": membrane(world), "bending": bending(world)}
+    fixed = np.arange(world.n_cloth) < 3
+    way[:3] = 0.1
+    solver = newton_of(world, energies)
+    found = Model(solver.potential, solver.system, fixed).direction(x, way)
+    matrix = sum(hessian.to_sparse(len(x)) for hessian in solver.potential.hessians(x))
+    left = (solver.potential.gradient(x).ravel() + matrix @ found.dx.ravel()).reshape(-1, 3)
+    assert np.array_equal(found.dx[:3], way[:3])
+    assert np.abs(left[3:]).max() < 1e-12 * np.abs(left[:3]).max()
+
+
+def test_what_holds_a_vertex_is_no_residual():
+    world = small_world()
+    x = deformed(world)
+    solver = newton_of(world, {"membrane": membrane(world)})
+    fixed = np.arange(world.n_cloth) < 3
+    gradient = solver.potential.gradient(x)
+    assert Model(solver.potential, solver.system, fixed).residual(gradient) == np.abs(gradient[3:]).max()
+    assert Model(solver.potential, solver.system, ~fixed).residual(gradient) == np.abs(gradient[:3]).max()
+
+
 def test_a_fold_across_the_sheet_is_carried_in_parts_when_it_would_invert():
     """Pins that cross over the sheet's own middle in one step: the value may rise, but it stays finite."""
     positions, triangles = grid(4, 1)
