@@ -5,7 +5,7 @@ wrappers, and all wrappers of all that it calls are compiled again inside of it.
 stays a Python function for Python: it can be called, slowly, to look at it or to test it.
 
 What is compiled is kept beside the file of the kernel and serves until that file changes. It does not see a change of a
-part in another file: whoever edits one deletes the folders __pycache__.
+part, of what is `inlined` or of a constant in another file: whoever edits one deletes the folders __pycache__.
 """
 
 from numba import njit
@@ -17,7 +17,7 @@ kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
 part = register_jitable(error_model="numpy", no_cfunc_wrapper=True)
 """A function that kernels call. Compiled with them, never for a literal number: 1 is an int64 like any other."""
 
-inlined = njit(cache=True, error_model="numpy", inline="always")
+inlined = njit(error_model="numpy", inline="always")
 """A part that is put into its callers before they are typed: where a call would hide a straight loop from LLVM."""
 
 

@@ -24,6 +24,8 @@ def taken(x: Floats, rows: Rows) -> Floats:
 @kernel
 def equal(x: Floats, y: Floats) -> bool:
     """Whether two arrays (N, 3) are the same, told at the first difference; NaN equals nothing."""
+    if len(x) != len(y):
+        return False
     i = 0
     while i < len(x) and x[i, 0] == y[i, 0] and x[i, 1] == y[i, 1] and x[i, 2] == y[i, 2]:
         i += 1

@@ -25,3 +25,10 @@ def test_what_is_no_number_equals_nothing():
         assert not equal(x, other)
     x[1, 2] = np.nan
     assert not equal(x, x)
+
+
+@pytest.mark.parametrize(("few", "many"), [(0, 1), (3, 5)])
+def test_arrays_of_different_length_are_not_the_same(few, many):
+    x = np.arange(3.0 * many).reshape(many, 3)
+    assert not equal(x, x[:few].copy())
+    assert not equal(x[:few].copy(), x)

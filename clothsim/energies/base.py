@@ -141,6 +141,7 @@ class LanesHessian:
     All at once they would go through the memory twice, which takes longer than to compute them. fill(lanes, first)
     writes those of elements (m, k) from `first` on, as many as there is room for, to `lanes` (g, numbers of the blocks
     of corners a <= b in this order, each row by row, times LANES). A group's last places may be for no element.
+    The x of which they are may not be changed in place before they are added.
     """
 
     elements: Ints
@@ -151,23 +152,36 @@ class LanesHessian:
         """Numbers in the blocks."""
         return len(self.elements) * (3 * self.elements.shape[1]) ** 2
 
-    def room(self, count: int) -> Floats:
-        """Lanes for so many elements, to be filled."""
-        corners = self.elements.shape[1]
-        return np.empty((-(-count // LANES), 9 * corners * (corners + 1) // 2 * LANES))
-
     @property
     def blocks(self) -> Floats:
         """The same as dense blocks (m, 3 k, 3 k) [N/m]."""
-        blocks, lanes = room_for(self.elements), self.room(min(AT_ONCE, len(self.elements)))
-        for first in range(0, len(blocks), AT_ONCE):
-            self.fill(lanes, first)
-            unpack(blocks, first, lanes)
+        blocks = room_for(self.elements)
+        for first, lanes in self.chunks():
+            unpack(blocks[first : first + AT_ONCE], lanes)
         return blocks
 
+    def chunks(self, asked: np.ndarray | None = None) -> Iterator[tuple[int, Floats]]:
+        """The first element of each chunk and the lanes of the chunk, which the next overwrites.
+
+        asked (m,): booleans; a chunk in which none is asked for is left out.
+        """
+        count, corners = self.elements.shape
+        room = np.empty((-(-min(AT_ONCE, count) // LANES), 9 * corners * (corners + 1) // 2 * LANES))
+        for first in range(0, count, AT_ONCE):
+            if asked is None or asked[first : first + AT_ONCE].any():
+                lanes = room[: -(-(count - first) // LANES)]
+                self.fill(lanes, first)
+                yield first, lanes
+
     def times(self, vectors: Floats) -> Floats:
-        """Each block times the numbers of its vertices, (m, 3 k)."""
-        return ElementHessian(self.elements, self.blocks).times(vectors)
+        """Each block times the numbers of its vertices, (m, 3 k), looked at where some are not 0: few are pinned."""
+        products = np.zeros_like(vectors)
+        for first, lanes in self.chunks(np.asarray(vectors.any(axis=1))):
+            here = slice(first, first + AT_ONCE)
+            blocks = room_for(self.elements[here])
+            unpack(blocks, lanes)
+            products[here] = np.einsum("mij,mj->mi", blocks, vectors[here])
+        return products
 
     def to_sparse(self, n_vertices: int) -> sparse.csr_array:
         """The (3 n, 3 n) matrix, the slow and obvious way."""

@@ -31,6 +31,7 @@ class HingeBending(Energy):
     """vertices: (h, 4); rest_angles theta0: (h,) [rad]; stiffnesses: (h,) D |e|^2/(A1 + A2) [N m].
 
     The value is +inf where a triangle beside a hinge has no area; such a hinge adds nothing to gradient and Hessian.
+    It remembers the angles of the last places that it was asked about.
     """
 
     vertices: Ints

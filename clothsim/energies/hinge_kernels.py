@@ -32,7 +32,7 @@ def pull(vertices: Ints, moments: Floats, x: Floats) -> Floats:
     """sum M dtheta/dx, (N, 3) [N]."""
     gradient = np.zeros_like(x)
     for h in range(len(vertices)):
-        if moments[h] != 0.0:
+        if moments[h] != 0.0:  # most of a flat sheet
             a, b, c, d = hinge_points(x, vertices, h)
             g = hinge_angle_gradient(a, b, c, d)
             for k in range(4):

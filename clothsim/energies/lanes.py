@@ -19,16 +19,16 @@ def write(numbers, block, lane, rows):
 
 
 @kernel
-def unpack(blocks, first, lanes):
-    """Writes lanes (g, numbers LANES) to the dense `blocks` (m, 3 k, 3 k) from `first` on, as far as there are any."""
+def unpack(blocks, lanes):
+    """Writes lanes (g, numbers LANES) to the dense `blocks` (m, 3 k, 3 k), m of them."""
     corners = blocks.shape[1] // 3
-    for i in range(min(LANES * len(lanes), len(blocks) - first)):
-        numbers, lane = lanes[i // LANES], i % LANES
+    for e in range(len(blocks)):
+        numbers, lane = lanes[e // LANES], e % LANES
         for p in range(corners):
             for q in range(p, corners):
                 for row in range(3):
                     for column in range(3):
                         entry = numbers[lane]
-                        blocks[first + i, 3 * p + row, 3 * q + column] = entry
-                        blocks[first + i, 3 * q + column, 3 * p + row] = entry
+                        blocks[e, 3 * p + row, 3 * q + column] = entry
+                        blocks[e, 3 * q + column, 3 * p + row] = entry
                         lane += LANES

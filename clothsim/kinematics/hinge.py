@@ -10,7 +10,7 @@ with the sign of `mesh.hinges.dihedral_angles`: positive where the cloth folds t
 Tamstorf & Grinspun 2013. Points are tuples of three floats: nothing is allocated.
 
 A hinge with a triangle that has no area to round-off (sine of the angle at its corner a below 1e-14) has no angle:
-`hinge_angle` gives +inf, and its gradient and Hessian are zero. Nothing is ever NaN for finite points.
+it is told apart, and its gradient and Hessian are zero. Nothing is ever NaN for finite points.
 """
 
 import numpy as np
@@ -44,15 +44,8 @@ def hinge_points(x: Floats, vertices: Ints, h: int) -> Points:
 
 
 @part
-def hinge_angle(a: Point, b: Point, c: Point, d: Point) -> float:
-    """theta [rad]; +inf where a triangle has no area."""
-    sine, cosine, whole = hinge_direction(a, b, c, d)
-    return np.arctan2(sine, cosine) if whole else np.inf
-
-
-@part
 def hinge_direction(a: Point, b: Point, c: Point, d: Point) -> tuple[float, float, bool]:
-    """What theta is the arctan2 of, and whether there is an angle."""
+    """The two numbers that theta [rad] is the arctan2 of, and whether there is an angle."""
     e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
     n1, n2 = _cross(e, r), _cross(s, e)
     return -np.sqrt(_dot(e, e)) * _dot(n1, s), _dot(n1, n2), _area(e, r, n1) & _area(e, s, n2)

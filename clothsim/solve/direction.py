@@ -96,7 +96,7 @@ class Model:
         if solved is None and finite and np.isfinite(data).all():
             return Direction(way, gradient, end=outcome(Ending.SINGULAR))
         if solved is None:
-            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(right.reshape(-1, 3))))
+            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, self._not_a_number(x, right, data)))
         solution, solver = solved
         if not trust.exact:
             return Direction(self._with(way, solution), gradient)
@@ -109,9 +109,8 @@ class Model:
         """The direction of the exact Hessian `curved`; first: what the preconditioner makes of the right-hand side."""
         with self.potential.ledger.phase("linear solve"):
             assert kept.solver is not None
-            found = saddle_free_solve(
-                self.system.pattern.times(curved), kept.solver.back_solve, right, trust.radius, first
-            )
+            times, precondition = self.system.pattern.times(curved), kept.solver.back_solve
+            found = saddle_free_solve(times, precondition, right, trust.radius, first, above=kept.age == 0)
         dx = self._with(np.zeros_like(gradient), found.x)
         kept = replace(kept, products=found.products) if found.products else NOTHING
         return Direction(dx, gradient, found.bends, kept)
@@ -119,6 +118,11 @@ class Model:
     def residual(self, gradient: Floats) -> float:
         """The largest component of the gradient (N, 3) at a vertex that moves [N]."""
         return float(np.abs(self._free(gradient)).max(initial=0.0))
+
+    def _not_a_number(self, x: Floats, right: Floats, data: Floats) -> int:
+        """The first row of x at which the right-hand side, or else the matrix, is not finite."""
+        place = self.system.pattern.times(data)(np.zeros_like(right)) if np.isfinite(right).all() else right
+        return int(np.arange(len(x))[self.system.rows][_first_not_finite(place.reshape(-1, 3))])
 
     def _free(self, vectors: Floats) -> Floats:
         """The entries (3 n,) of vectors (N, 3) at the region's vertices, 0 where they are fixed."""

@@ -42,11 +42,14 @@ def saddle_free_solve(
     b: Floats,
     trust: float,
     preconditioned: Floats,
+    above: bool = False,
 ) -> Found:
     """The x of the module for A x = b, to RELATIVE_ERROR in the preconditioner's norm or in MAX_PRODUCTS products.
 
     times: v -> A v, which is overwritten; precondition: r -> M r, M positive definite; preconditioned: M b; trust: see
-    `trust.Trust`.
+    `trust.Trust`; above: whether M^-1 is at least A, as the projected Hessian of the same place is. Where it is, no
+    direction is left out that couples much more than the last, and the error is told by the last coupling: the next
+    would take a back-solve more.
     """
     whole = norm = float(np.sqrt(max(dot(b, preconditioned), 0.0)))
     if not norm > 0.0:
@@ -64,8 +67,8 @@ def saddle_free_solve(
             return Found(preconditioned, False, 0)
         values, rotation, _ = dstev(diagonal[: last + 1], beside[: max(last, 1)])  # NumPy's eigh takes three times this
         shares = rotation.copy() @ (whole * rotation[0] / np.maximum(np.abs(values), 1.0 / trust))
-        if len(vectors) == MAX_PRODUCTS or (last and norm * abs(shares[-1]) <= RELATIVE_ERROR * whole):
-            break  # the coupling to the next vector is about the last: to know it would take one more back-solve
+        if len(vectors) == MAX_PRODUCTS or (above and last and norm * abs(shares[-1]) <= RELATIVE_ERROR * whole):
+            break
         residual -= curvature * dual
         residual -= norm * before
         image = precondition(residual)

@@ -15,7 +15,7 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import LANES, kernel, natural
-from clothsim.energies.base import AT_ONCE, ByElement, ElementHessian, SquaresHessian
+from clothsim.energies.base import ByElement, ElementHessian, SquaresHessian
 from clothsim.solve import scatter
 
 Hessian: TypeAlias = ByElement | sparse.csr_array
@@ -133,9 +133,8 @@ def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
         rows, columns = np.triu_indices(size // 3)
         numbers = np.ascontiguousarray(hessian.blocks).reshape(len(at), size * size)
         return scatter.add_blocks(data, at, 0, numbers, 1, 3 * (rows * size + columns), size, 1)
-    lanes, outside, offsets = hessian.room(min(AT_ONCE, len(at))), 0, 9 * LANES * np.arange(at.shape[1])
-    for first in range(0, len(at), AT_ONCE):
-        hessian.fill(lanes, first)
+    outside, offsets = 0, 9 * LANES * np.arange(at.shape[1])
+    for first, lanes in hessian.chunks():
         outside += scatter.add_blocks(data, at, first, lanes, LANES, offsets, 3 * LANES, LANES)
     return outside
 

@@ -7,11 +7,13 @@ from meshes import random_rotation
 
 from clothsim.compiled import kernel
 from clothsim.energies.base import ElementHessian
+from clothsim.energies.hinge_kernels import angles
 from clothsim.kinematics import hinge
 from clothsim.mesh.hinges import dihedral_angles
 
-hinge_angle, hinge_angle_gradient = map(kernel, (hinge.hinge_angle, hinge.hinge_angle_gradient))  # as energies run them
-hinge_hessian, hinge_point = map(kernel, (hinge.hinge_hessian, hinge.hinge_point))
+hinge_angle_gradient, hinge_hessian, hinge_point = (
+    kernel(part) for part in (hinge.hinge_angle_gradient, hinge.hinge_hessian, hinge.hinge_point)
+)
 
 HINGE = np.array([[0, 1, 2, 3]])
 
@@ -20,7 +22,7 @@ class Angle:
     """theta as if it were an energy, for the difference checker."""
 
     def value(self, x):
-        return hinge_angle(*(hinge_point(x, k) for k in range(4)))
+        return float(angles(HINGE, x)[0])
 
     def gradient(self, x):
         return np.array(hinge_angle_gradient(*(hinge_point(x, k) for k in range(4))))

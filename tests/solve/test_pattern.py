@@ -225,3 +225,15 @@ def test_a_vertex_without_a_triangle_has_its_diagonal():
     pattern = make_pattern(6, sheet.triangles, [])
     assert len(pattern.diagonal(pattern.assemble([])[0])) == 18
     assert np.array_equal(np.diff(pattern.starts)[4:], [1, 1])
+
+
+def test_of_lanes_only_what_is_pushed_is_computed():
+    """A pinned vertex moves: its own elements' chunk, and no other."""
+    elements = np.arange(3 * 3 * AT_ONCE).reshape(-1, 3)
+    part, asked = lanes(elements, 15), []
+    watched = LanesHessian(elements, lambda room, first: (asked.append(first), part.fill(room, first)))
+    vectors = np.zeros((len(elements), 9))
+    vectors[AT_ONCE + 3] = 1.0
+    assert np.array_equal(watched.times(vectors), part.times(vectors))
+    assert asked == [AT_ONCE]
+    assert watched.times(vectors)[AT_ONCE + 3].any()
