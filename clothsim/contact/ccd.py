@@ -25,6 +25,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel, part
+from clothsim.contact.barrier_kernels import apart
 from clothsim.contact.closest import (
     Point,
     cross,
@@ -89,6 +90,8 @@ def _pair_limit(y: Points, dy: Points, is_edges: bool, offset: float, slack: flo
         return limit
     if not speed > 0.0:  # NaN
         return 0.0
+    if apart(y, is_edges, offset + (1.0 - slack) * near + speed):  # the highest floor that there is: most pairs
+        return limit
     m, distance = _separation(y, dy, is_edges)
     least = (1.0 - slack) * min(distance - offset, near)
     if not least > 0.0:
