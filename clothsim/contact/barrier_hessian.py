@@ -13,10 +13,11 @@ from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel, part
 from clothsim.contact.barrier_kernels import FIRST, LINE, SECOND, SHARE, VALUE, crossing_gradient, edges, mollifier
 from clothsim.contact.closest import dot
-from clothsim.contact.distance import free_directions, vertices
+from clothsim.contact.distance import free_directions
 from clothsim.contact.relative import absolute_block, relative
 from clothsim.contact.semidefinite import positive_squares
 from clothsim.energies.base import ElementHessian, SquaresHessian, room_for
+from clothsim.rows import four_points
 
 
 def projected(
@@ -54,7 +55,7 @@ def squares(sides, first, count, poses, x, elements, n_points, kappa):
             continue
         g, r = _pose(poses, e)
         slope, curvature = kappa * poses[e, FIRST], kappa * poses[e, SECOND]
-        (one, t, c), (other, u, d) = free_directions(vertices(x, elements, e), e >= n_points, g)
+        (one, t, c), (other, u, d) = free_directions(four_points(x, elements, e), e >= n_points, g)
         _along_normal(sides, at, g, r, slope, curvature)
         at += 1
         if one:
@@ -100,7 +101,7 @@ def exact_blocks(blocks, poses, x, elements, thresholds, n_points, kappa):
     """Fills `blocks (p, 12, 12)`."""
     own, sides = np.empty((1, 9, 9)), np.empty((5, 9))
     for e in range(len(elements)):
-        _relative_block(own, 0, sides, poses, vertices(x, elements, e), e, e >= n_points, thresholds[e], kappa)
+        _relative_block(own, 0, sides, poses, four_points(x, elements, e), e, e >= n_points, thresholds[e], kappa)
         absolute_block(own, 0, blocks, e)
 
 
@@ -110,7 +111,7 @@ def relative_blocks(blocks, numbers, poses, x, elements, thresholds, n_points, k
     sides = np.empty((5, 9))
     for k in range(len(numbers)):
         e = numbers[k]
-        _relative_block(blocks, k, sides, poses, vertices(x, elements, e), e, e >= n_points, thresholds[e], kappa)
+        _relative_block(blocks, k, sides, poses, four_points(x, elements, e), e, e >= n_points, thresholds[e], kappa)
 
 
 @part

@@ -9,7 +9,8 @@ import numpy as np
 
 from clothsim.compiled import kernel, natural, part
 from clothsim.contact.closest import cross, dot, minus
-from clothsim.contact.distance import closest_points, squared_distance, vertices
+from clothsim.contact.distance import closest_points, squared_distance
+from clothsim.rows import four_points
 
 LINE, VALUE, FIRST, SECOND, SHARE, POSE = 4, 7, 8, 9, 10, 11
 """Where in a pose its parts begin, and how long it is."""
@@ -42,7 +43,7 @@ def near_pairs(x, elements, n_points, limit):
     squared = np.empty(len(elements))
     count = 0
     for e in range(len(elements)):
-        points, is_edges = vertices(x, elements, e), e >= n_points
+        points, is_edges = four_points(x, elements, e), e >= n_points
         squared[e] = np.inf
         if not apart(points, is_edges, limit):
             squared[e] = squared_distance(points, is_edges)
@@ -106,7 +107,7 @@ def measure(poses, x, elements, weights, thresholds, n_points, offset, d_hat):
     S = d_hat * (2.0 * offset + d_hat)
     total = 0.0
     for e in range(len(elements)):
-        points = vertices(x, elements, e)
+        points = four_points(x, elements, e)
         g, r = closest_points(points, e >= n_points)
         b, first, second = barrier(dot(r, r) - offset * offset, S, d_hat)
         w = weights[e]
@@ -132,7 +133,7 @@ def gradient(poses, x, elements, thresholds):
         m = 1.0
         if poses[e, SHARE] < 1.0:
             m, dm, _ = mollifier(poses[e, SHARE], thresholds[e])
-            du, dv = crossing_gradient(*edges(vertices(x, elements, e)))
+            du, dv = crossing_gradient(*edges(four_points(x, elements, e)))
             turning = poses[e, VALUE] * dm
             for k in range(3):
                 out[elements[e, 0], k] -= turning * du[k]
@@ -156,7 +157,7 @@ def pull(x, elements, weights, thresholds, n_points, offset, d_hat, least):
     S = d_hat * (2.0 * offset + d_hat)
     g, r, slopes = np.zeros((len(elements), 4)), np.zeros((len(elements), 3)), np.zeros(len(elements))
     for e in range(len(elements)):
-        points = vertices(x, elements, e)
+        points = four_points(x, elements, e)
         weights_of, line = closest_points(points, e >= n_points)
         g[e, 0], g[e, 1], g[e, 2], g[e, 3] = weights_of
         r[e, 0], r[e, 1], r[e, 2] = line

@@ -13,22 +13,11 @@ as in any envelope theorem). One formula serves point-point, point-edge, point-t
 
 import numpy as np
 
-from clothsim.compiled import natural, part
+from clothsim.compiled import part
 from clothsim.contact.closest import cross, dot, edge_edge_closest, minus, point_triangle_closest
 
 FLAT = 1e-20
 """Square of the sine of the angle of two directions below which the second adds nothing."""
-
-
-@part
-def vertices(x, elements, e):
-    """The four vertices of pair e of `elements (p, 4)`, as points."""
-    return (
-        _point(x, natural(elements[e, 0])),
-        _point(x, natural(elements[e, 1])),
-        _point(x, natural(elements[e, 2])),
-        _point(x, natural(elements[e, 3])),
-    )
 
 
 @part
@@ -66,11 +55,6 @@ def closest_points(points, is_edges):
         first, second = (b if u == 0.0 else a), (b if w == 0.0 else c)
         return g, _across(minus(p, first), minus(second, first))
     return g, minus(p, a if u != 0.0 else (b if v != 0.0 else c))
-
-
-@part
-def _point(x, row):
-    return x[row, 0], x[row, 1], x[row, 2]
 
 
 @part

@@ -6,7 +6,8 @@ from clothsim.arrays import Floats, Ints
 from clothsim.compiled import kernel, natural, part
 from clothsim.contact.barrier_kernels import apart
 from clothsim.contact.culling import ROUNDING
-from clothsim.contact.distance import squared_distance, vertices
+from clothsim.contact.distance import squared_distance
+from clothsim.rows import four_points
 
 
 @kernel
@@ -66,7 +67,7 @@ def near_among(x: Floats, elements: Ints, n_points: int, distances: Floats, gone
         if distances[e] > ROUNDING * (near + change):
             continue
         if not ROUNDING * (distances[e] + change) < near:
-            points, is_edges = vertices(x, elements, e), e >= n_points
+            points, is_edges = four_points(x, elements, e), e >= n_points
             if apart(points, is_edges, near) or not squared_distance(points, is_edges) < near * near:
                 continue
         numbers[count] = e
@@ -92,7 +93,7 @@ def still_near(
             has_moved |= moved[i]
         if gone:
             continue
-        distance = np.sqrt(squared_distance(vertices(x, elements, e), e >= n_points)) if has_moved else distances[e]
+        distance = np.sqrt(squared_distance(four_points(x, elements, e), e >= n_points)) if has_moved else distances[e]
         if distance <= near:
             numbers[count], measured[count] = e, distance
             count += 1

@@ -8,7 +8,8 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.compiled import LANES, inlined, kernel, natural
 from clothsim.energies.lanes import point, write
-from clothsim.kinematics.hinge import hinge_angle_gradient, hinge_blocks, hinge_direction, hinge_points
+from clothsim.kinematics.hinge import hinge_angle_gradient, hinge_blocks, hinge_direction
+from clothsim.rows import four_points
 
 
 @kernel
@@ -33,7 +34,7 @@ def pull(vertices: Ints, moments: Floats, x: Floats) -> Floats:
     gradient = np.zeros_like(x)
     for h in range(len(vertices)):
         if moments[h] != 0.0:  # most of a flat sheet
-            a, b, c, d = hinge_points(x, vertices, h)
+            a, b, c, d = four_points(x, vertices, h)
             g = hinge_angle_gradient(a, b, c, d)
             for k in range(4):
                 row = natural(vertices[h, k])
@@ -71,7 +72,7 @@ def fill(lanes: Floats, first: int, vertices: Ints, moments: Floats, stiffnesses
 def _gather(points, vertices, x, first):
     """The points of a group of hinges, side by side; a lane without a hinge keeps what it has."""
     for lane in range(min(LANES, len(vertices) - first)):
-        a, b, c, d = hinge_points(x, vertices, first + lane)
+        a, b, c, d = four_points(x, vertices, first + lane)
         for k in range(3):
             points[k * LANES + lane], points[(3 + k) * LANES + lane] = a[k], b[k]
             points[(6 + k) * LANES + lane], points[(9 + k) * LANES + lane] = c[k], d[k]

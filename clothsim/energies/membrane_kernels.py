@@ -13,8 +13,7 @@ from clothsim.energies.triangle_kernels import (
     fill_lanes,
     keep,
     normal,
-    principal,
-    principal_rates,
+    principal_state,
     products,
     project_2x2,
 )
@@ -72,9 +71,7 @@ def fill(lanes, first, x, triangles, inverses, areas, mu, lam, project):
     for group in range(len(lanes)):
         for lane in range(min(LANES, len(triangles) - first - group * LANES)):
             t = first + group * LANES + lane
-            deformation_gradient(x, triangles[t], inverses[t], F)
-            s1, s2 = principal(F, n, normal(F, n), V, W)
-            principal_rates(inverses[t], V, alpha, beta)
+            s1, s2 = principal_state(x, triangles[t], inverses[t], F, n, V, W, alpha, beta)
             a, b, c = stretch_block(mu[t], lam[t], s1, s2)
             twist, flip, out1, out2 = other_modes(mu[t], lam[t], s1, s2)
             if project:

@@ -19,9 +19,10 @@ from clothsim.compiled import kernel
 from clothsim.energies import hinge_kernels as kernels
 from clothsim.energies.base import ElementHessian, Energy
 from clothsim.kinematics.curvature import bending_strains
-from clothsim.kinematics.hinge import hinge_angle_gradient, hinge_hessian, hinge_point
+from clothsim.kinematics.hinge import hinge_angle_gradient, hinge_hessian
 from clothsim.mesh.hinges import Hinges
 from clothsim.mesh.world import World
+from clothsim.rows import four_points
 
 
 @dataclass(frozen=True)
@@ -113,8 +114,8 @@ def _angle_gradients(vertices: Ints, x: Floats) -> Floats:
     """dtheta/dx of each hinge, (h, 4, 3) [1/m]."""
     gradients = np.empty((len(vertices), 4, 3))
     for h in range(len(vertices)):
-        a, b, c, d = vertices[h]
-        g = hinge_angle_gradient(hinge_point(x, a), hinge_point(x, b), hinge_point(x, c), hinge_point(x, d))
+        a, b, c, d = four_points(x, vertices, h)
+        g = hinge_angle_gradient(a, b, c, d)
         for k in range(4):
             for i in range(3):
                 gradients[h, k, i] = g[k][i]
@@ -162,9 +163,8 @@ def _add_moments(blocks: Floats, vertices: Ints, moments: Floats, owners: Ints, 
     """Each hinge's moment times d2theta/dx2, added to the block of an element that holds the hinge."""
     curved = np.empty((12, 12))
     for h in range(len(vertices)):
-        a, b, c, d = vertices[h]
-        points = hinge_point(x, a), hinge_point(x, b), hinge_point(x, c), hinge_point(x, d)
-        hinge_hessian(points[0], points[1], points[2], points[3], moments[h], 0.0, curved)
+        a, b, c, d = four_points(x, vertices, h)
+        hinge_hessian(a, b, c, d, moments[h], 0.0, curved)
         t = owners[h, 0]
         place = places[t, owners[h, 1]]
         for k in range(4):

@@ -11,9 +11,7 @@ from clothsim.energies.triangle_kernels import (
     deformation_gradient,
     fill_lanes,
     keep,
-    normal,
-    principal,
-    principal_rates,
+    principal_state,
     products,
 )
 
@@ -43,9 +41,7 @@ def principal_gradient(x, triangles, inverses, slopes):
     F, n, V, W = np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3))
     alpha, beta = np.empty(3), np.empty(3)
     for t in range(len(triangles)):
-        deformation_gradient(x, triangles[t], inverses[t], F)
-        principal(F, n, normal(F, n), V, W)
-        principal_rates(inverses[t], V, alpha, beta)
+        principal_state(x, triangles[t], inverses[t], F, n, V, W, alpha, beta)
         for p in range(3):
             row = natural(triangles[t, p])
             for k in range(3):
@@ -65,9 +61,7 @@ def fill(lanes, first, x, triangles, inverses, slopes, curvatures, between):
     for group in range(len(lanes)):
         for lane in range(min(LANES, len(triangles) - first - group * LANES)):
             t = first + group * LANES + lane
-            deformation_gradient(x, triangles[t], inverses[t], F)
-            s1, s2 = principal(F, n, normal(F, n), V, W)
-            principal_rates(inverses[t], V, alpha, beta)
+            s1, s2 = principal_state(x, triangles[t], inverses[t], F, n, V, W, alpha, beta)
             p1, p2 = slopes[t]
             flip = (p1 - p2) / (s1 - s2) if s1 - s2 > ALIKE else between[t]
             others = (p1 + p2) / (s1 + s2), flip, p1 / s1, p2 / s2

@@ -70,6 +70,15 @@ def principal_rates(B, V, alpha, beta):
     alpha[0], beta[0] = -alpha[1] - alpha[2], -beta[1] - beta[2]
 
 
+@inlined
+def principal_state(x, triangle, B, F, n, V, W, alpha, beta):
+    """Fills in F, its frames and the rates of the corners; returns s1 and s2."""
+    deformation_gradient(x, triangle, B, F)
+    s1, s2 = principal(F, n, normal(F, n), V, W)
+    principal_rates(B, V, alpha, beta)
+    return s1, s2
+
+
 KEPT = 23
 """Numbers of a triangle from which its block is made: W, n, rates, area and modes."""
 

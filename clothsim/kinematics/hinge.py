@@ -15,8 +15,8 @@ it is told apart, and its gradient and Hessian are zero. Nothing is ever NaN for
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.compiled import inlined, natural, part
+from clothsim.arrays import Floats
+from clothsim.compiled import inlined, part
 
 Point = tuple[float, float, float]
 Points = tuple[Point, Point, Point, Point]
@@ -24,23 +24,6 @@ Rows = tuple[Point, Point, Point]
 
 _NO_AREA = 1e-28
 """Squared sine below which a triangle counts as a line."""
-
-
-@part
-def hinge_point(x: Floats, vertex: int) -> Point:
-    """Row `vertex` of x (n, 3) as a tuple."""
-    return x[vertex, 0], x[vertex, 1], x[vertex, 2]
-
-
-@part
-def hinge_points(x: Floats, vertices: Ints, h: int) -> Points:
-    """The four points of row h of `vertices (h, 4)`."""
-    return (
-        hinge_point(x, natural(vertices[h, 0])),
-        hinge_point(x, natural(vertices[h, 1])),
-        hinge_point(x, natural(vertices[h, 2])),
-        hinge_point(x, natural(vertices[h, 3])),
-    )
 
 
 @part

@@ -253,3 +253,14 @@ def test_from_far_away_a_pair_may_come_as_near_as_from_where_something_acts(offs
     points[0] = (0.2, 0.2, 0.1 + offset)  # nearer than that, nothing changes
     both = (fraction(POINT_TRIANGLE, points, motion, offset, near=near) for near in (0.2, np.inf))
     assert len(set(both)) == 1
+
+
+@pytest.mark.parametrize("split", [POINT_TRIANGLE, EDGE_EDGE])
+def test_what_starts_beyond_its_way_is_stopped_by_the_offset(split):
+    """A gap of .3 and a way of .25: the boxes stay apart, and the offset of .1 is met."""
+    first = [(0.2, 0.2, 0.3)] if split == POINT_TRIANGLE else [(0.2, -1, 0.3), (0.2, 1, 0.3)]
+    points = [*first, (0, 0, 0), (1, 0, 0), (0, 1, 0)][:4]
+    motion = [(0, 0, -0.25) if k < split else (0, 0, 0) for k in range(4)]
+    left = 0.3 - 0.25 * fraction(split, points, motion, offset=0.1, near=0.01)
+    assert 0.1 < left < 0.1 + 0.01
+    assert fraction(split, points, motion, offset=0.04, near=0.01) == 1.0

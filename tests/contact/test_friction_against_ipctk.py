@@ -19,8 +19,8 @@ from differences import dense_hessian
 from solving import step_at
 
 from clothsim.contact import barrier_kernels as kernels
-from clothsim.contact.distance import vertices
 from clothsim.contact.friction import friction
+from clothsim.rows import four_points
 
 POSES = {**at_random(), **adversarial(), **close()}
 OVER_NEEDLES = "needles over needles, body"
@@ -32,7 +32,7 @@ def mollified(contact, x):
     """{rows} of the pairs of edges that the mollifier weakens."""
     pairs = contact.candidates.near(x)
     edges = range(pairs.n_points, len(pairs))
-    found = [k for k in edges if kernels.crossing(vertices(x, pairs.elements, k)) < pairs.thresholds[k]]
+    found = [k for k in edges if kernels.crossing(four_points(x, pairs.elements, k)) < pairs.thresholds[k]]
     return {tuple(pairs.elements[k]) for k in found}
 
 

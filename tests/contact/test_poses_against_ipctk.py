@@ -8,7 +8,8 @@ from contacts import jittered
 from differences import dense_hessian
 
 from clothsim.contact import barrier_kernels as kernels
-from clothsim.contact.distance import closest_points, vertices
+from clothsim.contact.distance import closest_points
+from clothsim.rows import four_points
 
 POSES = {**at_random(), **adversarial(), **close()}
 TIES = [name for name, pose in POSES.items() if pose.tie]
@@ -81,7 +82,7 @@ def features(contact, x):
     pairs, found = contact.candidates.near(x), {}
     for k, (rows, area) in enumerate(zip(pairs.elements, pairs.weights, strict=True)):
         split = 1 if k < pairs.n_points else 2
-        points = vertices(x, pairs.elements, k)
+        points = four_points(x, pairs.elements, k)
         g = np.array(closest_points(points, split == 2)[0])
         whole = split == 2 and kernels.crossing(points) < pairs.thresholds[k]
         held = np.ones(4, bool) if whole else g != 0.0

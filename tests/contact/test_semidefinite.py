@@ -6,10 +6,10 @@ from contact_poses import adversarial, at_random
 
 from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.barrier_kernels import POSE, crossing, measure
-from clothsim.contact.distance import vertices
 from clothsim.contact.relative import absolute, relative
 from clothsim.contact.semidefinite import TOGETHER, positive_squares
 from clothsim.energies.base import SquaresHessian
+from clothsim.rows import four_points
 
 COUNT = TOGETHER + 18
 """Blocks of a kind: one group, and a part of another."""
@@ -73,7 +73,7 @@ def test_the_projected_blocks_of_mollified_pairs_are_their_exact_ones_clamped(po
         blocks = cut.blocks
         thresholds = contact.candidates.near(pose.x).thresholds
         for k in range(len(thresholds)):
-            if crossing(vertices(pose.x, whole.elements, k)) < thresholds[k]:
+            if crossing(four_points(pose.x, whole.elements, k)) < thresholds[k]:
                 difference = np.abs(blocks[k] - clamped_by_lapack(whole.blocks[k])).max()
                 assert difference <= 1e-13 * np.abs(whole.blocks[k]).max(), name
                 clamped += np.linalg.eigvalsh(whole.blocks[k])[0] < -1e-3 * np.abs(whole.blocks[k]).max()

@@ -11,9 +11,7 @@ from clothsim.energies.hinge_kernels import angles
 from clothsim.kinematics import hinge
 from clothsim.mesh.hinges import dihedral_angles
 
-hinge_angle_gradient, hinge_hessian, hinge_point = (
-    kernel(part) for part in (hinge.hinge_angle_gradient, hinge.hinge_hessian, hinge.hinge_point)
-)
+hinge_angle_gradient, hinge_hessian = map(kernel, (hinge.hinge_angle_gradient, hinge.hinge_hessian))
 
 HINGE = np.array([[0, 1, 2, 3]])
 
@@ -25,11 +23,11 @@ class Angle:
         return float(angles(HINGE, x)[0])
 
     def gradient(self, x):
-        return np.array(hinge_angle_gradient(*(hinge_point(x, k) for k in range(4))))
+        return np.array(hinge_angle_gradient(*map(tuple, x)))
 
     def hessian(self, x, project):
         block = np.full((1, 12, 12), np.nan)
-        hinge_hessian(*(hinge_point(x, k) for k in range(4)), 1.0, 0.0, block[0])
+        hinge_hessian(*map(tuple, x), 1.0, 0.0, block[0])
         return ElementHessian(HINGE, block)
 
 
