@@ -11,13 +11,13 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from clothsim.drape import resume, simulate
+    from clothsim.accuracy.study import Study, study_accuracy
     from clothsim.errors import ClothsimError, InputError
     from clothsim.fitting.fit import Fit, fit
-    from clothsim.io.run import Run, open_run
+    from clothsim.io.results import Run, open_run
+    from clothsim.run.simulate import resume, simulate
     from clothsim.scene.scene import Scene
-    from clothsim.scene.toml import load_scene
-    from clothsim.study.accuracy.study import Study, study_accuracy
+    from clothsim.scene.toml_file import load_scene
 
 __version__ = "0.1.0"
 
@@ -25,15 +25,15 @@ _HOMES = {
     "ClothsimError": "clothsim.errors",
     "InputError": "clothsim.errors",
     "Fit": "clothsim.fitting.fit",
-    "Run": "clothsim.io.run",
+    "Run": "clothsim.io.results",
     "Scene": "clothsim.scene.scene",
-    "Study": "clothsim.study.accuracy.study",
+    "Study": "clothsim.accuracy.study",
     "fit": "clothsim.fitting.fit",
-    "load_scene": "clothsim.scene.toml",
-    "open_run": "clothsim.io.run",
-    "resume": "clothsim.drape",
-    "simulate": "clothsim.drape",
-    "study_accuracy": "clothsim.study.accuracy.study",
+    "load_scene": "clothsim.scene.toml_file",
+    "open_run": "clothsim.io.results",
+    "resume": "clothsim.run.simulate",
+    "simulate": "clothsim.run.simulate",
+    "study_accuracy": "clothsim.accuracy.study",
 }
 
 __all__ = [

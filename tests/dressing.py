@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from clothsim.fitting.chain import Task
-from clothsim.fitting.figure import Figure
+from clothsim.fitting.inputs import Figure
+from clothsim.fitting.pipeline import Task
 from clothsim.fitting.stage import Garment
-from clothsim.io.write_obj import write_obj
-from clothsim.mesh.generate import rectangle, tube
-from clothsim.mesh.shapes import capsule
+from clothsim.io.obj_writer import write_obj
+from clothsim.mesh.generators.shapes import capsule
+from clothsim.mesh.generators.sheets import rectangle, tube
 
 RADIUS = 0.1
 

@@ -61,7 +61,7 @@ def home(name):
 
 def needed(*names):
     """The modules of effects that a scene with these effects imports (a membrane of the default material)."""
-    return of_effects(reached("clothsim", "clothsim.drape", *map(home, names), within_functions=False))
+    return of_effects(reached("clothsim", "clothsim.run.simulate", *map(home, names), within_functions=False))
 
 
 def own(name):

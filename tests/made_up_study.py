@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.scene.meshes import cloth_shape
+from clothsim.build.meshes import cloth_shape
 from clothsim.scene.scene import Scene, scene_from_text
 
 SHEET = Scene(

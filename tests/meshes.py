@@ -3,7 +3,7 @@
 import numpy as np
 
 from clothsim.mesh.world import make_world
-from clothsim.study.validation.meshes import UNIT, cloth, grid, irregular_grid, random_rotation
+from tests.known_answers.unit_meshes import UNIT, cloth, grid, irregular_grid, random_rotation
 
 __all__ = ["UNIT", "cloth", "deformed", "grid", "irregular_grid", "random_rotation", "small_world"]
 

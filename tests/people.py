@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from transfer.surface import adjacency, edges_of
+from transfer.triangle_surface import adjacency, edges_of
 
 
 def capsules(leg_spread, arm_drop, girth):

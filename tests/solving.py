@@ -1,6 +1,6 @@
 """The package's own Newton on a world and some energies, for tests that need an equilibrium or a step."""
 
-from clothsim.study.validation.solving import (
+from tests.known_answers.unit_solver import (
     NOTHING,
     equilibrium,
     held,

@@ -5,10 +5,10 @@ import subprocess
 import sys
 
 TWICE = """
-from clothsim.cli import ahead
-ahead.CORES = 1
-first = ahead.start()
-print(first is not None, first.wait(timeout=300), ahead.start() is None)
+from clothsim.cli import precompile
+precompile.CORES = 1
+first = precompile.start()
+print(first is not None, first.wait(timeout=300), precompile.start() is None)
 """
 
 
@@ -22,7 +22,7 @@ def test_a_second_process_compiles_where_nothing_is_compiled_and_ends(tmp_path):
 
 
 def test_one_core_compiles_alone(tmp_path):
-    alone = "from clothsim.cli import ahead; ahead.CORES = 10**6; print(ahead.start())"
+    alone = "from clothsim.cli import ahead; precompile.CORES = 10**6; print(precompile.start())"
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", alone], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["None"]

@@ -7,9 +7,9 @@ import pytest
 from dressing import capsule_figure, in_file, tube_garment
 
 from clothsim.cli import main
-from clothsim.fitting import carry
 from clothsim.fitting import fit as module
-from clothsim.mesh.generate import rectangle
+from clothsim.fitting import moving_body
+from clothsim.mesh.generators.sheets import rectangle
 
 BODY = capsule_figure(segments=10)
 TUBE = tube_garment(0.096, height=0.12, cells=(10, 3))
@@ -25,8 +25,10 @@ cells = [2, 2]
 def _here(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")
-    monkeypatch.setattr("clothsim.fitting.picture.SIZE", (64, 96))
-    monkeypatch.setattr(carry, "DRAPING", {**carry.DRAPING, "run": {"duration": 0.02, "frames_per_second": 50}})
+    monkeypatch.setattr("clothsim.fitting.before_after.SIZE", (64, 96))
+    monkeypatch.setattr(
+        moving_body, "DRAPING", {**moving_body.DRAPING, "run": {"duration": 0.02, "frames_per_second": 50}}
+    )
     monkeypatch.setattr(module, "FALLING", 1.0)
     in_file(tmp_path, "tube.obj", TUBE.positions, TUBE.triangles)
     in_file(tmp_path, "body.obj", BODY.positions, BODY.triangles)

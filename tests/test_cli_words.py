@@ -7,7 +7,7 @@ import pytest
 
 from clothsim.cli import main
 from clothsim.cli.progress import Lines, clock
-from clothsim.drape import Progress
+from clothsim.run.simulate import Progress
 
 
 def test_debug_shows_the_traceback():
@@ -70,7 +70,7 @@ def test_the_error_of_a_run_is_one_line_of_its_verdict(tmp_path, estimate, line)
     from small_scenes import small_scene
 
     from clothsim import simulate
-    from clothsim.cli.say import verdict
+    from clothsim.cli.report import verdict
 
     run = simulate(small_scene(run={"duration": 0.02}), tmp_path)
     nothing = {"newton": 0.0, "contact_gap": "not estimated (nothing touches)"}
@@ -91,7 +91,7 @@ def test_a_fault_of_the_program_is_two_lines_too(capsys, monkeypatch, tmp_path):
     def fails(*arguments, **keywords):
         raise ZeroDivisionError("a fault")
 
-    monkeypatch.setattr("clothsim.drape.simulate", fails)
+    monkeypatch.setattr("clothsim.run.simulate.simulate", fails)
     assert main(["run", "sheet.toml"]) == 1
     assert capsys.readouterr().err.splitlines()[-2:] == [
         "ZeroDivisionError: a fault",

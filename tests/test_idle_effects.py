@@ -11,8 +11,8 @@ import pytest
 from small_scenes import BALL, EFFECTS, small_scene, without
 
 from clothsim import simulate
+from clothsim.build.scene_world import build
 from clothsim.energies.base import Energy
-from clothsim.scene.build import build
 from clothsim.scene.effects import EFFECTS as TABLE
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}

@@ -9,7 +9,7 @@ from small_scenes import EFFECTS, SHEET, small_scene, without
 
 from clothsim import simulate
 from clothsim.intersection.crossings import Crossing
-from clothsim.sim.judge import Judge
+from clothsim.sim.intersection_check import Judge
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
 FOUND = {

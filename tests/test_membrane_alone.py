@@ -11,12 +11,12 @@ import pytest
 from import_graph import FILES, PACKAGE, home, needed, of_effects
 from small_scenes import BALL, EFFECTS, SHEET, SOLVER, small_scene, without
 
+from clothsim.build.scene_world import build
 from clothsim.mesh.topology import unique_edges
-from clothsim.scene.build import build
+from clothsim.run.session import prepare
 from clothsim.scene.effects import EFFECTS as TABLE
-from clothsim.session import prepare
-from clothsim.sim.simulator import steps
 from clothsim.sim.state import first_state
+from clothsim.sim.time_loop import steps
 
 ALONE = ("inertia", "membrane")
 RUN = """

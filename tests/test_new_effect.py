@@ -9,7 +9,7 @@ from solving import step_at
 
 from clothsim import InputError, simulate
 from clothsim.cli import main
-from clothsim.explain import explain_scene
+from clothsim.run.receipt import explain_scene
 from clothsim.scene.effects import EFFECTS, Effect
 
 FILE = '''

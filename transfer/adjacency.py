@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-from transfer.surface import Ints, adjacency, edges_of
+from transfer.triangle_surface import Ints, adjacency, edges_of
 
 
 def adjacent_triangles(triangles: Ints) -> Ints:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from transfer.surface import Floats, Ints
+from transfer.triangle_surface import Floats, Ints
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from transfer.body_model import BodyModel
 from transfer.errors import TransferError
-from transfer.surface import Floats, Ints, as_surface
+from transfer.triangle_surface import Floats, Ints, as_surface
 
 KEYS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
 NO_PARENT = 2**32 - 1

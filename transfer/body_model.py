@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from transfer.errors import TransferError
-from transfer.surface import Floats, Ints
+from transfer.triangle_surface import Floats, Ints
 
 
 @dataclass(frozen=True)

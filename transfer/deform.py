@@ -22,7 +22,7 @@ from transfer.gradients import (
     inverse_frames,
     plane_operator,
 )
-from transfer.surface import Floats, Ints, as_surface
+from transfer.triangle_surface import Floats, Ints, as_surface
 
 WEAK = 1e-3
 """Weight of a triangle without a pair: it follows what its nearest paired triangle does, where nothing else asks."""

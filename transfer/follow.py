@@ -9,7 +9,7 @@ from scipy.sparse import csr_array
 
 from transfer.errors import TransferError
 from transfer.gradients import centroids, deformation_gradients, inverse_frames
-from transfer.surface import Floats, Ints, as_points, as_surface
+from transfer.triangle_surface import Floats, Ints, as_points, as_surface
 
 REMEDY = "Pose with the mesh that the pairs were made for."
 

@@ -12,7 +12,7 @@ from transfer.adjacency import vertex_components
 from transfer.deform import DeformationTransfer, deformation_transfer
 from transfer.errors import TransferError
 from transfer.gradients import centroids, mean_edge, without_area
-from transfer.surface import Floats, Ints, as_surface, triangle_normals
+from transfer.triangle_surface import Floats, Ints, as_surface, triangle_normals
 
 FOLLOWED, CANDIDATES = 16, 64
 """Body triangles that a garment triangle follows, at most, out of the nearest that are looked at."""

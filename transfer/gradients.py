@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from transfer.errors import TransferError
-from transfer.surface import Floats, Ints
+from transfer.triangle_surface import Floats, Ints
 
 FLATTEST = 1e-8
 """A triangle has no area where its height is below this fraction of its longest edge."""

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from transfer.errors import TransferError
-from transfer.surface import Floats, Ints, edges_of
+from transfer.triangle_surface import Floats, Ints, edges_of
 
 TIPS = 5
 

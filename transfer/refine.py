@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from transfer.distance import BodySurface, body_surface
 from transfer.errors import TransferError
-from transfer.surface import (
+from transfer.signed_distance import BodySurface, body_surface
+from transfer.triangle_surface import (
     Floats,
     Ints,
     Sparse,

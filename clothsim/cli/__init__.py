@@ -6,9 +6,29 @@ import os
 import sys
 from collections.abc import Sequence
 
-from clothsim.cli import bundle, check, explain, fabrics, fit, render, run, study
+from clothsim.cli import (
+    bundle_command,
+    check_command,
+    explain_command,
+    fabrics_command,
+    fit_command,
+    render_command,
+    run_command,
+    study_command,
+)
 from clothsim.cli.arguments import Parser, join_vectors
 from clothsim.errors import ClothsimError
+
+COMMANDS = (
+    run_command,
+    fit_command,
+    study_command,
+    bundle_command,
+    render_command,
+    check_command,
+    explain_command,
+    fabrics_command,
+)
 
 BAD_INPUT, UNEXPECTED, INTERRUPTED = 2, 1, 130
 
@@ -56,7 +76,7 @@ def _dispatch(words: Sequence[str]) -> int:
     parser = Parser(prog="clothsim", description=_DESCRIPTION)
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     commands = parser.add_subparsers(metavar="COMMAND", title="commands", dest="command", parser_class=Parser)
-    for module in (run, fit, study, bundle, render, check, explain, fabrics):
+    for module in COMMANDS:
         module.add_to(commands)
     arguments = parser.parse_args(words)
     if arguments.version:

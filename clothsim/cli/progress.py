@@ -7,7 +7,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, TypeVar, cast
 
 if TYPE_CHECKING:
-    from clothsim.summary import Progress
+    from clothsim.run.summary import Progress
 
 SECONDS_BETWEEN_LINES = 5.0
 

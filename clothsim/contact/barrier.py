@@ -7,13 +7,13 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.contact import barrier_kernels as kernels
-from clothsim.contact.around import CandidatesAround
 from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.candidates import Candidates
-from clothsim.contact.pairs import Pairs
+from clothsim.contact.pair_list import Pairs
 from clothsim.contact.stiffness import barrier_stiffness
+from clothsim.contact.subset import CandidatesAround
 from clothsim.energies.base import ByElement, ElementHessian, Energy, Step
-from clothsim.rows import equal
+from clothsim.indexing import equal
 
 
 @dataclass(frozen=True)

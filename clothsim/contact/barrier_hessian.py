@@ -10,14 +10,14 @@ positive is a sum of at most three squares; that of mollified pairs is found by 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import kernel, part
 from clothsim.contact.barrier_kernels import FIRST, LINE, SECOND, SHARE, VALUE, crossing_gradient, edges, mollifier
-from clothsim.contact.closest import dot
+from clothsim.contact.closest_points import dot
 from clothsim.contact.distance import free_directions
-from clothsim.contact.relative import absolute_block, relative
-from clothsim.contact.semidefinite import positive_squares
+from clothsim.contact.psd_projection import positive_squares
+from clothsim.contact.relative_coordinates import absolute_block, relative
 from clothsim.energies.base import ElementHessian, SquaresHessian, room_for
-from clothsim.rows import four_points
+from clothsim.indexing import four_points
+from clothsim.jit import kernel, part
 
 
 def projected(

@@ -7,10 +7,10 @@ m(c) = (2 - c/e) c/e for c < e, else 1, the mollifier of nearly parallel edges u
 
 import numpy as np
 
-from clothsim.compiled import kernel, natural, part
-from clothsim.contact.closest import cross, dot, minus
+from clothsim.contact.closest_points import cross, dot, minus
 from clothsim.contact.distance import closest_points, squared_distance
-from clothsim.rows import four_points
+from clothsim.indexing import four_points
+from clothsim.jit import kernel, natural, part
 
 LINE, VALUE, FIRST, SECOND, SHARE, POSE = 4, 7, 8, 9, 10, 11
 """Where in a pose its parts begin, and how long it is."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from clothsim.contact.build import contact_energy, excluded_pairs
+from clothsim.contact.setup import contact_energy, excluded_pairs
 from clothsim.contact.surface import cloth_body_surface
 from clothsim.energies.base import Energy, Off
 from clothsim.mesh.world import World

@@ -8,11 +8,11 @@ pairs found so are neighbours in one cloth: they are told apart at once, and nev
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import kernel, part
-from clothsim.contact.box_tree import FOUR, BoxTree
-from clothsim.contact.box_walk import DEPTH, fours_met, gathered
+from clothsim.contact.bvh import FOUR, BoxTree
 from clothsim.contact.culling import ROUNDING, are_kept_apart, corners, distance_if_near, rows_of, share_a_vertex
-from clothsim.contact.four_boxes import that_overlap
+from clothsim.contact.simd_boxes import that_overlap
+from clothsim.contact.traversal import DEPTH, fours_met, gathered
+from clothsim.jit import kernel, part
 
 Met = tuple[Ints, Ints, Floats]
 """The first and the second of each pair, and how far apart they are [m], (p,) each."""

@@ -15,7 +15,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.contact.barrier_kernels import near_pairs
 from clothsim.contact.ccd import CLOSE, edge_edge_limit, point_triangle_limit
-from clothsim.contact.near import (
+from clothsim.contact.filter import (
     displaced,
     keeps_to,
     may_be_near,
@@ -24,10 +24,10 @@ from clothsim.contact.near import (
     share_of_way,
     still_near,
 )
-from clothsim.contact.pairs import NONE, Pairs, together
+from clothsim.contact.pair_list import NONE, Pairs, together
 from clothsim.contact.search import Search
 from clothsim.contact.surface import ContactSurface
-from clothsim.rows import equal
+from clothsim.indexing import equal
 
 FEW = 0.25
 """Share of the vertices that may have left the base for a search of theirs alone: two such cost as one of all."""

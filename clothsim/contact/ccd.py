@@ -24,9 +24,8 @@ common motion costs nothing, and neither the scale nor the place matters but for
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import kernel, part
 from clothsim.contact.barrier_kernels import apart
-from clothsim.contact.closest import (
+from clothsim.contact.closest_points import (
     Point,
     cross,
     dot,
@@ -36,6 +35,7 @@ from clothsim.contact.closest import (
     point_triangle_closest,
     point_triangle_region,
 )
+from clothsim.jit import kernel, part
 
 Points = tuple[Point, Point, Point, Point]
 Direction = tuple[Point, Point, Point]

@@ -10,8 +10,8 @@ most pairs apart, and between the closest points before, which tells apart whate
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import part
-from clothsim.contact.closest import Point, dot, edge_edge_closest, point_triangle_closest
+from clothsim.contact.closest_points import Point, dot, edge_edge_closest, point_triangle_closest
+from clothsim.jit import part
 
 ROUNDING = 1.0 + 1e-9
 """The distance is taken so much larger: products of coordinates are rounded, and a pair too many costs nothing."""

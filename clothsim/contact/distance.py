@@ -13,8 +13,8 @@ as in any envelope theorem). One formula serves point-point, point-edge, point-t
 
 import numpy as np
 
-from clothsim.compiled import part
-from clothsim.contact.closest import cross, dot, edge_edge_closest, minus, point_triangle_closest
+from clothsim.contact.closest_points import cross, dot, edge_edge_closest, minus, point_triangle_closest
+from clothsim.jit import part
 
 FLAT = 1e-20
 """Square of the sine of the angle of two directions below which the second adds nothing."""

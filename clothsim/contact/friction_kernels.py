@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from clothsim.compiled import kernel, natural
+from clothsim.jit import kernel, natural
 
 
 @njit(cache=True, error_model="numpy", inline="always")

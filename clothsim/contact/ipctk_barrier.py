@@ -11,7 +11,7 @@ from scipy import sparse
 from clothsim.arrays import Floats
 from clothsim.contact.barrier import Barrier
 from clothsim.contact.candidates import SLACK, Candidates
-from clothsim.contact.near import keeps_to
+from clothsim.contact.filter import keeps_to
 from clothsim.contact.surface import ContactSurface
 from clothsim.energies.base import Step
 

@@ -5,12 +5,12 @@ from typing import cast
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.compiled import kernel
-from clothsim.contact.box_tree import BoxTree, build_tree, refit
 from clothsim.contact.broad_phase import Met, that_may_meet
-from clothsim.contact.order import in_order
-from clothsim.contact.pairs import Pairs, side_by_side
+from clothsim.contact.bvh import BoxTree, build_tree, refit
+from clothsim.contact.pair_list import Pairs, side_by_side
+from clothsim.contact.pair_order import in_order
 from clothsim.contact.surface import ContactSurface, Primitives
+from clothsim.jit import kernel
 
 PARALLEL = 1e-3
 """Square of the sine, at rest lengths, below which a pair of edges is mollified (Li et al. 2020, IPC, section 4.1)."""

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from clothsim.contact.build import contact_energy, edge_lengths, excluded_pairs
 from clothsim.contact.candidates import Candidates
+from clothsim.contact.setup import contact_energy, edge_lengths, excluded_pairs
 from clothsim.contact.stiffness import default_d_hat
 from clothsim.contact.surface import ContactSurface, cloth_surface
 from clothsim.energies.base import Energy, Off

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.energies.base import ElementHessian, Energy, Off, Step
-from clothsim.energies.values import Schedule, over_cloth, schedule
+from clothsim.energies.varying_values import Schedule, over_cloth, schedule
 from clothsim.energies.wind import Wind, wind_of
 from clothsim.errors import InputError
 from clothsim.mesh.world import World

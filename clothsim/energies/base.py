@@ -9,8 +9,8 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import LANES
 from clothsim.energies.lanes import unpack
+from clothsim.jit import LANES
 
 ANSWERS = 0.01
 """In which contact answers at the latest [s], the dt that scenes have. With a shorter dt its stiffness no longer grows:

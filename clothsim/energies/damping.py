@@ -10,7 +10,7 @@ from clothsim.energies.base import ByElement, ElementHessian, Energy, Off, Step
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_difference, weighted_square
 from clothsim.energies.hinge_bending import HingeBending, hinge_bending
 from clothsim.energies.strain_damping import HingeDamping, StrainDamping
-from clothsim.energies.values import over_cloth
+from clothsim.energies.varying_values import over_cloth
 from clothsim.mesh.world import World
 
 

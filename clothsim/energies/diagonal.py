@@ -4,8 +4,8 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ElementHessian
+from clothsim.indexing import as_rows, taken
 from clothsim.linalg import dot
-from clothsim.rows import as_rows, taken
 
 
 def every_vertex(n: int) -> Ints:

@@ -7,8 +7,8 @@ B = Dm^-1 [a b].
 
 import numpy as np
 
-from clothsim.compiled import kernel, natural
 from clothsim.energies.triangle_kernels import deformation_gradient, products, project_2x2
+from clothsim.jit import kernel, natural
 
 
 @kernel

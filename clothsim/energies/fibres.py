@@ -20,8 +20,8 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import fibre_kernels as kernels
 from clothsim.energies.base import ElementHessian, Energy, Off
-from clothsim.energies.values import over_cloth
-from clothsim.kinematics.threads import thread_axes
+from clothsim.energies.varying_values import over_cloth
+from clothsim.kinematics.warp_weft import thread_axes
 from clothsim.mesh.world import World
 
 

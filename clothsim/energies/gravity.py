@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from clothsim.arrays import Floats, Ints, as_vector
 from clothsim.energies.base import ElementHessian, Energy, Off, Step
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex
+from clothsim.indexing import as_rows, taken
 from clothsim.mesh.world import World
-from clothsim.rows import as_rows, taken
 
 
 @dataclass(frozen=True)

@@ -21,8 +21,8 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import hinge_kernels as kernels
 from clothsim.energies.base import Energy, LanesHessian
-from clothsim.lately import Lately
 from clothsim.linalg import dot
+from clothsim.memo import Lately
 from clothsim.mesh.hinges import Hinges
 
 

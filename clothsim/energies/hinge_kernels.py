@@ -6,10 +6,10 @@ vertices (h, 4): a, b, c, d of `kinematics.hinge`; moments M (h,) [N m], 0 where
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import LANES, inlined, kernel, natural
 from clothsim.energies.lanes import point, write
-from clothsim.kinematics.hinge import hinge_angle_gradient, hinge_blocks, hinge_direction
-from clothsim.rows import four_points
+from clothsim.indexing import four_points
+from clothsim.jit import LANES, inlined, kernel, natural
+from clothsim.kinematics.hinge_angle import hinge_angle_gradient, hinge_blocks, hinge_direction
 
 
 @kernel

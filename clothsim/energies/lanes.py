@@ -1,6 +1,6 @@
 """Reading and writing the numbers of elements that lie side by side (`compiled.LANES`)."""
 
-from clothsim.compiled import LANES, inlined, kernel
+from clothsim.jit import LANES, inlined, kernel
 
 
 @inlined

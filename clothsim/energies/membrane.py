@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import membrane_kernels as kernels
 from clothsim.energies.base import Energy, LanesHessian, Off
-from clothsim.energies.values import over_cloth
+from clothsim.energies.varying_values import over_cloth
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
@@ -107,7 +107,7 @@ def membrane(
 
             energy = orthotropic(world, angles)
         else:
-            from clothsim.energies.measured import measured
+            from clothsim.energies.measured_membrane import measured
 
             energy = measured(world, angles, **tables)
     return energy if len(energy.triangles) else Off(SLACK)

@@ -5,7 +5,6 @@ F = [x1 - x0, x2 - x0] Dm^-1 (3x2), columns f1, f2; E = sum A psi(F).
 
 import numpy as np
 
-from clothsim.compiled import LANES, kernel, natural
 from clothsim.energies.neo_hookean import density, inverse_factor, other_modes, stretch_block
 from clothsim.energies.triangle_kernels import (
     KEPT,
@@ -17,6 +16,7 @@ from clothsim.energies.triangle_kernels import (
     products,
     project_2x2,
 )
+from clothsim.jit import LANES, kernel, natural
 
 
 @kernel

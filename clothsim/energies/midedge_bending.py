@@ -15,14 +15,14 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import kernel
 from clothsim.energies import hinge_kernels as kernels
 from clothsim.energies.base import ElementHessian, Energy
+from clothsim.indexing import four_points
+from clothsim.jit import kernel
 from clothsim.kinematics.curvature import bending_strains
-from clothsim.kinematics.hinge import hinge_angle_gradient, hinge_hessian
+from clothsim.kinematics.hinge_angle import hinge_angle_gradient, hinge_hessian
 from clothsim.mesh.hinges import Hinges
 from clothsim.mesh.world import World
-from clothsim.rows import four_points
 
 
 @dataclass(frozen=True)

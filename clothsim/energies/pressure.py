@@ -15,7 +15,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ElementHessian, Energy, Off, Step
-from clothsim.energies.values import Schedule, by_cloth
+from clothsim.energies.varying_values import Schedule, by_cloth
 from clothsim.linalg import cross_matrices
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World

@@ -20,9 +20,9 @@ from clothsim.energies.base import Energy, Off, Step
 from clothsim.energies.hinge_bending import HingeBending
 from clothsim.energies.selection import check_tables, cloth_number, vertex_numbers
 from clothsim.energies.shifted_hinges import ShiftedHinges, hinges_of_bending
-from clothsim.energies.values import Schedule, schedule
+from clothsim.energies.varying_values import Schedule, schedule
 from clothsim.errors import InputError
-from clothsim.mesh.paths import path_along
+from clothsim.mesh.edge_paths import path_along
 from clothsim.mesh.topology import unique_edges
 from clothsim.mesh.world import World
 

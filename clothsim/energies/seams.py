@@ -27,7 +27,7 @@ from clothsim.energies.hinge_bending import HingeBending
 from clothsim.energies.links import Links
 from clothsim.energies.selection import as_flag, check_tables, cloth_number, selected_vertices, vertex_numbers
 from clothsim.errors import InputError
-from clothsim.mesh.paths import path_along
+from clothsim.mesh.edge_paths import path_along
 from clothsim.mesh.stitches import Line, hinges_across, line_of, stitches
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import World

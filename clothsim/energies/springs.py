@@ -15,7 +15,7 @@ from clothsim.arrays import Floats, Ints, as_points, as_positive, as_vector
 from clothsim.energies.base import Energy, Off, Step
 from clothsim.energies.links import Links
 from clothsim.energies.selection import as_flag, check_tables, selected_vertices
-from clothsim.energies.values import Schedule, schedule
+from clothsim.energies.varying_values import Schedule, schedule
 from clothsim.errors import InputError
 from clothsim.mesh.motion import RigidMotion, motion_of
 from clothsim.mesh.world import World

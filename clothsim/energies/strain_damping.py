@@ -15,11 +15,11 @@ from typing import Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.compiled import kernel
 from clothsim.energies.base import ElementHessian, Energy, LanesHessian, Step
 from clothsim.energies.hinge_bending import HingeBending
 from clothsim.energies.history import past_of
-from clothsim.kinematics.triangle import deformation_gradients
+from clothsim.jit import kernel
+from clothsim.kinematics.deformation_gradient import deformation_gradients
 from clothsim.linalg import eigen_2x2
 from clothsim.mesh.hinges import dihedral_angles
 

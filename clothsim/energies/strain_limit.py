@@ -22,9 +22,9 @@ from clothsim.arrays import Floats, Ints, as_number
 from clothsim.energies import fibre_kernels
 from clothsim.energies import strain_limit_kernels as kernels
 from clothsim.energies.base import ElementHessian, Energy, LanesHessian, Off
-from clothsim.energies.values import over_cloth
+from clothsim.energies.varying_values import over_cloth
 from clothsim.errors import InputError
-from clothsim.kinematics.threads import thread_axes
+from clothsim.kinematics.warp_weft import thread_axes
 from clothsim.mesh.world import World
 
 SLACK = 0.9

@@ -5,7 +5,6 @@
 
 import numpy as np
 
-from clothsim.compiled import LANES, kernel, natural
 from clothsim.energies.triangle_kernels import (
     KEPT,
     deformation_gradient,
@@ -14,6 +13,7 @@ from clothsim.energies.triangle_kernels import (
     principal_state,
     products,
 )
+from clothsim.jit import LANES, kernel, natural
 
 ALIKE = 1e-5
 """Difference of two stretches below which a slope between them is taken as the curvature at their mean."""

@@ -5,8 +5,8 @@ F = [x1 - x0, x2 - x0] Dm^-1 (3x2), columns f1, f2; F = W' diag(s1, s2) V'.
 
 import numpy as np
 
-from clothsim.compiled import LANES, inlined, natural, part
 from clothsim.energies.lanes import point, write
+from clothsim.jit import LANES, inlined, natural, part
 
 
 @inlined

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.arrays import Floats, as_number, as_positive, as_vector
-from clothsim.energies.values import FUNCTION, lost
+from clothsim.energies.varying_values import FUNCTION, lost
 from clothsim.errors import InputError
 
 UP = np.array([0.0, 0.0, 1.0])

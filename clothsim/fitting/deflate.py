@@ -8,7 +8,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.mesh.topology import vertex_rings
-from transfer.distance import SKIN, BodySurface
+from transfer.signed_distance import SKIN, BodySurface
 
 KEPT = 0.9
 """The share of the half thickness that a vertex may move: what is left keeps its two sides apart."""

@@ -10,22 +10,22 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.drape import FITTED, Announcement, Listener
 from clothsim.errors import InputError
-from clothsim.fitting.carry import BODY, REST, START, draped
-from clothsim.fitting.chain import Seeded, Task, seeded
-from clothsim.fitting.cost import Cost, cost_of
-from clothsim.fitting.counts import Counts
-from clothsim.fitting.figure import Figure, read_figure, read_garment, worn_in_scene
+from clothsim.fitting.distortion import Cost, cost_of
+from clothsim.fitting.inputs import Figure, read_figure, read_garment, worn_in_scene
 from clothsim.fitting.markers import NO_MARKERS, read_markers
+from clothsim.fitting.moving_body import BODY, REST, START, draped
+from clothsim.fitting.penetration import Counts
+from clothsim.fitting.pipeline import Seeded, Task, seeded
 from clothsim.fitting.stage import Garment, Heard, Stage, staged
 from clothsim.io.checkpoint import CHECKPOINT_NAME
+from clothsim.io.obj_writer import write_obj
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
-from clothsim.io.run import Run
+from clothsim.io.results import Run
 from clothsim.io.trajectory import TRAJECTORY_NAME
-from clothsim.io.write_obj import write_obj
+from clothsim.run.simulate import FITTED, Announcement, Listener
 from clothsim.scene.fabrics import fabric_named
-from transfer.distance import body_surface
+from transfer.signed_distance import body_surface
 
 LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY)
 """What a fit leaves in its directory."""

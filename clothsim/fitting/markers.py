@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
-from clothsim.fitting.figure import Figure
+from clothsim.fitting.inputs import Figure
 
 NO_MARKERS = np.zeros((0, 6))
 """None given: they are derived from the shapes of the bodies."""

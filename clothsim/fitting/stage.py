@@ -6,8 +6,8 @@ from time import perf_counter
 from typing import Any
 
 from clothsim.arrays import Floats, Ints
-from clothsim.fitting.counts import Counts, counted
-from transfer.distance import BodySurface
+from clothsim.fitting.penetration import Counts, counted
+from transfer.signed_distance import BodySurface
 
 
 @dataclass(frozen=True)

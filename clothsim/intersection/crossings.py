@@ -6,7 +6,7 @@ from itertools import combinations_with_replacement
 from typing import Protocol
 
 from clothsim.arrays import Floats, Ints
-from clothsim.intersection.pairs import LIMIT, intersecting_pairs, places
+from clothsim.intersection.intersecting_pairs import LIMIT, intersecting_pairs, places
 
 
 class Part(Protocol):

@@ -4,7 +4,7 @@ An expansion is a sum of doubles e[0] + ... + e[n - 1] that do not overlap, of g
 its sign is that of its last. All is exact while nothing over- or underflows, and needs IEEE doubles without fastmath.
 """
 
-from clothsim.compiled import part
+from clothsim.jit import part
 
 SPLITTER = 2.0**27 + 1.0
 

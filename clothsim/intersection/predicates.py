@@ -7,8 +7,8 @@ any unit) and no coordinate but zero is below 2^-200, 1e-120 times the largest: 
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.compiled import part
 from clothsim.intersection.expansions import add_product2, add_product3
+from clothsim.jit import part
 
 EPSILON = 2.0**-53
 BOUND_3D = (7.0 + 56.0 * EPSILON) * EPSILON

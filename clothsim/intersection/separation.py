@@ -6,8 +6,8 @@ tests settle nearly all of them first. A "no" here is proven; anything else goes
 
 import numpy as np
 
-from clothsim.compiled import part
 from clothsim.intersection.predicates import EPSILON
+from clothsim.jit import part
 
 ROUND_OFF = 8.0 * EPSILON
 """Error of a dot product of a vector with a difference of points, over the sum of its absolute terms; 4 would do."""

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clothsim.arrays import Floats, Ints, as_points
 from clothsim.errors import InputError
-from clothsim.io.surface import Surface, check_surfaces, same_surfaces
+from clothsim.io.run_surfaces import Surface, check_surfaces, same_surfaces
 from clothsim.io.vtkhdf import STRETCHES, announce, blocks, cut, grow_tables, has_stretches, lay_out, write_frame
 
 TRAJECTORY_NAME = "trajectory.vtkhdf"

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from clothsim.arrays import Ints
-from clothsim.io.surface import Surface
+from clothsim.io.run_surfaces import Surface
 
 STRETCHES = "principal_stretches"
 _TABLE_ROWS = 256

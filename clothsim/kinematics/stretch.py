@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim.kinematics.triangle import area_ratios
+from clothsim.kinematics.deformation_gradient import area_ratios
 from clothsim.linalg import eigen_2x2
 
 _RANK_1 = 8.0  # l2/l1 in ulps below which F v2 is round-off, so that its direction means nothing

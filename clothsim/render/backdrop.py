@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.render.camera import Camera
-from clothsim.render.mesh_look import Look
+from clothsim.render.surface_look import Look
 
 _TOP, _BOTTOM = np.array([0.975, 0.977, 0.98]), np.array([0.90, 0.905, 0.915])
 _TEXELS = 320

@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.render.camera import Margins
-from clothsim.render.colour import stretch_colours, ticks
+from clothsim.render.colormap import stretch_colours, ticks
 
 _INK = (72, 74, 80)
 

@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike
 
 from clothsim.arrays import as_positive
 from clothsim.errors import InputError
-from clothsim.render.mesh_look import Surface
 from clothsim.render.picture import Shot, expose, take_aim
+from clothsim.render.surface_look import Surface
 
 
 def movie(

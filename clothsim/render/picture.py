@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 from clothsim.arrays import Floats, as_points, as_triangles, as_vector
 from clothsim.errors import InputError
 from clothsim.render.camera import Camera, extreme_points, frame, three_quarter_view
-from clothsim.render.colour import colour_range, log_stretch
+from clothsim.render.colormap import colour_range, log_stretch
 from clothsim.render.legend import add_legend, margins
-from clothsim.render.mesh_look import Surface, looks
+from clothsim.render.surface_look import Surface, looks
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _SMALLEST = 64
@@ -120,7 +120,7 @@ def expose_bare(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
     if shot.renderer == "vtk":
         from clothsim.render.vtk_scene import render
     else:
-        from clothsim.render.ray import render
+        from clothsim.render.ray_caster import render
     made = looks(surfaces, shot.half_range)
     seen = render(made, shot.camera, shot.size, shot.up, shot.samples)
     behind = backdrop(made, shot.camera, shot.size, shot.up)

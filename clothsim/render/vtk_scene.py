@@ -10,7 +10,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.render.camera import Camera, seen_box
-from clothsim.render.mesh_look import Look
+from clothsim.render.surface_look import Look
 
 _AMBIENT, _DIFFUSE = 0.50, 0.56
 _LIGHTS = (((-0.70, 0.85, 0.40), 0.88), ((0.80, 0.15, 0.60), 0.22), ((0.10, 0.90, -0.40), 0.12))

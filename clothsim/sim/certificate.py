@@ -7,11 +7,11 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.kinematics.deformation_gradient import deformation_gradients
 from clothsim.kinematics.stretch import principal_stretches
-from clothsim.kinematics.triangle import deformation_gradients
 from clothsim.mesh.world import World
-from clothsim.sim.estimate import ErrorEstimate
-from clothsim.sim.formula import BACKWARD_EULER
+from clothsim.sim.error_estimate import ErrorEstimate
+from clothsim.sim.integrators import BACKWARD_EULER
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
 

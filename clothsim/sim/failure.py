@@ -9,9 +9,9 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.energies.base import Constraint, Prescribed
 from clothsim.mesh.world import World
-from clothsim.sim.names import simplex_name, vertex_name
+from clothsim.sim.closest_contact import Touch, closest_touch
 from clothsim.sim.state import State
-from clothsim.sim.touch import Touch, closest_touch
+from clothsim.sim.vertex_names import simplex_name, vertex_name
 from clothsim.solve.newton import NewtonResult
 from clothsim.solve.outcome import Ending, Outcome
 from clothsim.solve.potential import Potential

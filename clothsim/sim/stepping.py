@@ -10,17 +10,17 @@ import numpy as np
 
 from clothsim.energies.base import ANSWERS, Constraint, Prescribed, Step
 from clothsim.mesh.world import World
-from clothsim.sim.control import ErrorControl
 from clothsim.sim.failure import Failure, failure_of, told
-from clothsim.sim.formula import BACKWARD_EULER, BDF2, Formula, formula_of
-from clothsim.sim.motion import prescribed
+from clothsim.sim.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
+from clothsim.sim.local_error import StepError, step_error
+from clothsim.sim.prescribed import prescribed
 from clothsim.sim.state import Previous, State
-from clothsim.sim.step_error import StepError, step_error
+from clothsim.sim.step_size import ErrorControl
+from clothsim.solve.linear_system import System
 from clothsim.solve.newton import Newton, NewtonResult, NewtonSettings
-from clothsim.solve.observe import Observer, unobserved
+from clothsim.solve.observer import Observer, unobserved
 from clothsim.solve.outcome import Ending
 from clothsim.solve.potential import Potential
-from clothsim.solve.system import System
 
 GROWTH = 1.05
 MAX_HALVINGS = 10

@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.indexing import taken
 from clothsim.linalg import dot
-from clothsim.rows import taken
-from clothsim.solve import pattern as assembly
-from clothsim.solve.direct import EXACT, LinearSolver, NotPositiveDefiniteError
+from clothsim.solve import sparsity as assembly
+from clothsim.solve.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.lanczos import saddle_free_solve
+from clothsim.solve.linear_system import System
 from clothsim.solve.outcome import Ending, Outcome, outcome
 from clothsim.solve.potential import Potential
-from clothsim.solve.system import System
-from clothsim.solve.trust import PROJECTED, Trust
+from clothsim.solve.trust_region import PROJECTED, Trust
 
 MAX_SHIFTS = 12
 ROUGH = 1e-2

@@ -12,12 +12,12 @@ from clothsim.energies.base import Prescribed
 from clothsim.linalg import dot
 from clothsim.solve.direction import NOTHING, Model
 from clothsim.solve.line_search import RESOLVED, armijo, lengthened, round_off
-from clothsim.solve.observe import Iterate, Observer, unobserved
+from clothsim.solve.linear_system import System
+from clothsim.solve.nonlinear_elimination import Region, restless
+from clothsim.solve.observer import Iterate, Observer, unobserved
 from clothsim.solve.outcome import Ending, Outcome, outcome
 from clothsim.solve.potential import Potential
-from clothsim.solve.region import Region, restless
-from clothsim.solve.system import System
-from clothsim.solve.trust import PROJECTED, TRUSTED, Trust
+from clothsim.solve.trust_region import PROJECTED, TRUSTED, Trust
 
 SMALLEST_FRACTION = 1e-12
 BLOCKED_FRACTION = 1e-8

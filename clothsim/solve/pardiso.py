@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from clothsim.arrays import Floats
 from clothsim.errors import ClothsimError
-from clothsim.solve.direct import EXACT, LinearSolver, NotPositiveDefiniteError
-from clothsim.solve.pattern import Pattern
+from clothsim.solve.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
+from clothsim.solve.sparsity import Pattern
 
 ONE_THREAD_BELOW = 4000
 """Vertices below which PARDISO gets one thread where the scene leaves it open: a small factorisation takes 5 ms on one,

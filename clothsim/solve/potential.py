@@ -10,8 +10,8 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ByElement, Energy, LanesHessian, Step
-from clothsim.lately import Lately
-from clothsim.solve.ledger import Ledger
+from clothsim.memo import Lately
+from clothsim.solve.timers import Ledger
 
 
 @dataclass(frozen=True)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clothsim.contact.box_tree import build_tree, refit
 from clothsim.contact.broad_phase import that_may_meet
-from clothsim.contact.order import in_order
+from clothsim.contact.bvh import build_tree, refit
+from clothsim.contact.pair_order import in_order
 
 FAR = 2000
 """More rows than boxes have here."""

@@ -7,8 +7,8 @@ from contacts import body_surface, jittered, self_surface, sheet_on_ball, two_sh
 from clothsim.contact.barrier_kernels import near_pairs
 from clothsim.contact.candidates import Candidates
 from clothsim.contact.ccd import edge_edge_limit, point_triangle_limit
-from clothsim.contact.near import keeps_to
-from clothsim.intersection.pairs import intersecting_pairs
+from clothsim.contact.filter import keeps_to
+from clothsim.intersection.intersecting_pairs import intersecting_pairs
 
 D_HAT = 0.05
 

@@ -5,8 +5,8 @@ import pytest
 from contacts import body_surface, self_surface, sheet_on_ball, two_sheets
 
 from clothsim.contact.barrier_kernels import near_pairs
-from clothsim.contact.box_tree import build_tree
 from clothsim.contact.broad_phase import that_may_meet
+from clothsim.contact.bvh import build_tree
 from clothsim.contact.candidates import Candidates
 
 POINT, EDGE, TRIANGLE = np.array([[0]]), np.array([[0, 1]]), np.array([[3, 4, 5]])

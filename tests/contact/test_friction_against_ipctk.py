@@ -20,7 +20,7 @@ from solving import step_at
 
 from clothsim.contact import barrier_kernels as kernels
 from clothsim.contact.friction import friction
-from clothsim.rows import four_points
+from clothsim.indexing import four_points
 
 POSES = {**at_random(), **adversarial(), **close()}
 OVER_NEEDLES = "needles over needles, body"

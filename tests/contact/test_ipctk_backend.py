@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from clothsim import simulate
+from clothsim.build.scene_world import build
 from clothsim.contact.barrier import Barrier
 from clothsim.contact.ipctk_barrier import IpctkBarrier
-from clothsim.scene.build import build
-from clothsim.scene.toml import load_scene
+from clothsim.scene.toml_file import load_scene
 
 SCENES = {
     "body": """

@@ -9,7 +9,7 @@ from differences import dense_hessian
 
 from clothsim.contact import barrier_kernels as kernels
 from clothsim.contact.distance import closest_points
-from clothsim.rows import four_points
+from clothsim.indexing import four_points
 
 POSES = {**at_random(), **adversarial(), **close()}
 TIES = [name for name, pose in POSES.items() if pose.tie]

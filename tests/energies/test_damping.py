@@ -18,7 +18,7 @@ from clothsim.energies.membrane import membrane
 from clothsim.errors import InputError
 from clothsim.mesh.motion import rotation_matrix
 from clothsim.mesh.world import make_world
-from clothsim.sim.formula import bdf2_past
+from clothsim.sim.integrators import bdf2_past
 from clothsim.sim.state import Previous, first_state
 
 STRAIN = {"rate": 0.0, "stiffness": 0.3, "strain_rate": 0.2}

@@ -11,9 +11,9 @@ from clothsim.energies.base import Off
 from clothsim.energies.fibres import fibres
 from clothsim.energies.membrane import membrane
 from clothsim.errors import InputError
-from clothsim.kinematics.threads import thread_axes
+from clothsim.kinematics.warp_weft import thread_axes
 from clothsim.mesh.cloth import make_cloth
-from clothsim.mesh.generate import tube
+from clothsim.mesh.generators.sheets import tube
 from clothsim.mesh.world import make_world
 
 WARP, WEFT, SHEAR, NU = 3.0, 1.2, 0.4, 0.3

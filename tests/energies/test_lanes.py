@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from meshes import cloth, grid
 
-from clothsim.compiled import LANES
 from clothsim.energies.base import AT_ONCE
 from clothsim.energies.bending import bending
 from clothsim.energies.membrane import membrane
 from clothsim.energies.strain_limit import strain_limit
+from clothsim.jit import LANES
 from clothsim.mesh.world import make_world
 
 ENERGIES = {"hinges": bending, "membrane": membrane, "strain limit": lambda world: strain_limit(world, begins=0.0)}

@@ -12,12 +12,12 @@ from clothsim.energies.base import Off
 from clothsim.energies.membrane import membrane
 from clothsim.energies.paired_membrane import OWN, paired_membrane, pairs
 from clothsim.errors import InputError
-from clothsim.mesh.generate import sphere
+from clothsim.mesh.generators.sheets import sphere
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
-from clothsim.study.validation.inflation import balloon, blown_up, mylar
-from clothsim.study.validation.membrane import FABRIC, STATES, psi, sliver_sheet
-from clothsim.study.validation.wrinkles import sheared, strip, thickness_of
+from tests.known_answers.a1_membrane import FABRIC, STATES, psi, sliver_sheet
+from tests.known_answers.a6_inflation import balloon, blown_up, mylar
+from tests.known_answers.a8_wrinkles import sheared, strip, thickness_of
 
 every_shape = pytest.mark.parametrize("curved", [False, True], ids=["flat", "curved"])
 

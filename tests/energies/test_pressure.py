@@ -13,10 +13,10 @@ from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.energies.pressure import pressure
 from clothsim.linalg import project_psd
-from clothsim.mesh.generate import sphere
+from clothsim.mesh.generators.sheets import sphere
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
-from clothsim.study.validation.inflation import (
+from tests.known_answers.a6_inflation import (
     inflated_disc,
     inflated_height_and_volume,
     inflated_radii,

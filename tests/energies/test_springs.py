@@ -9,6 +9,7 @@ from small_scenes import EFFECTS, SHEET, small_scene
 from solving import equilibrium, integrator_of, run_of, step_at, those_on
 
 from clothsim import simulate
+from clothsim.build.scene_world import build
 from clothsim.energies.base import Off
 from clothsim.energies.gravity import gravity
 from clothsim.energies.inertia import inertia
@@ -16,7 +17,6 @@ from clothsim.energies.membrane import membrane
 from clothsim.energies.springs import springs
 from clothsim.errors import InputError
 from clothsim.mesh.world import make_world
-from clothsim.scene.build import build
 
 ALL = {"box": [[-9, -9, -9], [9, 9, 9]]}
 

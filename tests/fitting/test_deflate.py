@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from clothsim.fitting.deflate import KEPT, OPENING, RAYS, deflated, half_thickness, smoothed
-from clothsim.mesh.generate import rectangle
-from clothsim.mesh.shapes import capsule, sphere
-from transfer.distance import body_surface
+from clothsim.mesh.generators.shapes import capsule, sphere
+from clothsim.mesh.generators.sheets import rectangle
+from transfer.signed_distance import body_surface
 
 BALL = body_surface(*sphere(radius=0.3, subdivisions=3))
 

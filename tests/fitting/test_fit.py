@@ -8,20 +8,20 @@ from dressing import capsule_figure, in_file, tube_garment, wider
 
 import clothsim
 from clothsim.errors import InputError
-from clothsim.fitting import carry
 from clothsim.fitting import fit as module
-from clothsim.fitting.picture import draw_fit
-from clothsim.io.meshes import read_mesh
+from clothsim.fitting import moving_body
+from clothsim.fitting.before_after import draw_fit
+from clothsim.io.mesh_file import read_mesh
 from clothsim.io.record import read_summary
-from clothsim.mesh.generate import rectangle
-from clothsim.scene.bundle import unpack_bundle, write_bundle
+from clothsim.mesh.generators.sheets import rectangle
+from clothsim.run.archive import unpack_bundle, write_bundle
 
 BODY = capsule_figure(segments=10)
 SMALL = tube_garment(0.125, height=0.12, cells=(10, 3))
 STAGE_KEYS = {"name", "seconds", "penetrating_vertices", "intersecting_pairs"}
 SETTLED = {
-    **carry.DRAPING,
-    "effects": {name: keys for name, keys in carry.DRAPING["effects"].items() if name != "friction"},
+    **moving_body.DRAPING,
+    "effects": {name: keys for name, keys in moving_body.DRAPING["effects"].items() if name != "friction"},
     "run": {"duration": 0.04, "frames_per_second": 25},
 }
 """A short drape: the tube hangs on nothing, and has no time to fall."""
@@ -29,7 +29,7 @@ SETTLED = {
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
-    monkeypatch.setattr(carry, "DRAPING", SETTLED)
+    monkeypatch.setattr(moving_body, "DRAPING", SETTLED)
     monkeypatch.setattr(module, "FALLING", 1.0)
     return {
         "garment": in_file(tmp_path, "garment.obj", SMALL.positions, SMALL.triangles),
@@ -60,7 +60,7 @@ def test_a_fit_leaves_what_a_run_leaves_and_its_stages(files, tmp_path, monkeypa
     np.testing.assert_allclose(read_mesh(out / "fitted.obj").positions, done.positions, atol=1e-6)
     assert done.counts.clean
     assert done.cost.high > 1.2
-    monkeypatch.setattr("clothsim.fitting.picture.SIZE", (64, 96))
+    monkeypatch.setattr("clothsim.fitting.before_after.SIZE", (64, 96))
     monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")
     draw_fit(done, tmp_path / "fit.png")
     assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
@@ -76,7 +76,7 @@ def test_without_the_other_body_a_garment_is_repaired_on_its_own(files, tmp_path
 
 def test_a_simulation_that_cannot_go_on_leaves_the_refined_garment(files, tmp_path, monkeypatch):
     hopeless = {**SETTLED, "solver": {"dt": 0.01, "tolerance": 1e-12, "max_iterations": 1}}
-    monkeypatch.setattr(carry, "DRAPING", hopeless)
+    monkeypatch.setattr(moving_body, "DRAPING", hopeless)
     done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out")
     assert done.status == "refined"
     assert done.run.status == "failed"
@@ -91,7 +91,7 @@ def test_a_simulation_that_cannot_go_on_leaves_the_refined_garment(files, tmp_pa
 
 
 def test_a_simulation_that_cannot_begin_leaves_the_refined_garment(files, tmp_path, monkeypatch):
-    monkeypatch.setattr(carry, "DRAPING", {**SETTLED, "effects": {"gravity": {}, "no_such_effect": {}}})
+    monkeypatch.setattr(moving_body, "DRAPING", {**SETTLED, "effects": {"gravity": {}, "no_such_effect": {}}})
     done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out")
     assert (done.status, done.run) == ("refined", None)
     assert done.reason.startswith("The drape could not begin: ")

@@ -8,7 +8,7 @@ from dressing import capsule_figure, tube_garment
 
 from clothsim.errors import InputError
 from clothsim.fitting.markers import marked_vertices, read_markers
-from clothsim.fitting.transferred import transferred
+from clothsim.fitting.transfer_seed import transferred
 
 FIGURE, OTHER = capsule_figure(), capsule_figure(radius=0.12, segments=20, name="other")
 

@@ -5,7 +5,7 @@ from time import perf_counter
 from dressing import capsule_figure, tube_garment
 
 from clothsim.fitting.stage import staged
-from transfer.distance import body_surface
+from transfer.signed_distance import body_surface
 
 FIGURE = capsule_figure()
 BODY = body_surface(FIGURE.positions, FIGURE.triangles)

@@ -5,7 +5,7 @@ import pytest
 from meshes import cloth, grid
 
 from clothsim.intersection.crossings import crossings
-from clothsim.io.surface import world_surfaces
+from clothsim.io.run_surfaces import world_surfaces
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 

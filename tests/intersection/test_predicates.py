@@ -9,9 +9,9 @@ from hypothesis import strategies as some
 from meshes import random_rotation
 from rational import determinant_sign
 
-from clothsim.compiled import kernel
 from clothsim.intersection import expansions, predicates
 from clothsim.intersection.predicates import scaled
+from clothsim.jit import kernel
 
 # as the kernels run them: compiled
 grow, two_product, two_sum = map(kernel, (expansions.grow, expansions.two_product, expansions.two_sum))

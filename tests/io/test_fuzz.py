@@ -20,11 +20,11 @@ from hypothesis import strategies as st
 
 from clothsim.errors import LONGEST, InputError
 from clothsim.io.checkpoint import Checkpoint, read_checkpoint, write_checkpoint
-from clothsim.io.meshes import ENDINGS, read_mesh
+from clothsim.io.mesh_file import ENDINGS, read_mesh
 from clothsim.io.record import read_record, read_summary
-from clothsim.io.surface import Surface
+from clothsim.io.run_surfaces import Surface
 from clothsim.io.trajectory import TrajectoryWriter, read_trajectory
-from clothsim.mesh.generate import sphere
+from clothsim.mesh.generators.sheets import sphere
 
 FEW = settings(
     max_examples=50,

@@ -9,7 +9,7 @@ from meshes import irregular_grid
 
 from clothsim.errors import InputError
 from clothsim.io.gmsh import CORNERS
-from clothsim.io.meshes import read_mesh
+from clothsim.io.mesh_file import read_mesh
 
 TEXT = """$MeshFormat
 4.1 0 8

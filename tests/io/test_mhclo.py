@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from clothsim.errors import InputError
-from clothsim.fitting.figure import read_garment
+from clothsim.fitting.inputs import read_garment
 from clothsim.io.mhclo import read_clothes
 
 BASE = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 4.0, 0.0], [0.0, 0.0, 8.0]])

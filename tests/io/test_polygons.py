@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.io.meshes import read_mesh
+from clothsim.io.mesh_file import read_mesh
 
 
 def write(path, text):

@@ -10,7 +10,7 @@ import pytest
 from meshes import cloth, grid
 
 from clothsim.errors import InputError
-from clothsim.io.surface import Surface, world_surfaces
+from clothsim.io.run_surfaces import Surface, world_surfaces
 from clothsim.io.trajectory import TrajectoryWriter, read_trajectory
 from clothsim.mesh.body import make_body
 from clothsim.mesh.motion import rigid_motion

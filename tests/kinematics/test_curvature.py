@@ -10,7 +10,7 @@ from scipy.spatial import Delaunay
 from clothsim.kinematics.curvature import bending_strains
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import make_cloth
-from clothsim.mesh.generate import rectangle
+from clothsim.mesh.generators.sheets import rectangle
 from clothsim.mesh.hinges import dihedral_angles
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from meshes import deformed, random_rotation, small_world
 
+from clothsim.kinematics.deformation_gradient import area_ratios, deformation_gradients, reference_frames
 from clothsim.kinematics.stretch import decompose, principal_stretches, spatial_rotations
-from clothsim.kinematics.triangle import area_ratios, deformation_gradients, reference_frames
 from clothsim.mesh.cloth import triangle_planes
 from clothsim.mesh.motion import rotation_matrix
 

@@ -16,8 +16,8 @@ from clothsim.energies.gravity import gravity
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.errors import InputError
-from clothsim.intersection.pairs import intersecting_pairs
-from clothsim.mesh.check import examine, refuse
+from clothsim.intersection.intersecting_pairs import intersecting_pairs
+from clothsim.mesh.checks import examine, refuse
 from clothsim.mesh.world import make_world
 
 MANY = settings(max_examples=300, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])

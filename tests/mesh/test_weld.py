@@ -5,7 +5,7 @@ import pytest
 from meshes import grid
 
 from clothsim.errors import InputError
-from clothsim.mesh.check import examine
+from clothsim.mesh.checks import examine
 from clothsim.mesh.topology import border_edges, components, interior_edges
 from clothsim.mesh.weld import flaps, mean_of_parts, merge_coincident, weld
 

@@ -14,9 +14,9 @@ from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.energies.pins import pins
 from clothsim.mesh.world import make_world
-from clothsim.sim.control import ErrorControl
-from clothsim.sim.simulator import steps
 from clothsim.sim.state import first_state
+from clothsim.sim.step_size import ErrorControl
+from clothsim.sim.time_loop import steps
 
 
 def hanging(duration=0.4):

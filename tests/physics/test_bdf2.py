@@ -13,11 +13,11 @@ from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.energies.pins import pins
 from clothsim.mesh.world import make_world
-from clothsim.sim import formula as formulas
+from clothsim.sim import integrators as formulas
 from clothsim.sim.state import Previous, first_state
 from clothsim.sim.stepping import advance
-from clothsim.study.validation.time import GRAVITY as G
-from clothsim.study.validation.time import falling, ringing, swing_ratio
+from tests.known_answers.a4_time import GRAVITY as G
+from tests.known_answers.a4_time import falling, ringing, swing_ratio
 
 
 def bdf2(*arguments, **keywords):

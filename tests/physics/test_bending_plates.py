@@ -9,8 +9,8 @@ from meshes import cloth, grid
 from clothsim.energies.hinge_bending import hinge_bending
 from clothsim.mesh.hinges import Hinges
 from clothsim.mesh.world import make_world
-from clothsim.study.validation.elastica import hanging_cantilever, pushed_cantilever, rolled_up
-from clothsim.study.validation.tied_plates import ROWS, STIFFNESS, WIDTH, bent, end_shear, plate, tip, weight
+from tests.known_answers.elastica import hanging_cantilever, pushed_cantilever, rolled_up
+from tests.known_answers.tied_plates import ROWS, STIFFNESS, WIDTH, bent, end_shear, plate, tip, weight
 
 every_plate = pytest.mark.parametrize("diagonals", ["right", "alternating"])
 every_model = pytest.mark.parametrize("model", ["hinge", "quadratic", "midedge"])

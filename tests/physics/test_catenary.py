@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.study.validation.catenary import SPAN, catenary, hanging
+from tests.known_answers.a2_catenary import SPAN, catenary, hanging
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from solving import equilibrium
 
 from clothsim.contact.stiffness import barrier_stiffness
 from clothsim.energies.base import Step
-from clothsim.study.validation.contact import G, gap_ratio, resting, slope
+from tests.known_answers.a5_contact import G, gap_ratio, resting, slope
 
 
 def test_the_reference_has_the_digits_of_the_table():

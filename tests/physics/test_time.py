@@ -6,7 +6,7 @@ from solving import NOTHING, newton_of, run_of, those_on
 
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
-from clothsim.study.validation.time import (
+from tests.known_answers.a4_time import (
     GRAVITY,
     energy_gained,
     falling,

@@ -3,7 +3,7 @@
 import numpy as np
 from meshes import grid
 
-from clothsim.render.mesh_look import Surface
+from clothsim.render.surface_look import Surface
 
 NO_STRETCHES = np.zeros((0, 2))
 

@@ -7,13 +7,13 @@ from PIL import Image
 from render_scenes import NO_STRETCHES, ball, sheet
 
 from clothsim.errors import InputError, MissingPackageError
-from clothsim.render import ray
+from clothsim.render import ray_caster
 from clothsim.render.backdrop import backdrop
 from clothsim.render.camera import Camera
-from clothsim.render.colour import stretch_colours
+from clothsim.render.colormap import stretch_colours
 from clothsim.render.display import why_not_vtk
-from clothsim.render.mesh_look import Surface, looks
 from clothsim.render.picture import draw, take_aim
+from clothsim.render.surface_look import Surface, looks
 
 SIZE = (200, 150)
 DOWN = Camera(np.array([0.0, 0.0, 10.0]), np.eye(3), np.array([0.1, 0.1]))
@@ -32,7 +32,7 @@ def render(renderer, surfaces, camera, size, half_range=0.1):
         from clothsim.render import vtk_scene
 
         return vtk_scene.render(looks(surfaces, half_range), camera, size, np.array([0.0, 0, 1]))
-    return ray.render(looks(surfaces, half_range), camera, size, np.array([0.0, 0, 1]))
+    return ray_caster.render(looks(surfaces, half_range), camera, size, np.array([0.0, 0, 1]))
 
 
 def aim(surfaces, **changed):

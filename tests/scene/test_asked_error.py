@@ -4,9 +4,9 @@ import pytest
 from small_scenes import BALL, EFFECTS, small_scene, without
 
 from clothsim import InputError
-from clothsim.drape import prepare
-from clothsim.scene.build import build
-from clothsim.scene.override import override
+from clothsim.build.scene_world import build
+from clothsim.run.simulate import prepare
+from clothsim.scene.overrides import override
 
 ASKED = {"error": 1e-3, "linear": "superlu", "threads": 1}
 

@@ -5,7 +5,7 @@ import re
 import pytest
 
 from clothsim import InputError, load_scene
-from clothsim.scene.build import build
+from clothsim.build.scene_world import build
 
 GOOD = """
 [cloth]

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from meshes import cloth, grid
 
+from clothsim.build.scene_world import build
 from clothsim.energies.membrane import membrane
 from clothsim.errors import InputError
 from clothsim.mesh.world import make_world
-from clothsim.scene.build import build
 from clothsim.scene.fabric_table import GRAM_FORCE_CM, PENAVA, TABLE, WANG
 from clothsim.scene.fabrics import FABRICS, fabric_named
 from clothsim.scene.scene import Scene

@@ -11,9 +11,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from clothsim import load_scene
+from clothsim.build.scene_world import build
 from clothsim.errors import LONGEST, InputError
-from clothsim.scene.build import build
-from clothsim.scene.override import override
+from clothsim.scene.overrides import override
 from clothsim.scene.scene import make_scene, scene_from_text
 
 pytestmark = pytest.mark.filterwarnings("ignore::RuntimeWarning")  # 1e308 m overflows somewhere, and is refused

@@ -3,8 +3,8 @@
 import pytest
 
 from clothsim import InputError, Scene
-from clothsim.drape import prepare
-from clothsim.scene.build import build
+from clothsim.build.scene_world import build
+from clothsim.run.simulate import prepare
 
 CLOTH = {"mesh": "rectangle", "cells": [2, 2]}
 HELD = {"membrane": {}, "pins": {"select": "left"}}

@@ -9,8 +9,8 @@ from clothsim import resume, simulate
 from clothsim.energies.pins import pins
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.sim.names import simplex_name, vertex_name
 from clothsim.sim.stepping import MOST_BLOCKED
+from clothsim.sim.vertex_names import simplex_name, vertex_name
 
 D_HAT = 0.01
 

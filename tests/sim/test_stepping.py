@@ -13,9 +13,9 @@ from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.energies.pins import pins
 from clothsim.mesh.world import make_world
-from clothsim.sim.simulator import steps
 from clothsim.sim.state import first_state
 from clothsim.sim.stepping import GROWTH, MAX_HALVINGS, advance
+from clothsim.sim.time_loop import steps
 from clothsim.solve.outcome import Ending
 
 

@@ -7,9 +7,9 @@ from meshes import deformed, small_world
 
 from clothsim.energies.base import Energy
 from clothsim.energies.membrane import membrane
-from clothsim.solve.ledger import Ledger
 from clothsim.solve.line_search import MAX_HALVINGS, SUFFICIENT_DECREASE, armijo, lengthened
 from clothsim.solve.potential import Potential
+from clothsim.solve.timers import Ledger
 
 
 def sheet():

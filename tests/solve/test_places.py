@@ -5,9 +5,9 @@ import numpy as np
 from clothsim.energies.base import ElementHessian
 from clothsim.energies.diagonal import every_vertex
 from clothsim.energies.inertia import Inertia
-from clothsim.solve.pattern import make_pattern
-from clothsim.solve.region import Region
-from clothsim.solve.system import System
+from clothsim.solve.linear_system import System
+from clothsim.solve.nonlinear_elimination import Region
+from clothsim.solve.sparsity import make_pattern
 
 TRIANGLES = np.array([[0, 1, 2], [3, 4, 5]])
 

@@ -12,8 +12,8 @@ from clothsim.energies.base import ElementHessian, Energy, Step
 from clothsim.energies.bending import bending
 from clothsim.energies.gravity import gravity
 from clothsim.energies.membrane import membrane
-from clothsim.solve.ledger import Ledger
 from clothsim.solve.potential import Potential
+from clothsim.solve.timers import Ledger
 
 
 def energies_of(world):

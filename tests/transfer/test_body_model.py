@@ -117,11 +117,11 @@ def test_bad_parameters_are_named(keywords, says):
 
 
 def test_the_mannequin_is_such_a_body():
-    from clothsim.mesh.generate import mannequin
-    from clothsim.mesh.mannequin.arrays import MEASURES, body_arrays
-    from clothsim.mesh.mannequin.figure import Figure, carried_joints
-    from clothsim.mesh.mannequin.pose import POSES
-    from clothsim.mesh.mannequin.skeleton import JOINTS
+    from clothsim.mesh.generators.mannequin.body_arrays import MEASURES, body_arrays
+    from clothsim.mesh.generators.mannequin.pose import POSES
+    from clothsim.mesh.generators.mannequin.proportions import Figure, carried_joints
+    from clothsim.mesh.generators.mannequin.skeleton import JOINTS
+    from clothsim.mesh.generators.sheets import mannequin
 
     model = body_model(body_arrays())
     np.testing.assert_allclose(model.joints(), carried_joints(Figure()), atol=1e-9)

@@ -5,13 +5,13 @@ import pytest
 from people import person
 from real_data import DATA, needs_data
 
-from clothsim.mesh.generate import GENERATORS
-from transfer.closest import facing_surface
+from clothsim.mesh.generators.sheets import GENERATORS
+from transfer.closest_surface_point import facing_surface
 from transfer.correspond import correspond
 from transfer.deform import deformation_transfer
 from transfer.errors import TransferError
 from transfer.gradients import centroids
-from transfer.surface import triangle_normals
+from transfer.triangle_surface import triangle_normals
 
 FOLDER = DATA / "bodies"
 
@@ -148,7 +148,7 @@ def test_a_target_turned_inside_out_is_refused():
 
 @needs_data
 def test_real_bodies_of_other_topology_derive_landmarks_that_mean_the_same():
-    from clothsim.io.meshes import read_mesh
+    from clothsim.io.mesh_file import read_mesh
     from transfer.landmarks import derive_markers
 
     meshes = [read_mesh(FOLDER / name) for name in ("f_smpl_average_A40.obj", "mean_female.obj")]

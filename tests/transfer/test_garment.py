@@ -5,12 +5,12 @@ import pytest
 from people import person
 from real_data import DATA, needs_data
 
-from clothsim.mesh.generate import GENERATORS
+from clothsim.mesh.generators.sheets import GENERATORS
 from transfer.adjacency import largest_component, vertex_components
-from transfer.distance import body_surface
 from transfer.errors import TransferError
 from transfer.garment import followed, garment_transfer, transfer_garment
-from transfer.surface import vertex_normals
+from transfer.signed_distance import body_surface
+from transfer.triangle_surface import vertex_normals
 
 FOLDER = DATA / "dress_on_body"
 
@@ -112,7 +112,7 @@ def test_one_transfer_serves_many_bodies():
 @needs_data
 def test_a_real_dress_goes_along_with_a_kick_and_almost_stays_outside():
     """Transfer alone left 3 % and 6 mm in the literature's form; anchors and means leave .2 % and 1 mm."""
-    from clothsim.io.meshes import read_mesh
+    from clothsim.io.mesh_file import read_mesh
 
     dress = read_mesh(FOLDER / "dress_knife_drape.obj", vertices=(0, 15656))
     before, after = (read_mesh(FOLDER / "kick" / f"shell{frame:03d}.obj") for frame in (0, 10))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from clothsim.mesh.generate import GENERATORS
-from transfer.distance import body_surface
+from clothsim.mesh.generators.sheets import GENERATORS
 from transfer.errors import TransferError
 from transfer.refine import DAMPING, Targets, clearance, normal_equations, refine, sample_weights
 from transfer.refine import _deviation as deviation
-from transfer.surface import convex_curvature, edges_of
+from transfer.signed_distance import body_surface
+from transfer.triangle_surface import convex_curvature, edges_of
 
 
 def rotation(vector):

@@ -4,14 +4,20 @@ import numpy as np
 import pytest
 
 from clothsim.errors import InputError
-from clothsim.mesh.check import examine
-from clothsim.mesh.generate import mannequin
-from clothsim.mesh.mannequin.figure import LEVELS, TEMPLATE_HEIGHT, TEMPLATE_SOLE, Figure, carried_joints
-from clothsim.mesh.mannequin.flesh import body_field
-from clothsim.mesh.mannequin.pose import POSES
-from clothsim.mesh.mannequin.skeleton import JOINTS, PARENTS, PLACES, joint, mirrored, other_side
-from clothsim.mesh.mannequin.skin import skinning_weights
-from clothsim.mesh.mannequin.template import template
+from clothsim.mesh.checks import examine
+from clothsim.mesh.generators.mannequin.flesh import body_field
+from clothsim.mesh.generators.mannequin.pose import POSES
+from clothsim.mesh.generators.mannequin.proportions import (
+    LEVELS,
+    TEMPLATE_HEIGHT,
+    TEMPLATE_SOLE,
+    Figure,
+    carried_joints,
+)
+from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PARENTS, PLACES, joint, mirrored, other_side
+from clothsim.mesh.generators.mannequin.skinning_weights import skinning_weights
+from clothsim.mesh.generators.mannequin.template import template
+from clothsim.mesh.generators.sheets import mannequin
 from clothsim.mesh.topology import unique_edges
 
 STOUT = {"height": 1.6, "chest": 1.3, "waist": 1.5, "hips": 1.3, "shoulder_width": 1.1, "limb_girth": 1.2}

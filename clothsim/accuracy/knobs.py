@@ -1,0 +1,166 @@
+"""The knobs of a study: what may be refined, to what, and the slope with which its error should fall.
+
+A level is a number of refinements: 0 is the base, +1 one finer, -1 one coarser. A new knob is one line of KNOBS.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from math import ceil
+from typing import Any
+
+from clothsim.build.refinement import cells_of, with_cells
+from clothsim.build.scene_world import Built
+from clothsim.errors import InputError
+from clothsim.scene.effects import CONTACTS
+from clothsim.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Knob:
+    """name; unit of its value; ratio: by what a level divides its value; order: expected slope of the error in it.
+
+    at: the value at a level and the scene with it, from the base scene and the scene to change; InputError, whose
+    sentence is the reason, where the scene has no such knob or level. order None: the error falls faster than any power
+    of the value, or is no smooth function of it: nothing is extrapolated. growth: first guess of what a level costs.
+    """
+
+    name: str
+    unit: str
+    ratio: float
+    order: Callable[[Scene], float | None]
+    at: Callable[[Scene, Scene, int], tuple[Any, Scene]]
+    growth: float
+
+    def put(self, base: Scene, scene: Scene, level: int) -> Scene:
+        """`scene` with this knob at a level of `base`."""
+        return self.at(base, scene, level)[1] if level else scene
+
+    def value(self, base: Scene, level: int) -> Any:
+        """The knob's value at a level of `base`."""
+        return self.at(base, base, level)[0]
+
+
+def set_key(scene: Scene, path: str, value: Any) -> Scene:
+    """`scene` with the key at "solver.dt" or "effects.body_contact.d_hat" set."""
+    section, *keys = path.split(".")
+    changed: dict[str, Any] = {section: _nested(getattr(scene, section), keys, value)}
+    return replace(scene, **changed)
+
+
+def _nested(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:
+    first, *others = keys
+    return {**table, first: _nested(table.get(first, {}), others, value) if others else value}
+
+
+def steps_per_frame(scene: Scene) -> tuple[int, float]:
+    """How many steps a frame of `scene` takes, and how long a frame is [s]."""
+    run = scene.run_settings()
+    frame = min(1 / run.frames_per_second, run.duration)
+    return max(1, ceil(frame / scene.solver_settings().dt - 1e-9)), frame
+
+
+def _dt(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    if "error" in base.solver:
+        raise InputError("the steps are chosen by solver.error")
+    pieces, frame = steps_per_frame(base)
+    steps = pieces * Fraction(2) ** level
+    if steps.denominator != 1:
+        raise InputError(f"a frame of {frame:g} s has {pieces} steps at the base, and each frame ends a step")
+    return frame / int(steps), set_key(scene, "solver.dt", frame / int(steps))
+
+
+def _error(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    if "error" not in base.solver:
+        raise InputError("the scene gives dt, not solver.error")
+    value = base.solver["error"] / 4.0**level
+    return value, set_key(scene, "solver.error", value)
+
+
+def _cells(base: Scene, scene: Scene, level: int) -> tuple[Any, Scene]:
+    factor = Fraction(2) ** level
+    value = cells_of(with_cells(base, factor).cloths[0])
+    return value, with_cells(scene, factor) if level else scene
+
+
+def _tolerance(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    value = base.solver_settings().tolerance / 4.0**level
+    return value, set_key(scene, "solver.tolerance", value)
+
+
+def _d_hat(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    values = {name: base.effects[name].get("d_hat", "auto") for name in CONTACTS if name in base.effects}
+    values = {name: value / 2.0**level for name, value in values.items() if not isinstance(value, str)}
+    if not values:
+        raise InputError("the scene has no contact")
+    for name, value in values.items():
+        scene = set_key(scene, f"effects.{name}.d_hat", value)
+    return next(iter(values.values())), scene
+
+
+def _eps_v(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    value = base.effects.get("friction", {}).get("eps_v", "auto")
+    if isinstance(value, str):
+        raise InputError("the scene has no friction")
+    return value / 2.0**level, set_key(scene, "effects.friction.eps_v", value / 2.0**level)
+
+
+def _iterations(base: Scene, scene: Scene, level: int) -> tuple[int, Scene]:
+    if isinstance(base.effects.get("friction", {}).get("eps_v", "auto"), str):
+        raise InputError("the scene has no friction")
+    passes = base.effects["friction"].get("iterations", 1) * Fraction(2) ** level
+    if passes.denominator != 1:
+        raise InputError("friction is lagged once already")
+    return int(passes), set_key(scene, "effects.friction.iterations", int(passes))
+
+
+def _in_time(scene: Scene) -> float:
+    return 2.0 if scene.solver_settings().integrator == "bdf2" else 1.0
+
+
+KNOBS = {
+    knob.name: knob
+    for knob in (
+        Knob("dt", "s", 2, _in_time, _dt, 1.8),
+        Knob("error", "m", 4, lambda scene: 1.0, _error, 2.5),
+        Knob("cells", "", 2, lambda scene: 2.0, _cells, 6.0),
+        Knob("tolerance", "m/s", 4, lambda scene: None, _tolerance, 1.1),
+        Knob("d_hat", "m", 2, lambda scene: 1.0, _d_hat, 1.3),
+        Knob("eps_v", "m/s", 2, lambda scene: 1.0, _eps_v, 1.1),
+        Knob("iterations", "", 2, lambda scene: None, _iterations, 1.9),
+    )
+}
+
+
+def fixed(scene: Scene, built: Built) -> Scene:
+    """`scene` with what it leaves to the mesh written out, so that a finer mesh changes the mesh alone.
+
+    The d_hat of each contact and eps_v of friction, where they are on; dt as the steps that a frame is divided into.
+    """
+    for name in CONTACTS:
+        if name in built.energies:
+            scene = set_key(scene, f"effects.{name}.d_hat", float(built.energies[name].d_hat))  # type: ignore[attr-defined]
+    if "friction" in built.energies:
+        scene = set_key(scene, "effects.friction.eps_v", float(built.energies["friction"].eps_v))  # type: ignore[attr-defined]
+    if "error" not in scene.solver:
+        pieces, frame = steps_per_frame(scene)
+        scene = set_key(scene, "solver.dt", frame / pieces)
+    return set_key(scene, "solver.threads", 1)
+
+
+def usable(base: Scene, names: list[str] | None) -> tuple[dict[str, Knob], dict[str, str]]:
+    """The knobs that a scene has, and why it has none of the others. InputError where a named one does not exist."""
+    from clothsim.scene.keys import refuse_unknown
+
+    refuse_unknown("--knobs", names or [], KNOBS)
+    found, missing = {}, {}
+    for name in names or KNOBS:
+        try:
+            KNOBS[name].value(base, 0)
+            KNOBS[name].value(base, 1)
+            found[name] = KNOBS[name]
+        except InputError as error:
+            missing[name] = error.sentence.rstrip(".")
+    if not found:
+        raise InputError(f"There is nothing to refine: {'; '.join(missing.values())}.", "Name other knobs.")
+    return found, missing

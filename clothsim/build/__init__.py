@@ -1,0 +1,1 @@
+"""A world and its energies, built from a scene."""

@@ -1,0 +1,53 @@
+"""A mesh as a scene's table names it: its name, its faults, its place."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints, as_vector
+from clothsim.errors import InputError
+from clothsim.mesh.checks import Role, examine, refuse
+from clothsim.mesh.motion import rotation_matrix
+
+PART = ("scale", "group", "component", "vertices")
+"""The keys that name a part of a file and its unit."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """positions (n, 3) [m], triangles (m, 3), texture (m, 3, 2) or (0, 3, 2), not yet placed; notes for the user;
+    groups: the triangles of each panel or group that the file names.
+    """
+
+    positions: Floats
+    triangles: Ints
+    texture: Floats
+    notes: tuple[str, ...]
+    groups: Mapping[str, Ints] = field(default_factory=dict)
+
+
+def name_of(keys: Mapping[str, Any], where: str) -> str:
+    """The name that a table gives, or the table's own. InputError for one that cannot be printed."""
+    name = keys.get("name", where)
+    if not isinstance(name, str) or not name or not name.isprintable():
+        raise InputError(f"{where}.name must be a text that can be printed, not {name!r}.")
+    return name
+
+
+def examined(label: str, shape: Shape, role: Role) -> tuple[str, ...]:
+    """The notes of a shape and the doctor's warnings, each with its name. InputError for the doctor's errors."""
+    report = examine(label, shape.positions, shape.triangles, role)
+    refuse(report)
+    warnings = (finding.sentence for finding in report.warnings)
+    return tuple(f"{label}: {note}" for note in (*shape.notes, *warnings))
+
+
+def placed(keys: Mapping[str, Any], where: str, positions: Floats) -> Floats:
+    """`positions (..., 3)` turned about x, then y, then z by rotation_degrees, then moved by position."""
+    angles = np.radians(as_vector(f"{where}.rotation_degrees", keys.get("rotation_degrees", (0, 0, 0))))
+    turn = np.eye(3)
+    for axis in range(3):
+        turn = rotation_matrix(angles[axis] * np.eye(3)[axis]) @ turn
+    return positions @ turn.T + as_vector(f"{where}.position", keys.get("position", (0, 0, 0)))

@@ -1,0 +1,153 @@
+"""The same scene on a finer or coarser mesh: the cells of its generated cloths multiplied."""
+
+import inspect
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.build.meshes import cloth_shape
+from clothsim.errors import InputError
+from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.topology import unique_edges
+from clothsim.scene.scene import Scene
+
+SAME_PLACE = 1e-9
+"""Share of the mesh's size within which a vertex is at the place of another."""
+SELECTING = {"pins": "group", "springs": "spring"}
+"""The effects that select vertices, and the key of their list of tables."""
+
+
+def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
+    """`scene` with the cells of every cloth times `factor`; bodies stay as they are.
+
+    Pins and springs that are given by vertex number go to the vertices of the new mesh at the same material places.
+    nearest: cells that are no whole numbers are rounded, up to one at least. InputError where a cloth is a file, where
+    cells would be no whole numbers, and where pins, springs, seams, creases, an array over the cloth or a seed file
+    belong to the vertices or triangles of one mesh.
+    """
+    if scene.seed_settings().from_ == "file":
+        raise InputError("seed.file gives a place to each vertex of one mesh.", "Leave the cells as they are.")
+    _refuse_numbered_lines(scene.effects)
+    _refuse_arrays("effects", scene.effects)
+    cloths = [_scaled(keys, factor, nearest) for keys in scene.cloths]
+    finer = replace(scene, cloth=cloths[0] if isinstance(scene.cloth, Mapping) else cloths)
+    moved = {
+        name: _moved(f"effects.{name}", scene.effects[name], tables, scene, finer)
+        for name, tables in SELECTING.items()
+        if name in scene.effects
+    }
+    return replace(finer, effects={**scene.effects, **moved})
+
+
+def cells_of(keys: Mapping[str, Any]) -> list[int] | int:
+    """The cells of a [cloth] table, its generator's own where it gives none. InputError where it has none."""
+    mesh = keys.get("mesh")
+    parameters = inspect.signature(GENERATORS[mesh]).parameters if mesh in GENERATORS else {}
+    if "cells" not in parameters:
+        kind = f"generated {mesh}" if mesh in GENERATORS else "file"
+        raise InputError(f"the mesh {mesh!r} is a {kind} without cells", "Only rectangle, disk and tube have cells.")
+    cells = keys.get("cells", parameters["cells"].default)
+    return list(cells) if isinstance(cells, Sequence) else cells
+
+
+def _scaled(keys: Mapping[str, Any], factor: Fraction, nearest: bool) -> dict[str, Any]:
+    cells = cells_of(keys)
+    counts = [count * factor for count in (cells if isinstance(cells, list) else [cells])]
+    if not nearest and any(count.denominator != 1 or count < 1 for count in counts):
+        raise InputError(f"cells {cells} times {factor} are no whole numbers.", "Choose cells that are powers of two.")
+    whole = [max(1, round(count)) for count in counts]
+    return {**keys, "cells": whole if isinstance(cells, list) else whole[0]}
+
+
+def _refuse_numbered_lines(effects: Mapping[str, Any]) -> None:
+    """InputError for a line of vertex numbers: another mesh has more or fewer vertices along it."""
+    sides = [
+        (f"effects.seams.seam[{k}].{key}", seam.get(key))
+        for k, seam in _tables(effects, "seams", "seam")
+        for key in ("from", "to")
+    ]
+    creases = [(f"effects.rest_angle.crease[{k}]", crease) for k, crease in _tables(effects, "rest_angle", "crease")]
+    for name, keys in (*sides, *creases):
+        if isinstance(keys, Mapping) and "vertices" in keys:
+            raise InputError(f"{name}.vertices are those of one mesh.", "Draw the line with `through`.")
+
+
+def _refuse_arrays(where: str, keys: Mapping[str, Any]) -> None:
+    """InputError for a number a triangle or a vertex, as an array or in a file: another mesh has more or fewer."""
+    for key, value in keys.items():
+        name = f"{where}.{key}"
+        if key == "select":  # vertices, which go to their places on the other mesh
+            continue
+        if isinstance(value, Mapping):
+            _refuse_arrays(name, value)
+        elif (isinstance(value, np.ndarray) and value.size > 3) or (isinstance(value, str) and value.endswith(".npy")):
+            raise InputError(f"{name} has its numbers for one mesh.", "Give a number, or a table by cloth.")
+
+
+def _tables(effects: Mapping[str, Any], name: str, key: str) -> list[tuple[int, Mapping[str, Any]]]:
+    """The numbered tables of a list of an effect; what is none is refused when the effect is built."""
+    tables = effects.get(name, {}).get(key, ())
+    return [(k, table) for k, table in enumerate(tables) if isinstance(table, Mapping)] if _is_list(tables) else []
+
+
+def _is_list(value: Any) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str)
+
+
+def _moved(where: str, keys: Mapping[str, Any], tables: str, old: Scene, new: Scene) -> dict[str, Any]:
+    """The keys of an effect, and of its list of `tables`, with vertex numbers of the new mesh in each select."""
+    moved = {**keys}
+    if "select" in keys:
+        moved["select"] = _moved_selection(where, keys["select"], old, new)
+    if _is_list(keys.get(tables)):
+        moved[tables] = [
+            _moved(f"{where}.{tables}[{k}]", table, "", old, new) if isinstance(table, Mapping) else table
+            for k, table in enumerate(keys[tables])
+        ]
+    return moved
+
+
+def _moved_selection(where: str, select: Any, old: Scene, new: Scene) -> Any:
+    """Names and boxes as they are; numbers as those of the vertices of `new` at the same places of the same cloth."""
+    if isinstance(select, str | Mapping) or not np.size(select):
+        return select
+    before, triangles, first = _rest(old)
+    after, _, first_after = _rest(new)
+    chosen = np.asarray(select)
+    whole = chosen.ndim == 1 and np.issubdtype(chosen.dtype, np.integer)
+    if not whole or chosen.min() < 0 or chosen.max() >= len(before):
+        return select  # refused when the effect is built
+    if np.isin(unique_edges(triangles), chosen).all(axis=1).any():
+        raise InputError(
+            f"{where} names neighbouring vertices by number, which belong to one mesh.",
+            "Select them by name or by { box = [lo, hi] }.",
+        )
+    cloth = np.searchsorted(first, chosen, side="right") - 1
+    return [
+        _vertex_at(where, before[vertex], after, first_after[k], first_after[k + 1])
+        for vertex, k in zip(chosen, cloth, strict=True)
+    ]
+
+
+def _vertex_at(where: str, place: Floats, rest: Floats, low: int, high: int) -> int:
+    """The vertex of rest[low:high] at `place`."""
+    distances = np.linalg.norm(rest[low:high] - place, axis=1)
+    found = int(distances.argmin())
+    if distances[found] > SAME_PLACE * float(np.ptp(rest[low:high], axis=0).max()):
+        raise InputError(
+            f"{where} names a vertex by number, and the other mesh has none at its place.",
+            "Select it by name or by { box = [lo, hi] }.",
+        )
+    return low + found
+
+
+def _rest(scene: Scene) -> tuple[Floats, Ints, Ints]:
+    """Rest positions of all cloths as generated (n, 3), triangles (m, 3), the first vertex of each and the end."""
+    shapes = [cloth_shape(keys, f"cloth[{k}]", scene.directory) for k, keys in enumerate(scene.cloths)]
+    first = np.cumsum([0, *(len(shape.positions) for shape in shapes)])
+    triangles = [shape.triangles + start for shape, start in zip(shapes, first[:-1], strict=True)]
+    return np.concatenate([shape.positions for shape in shapes]), np.concatenate(triangles), first

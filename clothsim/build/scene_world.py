@@ -1,0 +1,80 @@
+"""From a scene to its world and the energies that it names; nothing that it does not name is built, nor imported."""
+
+from dataclasses import dataclass
+
+from clothsim.build.array_files import with_arrays
+from clothsim.build.initial_positions import seeded
+from clothsim.build.meshes import body_of, cloth_of, cloth_shape
+from clothsim.build.support_check import refuse_unheld
+from clothsim.build.untangle import untangled
+from clothsim.build.warnings import remarks
+from clothsim.energies.base import Constraint, Energy, Off
+from clothsim.errors import InputError
+from clothsim.mesh.local_origin import about_its_own_origin
+from clothsim.mesh.world import World, make_world
+from clothsim.scene.effects import CONTACTS, EFFECTS
+from clothsim.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Built:
+    """A scene made ready: world, energies by name, constraints by name, {named effect that is off: reason}, notes."""
+
+    world: World
+    energies: dict[str, Energy]
+    constraints: dict[str, Constraint]
+    off: dict[str, str]
+    notes: tuple[str, ...]
+
+
+def build(scene: Scene) -> Built:
+    """Build the world, then each named effect in the order of the table. InputError, one sentence, for bad input."""
+    world, notes = _world(scene)
+    energies: dict[str, Energy] = {}
+    constraints: dict[str, Constraint] = {}
+    off: dict[str, str] = {}
+    backend = scene.contact_settings().backend
+    for name, effect in EFFECTS.items():
+        if name not in scene.effects:
+            continue
+        contacts = tuple(contact for contact in CONTACTS if contact in energies)
+        filled = {"backend": backend, "contacts": contacts, "built": energies}
+        keys = with_arrays(f"effects.{name}", scene.effects[name], scene.directory)
+        try:
+            made = effect.build(world, keys, filled)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"effects.{name} has a value of the wrong type: {error}.") from error
+        if isinstance(made, Off):
+            off[name] = made.reason
+        elif isinstance(made, Energy):
+            energies[name] = made
+            notes.extend(f"{name}: {choice}." for choice in made.choices())
+        else:
+            world, constraints[name] = made
+    if not energies:
+        raise InputError("The scene has no effect that is on.", f"Name some: {', '.join(EFFECTS)}.")
+    refuse_unheld(world, energies, constraints.values())
+    dt = min(scene.solver_settings().longest_step, 1 / scene.run_settings().frames_per_second)
+    said = (*notes, *remarks(world, energies, dt))
+    return Built(world, energies, constraints, off, said)
+
+
+def _world(scene: Scene) -> tuple[World, list[str]]:
+    notes: list[str] = []
+    cloths, bodies = [], []
+    names = [f"cloth[{k}]" if len(scene.cloths) > 1 else "cloth" for k in range(len(scene.cloths))]
+    shapes = [cloth_shape(keys, where, scene.directory) for keys, where in zip(scene.cloths, names, strict=True)]
+    starts = seeded(scene.seed_settings(), scene.directory, [len(shape.positions) for shape in shapes])
+    for shape, keys, where, start in zip(shapes, scene.cloths, names, starts, strict=True):
+        cloth, said = cloth_of(shape, keys, where, start)
+        cloths.append(cloth)
+        notes.extend(said)
+    for k, keys in enumerate(scene.bodies):
+        body, said = body_of(keys, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
+        bodies.append(body)
+        notes.extend(said)
+    world = make_world(cloths, bodies)
+    if scene.seed_settings().untangle:
+        world, done = untangled(world)
+        notes.append(done)
+    return about_its_own_origin(world), notes

@@ -1,0 +1,42 @@
+"""`clothsim bundle`: one archive that replays a run."""
+
+import argparse
+import shlex
+from pathlib import Path
+from typing import Any
+
+from clothsim.cli.report import program
+from clothsim.errors import InputError
+
+_DESCRIPTION = """\
+Pack a run into one archive: scene, meshes, last good state, record. `clothsim resume FILE.zip` replays its failure.
+
+  clothsim bundle drape -o drape.zip
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    bundle = commands.add_parser("bundle", help="pack a run to replay it elsewhere", description=_DESCRIPTION)
+    bundle.add_argument("directory", type=Path, metavar="DIR", help="what `clothsim run` left")
+    bundle.add_argument("-o", "--output", type=Path, metavar="FILE", help="the archive (default: DIR.zip)")
+    bundle.add_argument("--debug", action="store_true", help="show tracebacks")
+    bundle.set_defaults(handler=_bundle)
+
+
+def _bundle(arguments: argparse.Namespace) -> int:
+    from clothsim.run.archive import write_bundle
+
+    directory = arguments.directory
+    if not directory.is_dir():
+        raise InputError(f"There is no run directory {directory}.")
+    target = arguments.output or Path(f"{directory.resolve().name}.zip")
+    if target.suffix != ".zip":
+        raise InputError(f"{target.name} is no name of an archive.", "End it in .zip.")
+    if not target.parent.is_dir():
+        raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
+    write_bundle(directory, target)
+    print(
+        f"{target}: {target.stat().st_size / 1e6:.2g} MB. Replay it with: {program()} resume {shlex.quote(str(target))}"
+    )
+    return 0

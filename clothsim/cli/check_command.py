@@ -1,0 +1,192 @@
+"""`clothsim check`: what is wrong with a mesh, a scene or a run, all at once."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from clothsim.cli.arguments import as_count, as_positive_number
+from clothsim.cli.penetration_command import check_dressed
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from clothsim.arrays import Floats, Ints
+    from clothsim.sim.intersection_check import Judge
+
+_DESCRIPTION = """\
+Examine a mesh file, build a scene, test every frame of a run for intersections, or a garment on a body.
+Exit code 1 if something is wrong.
+
+  clothsim check shirt.obj
+  clothsim check suit.mhclo --on base.obj --body-group body -o suit.png
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    check = commands.add_parser("check", help="examine a mesh, a scene or a run", description=_DESCRIPTION)
+    check.add_argument("target", type=Path, metavar="MESH|SCENE|DIR", help="a mesh file, a .toml, or a run")
+    mesh = check.add_argument_group("for a mesh file, as in a scene")
+    mesh.add_argument("--body", action="store_true", help="judge it as a body: fewer faults matter")
+    mesh.add_argument("--scale", metavar="S", help="its numbers times S are metres")
+    mesh.add_argument("--group", metavar="NAME", help="only this group of the file")
+    mesh.add_argument("--component", metavar="N", help="only this piece, 0 the largest")
+    worn = check.add_argument_group("for a garment on a body (--scale is then of both)")
+    worn.add_argument("--on", type=Path, metavar="BODY", help="what wears it")
+    worn.add_argument("--body-group", metavar="NAME", help="this group of the body")
+    worn.add_argument("--body-scale", metavar="S", help="its numbers times S are metres")
+    worn.add_argument("--part", metavar="LO:HI", help="only these vertices of MESH")
+    worn.add_argument("--weld", metavar="M", help="sew borders closer than that [m]")
+    worn.add_argument("-o", dest="output", type=Path, metavar="PNG", help="a picture with the bad places marked")
+    check.add_argument("--debug", action="store_true", help="show tracebacks")
+    check.set_defaults(handler=_check)
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    target = arguments.target
+    if not target.exists():
+        raise InputError(f"There is no {target}.", "Name a mesh file, a scene (.toml) or the directory of a run.")
+    mesh_options = arguments.body or arguments.scale or arguments.group or arguments.component
+    if mesh_options and (target.is_dir() or target.suffix == ".toml"):
+        raise InputError(
+            f"{target} is no mesh file.", "--body, --scale, --group and --component are for mesh files only."
+        )
+    of_dressed = (arguments.body_group, arguments.body_scale, arguments.part, arguments.weld, arguments.output)
+    if arguments.on is None and any(option is not None for option in of_dressed):
+        raise InputError("--body-group, --body-scale, --part, --weld and -o need --on.", "Name the body: --on BODY.")
+    if arguments.on is not None:
+        if arguments.body or arguments.group or arguments.component or target.is_dir() or target.suffix == ".toml":
+            raise InputError("--on is for a mesh file, without --body, --group and --component.", "Try --part LO:HI.")
+        return check_dressed(arguments)
+    if target.is_dir():
+        return _check_run(target)
+    return _check_scene(target) if target.suffix == ".toml" else _check_mesh(target, arguments)
+
+
+def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
+    from clothsim.io.mesh_file import read_mesh
+    from clothsim.mesh.checks import examine
+
+    part: dict[str, Any] = {"group": arguments.group}
+    if arguments.scale is not None:
+        part["scale"] = as_positive_number("--scale", arguments.scale)
+    if arguments.component is not None:
+        part["component"] = 0 if arguments.component == "0" else as_count("--component", arguments.component)
+    mesh = read_mesh(path, **part)
+    report = examine(path.name, mesh.positions, mesh.triangles, "body" if arguments.body else "cloth")
+    print(f"{path}, as a {'body' if arguments.body else 'cloth'}")
+    for line in (*_sizes(mesh.positions, mesh.triangles), *mesh.messages):
+        print(f"  {line}")
+    for finding in sorted(report.findings, key=lambda finding: finding.severity):
+        print(f"  {finding.severity}: {finding.sentence}\n    {finding.remedy}")
+    print(_result(len(report.errors), len(report.warnings)))
+    return 1 if report.errors else 0
+
+
+def _check_scene(path: Path) -> int:
+    from clothsim.build.scene_world import build
+    from clothsim.io.run_surfaces import world_surfaces
+    from clothsim.scene.toml_file import load_scene
+    from clothsim.sim.intersection_check import judge_of
+
+    print(path)
+    try:
+        scene = load_scene(path)
+        built = build(scene)
+    except InputError as error:
+        for sentence in error.sentence.splitlines():
+            print(f"  error: {sentence}")
+        if error.remedy:
+            print(f"    {error.remedy}")
+        print(_result(len(error.sentence.splitlines()), 0))
+        return 1
+    world = built.world
+    for cloth in world.cloths:
+        print(f"  {cloth.name}, cloth: {'; '.join(_sizes(cloth.positions, cloth.triangles))}")
+    for body in world.bodies:
+        print(f"  {body.name}, body: {'; '.join(_sizes(body.positions, body.triangles))}")
+    for note in built.notes:
+        print(f"  {note}")
+    for name, reason in built.off.items():
+        print(f"  {name} is off: {reason}.")
+    judge = judge_of(world_surfaces(world), scene.effects, built.energies)
+    return _ended(_intersections(judge, [("at the start", world.start())], "at the start"))
+
+
+def _check_run(directory: Path) -> int:
+    import numpy as np
+
+    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.io.results import open_run
+    from clothsim.scene.scene import scene_from_text
+    from clothsim.sim.intersection_check import judge_of
+
+    run = open_run(directory)
+    print(f"{directory}: {run.status}, {len(run.times)} frames. {run.reason}")
+    failed = run.status == "failed"
+    if not len(run.times):
+        print("  no frame")
+        return _ended(int(failed))
+    checkpoint = directory / CHECKPOINT_NAME
+    effects = scene_from_text(read_checkpoint(checkpoint).scene_text).effects if checkpoint.is_file() else {}
+    judge = judge_of(run.trajectory.surfaces, effects, effects)
+    frames = (
+        (f"in frame {k} at {time:g} s", np.concatenate([run.positions(k), *(points for _, points, _ in run.bodies(k))]))
+        for k, time in enumerate(run.times)
+    )
+    return _ended(_intersections(judge, frames, f"in any of {len(run.times)} frames") + failed)
+
+
+def _intersections(judge: "Judge", frames: "Iterable[tuple[str, Floats]]", anywhere: str) -> int:
+    """Print what intersects in frames, each (when, x), by the exact test; returns how many of them are errors.
+
+    Cloth is tested with cloth whether or not the scene has self_contact; without it an intersection is a note.
+    """
+    from clothsim.intersection.intersecting_pairs import LIMIT
+
+    errors, met = 0, set()
+    for when, x in frames:
+        for crossing in judge.crossings(x, cloth_cloth=True, limit=LIMIT):
+            allowed = crossing.role == "cloth" and not judge.cloth_cloth
+            if allowed and crossing.who in met:
+                continue
+            met |= {crossing.role, crossing.who}
+            count = f"{len(crossing.pairs):,} pair{'' if len(crossing.pairs) == 1 else 's'} of triangles"
+            print(f"  {'' if allowed else 'error: '}{crossing.who} {when}, in {count}: {crossing.sentence}")
+            if allowed:
+                print("    self_contact is not on, so that is no error and later frames are not told")
+            errors += not allowed
+    if not judge.bodies:
+        print("  no body, so nothing for cloth to intersect but itself")
+    elif "body" not in met:
+        print(f"  cloth and body do not intersect {anywhere}")
+    if "cloth" not in met:
+        print(f"  cloth and cloth do not intersect {anywhere}")
+    return errors
+
+
+def _sizes(positions: "Floats", triangles: "Ints") -> list[str]:
+    """Counts and lengths; of arrays that a mesh file gave, whatever their faults."""
+    import numpy as np
+
+    corners = positions[triangles]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    box = " x ".join(f"{side:.3g}" for side in np.ptp(positions, axis=0))
+    return [
+        f"{len(positions):,} vertices, {len(triangles):,} triangles",
+        f"box {box} m",
+        f"edges {1e3 * edges.min():.3g} to {1e3 * edges.max():.3g} mm, median {1e3 * np.median(edges):.3g} mm",
+    ]
+
+
+def _ended(errors: int) -> int:
+    print(_result(errors, 0))
+    return 1 if errors else 0
+
+
+def _result(errors: int, warnings: int) -> str:
+    if not errors and not warnings:
+        return "Nothing is wrong."
+    parts = [f"{n} {what}{'' if n == 1 else 's'}" for n, what in ((errors, "error"), (warnings, "warning")) if n]
+    return f"{' and '.join(parts)}."

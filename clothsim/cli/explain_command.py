@@ -1,0 +1,136 @@
+"""`clothsim explain`: which effects are on, and what each one costs."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from clothsim.cli.arguments import as_count, as_seconds
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim.run.absent_cost import Absent
+    from clothsim.run.receipt import Receipt
+
+_DESCRIPTION = """\
+List every effect: on or off, why, and what it costs. Of a run, or of a scene's first steps.
+With --absent also what it would cost to add each effect that the scene does not name.
+
+  clothsim explain scenes/sphere.toml --steps 5
+  clothsim explain scenes/sphere.toml --absent --budget 2min
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    explain = commands.add_parser("explain", help="which effects are on, and what they cost", description=_DESCRIPTION)
+    explain.add_argument("target", type=Path, metavar="SCENE|DIR", help="a scene file (TOML), or a run")
+    explain.add_argument("--steps", metavar="N", help="of a scene: how many to take (default 5)")
+    explain.add_argument("--absent", action="store_true", help="of a scene: measure the effects that it does not name")
+    explain.add_argument("--budget", metavar="TIME", help="of --absent: about how long, 90s, 10min (default 60s)")
+    explain.add_argument(
+        "--json", action="store_true", help="the effects as JSON: {effect: {on, reason, seconds, ...}}"
+    )
+    explain.add_argument("--debug", action="store_true", help="show tracebacks")
+    explain.set_defaults(handler=_explain)
+
+
+def _explain(arguments: argparse.Namespace) -> int:
+    from clothsim.run.receipt import explain_run, explain_scene, with_absent
+    from clothsim.scene.toml_file import load_scene
+
+    absent = None
+    if arguments.target.is_dir():
+        for option in ("steps", "absent", "budget"):
+            if getattr(arguments, option):
+                raise InputError(f"--{option} is for scenes.", "Leave it out: a run has taken its steps.")
+        receipt = explain_run(arguments.target)
+    else:
+        steps = 5 if arguments.steps is None else as_count("--steps", arguments.steps)
+        budget = as_seconds("--budget", "60s" if arguments.budget is None else arguments.budget)
+        if arguments.budget is not None and not arguments.absent:
+            raise InputError("--budget is for --absent.", "Add --absent, or leave it out.")
+        scene = load_scene(arguments.target)
+        receipt = explain_scene(scene, steps)
+        if arguments.absent:
+            from clothsim.run.absent_cost import absent_effects
+
+            absent = absent_effects(scene, steps, budget)
+            receipt = with_absent(receipt, absent)
+    if arguments.json:
+        from clothsim.io.record import to_json
+
+        print(to_json(receipt.effects, indent=2))
+    else:
+        print(table(receipt, absent))
+    return 0
+
+
+def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
+    """The receipt for people to read: effects that are on, phases, effects that are off, what adding one would cost."""
+    from clothsim.scene.effects import EFFECTS
+    from clothsim.text_table import text_table
+
+    on = {name: entry for name, entry in receipt.effects.items() if entry["on"]}
+    off = {name: entry for name, entry in receipt.effects.items() if not entry["on"]}
+    shown = ("bytes", "idle_steps")  # columns that may be empty altogether
+    columns = [key for key in _COLUMNS if key not in shown or any(entry.get(key) for entry in on.values())]
+    rows = []
+    for name, entry in on.items():
+        counters = [_number(key, entry.get(key, 0)) for key in columns]
+        rows.append([name, *_time(entry["seconds"], receipt.seconds), *counters])
+        for part, seconds in entry["parts"].items():
+            rows.append([f"  of it {part}", *_time(seconds, receipt.seconds), *("" for _ in columns)])
+    for name in sorted(receipt.phases, key=lambda name: -receipt.phases[name]):
+        rows.append([f"({name})", *_time(receipt.phases[name], receipt.seconds), *("" for _ in columns)])
+    rows.append(["all", *_time(receipt.seconds, receipt.seconds), *("" for _ in columns)])
+    header = ["effect (phase)", "seconds", "share", *(_COLUMNS[key] for key in columns)]
+    lines = [f"Measured: {receipt.source}", "", text_table(header, rows)]
+    left = {name: entry for name, entry in off.items() if absent is None or name not in absent.effects}
+    if left:
+        width = max(len(name) for name in left)
+        lines += ["", "Off:", *(f"  {name:<{width}}  {EFFECTS[name].says}: {e['reason']}" for name, e in left.items())]
+    return "\n".join([*lines, *(_added(absent) if absent is not None else [])])
+
+
+def _added(absent: "Absent") -> list[str]:
+    """What each effect would cost that the scene does not name."""
+    from clothsim.scene.effects import EFFECTS
+    from clothsim.text_table import text_table
+
+    measured = {name: each for name, each in absent.effects.items() if not each.why}
+    others = {name: each for name, each in absent.effects.items() if each.why}
+    lines = []
+    if measured:
+        rows = [
+            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", EFFECTS[name].says] for name, each in measured.items()
+        ]
+        rows.insert(0, ["(as it is)", f"{absent.seconds:.4f}", "1.00", ""])
+        times = f"the first {absent.steps} step{'s' * (absent.steps > 1)}, median of {absent.rounds}"
+        lines += ["", f"Not named; what adding one would cost ({times}):", ""]
+        lines.append(text_table(["effect", "seconds a step", "times as long", "what it does"], rows))
+    if others:
+        width = max(len(name) for name in others)
+        lines += ["", "Not named, nor measured:", *(f"  {name:<{width}}  {each.why}" for name, each in others.items())]
+    return lines
+
+
+_COLUMNS = {
+    "evaluations": "values",
+    "gradients": "gradients",
+    "hessians": "Hessians",
+    "hessian_nonzeros": "non-zeros",
+    "pairs": "pairs",
+    "ccd_calls": "CCD calls",
+    "bytes": "kB held",
+    "idle_steps": "idle steps",
+}
+
+
+def _time(seconds: float, total: float) -> tuple[str, str]:
+    return f"{seconds:.4f}", f"{100 * seconds / total:.1f} %" if total else ""
+
+
+def _number(key: str, count: float) -> str:
+    if key == "bytes":
+        return f"{count / 1e3:,.1f}"
+    return f"{count:,}" if count else ""

@@ -1,0 +1,106 @@
+"""`clothsim fabrics`: the named fabrics, all values of one with their sources, and a card of their drapes."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim.scene.fabric_table import NamedFabric
+
+_DESCRIPTION = """\
+List the fabrics that a scene may name, show all values of one, or draw how each drapes.
+
+  clothsim fabrics denim
+  clothsim fabrics --swatches fabrics.png
+"""
+
+_VALUES = {
+    "density": ("kg/m2", 1.0),
+    "thickness": ("mm", 1e3),
+    "warp_stiffness": ("N/m", 1.0),
+    "weft_stiffness": ("N/m", 1.0),
+    "shear_stiffness": ("N/m", 1.0),
+    "thread_poisson_ratio": ("", 1.0),
+    "bending_warp": ("uN m", 1e6),
+    "bending_weft": ("uN m", 1e6),
+    "youngs_modulus": ("MPa", 1e-6),
+    "poisson_ratio": ("", 1.0),
+    "bending_stiffness": ("uN m", 1e6),
+    "friction": ("", 1.0),
+}
+"""What `clothsim fabrics NAME` prints: the scene's key, its unit, and that unit's number in one of SI."""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    fabrics = commands.add_parser("fabrics", help="the fabrics that a scene may name", description=_DESCRIPTION)
+    fabrics.add_argument("name", nargs="?", metavar="NAME", help="all values of this fabric, with their sources")
+    fabrics.add_argument(
+        "--swatches", type=Path, metavar="PNG", help="a picture of a Cusick drape of each (or of NAME)"
+    )
+    fabrics.add_argument("--debug", action="store_true", help="show tracebacks")
+    fabrics.set_defaults(handler=_fabrics)
+
+
+def _fabrics(arguments: argparse.Namespace) -> int:
+    from clothsim.scene.fabric_table import TABLE
+    from clothsim.scene.fabrics import fabric_named
+
+    name, file = arguments.name, arguments.swatches
+    if name is not None:
+        fabric_named("NAME", name)
+    if file is not None:
+        return _swatches([name] if name is not None else list(TABLE), file)
+    print(table(TABLE.values()) if name is None else sheet(TABLE[name]))
+    return 0
+
+
+def _swatches(names: list[str], file: Path) -> int:
+    from clothsim.run.swatches import draw_swatches
+
+    if file.suffix.lower() != ".png":
+        raise InputError(f"--swatches is {str(file)!r}.", "A picture ends in .png.")
+    if not file.parent.is_dir():
+        raise InputError(f"There is no directory {file.parent}.", "Make it first, or choose another.")
+    print(f"{file}. {draw_swatches(names, file)}")
+    return 0
+
+
+def table(fabrics: Any) -> str:
+    """The fabrics in lines: weight, thickness, stiffness along warp and weft and in shear, bending, source."""
+    from clothsim.text_table import text_table
+
+    header = ("fabric", "g/m2", "mm", "warp N/m", "weft N/m", "shear N/m", "bending uN m", "measured by", "estimated")
+    rows = []
+    for named in fabrics:
+        fabric = named.fabric
+        numbers = (
+            f"{1e3 * fabric.density:.0f}",
+            f"{1e3 * fabric.thickness:.2f}",
+            f"{fabric.stiffness_along_warp:,.0f}",
+            f"{fabric.stiffness_along_weft:,.0f}",
+            f"{fabric.stiffness_in_shear:,.0f}",
+            f"{1e6 * fabric.bending_stiffness:.1f}",
+        )
+        rows.append((fabric.name, *numbers, named.measured_by, ", ".join(named.estimated)))
+    lines = text_table(header, rows)
+    return f'{lines}\n\nwarp, weft and shear act with [effects.membrane] material = "orthotropic".'
+
+
+def sheet(named: "NamedFabric") -> str:
+    """All values of a fabric, a line each, with the source of each."""
+    from clothsim.text_table import text_table
+
+    rows = []
+    for key, (unit, factor) in _VALUES.items():
+        value = getattr(named.fabric, key)
+        if value is not None:
+            rows.append((key, f"{factor * value:.4g}", unit, named.sources[key]))
+    silent = [key for key in _VALUES if getattr(named.fabric, key) is None]
+    lines = [f"{named.fabric.name}: {named.made_of}", text_table(("value", "", "unit", "source"), rows)]
+    lines.append(f"{named.measured_by}: {named.fabric.source}.")
+    if silent:
+        lines.append(f"No source gives: {', '.join(silent)}.")
+    return "\n\n".join(lines)

@@ -1,0 +1,112 @@
+"""`clothsim fit`: a garment made for one body on another."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from clothsim.cli.arguments import as_positive_number, as_range
+
+if TYPE_CHECKING:
+    from clothsim.fitting.fit import Fit
+    from clothsim.fitting.stage import Stage
+
+PICTURE_NAME = "fit.png"
+
+_DESCRIPTION = """\
+Fit a garment made for one body onto another, or free it of the body that it is on, and drape it. Leaves what a run
+leaves, fitted.obj, and before and after in fit.png.
+
+  clothsim fit suit.mhclo --from base.obj --to base.obj -o fitted
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    fit = commands.add_parser("fit", help="fit a garment onto a body", description=_DESCRIPTION)
+    fit.add_argument(
+        "garment",
+        type=Path,
+        metavar="GARMENT",
+        help="a mesh, .mhclo, or the .toml of a scene with it",
+    )
+    fit.add_argument("--from", dest="made_for", type=Path, metavar="BODY", help="the body it lies on (default: --to)")
+    fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body that shall wear it")
+    fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the garment's name)")
+    fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: as tall)")
+    fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: the largest)")
+    fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
+    fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
+    fit.add_argument("--markers", type=Path, metavar="FILE", help="x y z on each body, a line (default: none)")
+    fit.add_argument("--fabric", default="cotton", metavar="NAME", help="what it is made of (default cotton)")
+    fit.add_argument("--own-size", action="store_true", help="keep its own rest shape (default: made anew, resized)")
+    fit.add_argument("--no-picture", action="store_true", help="draw nothing")
+    fit.add_argument("--quiet", action="store_true", help="print the end only")
+    fit.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
+    fit.add_argument("--debug", action="store_true", help="show tracebacks")
+    fit.set_defaults(handler=_fit)
+
+
+def _fit(arguments: argparse.Namespace) -> int:
+    from clothsim import __version__
+    from clothsim.cli import progress
+    from clothsim.fitting.fit import fit
+
+    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
+    directory = arguments.output or Path(arguments.garment.stem)
+
+    def say(text: str) -> None:
+        if not arguments.quiet:
+            print(text, file=talk, flush=True)
+
+    say(f"clothsim {__version__}: fit {arguments.garment}")
+    with progress.shown(arguments.quiet) as listener:
+        done = fit(
+            arguments.garment,
+            arguments.to,
+            arguments.made_for,
+            directory,
+            scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
+            body_group=arguments.body_group,
+            part=None if arguments.part is None else as_range("--part", arguments.part),
+            weld=0.0 if arguments.weld is None else as_positive_number("--weld", arguments.weld),
+            fabric=arguments.fabric,
+            resize=not arguments.own_size,
+            markers=arguments.markers,
+            heard=lambda stage: say(_stage(stage)),
+            progress=listener,
+        )
+    trouble = [] if arguments.no_picture else _picture(done)
+    if arguments.json:
+        from clothsim.io.record import SUMMARY_NAME
+
+        print((directory / SUMMARY_NAME).read_text(encoding="utf-8"), end="")
+    print("\n".join([*_verdict(done), *trouble]), file=talk)
+    return 0 if done.status == "completed" else 1
+
+
+def _stage(stage: "Stage") -> str:
+    return f"  {stage.name:<9} {stage.seconds:6.1f} s  {stage.counts}{'; ' + stage.said if stage.said else ''}"
+
+
+def _verdict(done: "Fit") -> list[str]:
+    cost = done.cost
+    return [
+        f"{done.status}: {done.reason}",
+        *(f"  note      {note}" for note in done.notes),
+        f"  fitted    {done.counts}",
+        f"  stretch   {cost.low:.3f} to {cost.high:.3f} (1st to 99th percentile, against the garment as it came)",
+        f"  moved     at most {1e3 * cost.displacement:.3g} mm",
+        f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
+    ]
+
+
+def _picture(done: "Fit") -> list[str]:
+    from clothsim.errors import ClothsimError
+    from clothsim.fitting.before_after import draw_fit
+
+    try:
+        draw_fit(done, done.directory / PICTURE_NAME)
+    except (ClothsimError, OSError, ImportError) as error:
+        return [f"No {PICTURE_NAME}: {error}"]
+    return []

@@ -1,0 +1,96 @@
+"""`clothsim check GARMENT --on BODY`: a dressed body."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from clothsim.cli.arguments import as_positive_number, as_range
+from clothsim.cli.progress import length
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim.arrays import Floats
+    from clothsim.fitting.penetration_report import Dressed
+
+WORN = 0.1
+"""A garment further than that share of the body's size from it is not worn."""
+
+
+def check_dressed(arguments: argparse.Namespace) -> int:
+    """Judge a garment on a body; 1 where something is inside or intersects."""
+    from clothsim.fitting.penetration_report import read_dressed
+
+    def number(option: str, text: str | None) -> float | None:
+        return None if text is None else as_positive_number(option, text)
+
+    if not arguments.on.exists():
+        raise InputError(f"There is no {arguments.on}.", "Name the file of a body.")
+    if arguments.output is not None and arguments.output.is_dir():
+        raise InputError(f"{arguments.output} is a directory.", "Name a picture in it with -o.")
+    if arguments.output is not None and not arguments.output.resolve().parent.is_dir():
+        raise InputError(
+            f"There is no directory {arguments.output.parent}.", "Make it first, or choose another with -o."
+        )
+    found = read_dressed(
+        arguments.target,
+        arguments.on,
+        scale=number("--scale", arguments.scale),
+        body_scale=number("--body-scale", arguments.body_scale),
+        body_group=arguments.body_group,
+        part=None if arguments.part is None else as_range("--part", arguments.part),
+        weld=number("--weld", arguments.weld) or 0.0,
+    )
+    print(f"{arguments.target} on {arguments.on}")
+    for line in (*found.notes, *_lines(found)):
+        print(f"  {line}")
+    if arguments.output is not None:
+        from clothsim.fitting.penetration_picture import draw_dressed
+
+        try:
+            print(f"  {arguments.output}: {draw_dressed(found, arguments.output)}")
+        except OSError as error:
+            raise InputError(
+                f"{arguments.output} cannot be written ({error.strerror}).", "Choose another with -o."
+            ) from error
+    if found.counts.clean:
+        nearest = float(found.closest.signed_distance.min())
+        worn = nearest <= WORN * found.body.size
+        far = f"Nothing intersects, but the garment is {length(nearest)} off the body: say their units, --scale."
+        print("Nothing is wrong." if worn else far)
+        return 0
+    where = "" if found.counts.place is None else f", worst {found.counts.where}"
+    print(f"Not clean: {found.counts}{where}.")
+    return 1
+
+
+def _lines(found: "Dressed") -> list[str]:
+    """What is wrong, one line for each kind."""
+    import numpy as np
+
+    from clothsim.fitting.penetration_report import worst_places
+    from clothsim.intersection.intersecting_pairs import places
+
+    counts, lines = found.counts, []
+    n = len(found.garment.positions)
+    if counts.penetrating_vertices:
+        share = 100 * counts.penetrating_vertices / n
+        lines.append(f"error: {counts.penetrating_vertices:,} of {n:,} vertices ({share:.1f} %) are inside the body")
+        for vertex, depth, place in worst_places(found):
+            lines.append(f"  vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(place)}")
+    else:
+        nearest = float(found.closest.signed_distance.min())
+        lines.append(f"none of {n:,} vertices is inside the body; the nearest is {length(nearest)} away")
+    x, own = found.garment.positions, found.garment.triangles
+    for who, pairs, other in (
+        ("the garment and the body", found.body_pairs, found.body.triangles + n),
+        ("the garment and itself", found.self_pairs, own),
+    ):
+        if len(pairs):
+            place = places(np.concatenate([x, found.body.positions]), own, other, pairs[:1])[0]
+            lines.append(f"error: {who} intersect in {len(pairs):,} pairs of triangles, the first near {_at(place)}")
+        else:
+            lines.append(f"{who} do not intersect")
+    return lines
+
+
+def _at(place: "Floats") -> str:
+    return f"({', '.join(f'{value:.3g}' for value in place)}) m"

@@ -1,0 +1,94 @@
+"""The first run after an installation compiles for half a minute: a second process begins at the other end.
+
+What a run needs is compiled in the order in which it comes, the search for intersections and contact first. This
+process drapes a cloth of four cells without contact, derives the energy of two pairs that touch, and draws the cloth:
+the energies, the Newton matrix, the derivatives of contact and the picture are then in the cache of compiled kernels
+when the run comes to them. It ends by itself.
+"""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from clothsim.arrays import Floats
+    from clothsim.contact.pair_list import Pairs
+
+CORES = 2
+"""Fewer cores gain nothing."""
+
+
+def start() -> "subprocess.Popen[bytes] | None":
+    """The process; None where the kernels are compiled, or where one core has to do it all."""
+    if (os.cpu_count() or 1) < CORES or _compiled():
+        return None
+    command = [sys.executable, "-P", "-m", "clothsim.cli.precompile"]  # -P: not one of the cwd
+    here = os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH")]))
+    silent = subprocess.DEVNULL
+    return subprocess.Popen(command, stdin=silent, stdout=silent, stderr=silent, env={**os.environ, "PYTHONPATH": here})
+
+
+def _compiled() -> bool:
+    """Whether the kernel that takes longest is there, or has no place to be."""
+    from clothsim.energies.membrane_kernels import fill
+
+    folder = fill.stats.cache_path
+    return not folder or any(Path(folder).glob("membrane_kernels.fill-*.nbi"))
+
+
+def compile_the_rest() -> None:
+    """Drape four cells, touch, and draw."""
+    from clothsim.cli.render_command import draw_frame
+    from clothsim.run.simulate import simulate
+    from clothsim.scene.scene import Scene
+
+    scene = Scene(
+        cloth={"mesh": "rectangle", "size": (1.0, 1.0), "cells": (2, 2)},
+        effects={
+            "inertia": {},
+            "membrane": {},
+            "bending": {},
+            "gravity": {},
+            "damping": {},
+            "pins": {"select": "left"},
+        },
+        solver={"dt": 0.1},
+        run={"duration": 0.1, "frames_per_second": 10},
+    )
+    with TemporaryDirectory() as folder:
+        draped = simulate(scene, folder)
+        touch()
+        draw_frame(draped, Path(folder) / "picture.png")
+
+
+def touch() -> None:
+    """The energy of a point close to a triangle and of two edges, nearly parallel, and its derivatives in a matrix."""
+    import numpy as np
+
+    from clothsim.contact.barrier import Barrier
+    from clothsim.contact.candidates import Candidates
+    from clothsim.contact.pair_list import Pairs
+    from clothsim.solve.sparsity import make_pattern
+
+    class Known(Candidates):
+        """These two pairs, wherever they are looked for."""
+
+        def __init__(self) -> None:
+            """Without a surface: nothing is searched."""
+
+        def near(self, x: "Floats") -> "Pairs":
+            elements = np.array([[3, 0, 1, 2], [0, 1, 3, 4]])
+            return Pairs(elements, np.ones(2), np.array([0.0, 1.0]), np.arange(2), n_points=1)
+
+    x = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0.2, 0.2, 0.5], [1.2, 0.5, 0.5]])
+    nothing = np.zeros(0)
+    barrier = Barrier(Known(), 1.0, 0.0, areas=nothing, masses=nothing, stiffness=1.0, adaptive=False)
+    barrier.gradient(x)
+    make_pattern(len(x), np.array([[0, 1, 2]]), []).assemble([barrier.hessian(x, project) for project in (True, False)])
+
+
+if __name__ == "__main__":
+    compile_the_rest()

@@ -1,0 +1,175 @@
+"""What a run prints before it starts and after it has ended."""
+
+import os
+import shlex
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from clothsim.cli.progress import clock, length
+
+if TYPE_CHECKING:
+    from clothsim.io.results import Run
+    from clothsim.run.session import Session
+
+WIDTH = 100
+
+
+def what_is_there(directory: Path) -> str:
+    """What happens to the files that are in the output directory already; empty where there are none."""
+    from clothsim.io.record import RECORD_NAME
+    from clothsim.io.trajectory import TRAJECTORY_NAME
+
+    if not directory.is_dir() or not any(directory.iterdir()):
+        return ""
+    if any((directory / name).is_file() for name in (RECORD_NAME, TRAJECTORY_NAME)):
+        return f"{directory} holds an earlier run, which is replaced."
+    return f"{directory} holds other files. They stay; one named as a file of the run is replaced."
+
+
+def what_goes_on(directory: Path) -> str:
+    """Where a run to be resumed stands."""
+    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+
+    saved = read_checkpoint(directory / CHECKPOINT_NAME)
+    return f"Going on at {saved.time:g} s, behind frame {saved.frame}."
+
+
+def settings(session: "Session", directory: Path, before: str) -> str:
+    """The settings of a run, one line each."""
+    built, scene, integrator = session.built, session.scene, session.integrator
+    solver, run = scene.solver_settings(), scene.run_settings()
+    world = built.world
+    on = [name for name in scene.effects if name not in built.off]
+    sizes = f"{world.n_cloth:,} vertices and {len(world.triangles):,} triangles of cloth"
+    if world.bodies:
+        body_vertices = sum(len(body.positions) for body in world.bodies)
+        names = ", ".join(body.name for body in world.bodies)
+        sizes += f"; {body_vertices:,} vertices and {len(world.body_triangles):,} triangles of {names}"
+    threads = _many(integrator.system.solver.threads, "thread")
+    kind = {"backward_euler": "backward Euler", "bdf2": "BDF2"}[integrator.formula]
+    if "inertia" not in built.energies:
+        kind = "quasi-static, loads grow over the duration"
+    steps = f"steps of {integrator.dt:g} s"
+    if solver.error:
+        steps = f"steps chosen for an error of {length(solver.error)}, of {integrator.dt:g} s at most"
+    tolerance = integrator.settings.tolerance
+    rows = [
+        ("output", f"{directory}{os.sep}"),
+        ("mesh", sizes),
+        ("effects", ", ".join(on)),
+        *(("off", f"{name}: {reason}") for name, reason in built.off.items()),
+        ("time", f"{run.duration:g} s in {steps}, {run.frames_per_second:g} frames a second"),
+        ("solver", f"{kind}; Newton to {tolerance:g} m/s; {integrator.system.solver.name}, {threads}"),
+        *(("note", note) for note in session.notes),
+        *([("note", before)] if before else []),
+    ]
+    return "\n".join(_row(name, text) for name, text in rows)
+
+
+def verdict(run: "Run", trouble: list[str]) -> str:
+    """How a run ended: status, reason, certificate in three lines, error, what was found, effort, files."""
+    summary = run.summary
+    files = sorted(path.name for path in run.directory.iterdir() if path.suffix in _ENDINGS and path.is_file())
+    refused = summary["rejected_steps"]
+    rejected = f" ({refused:,} tried again for their error)" if refused else ""
+    parts = summary.get("regional_iterations", 0)
+    regional = f" and {parts:,} of parts of the cloth" if parts else ""
+    newton = f"{_many(summary['newton_iterations'], 'Newton iteration')}{regional}"
+    effort = (
+        f"{clock(summary['wall_seconds'])} ({clock(summary['warmup_seconds'])} to start), "
+        f"{_many(summary['steps'], 'step')}{rejected}, {newton}, "
+        f"{summary['peak_memory_bytes'] / 1e6:.0f} MB of memory at most"
+    )
+    rows = [
+        *_certificate(summary["certificate"], "body_contact" in summary["effects"]),
+        ("error", _error(summary["certificate"]["error_estimate"])),
+        *(("found", said) for said in summary.get("found", [])),
+        ("effort", effort),
+        ("files", f"{run.directory}{os.sep}: {', '.join(files)}"),
+    ]
+    lines = [f"{summary['status']}: {summary['reason']}", *(_row(name, text) for name, text in rows), *trouble]
+    if summary["status"] != "completed":
+        lines += _after_failure(run)
+    return "\n".join(lines)
+
+
+def _after_failure(run: "Run") -> list[str]:
+    """What to do, where the last good state is, and how to hand the failure on."""
+    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+
+    failure = run.summary["failure"]
+    saved = read_checkpoint(run.directory / CHECKPOINT_NAME)
+    directory = shlex.quote(str(run.directory))
+    return [
+        failure["remedy"],
+        f"The last good state is step {saved.step} at {saved.time:g} s; the last frame is number {len(run.times) - 1}.",
+        f"To look into it: {program()} resume {directory} --dump-iterates {failure['step']}",
+        f"To pass it on: {program()} bundle {directory}",
+    ]
+
+
+def stopped(directory: Path) -> str:
+    """The line after Ctrl-C."""
+    from clothsim.io.checkpoint import CHECKPOINT_NAME
+
+    if (directory / CHECKPOINT_NAME).is_file():
+        return f"Stopped. Go on with: {program()} resume {shlex.quote(str(directory))}"
+    return "Stopped before the first step: there is nothing to resume."
+
+
+_ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".gif")
+
+
+def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, str]]:
+    """Three lines: intersections and gap; stretches; residual and energy."""
+    crossed = certificate["intersecting_frames"]
+    if crossed:
+        judged = f"cloth INTERSECTS in {_many(len(crossed), 'frame')}, first in number {crossed[0]}"
+    elif certificate["cloth_body"] == "no body":
+        judged = "there is no body"
+    else:
+        excluded = " but for excluded pairs" if "excluded" in certificate["cloth_body"] else ""
+        judged = f"cloth and body intersect in no frame{excluded}"
+    gap = certificate["minimum_gap"]
+    if contact:
+        judged += f", smallest gap {length(gap)}" if gap is not None else ", never closer than d_hat"
+    drift = certificate["energy_drift"]
+    energy = f"energy: {drift}" if isinstance(drift, str) else f"largest rise of energy in a step {100 * drift:.2g} %"
+    stretches = "none measured"
+    if certificate["stretch_min"] is not None:
+        stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"
+    return [
+        ("contact", f"{judged}; cloth-cloth: {certificate['cloth_cloth']}"),
+        ("stretch", f"principal stretches {stretches}"),
+        ("balance", f"force left over {certificate['residual']:.1e} N, {energy}"),
+    ]
+
+
+def _error(estimate: dict[str, Any]) -> str:
+    """The estimate of the error in a line; MISSED where it is more than what was asked for."""
+    temporal, newton, gap = estimate["temporal"], estimate["newton"], estimate["contact_gap"]
+    time = temporal if isinstance(temporal, str) else f"about {length(temporal)}"
+    asked = estimate.get("asked")
+    if asked:
+        time += f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} asked for)"
+    off = "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
+    return f"time {time}, Newton {newton if isinstance(newton, str) else length(newton)}{off}"
+
+
+def _row(name: str, text: str) -> str:
+    """A name and its text, broken at WIDTH."""
+    import textwrap
+
+    return textwrap.fill(
+        text, WIDTH, initial_indent=f"  {name:<8} ", subsequent_indent=" " * 11, break_long_words=False
+    )
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count:,} {what}{'' if count == 1 else 's'}"
+
+
+def program() -> str:
+    """How this command line was called."""
+    return "python -m clothsim" if Path(sys.argv[0]).name == "__main__.py" else "clothsim"

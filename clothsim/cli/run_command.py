@@ -1,0 +1,175 @@
+"""`clothsim run` and `clothsim resume`."""
+
+import argparse
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from clothsim.cli.arguments import as_count, as_positive_number
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim.io.results import Run
+    from clothsim.run.session import Session
+    from clothsim.scene.scene import Scene
+
+PICTURE_NAME, MOVIE_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "failure.png"
+
+_RUN = """\
+Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture of the last frame; where it failed,
+failure.png too, the place seen close.
+
+  clothsim run scenes/sphere.toml -o drape --movie
+"""
+_RESUME = """\
+Go on with a run that was stopped, from its last frame; or replay one that failed, from its last good state, also out
+of an archive of `clothsim bundle`.
+
+  clothsim resume drape
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add both commands to the parser."""
+    run = commands.add_parser("run", help="simulate a scene", description=_RUN)
+    run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML)")
+    run.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the scene's name)")
+    run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
+    run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key: body.mesh=PATH")
+    run.add_argument("--preset", metavar="NAME", help="draft, standard or fine: prints how wrong each was measured")
+    run.set_defaults(handler=_run)
+    resume = commands.add_parser("resume", help="go on with a stopped run", description=_RESUME)
+    resume.add_argument("directory", type=Path, metavar="DIR|FILE", help="what `clothsim run` or `bundle` left")
+    resume.add_argument("-o", "--output", type=Path, metavar="DIR", help="of an archive: where to (default: its name)")
+    resume.set_defaults(handler=_resume)
+    for command in (run, resume):
+        command.add_argument("--no-picture", action="store_true", help=f"leave no {PICTURE_NAME} and no {FAILURE_NAME}")
+        command.add_argument("--movie", action="store_true", help=f"leave {MOVIE_NAME} too")
+        command.add_argument("--dump-iterates", metavar="STEP", help="write the Newton iterates of that step, from 1")
+        command.add_argument("--quiet", action="store_true", help="print the end only")
+        command.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
+        command.add_argument("--debug", action="store_true", help="show tracebacks")
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from clothsim.cli import precompile
+    from clothsim.run.simulate import simulate
+    from clothsim.scene.overrides import override
+    from clothsim.scene.toml_file import load_scene
+
+    if arguments.scene.suffix == ".zip":
+        raise InputError(f"{arguments.scene} is no scene file.", "`clothsim resume` replays an archive.")
+    scene = load_scene(arguments.scene)
+    if arguments.preset is not None:
+        scene = _with_preset(scene, arguments)
+    for assignment in arguments.set:
+        scene = override(scene, assignment)
+    if arguments.frames_per_second is not None:
+        rate = as_positive_number("--frames-per-second", arguments.frames_per_second)
+        scene = replace(scene, run={**scene.run, "frames_per_second": rate})
+    directory = arguments.output or Path(arguments.scene.stem)
+    compiler = precompile.start()
+    try:
+        return _execute(arguments, directory, lambda **listeners: simulate(scene, directory, **listeners))
+    finally:
+        if compiler is not None:
+            compiler.poll()  # what is left of its work serves the next run
+
+
+def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
+    """The scene with the settings of a preset; prints them, and the errors that were measured with them."""
+    from clothsim.build import preset_errors
+    from clothsim.build.presets import with_preset
+
+    scene, said = with_preset(scene, arguments.preset)
+    if not arguments.quiet:
+        talk: IO[str] = sys.stderr if arguments.json else sys.stdout
+        lines = [f"preset {arguments.preset}: {said}", f"  its RMS error at the last frame, {preset_errors.DATE}:"]
+        lines += [f"    {line}" for line in preset_errors.measured(arguments.preset)]
+        lines.append("  Another scene has another error: `clothsim study` measures it.")
+        print("\n".join(lines), file=talk, flush=True)
+    return scene
+
+
+def _resume(arguments: argparse.Namespace) -> int:
+    from clothsim.run.simulate import resume
+
+    directory = arguments.directory
+    if directory.is_file():
+        from clothsim.run.archive import unpack_bundle
+
+        archive, directory = directory, arguments.output or Path(directory.stem)
+        unpack_bundle(archive, directory)
+    elif arguments.output is not None:
+        raise InputError(f"{directory} is no archive.", "Leave -o out: a run goes on in its own directory.")
+    return _execute(arguments, directory, lambda **listeners: resume(directory, **listeners))
+
+
+def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[..., Run]") -> int:
+    """Run `job` with its listeners, draw what was asked for, and tell how it ended."""
+    from clothsim import __version__
+    from clothsim.cli import progress, report
+    from clothsim.sim.iterate_log import iterates_name
+
+    subject = arguments.scene if arguments.command == "run" else directory
+    step = None if arguments.dump_iterates is None else as_count("--dump-iterates", arguments.dump_iterates)
+    if step is not None:
+        (directory / iterates_name(step)).unlink(missing_ok=True)  # of an earlier run
+    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
+    if not arguments.quiet:
+        print(f"clothsim {__version__}: {arguments.command} {subject}", file=talk, flush=True)
+    before = report.what_is_there(directory) if arguments.command == "run" else report.what_goes_on(directory)
+
+    sessions: list[Session] = []
+
+    def announce(session: "Session") -> None:
+        sessions.append(session)
+        if not arguments.quiet:
+            print(report.settings(session, directory, before), file=talk, flush=True)
+
+    try:
+        with progress.shown(arguments.quiet) as listener:
+            run = job(progress=listener, announce=announce, dump_iterates=step)
+        trouble = _pictures(arguments, run, sessions[0])
+    except KeyboardInterrupt:
+        print(report.stopped(directory), file=sys.stderr)
+        return 130
+    if arguments.json:
+        from clothsim.io.record import to_json
+
+        print(to_json(run.summary))
+    if step is not None and not (run.directory / iterates_name(step)).is_file():
+        trouble.append(f"No {iterates_name(step)}: the run took {run.summary['steps']} steps.")
+    print(report.verdict(run, trouble), file=talk)
+    return 0 if run.status == "completed" else 1
+
+
+def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> list[str]:
+    """Draw picture, movie and the place of a failure.
+
+    Returns a line for each that could not be drawn: a run is none the worse for that.
+    """
+    from clothsim.cli.render_command import draw_failure, draw_frame, draw_movie, upright
+    from clothsim.errors import ClothsimError
+
+    for name in (PICTURE_NAME, MOVIE_NAME, "movie.gif", FAILURE_NAME):
+        (run.directory / name).unlink(missing_ok=True)
+    up, trouble = upright(run), []
+    jobs: list[tuple[str, Callable[[], Any]]] = []
+    if not arguments.no_picture:
+        jobs.append((PICTURE_NAME, lambda: draw_frame(run, run.directory / PICTURE_NAME, up=up)))
+        if (run.summary.get("failure") or {}).get("position") is not None:
+            target, world = run.directory / FAILURE_NAME, session.built.world
+            jobs.append((FAILURE_NAME, lambda: draw_failure(run, world, target, up)))
+    if arguments.movie:
+        jobs.append((MOVIE_NAME, lambda: draw_movie(run, run.directory / MOVIE_NAME, up=up, quiet=arguments.quiet)))
+    for name, job in jobs:
+        if not arguments.quiet:
+            print(f"drawing {name}", file=sys.stderr, flush=True)
+        try:
+            job()
+        except (ClothsimError, OSError, ImportError) as error:
+            trouble.append(f"No {name}: {error}")
+    return trouble

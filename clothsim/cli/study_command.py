@@ -1,0 +1,111 @@
+"""`clothsim study`: what accuracy costs in time."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from clothsim.cli.arguments import as_count, as_seconds
+from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, told
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim.accuracy.evaluation import Progress
+
+_DESCRIPTION = """\
+How wrong is a scene's last frame, by what, and what would half the error cost? Runs it finer and coarser, in one
+process a core, and leaves study.md, study.json and study.png. Called again, it goes on with the points it has.
+
+  clothsim study scenes/study_strip.toml -o accuracy --budget 120s
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    study = commands.add_parser("study", help="what accuracy costs in time", description=_DESCRIPTION)
+    study.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML)")
+    study.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the scene's name_study)")
+    study.add_argument("--knobs", metavar="NAMES", help="dt,cells,tolerance,d_hat,eps_v,iterations (default: all)")
+    study.add_argument("--budget", default="120s", metavar="TIME", help="of the whole study: 90s, 10min (default 120s)")
+    study.add_argument("--workers", metavar="N", help="processes at a time (default: one a core)")
+    study.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
+    study.add_argument("--quiet", action="store_true", help="print the end only")
+    study.add_argument("--json", action="store_true", help="print study.json, the rest on stderr")
+    study.add_argument("--debug", action="store_true", help="show tracebacks")
+    study.set_defaults(handler=_study)
+
+
+def _study(arguments: argparse.Namespace) -> int:
+    from clothsim import __version__
+    from clothsim.accuracy.report import answer, settings_text
+    from clothsim.accuracy.study import study_accuracy
+    from clothsim.scene.overrides import override
+    from clothsim.scene.toml_file import load_scene
+
+    budget = as_seconds("--budget", arguments.budget)
+    knobs = None if arguments.knobs is None else [name.strip() for name in arguments.knobs.split(",") if name.strip()]
+    if knobs == []:
+        raise InputError("--knobs names nothing.", "Give some, such as --knobs dt,cells.")
+    workers = None if arguments.workers is None else as_count("--workers", arguments.workers)
+    scene = load_scene(arguments.scene)
+    for assignment in arguments.set:
+        scene = override(scene, assignment)
+    directory = arguments.output or Path(f"{arguments.scene.stem}_study")
+    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
+    if not arguments.quiet:
+        print(f"clothsim {__version__}: study {arguments.scene}", file=talk, flush=True)
+    with shown(arguments.quiet) as heard:
+        name = arguments.scene.stem
+        done = study_accuracy(scene, directory, knobs, budget, workers, heard, name=name)
+    if arguments.json:
+        print((done.directory / "study.json").read_text(encoding="utf-8"), end="")
+    lines = answer(done.result)
+    lines += [
+        f"  for <= {each['error']:g} mm: {settings_text(each['settings'])}, about {each['seconds']:.2g} s"
+        for each in done.result["recommended"]
+    ]
+    left = len(done.result["left_out"])
+    if left:
+        lines.append(f"{left} points did not fit into the budget or are none: study.md names them.")
+    print("\n".join([*lines, f"  files     {directory}: study.md, study.json, study.png"]), file=talk)
+    return 0
+
+
+def shown(quiet: bool) -> "AbstractContextManager[Callable[[Progress], None]]":
+    """A listener that shows on stderr how far a study is: a bar on a terminal, else a line every few seconds."""
+    return told(quiet, _bar, _lines())
+
+
+def _lines() -> "Callable[[Progress], None]":
+    last = [-SECONDS_BETWEEN_LINES]
+
+    def listener(progress: "Progress") -> None:
+        if progress.seconds - last[0] >= SECONDS_BETWEEN_LINES:
+            last[0] = progress.seconds
+            print(_state(progress), file=sys.stderr, flush=True)
+
+    return listener
+
+
+@contextmanager
+def _bar() -> "Iterator[Callable[[Progress], None]]":
+    from rich.console import Console
+    from rich.progress import BarColumn, TextColumn
+    from rich.progress import Progress as Bar
+
+    columns = (BarColumn(bar_width=24), TextColumn("{task.fields[state]}"))
+    with Bar(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0, state="")
+
+        def listener(progress: "Progress") -> None:
+            bar.update(task, total=progress.budget, completed=progress.seconds, state=_state(progress))
+
+        yield listener
+
+
+def _state(progress: "Progress") -> str:
+    """Time of the budget, runs done, the one that began or ended."""
+    time = f"{clock(progress.seconds)} of {clock(progress.budget)}"
+    return f"{time}: {progress.done} runs done, {progress.known - progress.done} to go ({progress.label})"

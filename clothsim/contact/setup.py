@@ -1,0 +1,123 @@
+"""What the contact effects share: their scales, pairs that are left out, and a start that must be free of contact."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from clothsim.arrays import Floats, as_positive
+from clothsim.contact.barrier import Barrier
+from clothsim.contact.candidates import Candidates
+from clothsim.contact.stiffness import default_d_hat
+from clothsim.contact.surface import ContactSurface
+from clothsim.energies.base import Energy
+from clothsim.errors import InputError
+from clothsim.intersection.intersecting_pairs import intersecting_pairs, places
+from clothsim.mesh.world import World
+
+LAST_DIGITS = 64 * float(np.finfo(float).eps)
+"""Share of the largest coordinate below which a gap at the start is round-off."""
+
+BACKENDS = ("auto", "numba", "ipctk")
+
+
+def contact_energy(
+    name: str,
+    world: World,
+    surface: ContactSurface,
+    d_hat: float | str,
+    offset: float,
+    stiffness: float | str,
+    backend: str,
+) -> Energy:
+    """The barrier of the effect `name` on `surface`. InputError where the start is not free of contact."""
+    distance = _distance(name, world, d_hat)
+    thickness = as_positive(f"effects.{name}.offset", offset, zero=True)
+    adaptive = stiffness == "auto"
+    kappa = 1.0 if adaptive else as_positive(f"effects.{name}.stiffness", stiffness)  # type: ignore[arg-type]
+    if backend not in BACKENDS:
+        raise InputError(f"contact.backend is {backend!r}.", f"Known: {', '.join(BACKENDS)}.")
+    start = world.start()
+    _refuse_intersections(world, surface, start)
+    candidates = Candidates(surface, distance + thickness, reach=0.7 * distance, offset=thickness)
+    _refuse_touch(world, candidates, start, thickness)
+    if backend == "ipctk":
+        from clothsim.contact.ipctk_barrier import IpctkBarrier, IpctkCandidates
+
+        if thickness or not surface.complete:
+            key = "offset" if thickness else "exclude"
+            raise InputError(f"effects.{name}.{key} does not work with ipctk.", 'Use contact.backend = "numba".')
+        searches = IpctkCandidates(surface, distance, reach=distance)
+        return IpctkBarrier(searches, distance, 0.0, world.vertex_areas, world.masses, kappa, adaptive)
+    return Barrier(candidates, distance, thickness, world.vertex_areas, world.masses, kappa, adaptive)
+
+
+def _distance(name: str, world: World, d_hat: float | str) -> float:
+    """d_hat [m]: "auto" from the mesh, else as given. InputError for one beyond which everything touches everything."""
+    usual = default_d_hat(edge_lengths(world))
+    if d_hat == "auto":
+        return usual
+    given = as_positive(f"effects.{name}.d_hat", d_hat)  # type: ignore[arg-type]
+    size = float(np.ptp(world.start()[: world.n_cloth], axis=0).max())
+    if given >= size:
+        raise InputError(
+            f"effects.{name}.d_hat is {given:g} m, and the whole cloth is {size:.3g} m long.",
+            f"It is the gap where contact begins to push: {usual:g} m would suit the mesh.",
+        )
+    return given
+
+
+def edge_lengths(world: World) -> Floats:
+    """Lengths of the cloths' edges at the start, (e,) [m]."""
+    return np.asarray(np.linalg.norm(np.diff(world.start()[world.edges], axis=1)[:, 0], axis=1), np.float64)
+
+
+def excluded_pairs(name: str, world: World, exclude: Sequence[Sequence[str]]) -> np.ndarray:
+    """The pairs of names as an (L, L) table over the world's objects. InputError for a name that is not there."""
+    table = np.zeros((len(world.names),) * 2, bool)
+    if isinstance(exclude, str) or not isinstance(exclude, Sequence):
+        raise InputError(f"effects.{name}.exclude must be a list of pairs of names, not {exclude!r}.")
+    for number, pair in enumerate(exclude):
+        if isinstance(pair, str) or not isinstance(pair, Sequence) or len(pair) != 2:
+            raise InputError(f"effects.{name}.exclude[{number}] must be two names, not {pair!r}.")
+        unknown = [each for each in pair if each not in world.names]
+        if unknown:
+            raise InputError(
+                f"effects.{name}.exclude[{number}]: nothing is called {unknown[0]!r}.",
+                f"There are: {', '.join(world.names)}.",
+            )
+        a, b = (world.names.index(each) for each in pair)
+        table[a, b] = table[b, a] = True
+    return table
+
+
+def _refuse_intersections(world: World, surface: ContactSurface, start: Floats) -> None:
+    """InputError where surfaces that may touch cross at the start: the first pair of objects and its first place."""
+    first, second = surface.first.triangles, surface.second.triangles
+    pairs = intersecting_pairs(start, first, None if surface.itself else second)
+    labels = surface.labels[first[pairs[:, 0], 0]], surface.labels[second[pairs[:, 1], 0]]
+    pairs = pairs[surface.allowed[labels]]
+    if not len(pairs):
+        return
+    a, b = first[pairs[0, 0]], second[pairs[0, 1]]
+    one, other = world.names[surface.labels[a[0]]], world.names[surface.labels[b[0]]]
+    at = ", ".join(f"{c:.4g}" for c in places(start, first, second, pairs[:1])[0] + world.origin)
+    who = f"{one} intersects itself" if one == other else f"{one} intersects {other}"
+    raise InputError(
+        f"{who} at the start, in {len(pairs):,} pairs of triangles; the first is at ({at}) m.",
+        "Move the cloth out (position, rotation_degrees), or leave the pair out with exclude.",
+    )
+
+
+def _refuse_touch(world: World, candidates: Candidates, start: Floats, offset: float) -> None:
+    """InputError where the start is at contact to the last digits, or closer than the offset: names the pair."""
+    gap = candidates.minimum_gap(start)
+    if gap > LAST_DIGITS * float(np.abs(start).max(initial=0.0)):
+        return
+    rows = candidates.closest_pair(start)
+    one, other = (world.names[candidates.surface.labels[row]] for row in (rows[0], rows[-1]))
+    at = ", ".join(f"{c:.4g}" for c in start[rows[0]] + world.origin)
+    less = f", less than the offset of {offset:g} m" if offset else ", which is contact to the last digits"
+    raise InputError(
+        f"{one} starts {gap + offset:.3g} m from {other} at ({at}) m{less}.",
+        "Start it further away." if not offset else "Start it further away, or choose a smaller offset.",
+    )

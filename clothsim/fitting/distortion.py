@@ -1,0 +1,41 @@
+"""What a fit did to a garment: how it is stretched against its own shape, and how far it went."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.fitting.stage import Garment
+from clothsim.kinematics.deformation_gradient import deformation_gradients
+from clothsim.kinematics.stretch import principal_stretches
+from clothsim.mesh.cloth import triangle_planes
+
+PERCENTILES = (1.0, 99.0)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """stretches (m, 2): each triangle's principal ones against the garment as it came; low, high: their 1st and 99th
+    percentile; displacement: the largest of a vertex [m].
+    """
+
+    stretches: Floats
+    low: float
+    high: float
+    displacement: float
+
+    def as_dict(self) -> dict[str, Any]:
+        """As the summary keeps it."""
+        return {"stretch_low": self.low, "stretch_high": self.high, "displacement": self.displacement}
+
+
+def cost_of(garment: Garment, positions: Floats) -> Cost:
+    """What it cost to bring the garment to `positions (n, 3)` [m]."""
+    planes = triangle_planes(garment.positions, garment.triangles)
+    edges = np.stack([planes[:, 1] - planes[:, 0], planes[:, 2] - planes[:, 0]], axis=2)
+    F = deformation_gradients(positions, garment.triangles, np.linalg.inv(edges))
+    stretches = np.asarray(principal_stretches(np.asarray(F)), np.float64)
+    low, high = np.percentile(stretches, PERCENTILES)
+    moved = np.linalg.norm(positions - garment.positions, axis=1)
+    return Cost(stretches, float(low), float(high), float(moved.max()))

@@ -1,0 +1,172 @@
+"""The body and the garment of a fit as their files have them: which part, which unit, which way is up."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.build.meshes import body_of
+from clothsim.build.placement import Shape
+from clothsim.build.scene_world import build
+from clothsim.build.welding import sewn
+from clothsim.errors import InputError
+from clothsim.fitting.stage import Garment
+from clothsim.io.mesh_file import MeshFile, read_mesh
+from clothsim.io.mhclo import read_clothes
+from clothsim.mesh.checks import examine, refuse
+from clothsim.mesh.topology import components, half_edges
+from clothsim.scene.toml_file import load_scene
+
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
+SMALLEST, LARGEST = 0.5, 3.0
+"""The largest extent of a body [m]: beyond, its file is in another unit."""
+FARTHEST = 1e6
+"""No coordinate of a garment is larger [m]: distances to a body would lose all their digits, or overflow."""
+LONG = 0.5
+"""A piece of a file with at least this share of the file's extent may be the body."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A body: positions (n, 3) [m], triangles (m, 3); scale: metres per unit of its file; notes: what was chosen."""
+
+    name: str
+    positions: Floats
+    triangles: Ints
+    scale: float
+    notes: tuple[str, ...]
+
+    @property
+    def up(self) -> Floats:
+        """The axis along which it stands, (3,): the longer of y and z, for x leads from hand to hand."""
+        extent = np.ptp(self.positions, axis=0)
+        return np.eye(3)[1 if extent[1] >= extent[2] else 2]
+
+
+def read_figure(path: str | Path, *, scale: float | None = None, group: str | None = None) -> Figure:
+    """The body in a file: its `group`, else its largest closed piece, else its largest; or the first body of a scene.
+
+    scale: metres per unit; None: what makes its largest extent that of a person. InputError where none does.
+    """
+    file = Path(path)
+    if file.suffix.lower() == ".toml":
+        return _of_scene(file)
+    if group is not None:
+        mesh = read_mesh(file, group=group)
+        said: tuple[str, ...] = ()
+    else:
+        mesh, said = _largest(file, read_mesh(file))
+    extent = float(np.ptp(mesh.positions, axis=0).max())
+    factor, unit = (scale, ()) if scale is not None else _unit(file, extent)
+    notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *said, *unit))
+    return Figure(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
+
+
+def _of_scene(file: Path) -> Figure:
+    """The first body of a scene, as it stands there."""
+    scene = load_scene(file)
+    if not scene.bodies:
+        raise InputError(f"{file} has no body.", "Name a mesh file, or a scene with a [body].")
+    body, notes = body_of(scene.bodies[0], "body", scene.directory)
+    return Figure(body.name, body.positions, body.triangles, 1.0, notes)
+
+
+def read_garment(
+    path: str | Path,
+    made_for: str | Path,
+    scale: float,
+    *,
+    part: tuple[int, int] | None = None,
+    weld: float = 0.0,
+) -> Garment:
+    """The garment in a mesh file, or in MakeHuman clothes (.mhclo) on the base mesh `made_for`.
+
+    scale: metres per unit; part: (lo, hi) vertices of the file; weld: borders closer than that are sewn [m].
+    InputError for a mesh that is no cloth.
+    """
+    file = Path(path)
+    if file.suffix.lower() == ".mhclo":
+        clothes = read_clothes(file)
+        mesh = read_mesh(clothes.obj_file)
+        on_base = clothes.on(read_mesh(made_for).positions)
+        if len(on_base) != len(mesh.positions):
+            raise InputError(
+                f"{file} places {len(on_base):,} vertices, {clothes.obj_file.name} has {len(mesh.positions):,}."
+            )
+        mesh = replace(mesh, positions=on_base)
+    else:
+        mesh = read_mesh(file, vertices=part)
+    shape = Shape(scale * mesh.positions, mesh.triangles, np.zeros((0, 3, 2)), mesh.messages)
+    if weld:
+        shape, _ = sewn(file.name, shape, None, weld, at_start=False)
+    report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
+    refuse(report)
+    reach = float(np.abs(shape.positions).max())
+    if reach > FARTHEST:
+        raise InputError(f"{file.name} reaches {reach:.3g} m from the origin.", "Say what its unit is: --scale.")
+    said = (*shape.notes, *(finding.sentence for finding in report.warnings))
+    notes = tuple(f"{file.name}: {note}" for note in said)
+    return Garment(file.name, shape.positions, shape.triangles, notes, sewn=bool(weld))
+
+
+def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
+    """The first cloth of a scene as it starts there, sewn and untangled as the scene says, and the first body.
+
+    InputError for a scene without a body, or one that cannot be built.
+    """
+    file = Path(path)
+    built = build(load_scene(file))
+    if not built.world.bodies:
+        raise InputError(f"{file} has no body.", "A scene to fit from holds the garment and the body that it lies on.")
+    cloth, body = built.world.cloths[0], built.world.bodies[0]
+    origin = built.world.origin
+    several = ((len(built.world.cloths), "cloths"), (len(built.world.bodies), "bodies"))
+    said = tuple(f"{file.name}: only the first of {count} {what} is fitted" for count, what in several if count > 1)
+    garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, (*built.notes, *said), sewn=True)
+    return garment, Figure(body.name, body.positions + origin, body.triangles, 1.0, ())
+
+
+def _largest(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
+    """The largest closed piece of a file by number of vertices, of those that are as long as a body: eyes are closed
+    too. Where none is closed, the largest of these. Where none is long, of all.
+    """
+    label = components(mesh.triangles, len(mesh.positions))
+    of_triangle = label[mesh.triangles[:, 0]]
+    pieces = np.unique(of_triangle)
+    sizes = np.bincount(label)[pieces]
+    order = pieces[np.argsort(-sizes, kind="stable")]
+    whole = np.ptp(mesh.positions[mesh.triangles.ravel()], axis=0).max()
+    long = [piece for piece in order if np.ptp(mesh.positions[label == piece], axis=0).max() > LONG * whole]
+    candidates = long or list(order)
+    for piece in candidates:
+        chosen = mesh.triangles[of_triangle == piece]
+        if is_closed(chosen):
+            return _only(mesh, chosen, f"the largest closed piece of {len(pieces)}", len(pieces))
+    chosen = mesh.triangles[of_triangle == candidates[0]]
+    return _only(mesh, chosen, f"the largest piece of {len(pieces)}, which is not closed", 2)
+
+
+def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> tuple[MeshFile, tuple[str, ...]]:
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    said = (f"{what}: {len(used):,} of {len(mesh.positions):,} vertices",) if pieces > 1 else ()
+    faces = renumbered.reshape(-1, 3).astype(np.int64)
+    return MeshFile(mesh.positions[used], faces, np.zeros((0, 3, 2)), mesh.messages), said
+
+
+def is_closed(triangles: Ints) -> bool:
+    """Whether each edge has exactly two triangles."""
+    edges = np.sort(half_edges(triangles), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+
+
+def _unit(file: Path, extent: float) -> tuple[float, tuple[str, ...]]:
+    """The metres per unit that make `extent` that of a person, and the guess in words where it is not the metre."""
+    for unit, factor in UNITS.items():
+        if SMALLEST <= factor * extent <= LARGEST:
+            guess = f"{extent:.3g} units tall: read as {unit} ({factor * extent:.3g} m)"
+            return factor, () if unit == "m" else (guess,)
+    raise InputError(
+        f"{file} is {extent:.3g} units tall, which is a person in no unit of {', '.join(UNITS)}.",
+        "Say what its unit is: --scale METRES_PER_UNIT.",
+    )

@@ -1,0 +1,126 @@
+"""Scenes of a fit: a body that grows or morphs carries the garment along; then the garment drapes under gravity."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from clothsim.arrays import Floats, Ints
+from clothsim.fitting.stage import Garment
+from clothsim.io.obj_writer import write_obj
+from clothsim.io.results import Run
+from clothsim.run.simulate import Announcement, Listener, simulate
+from clothsim.scene.scene import Scene
+
+REST, START, BODY = "garment_rest.obj", "garment_start.obj", "body.obj"
+FRAMES = "body[0-9][0-9][0-9].obj"
+
+CARRYING_SECONDS = 0.5
+"""How long a body takes from its first frame to its last: slow beside the damping, which holds the garment to it."""
+CARRYING_TOLERANCE = 0.1
+"""Newton's tolerance there [m/s], a millimetre a step: what is in between is free of intersections, and that is enough.
+On a body of 47,500 triangles .02 takes twice to three times the iterations."""
+CARRYING_FRICTION = 0.5
+"""It keeps the garment where it is on the body. Without, a growing body squeezes it from the hips up to the waist, and
+the folds that it makes there take four times the Newton iterations. Where a crease of the body closes on the garment it
+must slip out: what fails with friction is tried without."""
+CARRYING: dict[str, Any] = {
+    "effects": {
+        "inertia": {},
+        "membrane": {},
+        "bending": {},
+        "damping": {"rate": 20.0},
+        "body_contact": {},
+        "friction": {"coefficient": CARRYING_FRICTION},
+    },
+    "solver": {"dt": 0.01, "tolerance": CARRYING_TOLERANCE, "max_iterations": 200},
+    "run": {"duration": CARRYING_SECONDS, "frames_per_second": 10},
+}
+DRAPING: dict[str, Any] = {
+    "effects": {
+        "inertia": {},
+        "membrane": {},
+        "bending": {},
+        "gravity": {},
+        "damping": {"rate": 4.0},
+        "body_contact": {},
+        "friction": {"coefficient": 0.3},
+    },
+    "solver": {"dt": 0.02, "tolerance": 0.02, "max_iterations": 200},
+    "run": {"duration": 1.0, "frames_per_second": 10},
+}
+
+
+@dataclass(frozen=True)
+class Worn:
+    """What the scenes of a fit have in common.
+
+    garment; rest (n, 3) [m]: its rest shape; fabric: its name; body_triangles (m, 3): the body's; self_contact: whether
+    the garment is kept from meeting itself.
+    """
+
+    garment: Garment
+    rest: Floats
+    fabric: str
+    body_triangles: Ints
+    self_contact: bool
+
+
+def carried(
+    worn: Worn, start: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None, slips: bool = False
+) -> Run:
+    """The garment, from `start (n, 3)` [m], under a body that moves through `frames`, each (k, 3) [m], without gravity.
+
+    slips: without friction. All files of the run are in `folder`, a scene among them that runs it again.
+    """
+    _make(folder)
+    for old in folder.glob(FRAMES):  # of an earlier fit with more frames
+        old.unlink()
+    for k, frame in enumerate(frames):
+        write_obj(folder / f"body{k:03d}.obj", frame, worn.body_triangles)
+    rate = (len(frames) - 1) / CARRYING_SECONDS
+    body = {"name": "body", "frames": FRAMES, "frames_per_second": rate}
+    effects = {name: keys for name, keys in CARRYING["effects"].items() if not (slips and name == "friction")}
+    return simulate(_scene(worn, start, body, {**CARRYING, "effects": effects}, folder), folder, listener)
+
+
+def draped(
+    worn: Worn,
+    start: Floats,
+    body: Floats,
+    up: Floats,
+    folder: Path,
+    listener: Listener | None,
+    announce: Announcement | None,
+    duration: float | None = None,
+) -> Run:
+    """The garment, from `start (n, 3)` [m], on the standing `body (k, 3)` [m] under gravity against `up (3,)`.
+
+    duration [s]: None: as in DRAPING.
+    """
+    _make(folder)
+    write_obj(folder / BODY, body, worn.body_triangles)
+    settings = {**DRAPING, "effects": {**DRAPING["effects"], "gravity": {"acceleration": (-9.81 * up).tolist()}}}
+    if duration is not None:
+        settings["run"] = {**settings["run"], "duration": duration}
+    scene = _scene(worn, start, {"name": "body", "mesh": BODY}, settings, folder)
+    return simulate(scene, folder, listener, announce)
+
+
+def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, Any], folder: Path) -> Scene:
+    write_obj(folder / REST, worn.rest, worn.garment.triangles)
+    write_obj(folder / START, start, worn.garment.triangles)
+    effects = {**settings["effects"], **({"self_contact": {}} if worn.self_contact else {})}
+    return Scene(
+        cloth={"name": "garment", "mesh": REST, "fabric": worn.fabric, "sewn": worn.garment.sewn},
+        body=body,
+        effects=effects,
+        solver=settings["solver"],
+        run=settings["run"],
+        seed={"from": "file", "file": START},
+        directory=folder,
+    )
+
+
+def _make(folder: Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)

@@ -1,0 +1,64 @@
+"""What is wrong with a garment on a body: vertices inside it, and triangles that intersect, by the exact test."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.intersection.intersecting_pairs import intersecting_pairs, places
+from transfer.signed_distance import BodySurface
+
+
+@dataclass(frozen=True)
+class Counts:
+    """penetrating_vertices: of the garment, inside the body; depth: of the deepest [m]; body_pairs, self_pairs:
+    intersecting triangles of garment and body, and of the garment with itself; place (3,) [m]: where it is worst, or
+    None where nothing is wrong.
+    """
+
+    penetrating_vertices: int
+    depth: float
+    body_pairs: int
+    self_pairs: int
+    place: Floats | None
+
+    @property
+    def on_body(self) -> bool:
+        """Whether garment and body are apart: what contact can start from, and keeps."""
+        return not (self.penetrating_vertices or self.body_pairs)
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing is wrong."""
+        return self.on_body and not self.self_pairs
+
+    @property
+    def where(self) -> str:
+        """The place in words."""
+        return "nowhere" if self.place is None else f"near ({', '.join(f'{value:.3g}' for value in self.place)}) m"
+
+    def __str__(self) -> str:
+        inside = f"{self.penetrating_vertices:,} vertices inside"
+        deep = f" (to {1e3 * self.depth:.3g} mm)" if self.penetrating_vertices else ""
+        return f"{inside}{deep}, {self.body_pairs:,} pairs with the body, {self.self_pairs:,} with itself"
+
+
+def counted(garment: Floats, triangles: Ints, body: BodySurface) -> Counts:
+    """The counts of `garment (n, 3)` [m] with `triangles (m, 3)` on `body`."""
+    return judged(garment, triangles, body)[0]
+
+
+def judged(garment: Floats, triangles: Ints, body: BodySurface) -> tuple[Counts, Ints, Ints]:
+    """The counts, and the pairs (p, 2) of intersecting triangles: of garment and body, of the garment with itself."""
+    within = body.penetration(garment)
+    x = np.concatenate([garment, body.positions])
+    faces = body.triangles + len(garment)
+    own, with_body = intersecting_pairs(x, triangles), intersecting_pairs(x, triangles, faces)
+    place = None
+    if within.count:
+        place = garment[within.worst]
+    elif len(with_body):
+        place = places(x, triangles, faces, with_body[:1])[0]
+    elif len(own):
+        place = places(x, triangles, triangles, own[:1])[0]
+    return Counts(within.count, within.depth, len(with_body), len(own), place), with_body, own

@@ -1,0 +1,227 @@
+"""Every stage before the simulation: seed, DRAPE, and the guaranteed path, each followed by the exact test.
+
+Deformation transfer seeds; where its shape is not clear of the body, DRAPE refines it; where that is not either, the
+body is deflated until the better of the two is clear of it, and grows back under IPC; where no depth frees it, the body
+that the garment was made for becomes the other one under IPC and carries it along.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.errors import InputError
+from clothsim.fitting.guaranteed_path import Clearing, clearings, untangled_from_itself
+from clothsim.fitting.inputs import Figure
+from clothsim.fitting.markers import NO_MARKERS
+from clothsim.fitting.moving_body import Worn, carried
+from clothsim.fitting.stage import Garment, Heard, Stage, staged
+from clothsim.fitting.transfer_seed import Transferred, transferred
+from clothsim.mesh.body import make_body
+from clothsim.mesh.cloth import make_cloth
+from clothsim.scene.fabrics import FABRICS
+from transfer.errors import TransferError
+from transfer.signed_distance import BodySurface, body_surface
+
+
+@dataclass(frozen=True)
+class Task:
+    """A fit: garment, the body that it was made for, the one that it shall be worn by (the same: it is only repaired).
+
+    resize: whether the garment's rest shape is the transferred one (it is made anew in the other size), or its own;
+    folder: where the guaranteed path leaves its runs; heard: called as each stage ends; markers (k, 6): see `markers`.
+    """
+
+    garment: Garment
+    source: Figure
+    target: Figure
+    fabric: str
+    resize: bool
+    folder: Path
+    heard: Heard
+    markers: Floats = field(default_factory=lambda: NO_MARKERS)
+
+    @property
+    def same_body(self) -> bool:
+        """Whether the garment stays on its body."""
+        return self.source is self.target
+
+
+@dataclass(frozen=True)
+class Seeded:
+    """What a simulation starts from: the last of `stages` where failure is empty; worn: how the scenes wear it."""
+
+    stages: tuple[Stage, ...]
+    worn: Worn
+    failure: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def last(self) -> Stage:
+        """The last stage."""
+        return self.stages[-1]
+
+    def after(self, stage: Stage) -> "Seeded":
+        """With one more stage."""
+        return replace(self, stages=(*self.stages, stage))
+
+
+def seeded(task: Task) -> Seeded:
+    """Run the stages until one is clean. InputError for a garment or a body that no stage can take."""
+    try:
+        body = body_surface(task.target.positions, task.target.triangles)
+        worn_by = body if task.same_body else body_surface(task.source.positions, task.source.triangles)
+        stages = _as_it_came(task, worn_by)
+        carrier, rest = task.target.positions, task.garment.positions
+        came = partial(staged, triangles=task.garment.triangles, heard=task.heard)
+        if not task.same_body:
+            moved: list[Transferred] = []
+            stages.append(came("transfer", body=body, make=partial(_moved, stages[-1].positions, task, moved)))
+            carrier = moved[0].body
+            rest = moved[0].positions if task.resize else rest
+        if not stages[-1].counts.clean:
+            shape = stages[-1].positions
+            stages.append(came("refine", body=body, make=partial(_refined, shape, task, along_normals=False)))
+            if not stages[-1].counts.on_body:  # thin limbs: the closest point may be on the wrong side
+                stages.append(came("refine", body=body, make=partial(_refined, shape, task, along_normals=True)))
+    except TransferError as error:
+        raise InputError(error.sentence, error.remedy) from error
+    worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
+    found = Seeded(tuple(stages), worn)
+    return found if found.last.counts.clean else _guaranteed(found, task, body, carrier)
+
+
+def _as_it_came(task: Task, worn_by: BodySurface) -> list[Stage]:
+    """The garment on its own body, and freed of intersections with itself where it has some."""
+    garment, said = task.garment, f"as it lies on {task.source.name}"
+    stages = [staged("garment", garment.triangles, worn_by, lambda: (garment.positions, said), task.heard)]
+    freed = _untangled(garment.positions, stages[0], None, worn_by, task) if stages[0].counts.self_pairs else None
+    return stages if freed is None else [*stages, freed]
+
+
+def _moved(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats, str]:
+    moved.append(transferred(replace(task.garment, positions=shape), task.source, task.target, task.markers))
+    return moved[0].positions, moved[0].said
+
+
+def _refined(positions: Floats, task: Task, along_normals: bool) -> tuple[Floats, str]:
+    from transfer.refine import refine
+
+    body = task.target
+    done = refine(positions, task.garment.triangles, body.positions, body.triangles, along_normals=along_normals)
+    how = ", along the garment's normals" if along_normals else ""
+    return done.positions, f"DRAPE, eps {1e3 * np.min(done.eps):.2g} to {1e3 * np.max(done.eps):.2g} mm{how}"
+
+
+def _guaranteed(found: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
+    """Deflate and grow; where no depth frees any shape, morph the one body into the other first."""
+    tried = [stage for stage in found.stages if task.same_body or stage.name in ("transfer", "refine")]
+    done = _freed(found, tried, task, body)
+    if (done is None or done.failure) and not task.same_body and _own(found).counts.on_body:
+        found = _morphed(found, task, body, carrier)
+        if found.failure or found.last.counts.clean:
+            return found
+        done = _freed(found, [found.last], task, body)
+    if done is None:
+        counts = found.last.counts
+        said = f"No deflation of {task.target.name} frees the garment: {counts}, worst {counts.where}."
+        return replace(found, failure=said)
+    return done
+
+
+def _freed(found: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface) -> Seeded | None:
+    """The shape of one of the stages `tried`, clear of the body and, where that can be had, of itself.
+
+    The shape with the fewest intersections with itself comes first: they are harder to mend than those with the body.
+    Where a growth fails the next start is tried. None where no depth frees any.
+    """
+    clear: list[tuple[Stage, Clearing]] = []
+    failed = None
+    for stage in sorted(tried, key=lambda stage: (stage.counts.self_pairs, -tried.index(stage))):
+        for start in clearings(stage.positions, task.garment.triangles, body):
+            clear.append((stage, start))
+            thin = body_surface(start.body, body.triangles)
+            freed = stage if not stage.counts.self_pairs else _untangled(found.worn.rest, stage, thin, thin, task)
+            if freed is None:
+                continue
+            before = found if freed is stage else found.after(freed)
+            grown = _grown(before, stage, start, freed.positions, task, body)
+            if not grown.failure:
+                return grown
+            failed = grown
+            found = replace(found, notes=(*found.notes, f"Tried {start.said or 'as it is'}: {grown.failure}"))
+    if not clear:
+        return None
+    return _meeting_itself(found, clear, failed, task, body)
+
+
+def _meeting_itself(
+    found: Seeded, clear: Sequence[tuple[Stage, Clearing]], failed: Seeded | None, task: Task, body: BodySurface
+) -> Seeded:
+    """The garment that could not be untangled, worn as it is; where all that failed was its growth, that failure."""
+    stage, start = min(clear, key=lambda one: len(one[1].frames))
+    if failed is not None and len(start.frames) > 1:
+        return failed
+    note = "The garment intersects itself and could not be untangled: self_contact is off."
+    meeting = replace(found, worn=replace(found.worn, self_contact=False), notes=(*found.notes, note))
+    return _grown(meeting, stage, start, stage.positions, task, body)
+
+
+def _untangled(
+    rest: Floats, stage: Stage, beside: BodySurface | None, counted_on: BodySurface, task: Task
+) -> Stage | None:
+    """The shape of a stage freed of intersections with itself and with the body `beside`; None where that fails."""
+    started, triangles = perf_counter(), task.garment.triangles
+    cloth = make_cloth("garment", rest, triangles, FABRICS[task.fabric], positions=stage.positions)
+    bodies = [] if beside is None else [make_body("body", beside.positions, beside.triangles)]
+    freed = untangled_from_itself(cloth, bodies)
+    return None if freed is None else staged("untangle", triangles, counted_on, lambda: freed, task.heard, started)
+
+
+def _grown(found: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface) -> Seeded:
+    """The thin body grows back to its size as a moving obstacle; nothing to do where it is not thinner."""
+    if len(start.frames) == 1:
+        return found if found.last.positions is shape else found.after(replace(stage, seconds=0.0))
+    said = f"the body {start.said}, from {stage.name}, grown back under IPC"
+    return _carried(found, "grow", shape, start.frames, task, body, said)
+
+
+def _own(found: Seeded) -> Stage:
+    """The stage of the garment on its own body."""
+    return [stage for stage in found.stages if stage.name in ("garment", "untangle")][-1]
+
+
+def _morphed(found: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
+    """The source body becomes the target, with the garment on it."""
+    start = _own(found)
+    worn = replace(found.worn, body_triangles=task.source.triangles, self_contact=not start.counts.self_pairs)
+    said = f"{task.source.name} became {task.target.name} under IPC"
+    frames = [task.source.positions, carrier]
+    done = _carried(replace(found, worn=worn), "morph", start.positions, frames, task, body, said)
+    return replace(done, worn=found.worn)
+
+
+def _carried(
+    found: Seeded, name: str, shape: Floats, frames: Sequence[Floats], task: Task, body: BodySurface, said: str
+) -> Seeded:
+    folder, ended = task.folder / name, []
+
+    def make() -> tuple[Floats, str]:
+        run = carried(found.worn, shape, frames, folder, None)
+        how = ""
+        if run.status != "completed":
+            run = carried(found.worn, shape, frames, folder, None, slips=True)
+            how = ", without friction"
+        ended.append("" if run.status == "completed" else run.reason)
+        return run.positions(-1), f"{said}{how}"
+
+    try:
+        stage = staged(name, task.garment.triangles, body, make, task.heard)
+    except InputError as error:
+        return replace(found, failure=f"The stage {name} could not begin: {error.sentence}")
+    failure = ended[0] and f"In the stage {name}: {ended[0]}"
+    return replace(found.after(stage), failure=failure)

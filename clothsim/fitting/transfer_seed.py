@@ -1,0 +1,39 @@
+"""The seed: deformation transfer of a garment from the body that it was made for to another."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.fitting.inputs import Figure
+from clothsim.fitting.markers import NO_MARKERS, marked_vertices
+from clothsim.fitting.stage import Garment
+from transfer.correspond import correspond
+
+
+@dataclass(frozen=True)
+class Transferred:
+    """positions (n, 3) of the garment; body (k, 3): the source body in the target's shape; both [m]; said: how."""
+
+    positions: Floats
+    body: Floats
+    said: str
+
+
+def transferred(garment: Garment, source: Figure, target: Figure, markers: Floats = NO_MARKERS) -> Transferred:
+    """The garment on the target, each triangle deformed as the body below it. TransferError as `transfer` has them.
+
+    markers (k, 6): places on both that mean the same (see `markers`); none: derived where the bodies differ in mesh.
+    """
+    from transfer.garment import transfer_garment
+
+    body, said = target.positions, "the bodies share their mesh"
+    if not np.array_equal(source.triangles, target.triangles):
+        given = marked_vertices(markers, source, target) if len(markers) else None
+        found = correspond(source.positions, source.triangles, target.positions, target.triangles, given)
+        how = f"{len(found.markers)} {'derived' if found.derived else 'given'} markers"
+        body, said = found.positions, f"{source.name} laid over {target.name} with {how}"
+    elif len(markers):
+        said += ", so the markers are not needed"
+    placed = transfer_garment(garment.positions, garment.triangles, source.positions, body, source.triangles)
+    return Transferred(placed, body, said)

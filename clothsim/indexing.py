@@ -1,0 +1,48 @@
+"""Rows of arrays: those that are wanted, as points for kernels, and whether all are the same."""
+
+from typing import TypeAlias
+
+from clothsim.arrays import Floats, Ints
+from clothsim.jit import kernel, natural, part
+
+Rows: TypeAlias = slice | Ints
+"""What an array is indexed with: where none is left out between those that are wanted, nothing is gathered."""
+
+
+def as_rows(rows: Ints) -> Rows:
+    """The same rows (k,), which ascend, as a slice where they follow one another."""
+    if len(rows) and rows[-1] - rows[0] + 1 == len(rows):
+        return slice(int(rows[0]), int(rows[-1]) + 1)
+    return rows
+
+
+def taken(x: Floats, rows: Rows) -> Floats:
+    """These rows of x: a view of it where they are a slice. `take` costs a quarter of what indexing does."""
+    return x[rows] if isinstance(rows, slice) else x.take(rows, axis=0)
+
+
+@part
+def four_points(x, elements, e):
+    """The points of the four vertices of row e of `elements (m, 4)`, each a tuple of three floats."""
+    return (
+        _point(x, natural(elements[e, 0])),
+        _point(x, natural(elements[e, 1])),
+        _point(x, natural(elements[e, 2])),
+        _point(x, natural(elements[e, 3])),
+    )
+
+
+@part
+def _point(x, row):
+    return x[row, 0], x[row, 1], x[row, 2]
+
+
+@kernel
+def equal(x: Floats, y: Floats) -> bool:
+    """Whether two arrays (N, 3) are the same, told at the first difference; NaN equals nothing."""
+    if len(x) != len(y):
+        return False
+    i = 0
+    while i < len(x) and x[i, 0] == y[i, 0] and x[i, 1] == y[i, 1] and x[i, 2] == y[i, 2]:
+        i += 1
+    return i == len(x)

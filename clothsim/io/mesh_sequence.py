@@ -1,0 +1,73 @@
+"""A sequence of mesh files of one topology: the frames of an animation."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import replace
+from glob import glob
+from pathlib import Path
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.errors import InputError
+from clothsim.io.mesh_file import MeshFile, Part, choose, read_polygons
+from clothsim.io.polygons import Polygons, cut_polygons
+
+
+def frame_files(directory: Path, pattern: str) -> list[Path]:
+    """The files that `pattern` ("kick/shell*.obj") names from `directory`, in natural order: shell2 before shell10.
+
+    InputError where there is none.
+    """
+    try:
+        names = glob(pattern, root_dir=directory)
+    except (ValueError, re.error) as error:
+        raise InputError(f"frames = {pattern!r} is no pattern of file names ({error}).") from error
+    if not names:
+        raise InputError(
+            f"No file matches frames = {pattern!r}.", f"It starts from {directory}; * stands for any characters."
+        )
+    return [directory / name for name in sorted(names, key=lambda name: (_natural(name), name))]
+
+
+def read_frames(files: Sequence[Path], part: Part) -> tuple[MeshFile, Floats]:
+    """The first of `files` as `read_mesh` reads it, and where its vertices are in each of them, (k, n, 3) [m].
+
+    Quads are cut in all as in the first. InputError for a file whose vertices or faces are not those of the first.
+    """
+    first = read_polygons(files[0])
+    cut = cut_polygons(first)
+    mesh = choose(files[0], first, cut, part)
+    frames = [mesh.positions]
+    for file in files[1:]:
+        polygons = read_polygons(file)
+        _refuse_other_topology(file, polygons, files[0], first)
+        moved = replace(first, positions=polygons.positions)
+        frames.append(choose(file, moved, cut, part).positions)
+    return mesh, np.stack(frames)
+
+
+def _refuse_other_topology(file: Path, other: Polygons, first_file: Path, first: Polygons) -> None:
+    remedy = "All frames of a body need the same vertices and faces in the same order."
+    counts = (("vertices", len(other.positions), len(first.positions)), ("faces", len(other.starts), len(first.starts)))
+    for what, has, expected in counts:
+        if has != expected:
+            less = 1 if what == "faces" else 0
+            raise InputError(f"{file} has {has - less} {what}, {first_file.name} has {expected - less}.", remedy)
+    sizes = np.flatnonzero(np.diff(other.starts) != np.diff(first.starts))
+    if len(sizes):
+        raise InputError(f"{file}: face {sizes[0]} has another number of corners than in {first_file.name}.", remedy)
+    differ = np.flatnonzero(other.corners != first.corners)
+    if len(differ):
+        face = int(np.searchsorted(first.starts, differ[0], side="right")) - 1
+        rows = slice(first.starts[face], first.starts[face + 1])
+        raise InputError(
+            f"{file}: face {face} is {other.corners[rows].tolist()}, in {first_file.name} "
+            f"{first.corners[rows].tolist()}.",
+            remedy,
+        )
+
+
+def _natural(name: str) -> list[tuple[int, str]]:
+    """Digits by their number, everything else as text."""
+    return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"([0-9]+)", name)]

@@ -1,0 +1,1 @@
+"""Generators of sheets, solids, garments and the mannequin."""

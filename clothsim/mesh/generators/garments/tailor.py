@@ -1,0 +1,88 @@
+"""How every garment is made: a surface round the mannequin, meshed, trimmed to its borders and made regular."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints, as_positive
+from clothsim.errors import InputError
+from clothsim.mesh.generators.garments.cut import Cut, Edge, trimmed
+from clothsim.mesh.generators.mannequin.flesh import SMOOTHING, body_flesh
+from clothsim.mesh.generators.mannequin.implicit import Limb, lattice_union, limb, smooth_union
+from clothsim.mesh.generators.mannequin.proportions import Figure, points_on
+from clothsim.mesh.generators.mannequin.relax import both_halves, relaxed
+from clothsim.mesh.generators.mannequin.surface_nets import half_surface
+
+FINEST, COARSEST = 0.006, 0.040
+"""The edges that a garment may have [m]."""
+LEAST_EASE, SAGITTA, MOST_EASE = 0.003, 3.0, 0.06
+"""The least ease [m] of a garment of tiny triangles, and by how much edge^2 it grows: chords cut into round limbs."""
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """What a garment is cut from: the body's limbs moved by `joints`, more `limbs`, and what is cut away.
+
+    low, high (3,): a box round the garment [m].
+    """
+
+    joints: tuple[str, ...]
+    limbs: tuple[Limb, ...]
+    cuts: tuple[Cut, ...]
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+
+def sewn_garment(pattern: Pattern, figure: Figure, ease: float, edge: float) -> tuple[Floats, Ints]:
+    """Positions (n, 3) [m] and triangles (m, 3), facing outward, of a garment on the mannequin of `figure`.
+
+    ease [m]: its distance from the surface of the pattern on the template; it grows with the figure. edge [m]: the
+    length of its edges.
+    """
+    _refuse(ease, edge)
+    limbs = [one.limb for one in body_flesh() if set(one.joints) & set(pattern.joints)] + list(pattern.limbs)
+    nodes = _lattice(pattern, ease, edge)
+    values = lattice_union(limbs, nodes, SMOOTHING, ease + 3 * COARSEST) - ease
+    for axis in range(3):  # closed where it leaves the box: what is there is cut away
+        for side in (0, -1) if axis else (-1,):
+            np.moveaxis(values, axis, 0)[side] = edge
+    border = Edge(pattern.cuts)
+    positions, triangles = trimmed(*half_surface(values, nodes), border)
+
+    def field(points: Floats) -> tuple[Floats, Floats]:
+        return smooth_union(limbs, points, SMOOTHING)
+
+    positions, triangles = both_halves(*relaxed(positions, triangles, field, ease, cut=border))
+    return points_on(positions, figure), triangles
+
+
+def _lattice(pattern: Pattern, ease: float, edge: float) -> tuple[Floats, Floats, Floats]:
+    cell, room = 1.12 * edge, ease + 4 * edge
+    x = np.arange(-0.5 * cell, pattern.high[0] + room, cell)
+    y, z = (np.arange(pattern.low[k] - room, pattern.high[k] + room, cell) for k in (1, 2))
+    return x, y, z
+
+
+def _refuse(ease: float, edge: float) -> None:
+    as_positive("ease", ease)
+    as_positive("edge", edge)
+    if not FINEST <= edge <= COARSEST:
+        raise InputError(f"edge must be from {FINEST:g} to {COARSEST:g} m, not {edge:g}.")
+    least = LEAST_EASE + SAGITTA * edge * edge
+    if not least <= ease <= MOST_EASE:
+        raise InputError(
+            f"ease must be from {least:.4f} to {MOST_EASE:g} m where edge is {edge:g} m, not {ease:g}.",
+            "With less ease its triangles would cut into the body.",
+        )
+
+
+def tube_limb(*rings: tuple[float, float, float, float]) -> Limb:
+    """An upright limb through rings (z, y, half width, half depth) [m], from below; they lie on one straight axis."""
+    (z0, y0, *_), (z1, y1, *_) = rings[0], rings[-1]
+    profile = [((z - z0) / (z1 - z0), wide, deep) for z, _, wide, deep in rings]
+    return limb((0, y0, z0), (0, y1, z1), np.array([1.0, 0.0, 0.0]), profile, (0.03, 0.03))
+
+
+def both_sides(left: Limb) -> tuple[Limb, Limb]:
+    """A limb on the left and its mirror image."""
+    return left, left.mirrored()

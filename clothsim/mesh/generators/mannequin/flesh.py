@@ -1,0 +1,114 @@
+"""The limbs round the skeleton: the mannequin's figure in numbers [m].
+
+Each limb names the joints that move it, with the place along its axis where the next one takes over (`parts`).
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.mesh.generators.mannequin.implicit import Limb, lattice_union, limb, smooth_union
+from clothsim.mesh.generators.mannequin.skeleton import PLACES, joint, other_side
+
+SMOOTHING = 0.014
+SOLE, SOLE_SMOOTHING = 0.004, 0.003
+X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+
+
+@dataclass(frozen=True)
+class Flesh:
+    """A limb and the joints that move it, from its start to its end."""
+
+    limb: Limb
+    joints: tuple[str, ...]
+
+
+def _at(name: str) -> Floats:
+    return PLACES[joint(name)]
+
+
+def _trunk() -> list[Flesh]:
+    trunk = [
+        (0.00, 0.112, 0.078), (0.12, 0.150, 0.097), (0.24, 0.149, 0.096), (0.43, 0.118, 0.084), (0.56, 0.122, 0.088),
+        (0.74, 0.141, 0.101), (0.86, 0.135, 0.093), (1.00, 0.090, 0.064),
+    ]  # fmt: skip
+    seat, bust = np.array([0.068, 0.048, 0.868]), np.array([0.068, -0.052, 1.248])
+    girdle = [(0.0, 0.052, 0.046), (0.5, 0.050, 0.042), (1.0, 0.050, 0.042)]
+    neck = [(0.0, 0.068, 0.064), (0.4, 0.050, 0.054), (1.0, 0.047, 0.052)]
+    made = [
+        Flesh(limb((0, 0.006, 0.815), (0, 0.006, 1.395), X, trunk, (0.05, 0.04)), ("pelvis", "spine", "chest")),
+        Flesh(limb((0, 0.024, 1.405), (0, 0.004, 1.530), X, neck, (0.03, 0.02)), ("neck",)),
+        Flesh(_ball((0, 0.004, 1.597), (0.071, 0.088, 0.098)), ("head",)),
+        Flesh(_ball((0, -0.030, 1.545), (0.050, 0.052, 0.066)), ("head",)),
+    ]
+    pair = [
+        Flesh(_ball(seat, (0.074, 0.066, 0.080)), ("pelvis",)),
+        Flesh(_ball(bust, (0.062, 0.044, 0.060)), ("chest",)),
+        Flesh(limb((0.03, 0.022, 1.408), _at("left_shoulder") - 0.01 * X, Y, girdle, (0.04, 0.04)), ("chest",)),
+    ]
+    return made + pair + [_mirror(flesh) for flesh in pair]
+
+
+def _left() -> list[Flesh]:
+    shoulder, wrist, hip, ankle = (_at(f"left_{name}") for name in ("shoulder", "wrist", "hip", "ankle"))
+    along = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
+    arm = [
+        (0.0, 0.052, 0.050), (0.25, 0.045, 0.045), (0.53, 0.036, 0.035), (0.66, 0.038, 0.036), (1.0, 0.025, 0.020),
+    ]  # fmt: skip
+    hand = [(0.0, 0.026, 0.021), (0.45, 0.040, 0.023), (1.0, 0.035, 0.022)]
+    leg = [
+        (0.0, 0.070, 0.078), (0.13, 0.077, 0.085), (0.27, 0.073, 0.081), (0.47, 0.054, 0.059), (0.55, 0.050, 0.054),
+        (0.68, 0.052, 0.057), (0.93, 0.031, 0.035), (1.0, 0.030, 0.035),
+    ]  # fmt: skip
+    foot = [(0.0, 0.033, 0.042), (0.45, 0.036, 0.036), (0.75, 0.042, 0.028), (1.0, 0.038, 0.024)]
+    thumb = wrist + 0.035 * along + (0.0, -0.020, 0.0)
+    return [
+        Flesh(limb(shoulder, wrist, Y, arm, (0.04, 0.02)), ("left_shoulder", "left_elbow")),
+        Flesh(limb(wrist, wrist + 0.120 * along, Y, hand, (0.02, 0.038)), ("left_wrist",)),
+        Flesh(
+            limb(
+                thumb, thumb + 0.045 * along + (0, -0.022, 0), Y, [(0, 0.020, 0.018), (1, 0.017, 0.017)], (0.02, 0.018)
+            ),
+            ("left_wrist",),
+        ),
+        Flesh(limb(hip, ankle, X, leg, (0.07, 0.03)), ("left_hip", "left_knee")),
+        Flesh(_ball((0.108, 0.035, 0.030), (0.031, 0.034, 0.034)), ("left_ankle",)),
+        Flesh(limb((0.108, 0.012, 0.052), (0.122, -0.120, 0.024), X, foot, (0.03, 0.042)), ("left_ankle",)),
+    ]
+
+
+@lru_cache(maxsize=1)
+def body_flesh() -> tuple[Flesh, ...]:
+    """All of the mannequin."""
+    left = _left()
+    return (*_trunk(), *left, *(_mirror(flesh) for flesh in left))
+
+
+def body_field(points: Floats) -> tuple[Floats, Floats]:
+    """The mannequin's function of space (n,) [m] and its gradient (n, 3): the limbs, cut flat at the sole."""
+    value, gradient = smooth_union([flesh.limb for flesh in body_flesh()], points, SMOOTHING)
+    below = SOLE - points[:, 2]
+    share = 1 / (1 + np.exp(np.clip((below - value) / SOLE_SMOOTHING, -500, 500)))
+    return _cut_flat(value, below), share[:, None] * gradient - (1 - share)[:, None] * (0.0, 0.0, 1.0)
+
+
+def body_lattice(nodes: tuple[Floats, Floats, Floats]) -> Floats:
+    """The same function at the nodes of a lattice, right near the surface."""
+    value = lattice_union([flesh.limb for flesh in body_flesh()], nodes, SMOOTHING, 0.06)
+    return _cut_flat(value, SOLE - nodes[2])
+
+
+def _cut_flat(value: Floats, below: Floats) -> Floats:
+    """The smooth intersection s log(exp(f / s) + exp(g / s)) of f with the half space g = SOLE - z < 0."""
+    return np.asarray(SOLE_SMOOTHING * np.logaddexp(value / SOLE_SMOOTHING, below / SOLE_SMOOTHING), np.float64)
+
+
+def _ball(centre: Floats | tuple, half_axes: tuple[float, float, float]) -> Limb:
+    across, deep, tall = half_axes
+    return limb(centre, centre, X, [(0.0, across, deep)], (tall, tall))
+
+
+def _mirror(flesh: Flesh) -> Flesh:
+    return Flesh(flesh.limb.mirrored(), tuple(other_side(name) for name in flesh.joints))

@@ -1,0 +1,162 @@
+"""A surface mesh made regular: vertices to the mean of their neighbours and back to the surface, edges flipped.
+
+The mesh is the half x >= 0 of a symmetric one: its vertices with x = 0 stay there, as the other half pulls on them too.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.mesh.generators.mannequin.collapse import collapsed
+from clothsim.mesh.topology import border_edges, half_edges, interior_edges, unique_edges
+
+Field = Callable[[Floats], tuple[Floats, Floats]]
+"""A function of space and its gradient: points (n, 3) -> (n,), (n, 3)."""
+
+
+def on_surface(points: Floats, field: Field, level: float, steps: int = 2) -> Floats:
+    """`points (n, 3)` moved along the gradient of `field` to where it is `level`, by Newton's method."""
+    for _ in range(steps):
+        value, gradient = field(points)
+        slope = np.maximum((gradient * gradient).sum(axis=1), 0.04)
+        points = points - ((value - level) / slope)[:, None] * gradient
+    return points
+
+
+def on_curve(points: Floats, field: Field, level: float, cut: Field, steps: int = 3) -> Floats:
+    """`points (n, 3)` moved to where `field` is `level` and `cut` is 0: the shortest Newton steps that meet both."""
+    for _ in range(steps):
+        (f, of_f), (g, of_g) = field(points), cut(points)
+        wanted = np.stack([f - level, g], axis=1)
+        rows = np.stack([of_f, of_g], axis=1)
+        gram = np.einsum("nik,njk->nij", rows, rows) + 1e-6 * np.eye(2)
+        points = points - np.einsum("nik,ni->nk", rows, np.linalg.solve(gram, wanted[:, :, None])[:, :, 0])
+    return points
+
+
+def relaxed(
+    positions: Floats, triangles: Ints, field: Field, level: float = 0.0, *, cut: Field | None = None, passes: int = 12
+) -> tuple[Floats, Ints]:
+    """The half mesh after `passes` rounds of flips and moves, with crowded vertices taken out on the way.
+
+    cut: a function that is 0 where the border is held; None: the whole mesh is closed.
+    """
+    for _ in range(2):
+        positions, triangles = _moved(positions, triangles, field, level, cut, passes // 3)
+        positions, triangles = collapsed(positions, triangles, _on_border(positions, triangles))
+    positions, triangles = _moved(positions, triangles, field, level, cut, passes // 3)
+    held = _on_border(positions, triangles)
+    return _put(positions, held, field, level, cut, 2), flipped(positions, triangles, positions[:, 0] == 0, held)
+
+
+def _moved(
+    positions: Floats, triangles: Ints, field: Field, level: float, cut: Field | None, passes: int
+) -> tuple[Floats, Ints]:
+    middle, held = positions[:, 0] == 0, _on_border(positions, triangles)
+    border = _border(triangles, middle)
+    for _ in range(passes):
+        triangles = flipped(positions, triangles, middle, held)
+        moved = positions + 0.6 * (_neighbour_means(positions, triangles, border, held) - positions)
+        moved[middle, 0] = 0.0
+        positions = _put(moved, held, field, level, cut, 1)
+    return positions, triangles
+
+
+def _put(positions: Floats, held: np.ndarray, field: Field, level: float, cut: Field | None, steps: int) -> Floats:
+    """The vertices back on the surface, the `held` ones on the border as well."""
+    put = positions.copy()
+    put[~held] = on_surface(positions[~held], field, level, steps)
+    if cut is not None:
+        put[held] = on_curve(positions[held], field, level, cut, steps)
+    put[positions[:, 0] == 0, 0] = 0.0
+    return put
+
+
+def _on_border(positions: Floats, triangles: Ints) -> np.ndarray:
+    held = np.zeros(len(positions), bool)
+    held[_border(triangles, positions[:, 0] == 0)] = True
+    return held
+
+
+def flipped(positions: Floats, triangles: Ints, middle: np.ndarray, held: np.ndarray) -> Ints:
+    """One round of Delaunay flips: edges whose two opposite angles make more than pi, no two in one triangle.
+
+    No flip joins two vertices of the middle plane, or two of the border, or takes a vertex below four neighbours.
+    """
+    corners, pairs = interior_edges(triangles)
+    start, end, one, two = corners.T
+    excess = _angle(positions, one, start, end) + _angle(positions, two, start, end) - np.pi
+    degree = np.bincount(unique_edges(triangles).ravel(), minlength=len(positions)) + 2 * middle
+    good = (excess > 1e-3) & (degree[start] > 4) & (degree[end] > 4)
+    good &= ~(middle[one] & middle[two]) & ~(held[one] & held[two])
+    good &= ~_known(np.sort(corners[:, 2:], axis=1), unique_edges(triangles), len(positions))
+    good &= _same_side(positions, corners)
+    best = np.zeros(len(triangles))
+    np.maximum.at(best, pairs[good].ravel(), np.repeat(excess[good], 2))
+    good &= (excess >= best[pairs[:, 0]]) & (excess >= best[pairs[:, 1]])
+    chosen = np.flatnonzero(good)
+    _, lone = np.unique(np.sort(corners[chosen, 2:], axis=1), axis=0, return_index=True)
+    chosen = chosen[np.sort(lone)]
+    _, count = np.unique(pairs[chosen], return_counts=True)
+    if (count > 1).any():  # equal excess in one triangle: keep the first
+        _, keep = np.unique(pairs[chosen, 0], return_index=True)
+        chosen = chosen[keep]
+        chosen = chosen[~np.isin(pairs[chosen, 0], pairs[chosen, 1]) & _first(pairs[chosen, 1])]
+    loses = np.bincount(np.concatenate([start[chosen], end[chosen]]), minlength=len(positions))
+    chosen = chosen[(degree - loses)[corners[chosen, :2]].min(axis=1) >= 4]
+    changed = triangles.copy()
+    changed[pairs[chosen, 0]] = np.column_stack([start, two, one])[chosen]
+    changed[pairs[chosen, 1]] = np.column_stack([two, end, one])[chosen]
+    return changed
+
+
+def both_halves(positions: Floats, triangles: Ints) -> tuple[Floats, Ints]:
+    """The whole mesh: the half, then its mirror image, joined in the vertices with x = 0."""
+    own = positions[:, 0] > 0
+    other = np.arange(len(positions))
+    other[own] = len(positions) + np.arange(own.sum())
+    return np.concatenate([positions, positions[own] * (-1.0, 1.0, 1.0)]), np.concatenate(
+        [triangles, other[triangles[:, ::-1]]]
+    )
+
+
+def _border(triangles: Ints, middle: np.ndarray) -> Ints:
+    """The border edges (b, 2) of the whole mesh that lie in its half."""
+    edges = border_edges(triangles)[0]
+    return edges[~middle[edges].all(axis=1)]
+
+
+def _neighbour_means(positions: Floats, triangles: Ints, border: Ints, held: np.ndarray) -> Floats:
+    """The mean of the neighbours of each vertex (n, 3), of those along the border for the `held` ones."""
+    inner = half_edges(triangles)
+    inner = inner[~held[inner[:, 0]]]
+    back = half_edges(triangles)[:, ::-1]
+    links = np.concatenate([inner, back[~held[back[:, 0]]], border, border[:, ::-1]])
+    count = np.maximum(np.bincount(links[:, 0], minlength=len(positions)), 1)
+    return np.column_stack(
+        [np.bincount(links[:, 0], positions[links[:, 1], k], minlength=len(positions)) / count for k in range(3)]
+    )
+
+
+def _angle(positions: Floats, at: Ints, one: Ints, two: Ints) -> Floats:
+    a, b = positions[one] - positions[at], positions[two] - positions[at]
+    return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
+
+
+def _same_side(positions: Floats, corners: Ints) -> np.ndarray:
+    """Whether both triangles after the flip face as those before it: the four corners lie nearly in one plane."""
+    s, e, one, two = (positions[corners[:, k]] for k in range(4))
+    before = np.cross(e - s, one - s) + np.cross(s - e, two - e)
+    first, second = np.cross(two - s, one - s), np.cross(e - two, one - two)
+    return ((before * first).sum(axis=1) > 0) & ((before * second).sum(axis=1) > 0)
+
+
+def _known(pairs: Ints, edges: Ints, n: int) -> np.ndarray:
+    return np.isin(pairs[:, 0] * n + pairs[:, 1], edges[:, 0] * n + edges[:, 1])
+
+
+def _first(values: Ints) -> np.ndarray:
+    first = np.zeros(len(values), bool)
+    first[np.unique(values, return_index=True)[1]] = True
+    return first

@@ -1,0 +1,168 @@
+"""A PNG of one place seen close, with a ring round it: where a run failed."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.arrays import Floats, Ints
+from clothsim.render.camera import Camera, Margins, three_quarter_view
+from clothsim.render.legend import add_legend, margins
+from clothsim.render.picture import Shot, expose_bare, take_aim
+from clothsim.render.surface_look import Surface
+
+INK = (196, 0, 120)
+"""No colour of cloth, body or stretch."""
+
+EDGES, SMALLEST, LARGEST = 5.0, 0.10, 0.25
+"""What is seen round the place: so many median cloth edges each way, within these shares of the cloth's size."""
+
+OUTLINED = 60
+"""So many triangles of cloth nearest to the place are outlined."""
+
+ELEVATIONS, AZIMUTHS = (24, 8, 50, 75, -20), range(0, 360, 30)
+"""Directions of views that are tried [degrees]."""
+
+
+def draw_place(
+    path: str | Path,
+    surfaces: Sequence[Surface],
+    place: Floats,
+    *,
+    title: str = "",
+    up: ArrayLike | str = "z",
+    size: tuple[int, int] = (1280, 960),
+    renderer: str = "auto",
+) -> str:
+    """Write a PNG of `surfaces` round `place (3,)` [m] with a ring there; returns the line that says what drew it.
+
+    The view is one from which nothing hides the place. Where there is none, the bodies in front of it are cut away, and
+    the title says so. Other arguments as in `picture.draw`.
+    """
+    from PIL import Image, ImageDraw
+
+    reach = _reach([surface for surface in surfaces if surface.role == "cloth"])
+    focus = place + reach * np.concatenate([np.eye(3), -np.eye(3)])
+    settings = {"size": size, "colour": "stretch", "up": up, "renderer": renderer, "focus": focus}
+    upright = take_aim([surfaces], view="auto", title=title, **settings).up  # type: ignore[arg-type]
+    near = np.concatenate([_corners_near(surface, place, reach) for surface in surfaces if surface.role == "cloth"])
+    view = _freest_view(surfaces, place, upright, near, 0.05 * reach)
+    shot = take_aim([surfaces], view=view, title=title, **settings)  # type: ignore[arg-type]
+    seen, cut = _cut_open(surfaces, place, shot.camera.position, 0.05 * reach)
+    said = f"{title} ({' and '.join(cut)} cut open)" if cut else title
+    nearest = near[np.argsort(np.linalg.norm(near.mean(axis=1) - place, axis=1))[:OUTLINED]]
+    bare = np.round(255 * np.clip(expose_bare(shot, seen), 0, 1)).astype(np.uint8)
+    picture = Image.fromarray(bare)
+    pen = ImageDraw.Draw(picture, "RGBA")
+    for corners in nearest:
+        outline = pixels(shot.camera, corners, shot.size)
+        pen.line([*map(tuple, outline), tuple(outline[0])], fill=(40, 40, 46, 70), width=1)
+    ring(pen, pixels(shot.camera, place[None], shot.size)[0], shot.size)
+    _veil(pen, margins(shot.size, shot.half_range > 0, said), shot)
+    legend = add_legend(np.asarray(picture, float) / 255, shot.half_range, said)
+    Image.fromarray(legend).save(path, format="PNG")
+    return shot.note
+
+
+def _reach(cloths: Sequence[Surface]) -> float:
+    """How far is seen round the place [m]."""
+    corners = np.concatenate([cloth.positions[cloth.triangles] for cloth in cloths])
+    edge = float(np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)))
+    size = float(np.linalg.norm(np.ptp(np.concatenate([cloth.positions for cloth in cloths]), axis=0)))
+    return min(max(EDGES * edge, SMALLEST * size), LARGEST * size)
+
+
+def _corners_near(surface: Surface, place: Floats, reach: float) -> Floats:
+    """The corners (k, 3, 3) of the triangles whose middles are in reach; of the nearest where none is."""
+    corners = surface.positions[surface.triangles]
+    distances = np.linalg.norm(corners.mean(axis=1) - place, axis=1)
+    return corners[distances <= max(reach, float(distances.min()))]
+
+
+def _freest_view(surfaces: Sequence[Surface], place: Floats, up: Floats, near: Floats, skin: float) -> Floats:
+    """The direction from the place towards the camera, (3,), along which the fewest triangles hide it.
+
+    Among equals the usual view first. Hits nearer than `skin` [m] do not count: the place lies on a triangle.
+    """
+    usual = three_quarter_view(near, up)
+    vertical = up / np.linalg.norm(up)
+    level = usual - (usual @ vertical) * vertical
+    level /= np.linalg.norm(level)
+    side = np.cross(vertical, level)
+    turns = [(np.radians(e), np.radians(a)) for e in ELEVATIONS for a in AZIMUTHS]
+    others = [np.cos(e) * (np.cos(a) * level + np.sin(a) * side) + np.sin(e) * vertical for e, a in turns]
+    views = np.array([usual, *others])
+    if not any(len(_in_front(surface, place, usual, skin)) for surface in surfaces):
+        return usual
+    counts = [sum(len(_in_front(surface, place, view, skin)) for surface in surfaces) for view in views]
+    return views[int(np.argmin(counts))]
+
+
+def _in_front(surface: Surface, place: Floats, towards: Floats, skin: float) -> Ints:
+    """The triangles that the ray from the place meets beyond `skin` [m] (Moeller & Trumbore 1997)."""
+    a, b, c = (surface.positions[surface.triangles[:, k]] for k in range(3))
+    p = np.cross(towards, c - a)
+    determinant = ((b - a) * p).sum(axis=1)
+    q = np.cross(place - a, b - a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = ((place - a) * p).sum(axis=1) / determinant
+        v = q @ towards / determinant
+        t = ((c - a) * q).sum(axis=1) / determinant
+        return np.flatnonzero((u >= 0) & (v >= 0) & (u + v <= 1) & (t > skin))
+
+
+def _cut_open(surfaces: Sequence[Surface], place: Floats, eye: Floats, skin: float) -> tuple[list[Surface], list[str]]:
+    """The surfaces, of each body that hides the place only what is behind it; and the names of those bodies."""
+    towards = (eye - place) / np.linalg.norm(eye - place)
+    seen, cut = [], []
+    for surface in surfaces:
+        if surface.role == "body" and len(_in_front(surface, place, towards, skin)):
+            corners = surface.positions[surface.triangles]
+            kept = [part for triangle in corners for part in _behind(triangle, (triangle - place) @ towards)]
+            cut.append(surface.name)
+            if kept:
+                points = np.concatenate(kept)
+                seen.append(replace(surface, positions=points, triangles=np.arange(len(points)).reshape(-1, 3)))
+        else:
+            seen.append(surface)
+    return seen, cut
+
+
+def _behind(corners: Floats, heights: Floats) -> list[Floats]:
+    """What of a triangle (3, 3) is where its heights (3,) above a plane are negative: 0 to 2 triangles."""
+    polygon = []
+    for k in range(3):
+        here, there = heights[k], heights[(k + 1) % 3]
+        if here <= 0:
+            polygon.append(corners[k])
+        if here * there < 0:
+            polygon.append(corners[k] + here / (here - there) * (corners[(k + 1) % 3] - corners[k]))
+    return [np.array([polygon[0], polygon[k], polygon[k + 1]]) for k in range(1, len(polygon) - 1)]
+
+
+def pixels(camera: Camera, points: Floats, size: tuple[int, int]) -> Floats:
+    """Where points (n, 3) are in the picture, from its upper left corner, (n, 2)."""
+    x, y = camera.project(points).T
+    return np.column_stack([(x + 1) / 2 * size[0], (1 - y) / 2 * size[1]])
+
+
+def _veil(pen: Any, room: Margins, shot: Shot) -> None:
+    """White laid over where the title and the bar come: close by, dark things may be there."""
+    (width, height), white = shot.size, (255, 255, 255, 170)
+    bottom = room.top * height / 2 if shot.title else 0
+    pen.rectangle([0, 0, width, bottom], fill=white)
+    if shot.half_range > 0:
+        pen.rectangle([width * (1 - room.right / 2), bottom + 1, width, height], fill=white)
+
+
+def ring(pen: Any, centre: Floats, size: tuple[int, int]) -> None:
+    """A ring with a dot, light and dark so that it shows on anything."""
+    radius, line = 0.035 * min(size), max(2, min(size) // 240)
+    for colour, grown in (((255, 255, 255), line), (INK, 0)):
+        box = [*(centre - radius - grown / 2), *(centre + radius + grown / 2)]
+        pen.ellipse(box, outline=colour, width=line + grown)
+    dot = 0.004 * min(size)
+    pen.ellipse([*(centre - dot), *(centre + dot)], fill=INK, outline=(255, 255, 255))

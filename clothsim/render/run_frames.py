@@ -1,0 +1,68 @@
+"""The frames of a run as the surfaces that pictures and movies are made of."""
+
+from collections.abc import Sequence
+from typing import overload
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.errors import InputError
+from clothsim.io.results import Run
+from clothsim.io.run_surfaces import world_surfaces
+from clothsim.mesh.world import World
+from clothsim.render.surface_look import Surface
+
+
+def frame_surfaces(run: Run, frame: int) -> list[Surface]:
+    """The cloths, then the bodies of a frame; cloths without stretches where the run wrote none."""
+    positions = run.positions(frame)
+    cloths = [surface for surface in run.trajectory.surfaces if surface.role == "cloth"]
+    ends = np.cumsum([len(cloth.triangles) for cloth in cloths])
+    stretches = np.split(_stretches(run, frame), ends[:-1])
+    made = [
+        Surface(cloth.name, positions[cloth.rows], cloth.own_triangles, "cloth", part)
+        for cloth, part in zip(cloths, stretches, strict=True)
+    ]
+    none = np.zeros((0, 2))
+    return made + [Surface(name, points, triangles, "body", none) for name, points, triangles in run.bodies(frame)]
+
+
+def state_surfaces(world: World, x: Floats, stretches: Floats) -> list[Surface]:
+    """The cloths, then the bodies of a state: x (N, 3) [m] and the principal stretches (m, 2) of all cloths."""
+    parts = world_surfaces(world)
+    of_cloths = np.split(stretches, np.cumsum([len(part.triangles) for part in parts if part.role == "cloth"]))
+    none = np.zeros((0, 2))
+    return [
+        Surface(part.name, x[part.rows], part.own_triangles, part.role, of_cloths[k] if part.role == "cloth" else none)
+        for k, part in enumerate(parts)
+    ]
+
+
+class Frames(Sequence[list[Surface]]):
+    """All frames of a run, each read when it is asked for."""
+
+    def __init__(self, run: Run) -> None:
+        self._run = run
+
+    def __len__(self) -> int:
+        return len(self._run.times)
+
+    @overload
+    def __getitem__(self, frame: int) -> list[Surface]: ...
+
+    @overload
+    def __getitem__(self, frame: slice) -> list[list[Surface]]: ...
+
+    def __getitem__(self, frame: int | slice) -> list[Surface] | list[list[Surface]]:
+        if isinstance(frame, slice):
+            return [frame_surfaces(self._run, k) for k in range(*frame.indices(len(self)))]
+        if not -len(self) <= frame < len(self):
+            raise IndexError(frame)
+        return frame_surfaces(self._run, frame)
+
+
+def _stretches(run: Run, frame: int) -> Floats:
+    try:
+        return np.asarray(run.stretches(frame), np.float64)
+    except InputError:  # a trajectory written without them
+        return np.zeros((0, 2))

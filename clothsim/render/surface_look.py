@@ -1,0 +1,95 @@
+"""What a surface looks like before light falls on it: corner normals, and the colours of its two sides."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from clothsim.arrays import Floats, Ints
+from clothsim.render.colormap import log_stretch, per_vertex, stretch_colours
+
+BODY_GREY = np.array([0.70, 0.70, 0.71])
+_FABRICS = np.array([[0.46, 0.60, 0.72], [0.80, 0.63, 0.45], [0.56, 0.68, 0.55], [0.72, 0.55, 0.62]])
+_BACK = np.array([0.84, 0.84, 0.87])
+_COS_CREASE = np.cos(np.radians(50.0))
+
+
+@dataclass(frozen=True)
+class Surface:
+    """One cloth or body at one time.
+
+    positions: (n, 3) [m]; triangles: (m, 3); role: "cloth" or "body"; principal_stretches: (m, 2), or empty (0, 2)
+    where they are not known, which draws the cloth in its plain colour.
+    """
+
+    name: str
+    positions: Floats
+    triangles: Ints
+    role: str
+    principal_stretches: Floats
+
+
+@dataclass(frozen=True)
+class Look:
+    """Triangles with corners of their own: positions [m], unit normals, sRGB of front and back, each (m, 3, 3)."""
+
+    corners: Floats
+    normals: Floats
+    front: Floats
+    back: Floats
+
+
+def looks(surfaces: Sequence[Surface], half_range: float) -> list[Look]:
+    """The look of each surface; cloth coloured by its stretch within `half_range` of log l, plain where that is 0."""
+    made, n_cloths = [], 0
+    for surface in surfaces:
+        corners = surface.positions[surface.triangles]
+        if surface.role == "body":
+            paint = np.broadcast_to(BODY_GREY, corners.shape)
+            made.append(Look(corners, creased_normals(surface.positions, surface.triangles), paint, paint))
+            continue
+        if half_range > 0 and len(surface.principal_stretches):
+            logs = per_vertex(log_stretch(surface.principal_stretches), surface.positions, surface.triangles)
+            front = stretch_colours(logs, half_range)[surface.triangles]
+        else:
+            front = np.broadcast_to(_FABRICS[n_cloths % len(_FABRICS)], corners.shape)
+        n_cloths += 1
+        normals = vertex_normals(surface.positions, surface.triangles)[surface.triangles]
+        made.append(Look(corners, normals, front, front * _BACK))
+    return made
+
+
+def vertex_normals(positions: Floats, triangles: Ints) -> Floats:
+    """Unit normals at the vertices, (n, 3): the triangles' weighted by area; z where there is none."""
+    doubled = _area_normals(positions, triangles)
+    corners = triangles.ravel()
+    summed = [np.bincount(corners, np.repeat(doubled[:, k], 3), minlength=len(positions)) for k in range(3)]
+    return _unit(np.column_stack(summed))
+
+
+def creased_normals(positions: Floats, triangles: Ints) -> Floats:
+    """Unit normals at the corners, (m, 3, 3): the mean over the triangles at the vertex within 50 degrees of its own.
+
+    So a box keeps its edges and a body is smooth.
+    """
+    doubled = _area_normals(positions, triangles)
+    unit = _unit(doubled)
+    n_corners = triangles.size
+    rows = np.arange(n_corners)
+    at_vertex = csr_array((np.ones(n_corners), (triangles.ravel(), rows // 3)), shape=(len(positions), len(triangles)))
+    pairs = at_vertex[triangles.ravel()].tocoo()
+    alike = np.einsum("ij,ij->i", unit[pairs.row // 3], unit[pairs.col]) > _COS_CREASE
+    row, col = pairs.row[alike], pairs.col[alike]
+    summed = [np.bincount(row, doubled[col, k], minlength=n_corners) for k in range(3)]
+    return _unit(np.column_stack(summed)).reshape(-1, 3, 3)
+
+
+def _area_normals(positions: Floats, triangles: Ints) -> Floats:
+    a, b, c = (positions[triangles[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def _unit(vectors: np.ndarray) -> Floats:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.where(length > 0, vectors / np.where(length > 0, length, 1.0), [0.0, 0.0, 1.0])

@@ -1,0 +1,1 @@
+"""Simulation of a scene, resumption, summaries and archives."""

@@ -1,0 +1,100 @@
+"""What it would cost to add each effect that a scene does not name: measured on the scene's own first steps."""
+
+import inspect
+from dataclasses import dataclass, replace
+from statistics import median
+from time import perf_counter
+
+from clothsim.build.scene_world import build
+from clothsim.errors import ClothsimError
+from clothsim.run.session import Session, prepare
+from clothsim.scene.effects import EFFECTS
+from clothsim.scene.scene import Scene
+from clothsim.sim.state import first_state
+from clothsim.sim.time_loop import steps as run_steps
+
+ROUNDS = 3
+LATE = "not measured: the time was spent"
+
+
+@dataclass(frozen=True)
+class Added:
+    """seconds: a step with the effect takes, by the median; ratio: to a step without; nan where `why` says why not."""
+
+    seconds: float = float("nan")
+    ratio: float = float("nan")
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Absent:
+    """{effect that the scene does not name: what it would cost}; seconds: a step of the scene as it is; steps, rounds:
+    how many steps were taken how often.
+    """
+
+    effects: dict[str, Added]
+    seconds: float
+    steps: int
+    rounds: int
+
+
+def absent_effects(scene: Scene, steps: int = 5, budget: float = 60.0) -> Absent:
+    """The scene's first `steps` as it is and with each absent effect, its keys as they are by default.
+
+    Rounds in which all take turns, at most ROUNDS, go on until `budget` [s] is spent; what has begun is ended.
+    """
+    ends = perf_counter() + budget
+    base = prepare(scene, build(scene))
+    _seconds(base, 1)  # loads and compiles
+    told: dict[str, Added] = {}
+    sessions: dict[str, Session] = {}
+    for name in (name for name in EFFECTS if name not in scene.effects):
+        made = _with(scene, name) if perf_counter() < ends else LATE
+        if isinstance(made, str):
+            told[name] = Added(why=made)
+        else:
+            sessions[name] = made
+    times: dict[str, list[float]] = {name: [] for name in sessions}
+    without: list[float] = []
+    while len(without) < ROUNDS and (not without or perf_counter() < ends):
+        without.append(_seconds(base, steps))
+        for name, session in sessions.items():
+            if perf_counter() < ends and name not in told:
+                try:
+                    times[name].append(_seconds(session, steps))
+                except ClothsimError as error:
+                    told[name] = Added(why=f"a step fails with it: {error}")
+    reference = median(without)
+    for name, seen in times.items():
+        measured = Added(median(seen), median(seen) / reference) if seen else Added(why=LATE)
+        told.setdefault(name, measured)
+    return Absent({name: told[name] for name in EFFECTS if name in told}, reference, steps, len(without))
+
+
+def _with(scene: Scene, name: str) -> Session | str:
+    """The scene with one effect more, its keys as they are by default, loaded and compiled; or why there is none."""
+    needed = [key for key, default in EFFECTS[name].keys().items() if default is inspect.Parameter.empty]
+    if needed:
+        return f"needs keys: {', '.join(needed)}"
+    wider = replace(scene, effects={**scene.effects, name: {}})
+    try:
+        built = build(wider)
+        if name in built.off:
+            return f"would be off: {built.off[name]}"
+        session = prepare(wider, built)
+        _seconds(session, 1)
+    except ClothsimError as error:
+        return f"does not go with the scene: {error.sentence}"
+    return session
+
+
+def _seconds(session: Session, steps: int) -> float:
+    """Seconds a step of the first `steps`, fewer where the scene ends before."""
+    run, taken, started = session.scene.run_settings(), 0, perf_counter()
+    state = first_state(session.built.world, session.integrator.dt)
+    for taken, report in enumerate(run_steps(session.integrator, state, run.duration, run.frames_per_second), start=1):
+        if report.failure is not None:
+            raise ClothsimError(report.failure.reason)
+        if taken == steps:
+            break
+    return (perf_counter() - started) / max(taken, 1)

@@ -1,0 +1,80 @@
+"""The files that a scene names: meshes, the frames of animated bodies, numbers over the cloth, and the seed."""
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+from clothsim.build.array_files import named_arrays
+from clothsim.errors import InputError
+from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.scene.scene import Scene, scene_from_text
+
+FOLDER = "meshes"
+"""Where an archive keeps them."""
+
+
+def relocated(scene: Scene) -> tuple[str, dict[str, Path]]:
+    """The scene as text that names files in FOLDER beside it, and where each of them is now, by its new name.
+
+    InputError where the scene names a file that is not there.
+    """
+    data = json.loads(scene.to_text())
+    files: dict[str, Path] = {}
+    for owner, table, key in _named(data):
+        if key == "frames":
+            files.update(_frames(scene.directory, table[key], f"{FOLDER}/{owner}"))
+            table[key] = f"{FOLDER}/{owner}/*"
+        else:
+            source = scene.directory / table[key]
+            table[key] = f"{FOLDER}/{owner}/{_plain(source.name)}"
+            files[table[key]] = source
+    for source in files.values():
+        if not source.is_file():
+            raise InputError(f"The scene's file {source} is not there.", "Put it back where the scene names it.")
+    return json.dumps({**data, "directory": "."}), files
+
+
+def refuse_outside(text: str) -> None:
+    """InputError where a scene's text is none, or names a file that is not in its own folder."""
+    try:
+        scene_from_text(text)
+        data = json.loads(text)
+        named = [str(table[key]) for _, table, key in _named(data)]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise InputError(f"The scene in the archive is broken ({error}).") from error
+    if data.get("directory") != ".":
+        raise InputError("The scene in the archive does not start at its own folder.")
+    for name in named:
+        paths = PurePosixPath(name), PureWindowsPath(name)
+        if any(path.is_absolute() or path.drive or ".." in path.parts for path in paths):
+            raise InputError(f"The scene in the archive names {name}, which is outside of it.")
+
+
+def _named(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
+    """Each key of a scene's sections that names files: a name for what has it, its table, the key."""
+    for section in ("cloth", "body"):
+        tables = data[section]
+        for k, table in enumerate([tables] if isinstance(tables, dict) else tables):
+            if "mesh" in table and table["mesh"] not in GENERATORS:
+                yield f"{section}{k}", table, "mesh"
+            if "frames" in table:
+                yield f"{section}{k}", table, "frames"
+    for name, keys in data["effects"].items():
+        yield from named_arrays(f"effect_{name}", keys)
+    if data["seed"].get("file"):
+        yield "seed", data["seed"], "file"
+
+
+def _frames(directory: Path, pattern: str, folder: str) -> dict[str, Path]:
+    """The files of an animation, numbered so that they keep their order."""
+    from clothsim.io.mesh_sequence import frame_files
+
+    files = frame_files(directory, pattern)
+    return {f"{folder}/{k:06d}_{_plain(file.name)}": file for k, file in enumerate(files)}
+
+
+def _plain(name: str) -> str:
+    """A file name that every system takes."""
+    return re.sub(r"[^\w.\-]", "_", name)

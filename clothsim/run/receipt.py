@@ -1,0 +1,104 @@
+"""What each effect of a scene does and costs: the receipt of a run, or of a scene's first steps."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from clothsim.errors import InputError
+from clothsim.run.absent_cost import Absent
+from clothsim.scene.effects import EFFECTS
+from clothsim.scene.scene import Scene, scene_from_text
+from clothsim.sim.stepping import StepReport
+from clothsim.solve.process_memory import held_bytes
+from clothsim.solve.timers import Account
+
+
+@dataclass(frozen=True)
+class Receipt:
+    """effects: every name of the table with on, reason and its counters; phases: seconds that belong to no effect.
+
+    Of a scene also bytes: of the arrays that the effect holds and the world does not; and, where it was asked for,
+    adding: what an effect that is not named would cost (`study.absent.Added`, as a table).
+    seconds: of all of them together, which is all of the time that was measured ("step control" is what no other name
+    was charged for); source: what was measured, in words.
+    """
+
+    effects: dict[str, dict[str, Any]]
+    phases: dict[str, float]
+    seconds: float
+    source: str
+
+
+def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
+    """The receipt of the first `steps` of a scene. A step before them, on a copy, loads and compiles what they need."""
+    from clothsim.build.scene_world import build
+    from clothsim.run.session import prepare
+    from clothsim.sim.state import first_state
+    from clothsim.sim.time_loop import steps as run_steps
+
+    duration = scene.run_settings().duration
+    taken, reason = 0, ""
+    report: StepReport | None = None
+    for count in (1, steps):
+        session = prepare(scene, build(scene))
+        state = first_state(session.built.world, session.integrator.dt)
+        frequency = scene.run_settings().frames_per_second
+        for taken, report in enumerate(run_steps(session.integrator, state, duration, frequency), start=1):
+            reason = "" if report.failure is None else f" {report.failure.reason}"
+            if taken == count:
+                break
+    potential = session.integrator.potential
+    source = f"the first {taken} step{'' if taken == 1 else 's'} of the scene.{reason}"
+    receipt = _receipt(scene.effects, session.built.off, potential.accounts(), potential.ledger.phases, source)
+    bound = potential.energies if report is None else report.potential.energies
+    for name, energy in bound.items():
+        others = [session.built.world, *(other for key, other in potential.energies.items() if key != name)]
+        receipt.effects[name]["bytes"] = held_bytes(energy, others)
+    return receipt
+
+
+def with_absent(receipt: Receipt, absent: Absent) -> Receipt:
+    """The receipt with what each absent effect would cost."""
+    added = {name: {**receipt.effects[name], "adding": asdict(each)} for name, each in absent.effects.items()}
+    return replace(receipt, effects={**receipt.effects, **added})
+
+
+def explain_run(directory: Path) -> Receipt:
+    """The receipt that a run left: of all its steps, or of those up to the last checkpoint of one that was stopped."""
+    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.io.results import open_run
+
+    run = open_run(directory)
+    saved = read_checkpoint(directory / CHECKPOINT_NAME)
+    told = run.summary or saved.counters
+    if "effects" not in told or "phases" not in told:
+        raise InputError(f"The summary in {directory} has no receipt.", "Run the scene with this version.")
+    named = scene_from_text(saved.scene_text).effects
+    steps = run.summary.get("steps", saved.step)
+    source = f"{steps} steps of a run that is {run.status}, with the time to load and compile what they needed."
+    return _receipt(named, told.get("off", {}), told["effects"], told["phases"], source)
+
+
+def _receipt(
+    named: Collection[str],
+    off: Mapping[str, str],
+    accounts: Mapping[str, Mapping[str, Any]],
+    phases: Mapping[str, float],
+    source: str,
+) -> Receipt:
+    seconds = sum(account["seconds"] for account in accounts.values()) + sum(phases.values())
+    effects = {}
+    for name in EFFECTS:
+        on = name in named and name not in off
+        account = {**asdict(Account()), **accounts.get(name, {})}
+        reason = _named(account) if on else off.get(name, "not named in the scene")
+        share = account["seconds"] / seconds if seconds else 0.0
+        effects[name] = {"on": on, "reason": reason, **account, "share": share}
+    return Receipt(effects, dict(phases), seconds, source)
+
+
+def _named(account: Mapping[str, Any]) -> str:
+    if not account["idle_steps"]:
+        return "named in the scene"
+    return f"named; had nothing to do in {account['idle_steps']} of {account['steps']} steps"

@@ -1,0 +1,168 @@
+"""What a run tells of itself: a line a step, progress, the checkpoint's counters, and the summary at its end."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from clothsim.io.checkpoint import Checkpoint
+from clothsim.run.session import Session
+from clothsim.sim.certificate import Certificate
+from clothsim.sim.failure import Failure
+from clothsim.sim.intersection_check import Judge
+from clothsim.sim.state import Previous, State
+from clothsim.sim.stepping import StepReport
+from clothsim.solve.process_memory import peak_memory
+from clothsim.solve.timers import Account, Ledger
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What a caller may show after each step: simulated time and duration [s], the step, Newton iterations, gap [m].
+
+    verdict: "moving", "settled" (no vertex faster than ten times the tolerance) or "stalled" (dt below an eighth).
+    """
+
+    time: float
+    duration: float
+    step: int
+    newton_iterations: int
+    minimum_gap: float
+    fastest: float
+    verdict: str
+    seconds: float
+
+
+def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
+    """A line of the record."""
+    return {
+        "step": report.state.step,
+        "time": report.state.time,
+        "dt": report.dt,
+        "newton_iterations": report.result.iterations,
+        "regional_iterations": report.result.regional,
+        "speed": report.result.speed,
+        "residual": report.result.residual,
+        "energy": certificate.energy,
+        "minimum_gap": report.minimum_gap,
+        "fastest": report.fastest,
+        "failures": list(report.failures),
+        "error": None if report.error is None else report.error.rms,
+        "largest_error": None if report.error is None else report.error.largest,
+        "rejected": report.rejected,
+    }
+
+
+def progress_of(report: StepReport, session: Session, seconds: float) -> Progress:
+    """What a listener hears of a step; seconds: since the run began."""
+    run, integrator = session.scene.run_settings(), session.integrator
+    verdict = "moving"
+    if integrator.control is None and report.dt < integrator.dt / 8:
+        verdict = "stalled"
+    elif report.fastest < 10 * integrator.settings.tolerance:
+        verdict = "settled"
+    return Progress(
+        report.state.time,
+        run.duration,
+        report.state.step,
+        report.result.iterations,
+        report.minimum_gap,
+        report.fastest,
+        verdict,
+        seconds,
+    )
+
+
+def summary_of(
+    session: Session,
+    state: State,
+    certificate: Certificate,
+    judge: Judge,
+    failure: Failure | None,
+    record: Sequence[Mapping[str, Any]],
+    seconds: Mapping[str, float],
+) -> dict[str, Any]:
+    """What DESIGN's contract asks of summary.json, the notes that were printed, what effects found at the end, and
+    why a failed run failed.
+    """
+    world, potential = session.built.world, session.integrator.potential
+    energies = session.built.energies.items()
+    missed = certificate.estimate.missed(certificate.asked)
+    return {
+        "status": "completed" if failure is None else "failed",
+        "reason": f"{state.time:g} s were simulated." if failure is None else failure.reason,
+        "failure": None if failure is None else failure.as_dict(),
+        "stages": ["start", *("simulated" for _ in range(state.frame))],
+        **seconds,
+        "steps": state.step,
+        "newton_iterations": sum(entry["newton_iterations"] for entry in record),
+        "regional_iterations": sum(entry.get("regional_iterations", 0) for entry in record),
+        "rejected_steps": sum(entry.get("rejected", 0) for entry in record),
+        "linear_solves": potential.ledger.linear_solves,
+        "peak_memory_bytes": peak_memory(),
+        "vertices": world.n_cloth,
+        "triangles": len(world.triangles),
+        "solver": session.integrator.system.name,
+        "notes": [*session.notes, *filter(None, [missed])],
+        "found": [f"{name}: {said}." for name, energy in energies for said in energy.found(state.positions)],
+        "effects": potential.accounts(),
+        "off": session.built.off,
+        "phases": potential.ledger.phases,
+        "certificate": certificate.as_dict(judge.says(), completed=failure is None),
+    }
+
+
+def checkpoint_of(session: Session, state: State, certificate: Certificate) -> Checkpoint:
+    """The run at `state`, to go on from."""
+    potential = session.integrator.potential
+    counters = {
+        "memory": dict(state.memory),
+        "temporal_error": state.temporal_error,
+        "certificate": certificate.as_json(),
+        "effects": potential.accounts(),
+        "phases": potential.ledger.phases,
+        "linear_solves": potential.ledger.linear_solves,
+    }
+    before = state.previous
+    return Checkpoint(
+        time=state.time,
+        dt=state.dt,
+        frame=state.frame,
+        step=state.step,
+        positions=state.positions,
+        velocities=state.velocities,
+        stiffness=0.0,  # set anew from the state at each step: nothing to keep
+        scene_text=session.scene.to_text(),
+        counters=counters,
+        blocked_at=state.blocked_at,
+        blocked=state.blocked,
+        previous_positions=None if before is None else before.positions,
+        previous_velocities=None if before is None else before.velocities,
+        previous_dt=math.nan if before is None else before.dt,
+    )
+
+
+def state_of(saved: Checkpoint) -> State:
+    """The state that `checkpoint_of` kept."""
+    x, v = saved.previous_positions, saved.previous_velocities
+    return State(
+        saved.time,
+        saved.dt,
+        saved.step,
+        saved.frame,
+        saved.positions,
+        saved.velocities,
+        saved.blocked_at,
+        saved.blocked,
+        memory=saved.counters.get("memory", {}),
+        temporal_error=saved.counters.get("temporal_error", 0.0),
+        previous=None if x is None or v is None else Previous(x, v, saved.previous_dt),
+    )
+
+
+def restore(ledger: Ledger, counters: dict[str, Any]) -> None:
+    """Go on counting where the stopped run was."""
+    for name, account in counters["effects"].items():
+        ledger.effects[name] = Account(**account)
+    ledger.phases.update(counters["phases"])
+    ledger.linear_solves = counters["linear_solves"]

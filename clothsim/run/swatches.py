@@ -1,0 +1,105 @@
+"""A swatch card: the Cusick drape of each named fabric, side by side.
+
+A disc of cloth of 30 cm is held between two discs of 18 cm, as in the drape tester, and hangs over their edge
+(VALIDATION A7). Coarse and quick: to be looked at, and to compare fabrics, not to be measured.
+"""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.mesh.generators.sheets import disk, tube
+from clothsim.render.surface_look import Surface
+from clothsim.run.simulate import simulate
+from clothsim.scene.fabrics import FABRICS
+from clothsim.scene.scene import Scene
+
+if TYPE_CHECKING:
+    from clothsim.io.results import Run
+
+RADIUS, HELD = 0.15, 0.09
+"""Of the cloth and of the discs that hold it [m]."""
+RINGS = 15
+SIZE = (360, 290)
+COLUMNS = 5
+VIEW = (0.4, -1.0, 0.75)
+DURATION, DT = 0.8, 0.04
+
+
+def cusick_scene(fabric: str, rings: int | None = None) -> Scene:
+    """The drape of a fabric from flat, damped until it hangs still."""
+    rings = RINGS if rings is None else rings
+    positions, _ = disk(RADIUS, rings)
+    held = np.flatnonzero(np.linalg.norm(positions, axis=1) < HELD + 1e-9)
+    return Scene(
+        cloth={"name": fabric, "mesh": "disk", "radius": RADIUS, "cells": rings, "fabric": fabric},
+        effects={
+            "pins": {"select": [int(row) for row in held]},
+            "inertia": {},
+            "membrane": {"material": "orthotropic"},
+            "bending": {},
+            "gravity": {},
+            "damping": {"rate": 8.0},
+        },
+        solver={"dt": DT, "tolerance": 1e-2},
+        run={"duration": DURATION, "frames_per_second": 1 / DURATION},
+    )
+
+
+def drape_coefficient(positions: Floats, triangles: np.ndarray) -> float:
+    """The share of the free ring that the cloth's shadow still covers, from the outline seen from above.
+
+    (A - pi r^2)/(pi R^2 - pi r^2) (BS 5058), A within the border's polygon.
+    """
+    from clothsim.mesh.topology import border_edges
+
+    edges, _ = border_edges(triangles)
+    start, end = positions[edges[:, 0]], positions[edges[:, 1]]
+    shadow = 0.5 * abs(float(np.sum(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0])))
+    return (shadow - np.pi * HELD**2) / (np.pi * (RADIUS**2 - HELD**2))
+
+
+def draw_swatches(fabrics: Sequence[str], file: Path, heard: Callable[[str], None] = print) -> str:
+    """Drape each of `fabrics` and write them to one PNG; `heard` is told of each. Returns what drew it."""
+    from PIL import Image
+
+    panels, note = [], ""
+    for name in fabrics:
+        run = simulate(cusick_scene(name))
+        cloth = run.trajectory.surfaces[0]
+        share = 100 * drape_coefficient(run.positions(-1), cloth.own_triangles)
+        heard(f"{name}: {run.status}, drape coefficient {share:.0f} %")
+        fabric = FABRICS[name]
+        title = f"{name.replace('_', ' ')}\n{1e3 * fabric.density:.0f} g/m2, drapes to {share:.0f} %"
+        panel, note = _panel(run, title)
+        panels.append(panel)
+    columns = min(COLUMNS, len(panels))
+    empty = np.broadcast_to(panels[0][:, :1], panels[0].shape)
+    panels += [empty] * (-len(panels) % columns)
+    rows = [np.hstack(panels[k : k + columns]) for k in range(0, len(panels), columns)]
+    Image.fromarray(np.vstack(rows)).save(file, format="PNG")
+    return note
+
+
+def _panel(run: "Run", title: str) -> tuple[np.ndarray, str]:
+    from clothsim.render.picture import expose, take_aim
+
+    cloth = run.trajectory.surfaces[0]
+    surfaces = [Surface(cloth.name, run.positions(-1), cloth.own_triangles, "cloth", np.zeros((0, 2))), _stand()]
+    angle = np.linspace(0, 2 * np.pi, 24)
+    rim = 0.95 * RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(24)])
+    focus = np.concatenate([rim, 0.75 * rim - [0.0, 0.0, 0.3 * RADIUS]])
+    shot = take_aim(
+        [surfaces], size=SIZE, colour="plain", up="z", view=VIEW, title=title, renderer="auto", samples=3, focus=focus
+    )
+    return expose(shot, surfaces), shot.note
+
+
+def _stand() -> Surface:
+    """The pedestal under the cloth."""
+    positions, triangles = tube(0.98 * HELD, HELD, (48, 2))
+    below = np.array([0.0, 0.0, -0.5 * HELD - 2e-3])
+    return Surface("pedestal", positions + below, triangles, "body", np.zeros((0, 2)))

@@ -1,0 +1,137 @@
+"""Where the blocks of elements stand in a Newton matrix, and their sum there.
+
+The matrix is the upper triangle of a symmetric one in blocks of 3x3: starts (n + 1,) and columns of the blocks, the
+diagonal first in each row; data (9 b,) their numbers, block by block, row by row. Of an element only the blocks of
+corners a <= b are looked at, in this order. Whether the matrix has block (a, b) or its transpose is a matter of how its
+numbers are read: a branch would go either way by chance.
+"""
+
+import numpy as np
+
+from clothsim.jit import inlined, kernel, natural, part
+
+BELOW, OUTSIDE = -1, -2
+"""Of a block that needs no place, and of one that has none."""
+ACROSS, TWICE = 1, 2
+"""Of a block whose transpose is in the upper triangle, and of one between a vertex and itself, there with both."""
+
+
+@part
+def find(starts, columns, i, j):
+    """The number of block (i, j), or -1 (binary search, in steps that do not depend on what is met)."""
+    at, count = natural(starts[i]), starts[i + 1] - starts[i]
+    while count > 1:
+        half = count >> 1
+        at += half if columns[at + half] <= j else 0
+        count -= half
+    return at if columns[at] == j else -1
+
+
+@kernel
+def places(starts, columns, elements):
+    """Where the blocks of corners a <= b of `elements (m, k)` belong, (m, k (k + 1) / 2).
+
+    4 x the number of the block in the matrix, + ACROSS where that is its transpose, + TWICE where both belong there.
+    """
+    n = len(starts) - 1
+    count, corners = elements.shape
+    at = np.full((count, corners * (corners + 1) // 2), BELOW, np.int32)
+    for e in range(count):
+        block = 0
+        for a in range(corners):
+            for b in range(a, corners):
+                i, j = elements[e, a], elements[e, b]
+                if max(i, j) < n:
+                    found = find(starts, columns, min(i, j), max(i, j))
+                    how = (ACROSS if i > j else 0) + (TWICE if i == j and a != b else 0)
+                    at[e, block] = 4 * found + how if found >= 0 else OUTSIDE
+                block += 1
+    return at
+
+
+@kernel
+def add_blocks(data, at, first, numbers, lanes, offsets, down, along):
+    """Adds blocks of the elements from `first` on; returns how many of 3x3 have no place.
+
+    Each row of numbers (g, n) is for as many elements as there are lanes. Block k of the element in lane l begins at
+    offsets[k] + l; its rows are `down` apart, and its columns `along`.
+    """
+    flat, size, outside = numbers.reshape(-1), numbers.shape[1], 0
+    for i in range(min(lanes * len(numbers), len(at) - first)):
+        begin = natural(i // lanes * size + i % lanes)
+        for k in range(at.shape[1]):
+            where = at[first + i, k]
+            if where >= 0:
+                _add(data, where, flat, begin + natural(offsets[k]), down, along)
+            outside += where == OUTSIDE
+    return outside
+
+
+@inlined
+def _add(data, where, numbers, first, down, along):
+    """Adds a block of 3x3 that stands in `numbers` from `first` on, each row `down`, each column `along` further."""
+    at, middle = 9 * (where >> 2), first + down + along
+    swap = (where & ACROSS) * (down - along)  # no branch
+    down, along = natural(down - swap), natural(along + swap)
+    data[at] += numbers[first]
+    data[at + 1] += numbers[first + along]
+    data[at + 2] += numbers[first + 2 * along]
+    data[at + 3] += numbers[first + down]
+    data[at + 4] += numbers[middle]
+    data[at + 5] += numbers[middle + along]
+    data[at + 6] += numbers[first + 2 * down]
+    data[at + 7] += numbers[middle + down]
+    data[at + 8] += numbers[middle + down + along]
+    if where & TWICE:
+        for i in range(3):
+            for j in range(3):
+                data[at + 3 * i + j] += numbers[first + j * down + i * along]
+
+
+@kernel
+def add_squares(data, at, first, count, sides):
+    """Adds sums of squares (`SquaresHessian`) over elements none of which has a vertex twice; returns as above."""
+    outside = 0
+    for e in range(len(at)):
+        k = 0
+        for a in range(sides.shape[1] // 3):
+            for b in range(a, sides.shape[1] // 3):
+                if at[e, k] >= 0:
+                    row, column = (b, a) if at[e, k] & ACROSS else (a, b)
+                    _add_products(data, 9 * (at[e, k] >> 2), sides, first[e], count[e], 3 * row, 3 * column)
+                outside += at[e, k] == OUTSIDE
+                k += 1
+    return outside
+
+
+@part
+def _add_products(data, at, sides, first, count, row, column):
+    """Adds the sum over the sides of (x, y, z)(u, v, w)', the parts of a side at two vertices."""
+    xu = xv = xw = yu = yv = yw = zu = zv = zw = 0.0
+    first, row, column, at = natural(first), natural(row), natural(column), natural(at)
+    for k in range(first, first + count):
+        x, y, z = sides[k, row], sides[k, row + 1], sides[k, row + 2]
+        u, v, w = sides[k, column], sides[k, column + 1], sides[k, column + 2]
+        xu, xv, xw = xu + x * u, xv + x * v, xw + x * w
+        yu, yv, yw = yu + y * u, yv + y * v, yw + y * w
+        zu, zv, zw = zu + z * u, zv + z * v, zw + z * w
+    for i, entry in enumerate((xu, xv, xw, yu, yv, yw, zu, zv, zw)):
+        data[at + i] += entry
+
+
+@kernel
+def add_csr(data, starts, columns, indptr, indices, values):
+    """Adds a symmetric CSR matrix over all rows of x; returns how many entries of its upper triangle have no place."""
+    outside, n = 0, len(starts) - 1
+    for i in range(n):
+        for p in range(3):
+            for k in range(indptr[3 * i + p], indptr[3 * i + p + 1]):
+                j, q = indices[k] // 3, indices[k] % 3
+                if j < i or j >= n:
+                    continue
+                found = find(starts, columns, i, j)
+                if found < 0:
+                    outside += values[k] != 0.0
+                else:
+                    data[9 * found + 3 * p + q] += values[k]
+    return outside

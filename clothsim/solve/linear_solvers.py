@@ -1,0 +1,119 @@
+"""The direct solvers for the symmetric positive definite Newton matrix by name; the analysis serves the run."""
+
+import sys
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse import linalg
+
+from clothsim.arrays import Floats
+from clothsim.errors import InputError, MissingPackageError
+from clothsim.solve.direct_solver import LinearSolver, NotPositiveDefiniteError
+from clothsim.solve.pardiso import Mixed, Pardiso
+from clothsim.solve.sparsity import Pattern
+
+
+class Cholmod(LinearSolver):
+    """SuiteSparse CHOLMOD through scikit-sparse, where that is installed."""
+
+    name = "cholmod"
+
+    def __init__(self, pattern: Pattern, threads: int) -> None:
+        from sksparse.cholmod import analyze
+
+        ones = np.ones(9 * len(pattern.columns))
+        self._pattern = pattern
+        self._factor = analyze(_full(pattern, ones), ordering_method="amd")
+
+    def factorise(self, data: Floats) -> None:
+        """Numeric factorisation with the kept analysis."""
+        from sksparse.cholmod import CholmodNotPositiveDefiniteError
+
+        _refuse_what_is_no_number(data)
+        try:
+            self._factor.cholesky_inplace(_full(self._pattern, data))
+        except CholmodNotPositiveDefiniteError as error:
+            raise NotPositiveDefiniteError from error
+
+    def back_solve(self, b: Floats) -> Floats:
+        """Both triangles."""
+        return self._factor(b)
+
+
+class SuperLU(LinearSolver):
+    """SciPy's SuperLU in symmetric mode: everywhere there, about ten times slower."""
+
+    name = "superlu"
+
+    def __init__(self, pattern: Pattern, threads: int) -> None:
+        self._pattern = pattern
+
+    def factorise(self, data: Floats) -> None:
+        """With diagonal pivots; a negative pivot says that the matrix is not positive definite."""
+        _refuse_what_is_no_number(data)
+        try:
+            self._factor = linalg.splu(
+                _full(self._pattern, data),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0,
+                options={"SymmetricMode": True},
+            )
+        except RuntimeError as error:  # "Factor is exactly singular"
+            raise NotPositiveDefiniteError from error
+        if not (self._factor.U.diagonal() > 0).all():
+            raise NotPositiveDefiniteError
+
+    def back_solve(self, b: Floats) -> Floats:
+        """Both triangles."""
+        return self._factor.solve(b)
+
+
+SOLVERS: dict[str, type[LinearSolver]] = {
+    "mixed": Mixed,
+    "pardiso": Pardiso,
+    "cholmod": Cholmod,
+    "superlu": SuperLU,
+}
+MODULES = {"mixed": "pypardiso", "pardiso": "pypardiso", "cholmod": "sksparse.cholmod"}
+
+
+def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
+    """The solver of that name; "auto": the first of mixed, cholmod, superlu that is installed.
+
+    InputError for an unknown name, MissingPackageError for one that is not installed. threads 0: all cores.
+    """
+    if name == "auto":
+        for kind in SOLVERS.values():
+            try:
+                return kind(pattern, threads)
+            except (ImportError, OSError):
+                continue
+    if name not in SOLVERS:
+        raise InputError(f"solver.linear is {name!r}.", f"Known: auto, {', '.join(SOLVERS)}.")
+    try:
+        return SOLVERS[name](pattern, threads)
+    except (ImportError, OSError) as error:
+        raise MissingPackageError(
+            f"solver.linear = {name!r} needs the package {MODULES[name].split('.')[0]}, which is not installed.",
+            'Install it, or take linear = "auto".',
+        ) from error
+
+
+def slowness(solver: LinearSolver) -> str:
+    """One line for the user where the fast solver is missing, else an empty string."""
+    if solver.name != "superlu":
+        return ""
+    return (
+        f"The linear solver is SuperLU, about ten times slower than PARDISO, which does not exist for {sys.platform} "
+        "on this processor or is not installed; scikit-sparse (CHOLMOD) helps."
+    )
+
+
+def _refuse_what_is_no_number(data: Floats) -> None:
+    if not np.isfinite(data).all():
+        raise NotPositiveDefiniteError
+
+
+def _full(pattern: Pattern, data: Floats) -> sparse.csc_matrix:
+    upper = pattern.upper(data)
+    return (upper + sparse.triu(upper, k=1).T).tocsc()

@@ -1,1 +1,0 @@
-"""Hard cases that must stay stable: `python -m clothsim.study.stability` runs them and prints the table."""

@@ -1,0 +1,143 @@
+"""Contact against ipctk, its oracle: processor time of the same work on the same places and Newton steps.
+
+They are those about which the Newton solve of one time step asks contact, in their order: body and self contact.
+"""
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import median
+from time import perf_counter, process_time
+from typing import cast
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.build.scene_world import build
+from clothsim.contact.barrier import Barrier
+from clothsim.errors import ClothsimError
+from clothsim.run.session import Session, prepare
+from clothsim.sim.state import State, first_state
+from clothsim.sim.stepping import advance
+from clothsim.solve.sparsity import coupled
+from tests.benchmarks.bench.bench_cases import Case
+from tests.benchmarks.bench.leads import lead
+from tests.benchmarks.bench.sides import PARTS, Ipctk, Ours, Seconds, Side, loaded
+
+CONTACTS = ("body_contact", "self_contact")
+AGREE = 1e-10
+"""Relative difference of the energies above which the two have not done the same work."""
+
+Way = tuple[Floats, Floats]
+"""A place x and the step dx from it that Newton asked about, (N, 3) [m]."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Processor seconds of each part an iteration, medians; vertices of the cloth, ways, and the most pairs of one.
+
+    own_pairs: the most of cloth with cloth; energy [J]: of all ways together, for a stiffness of 1 Pa.
+    """
+
+    vertices: int
+    ways: int
+    pairs: int
+    own_pairs: int
+    energy: float
+    ours: Seconds
+    ipctk: Seconds
+
+    def ratio(self, part: str | None = None) -> float:
+        """How many times the processor time of ours ipctk takes, for a part or in all."""
+        ours, theirs = (sum(side.values()) if part is None else side[part] for side in (self.ours, self.ipctk))
+        return theirs / ours if ours > 0 else np.inf
+
+
+def compared(case: Case, states: Path, repeats: int, heard: Callable[[str], None]) -> Compared:
+    """Both sides on the ways of a case, `repeats` times in turns. ClothsimError where their energies differ.
+
+    states: the folder that keeps the states to start from; heard: called with a line as the case begins.
+    """
+    loaded()
+    heard(f"{case.name} against ipctk ...")
+    assert case.scene is not None
+    session = prepare(case.scene, build(case.scene))
+    ways = recorded(session, settled(session, case, states))
+    bound = [cast(Barrier, session.built.energies[name]) for name in CONTACTS]
+    barriers = [replace(barrier, stiffness=1.0) for barrier in bound]
+    near = [[barrier.candidates.near(x).elements for barrier in barriers] for x, _ in ways]
+    n_cloth = session.built.world.n_cloth
+    pattern = coupled(session.integrator.system.base, [rows for _, rows in near])
+    sides: dict[str, Side] = {"ours": Ours(barriers, pattern), "ipctk": Ipctk(barriers, n_cloth)}
+    with _processor_time():
+        for side in sides.values():
+            taken(side, ways[:1])  # compiles
+        rounds = [{name: taken(side, ways) for name, side in sides.items()} for _ in range(repeats)]
+    ours, theirs = (rounds[0][name][0] for name in sides)
+    if abs(ours - theirs) > AGREE * abs(theirs):
+        raise ClothsimError(f"{case.name}: contact finds {ours:.12g} J, and ipctk {theirs:.12g} J.")
+    each = {
+        name: {part: median(turn[name][1][part] for turn in rounds) / len(ways) for part in PARTS} for name in sides
+    }
+    pairs, own_pairs = max(sum(map(len, found)) for found in near), max(len(found[-1]) for found in near)
+    return Compared(n_cloth, len(ways), pairs, own_pairs, ours, each["ours"], each["ipctk"])
+
+
+def taken(side: Side, ways: Sequence[Way]) -> tuple[float, Seconds]:
+    """The energy of all ways [J], and the seconds of each part."""
+    seconds = dict.fromkeys(PARTS, 0.0)
+    side.begin(ways[0][0])
+    return sum(side.take(x, dx, seconds) for x, dx in ways), seconds
+
+
+def settled(session: Session, case: Case, states: Path) -> State:
+    """The state that the case is measured from: the one that is kept, and `settle` steps more."""
+    integrator = session.integrator
+    state = first_state(session.built.world, integrator.dt)
+    file = lead(case, states)
+    if file is not None:
+        kept = np.load(file)
+        state = replace(state, positions=kept["positions"], velocities=kept["velocities"], time=float(kept["time"]))
+    for _ in range(case.settle):
+        state = advance(integrator, state, state.time + integrator.dt).state
+    return state
+
+
+def recorded(session: Session, state: State) -> list[Way]:
+    """Where, and about which steps, Newton asks body contact in the time step from `state`, once at each place.
+
+    A line search that tries longer steps asks again from the same place, where nothing but the way is new: to take the
+    energy and its derivatives there once more would measure who remembers them.
+    """
+    ways: list[Way] = []
+    candidates = cast(Barrier, session.built.energies[CONTACTS[0]]).candidates
+    limit = candidates.step_limit
+
+    def heard(x: Floats, dx: Floats, most: float = 1.0) -> float:
+        if not ways or not np.array_equal(x, ways[-1][0]):
+            ways.append((x.copy(), dx.copy()))
+        return limit(x, dx, most)
+
+    candidates.step_limit = heard  # type: ignore[method-assign]
+    try:
+        advance(session.integrator, state, state.time + session.integrator.dt)
+    finally:
+        del candidates.step_limit
+    return ways
+
+
+@contextmanager
+def _processor_time() -> Iterator[None]:
+    """The package's own receipts take wall time: meanwhile let their clock be the processor's."""
+    modules = [module for name, module in sys.modules.items() if name.startswith("clothsim.")]
+    clocks = [module for module in modules if getattr(module, "perf_counter", None) is perf_counter]
+    clocks = [module for module in clocks if module.__name__ != __name__]
+    for module in clocks:
+        module.perf_counter = process_time  # type: ignore[attr-defined]
+    try:
+        yield
+    finally:
+        for module in clocks:
+            module.perf_counter = perf_counter  # type: ignore[attr-defined]

@@ -1,0 +1,137 @@
+"""The tables of docs/profile.md: where the time of a step goes, what issue 7 aims at, and contact against ipctk."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from tests.benchmarks.bench.measure import PHASES, SEARCHES, Measured, each, ratio
+from tests.benchmarks.bench.oracle import Compared
+from tests.benchmarks.bench.sides import PARTS
+from tests.benchmarks.kept_tables import markdown_table, write_between
+
+PROFILED = "sphere 100"
+CONTACT = ("body_contact", "self_contact", "friction")
+GROUPS = ("linear solve", "contact and friction", "assembly", "cloth", "line search and step control")
+REST = "in no account"
+AIMS = {
+    "aim draft of 40x40": "below 8",
+    "aim draft on 40x40 cells": "below 8",
+    "aim standard 40x40": "below 25",
+    "aim standard 100x100, impact": "below 100",
+}
+"""Processor seconds per simulated second that issue 7 asks for."""
+
+
+def grouped(row: Measured) -> Mapping[str, float]:
+    """Processor seconds of a case in groups that add up to what its accounts hold."""
+    found = dict.fromkeys(GROUPS, 0.0)
+    for part, seconds in row["parts"].items():
+        found[_group(part)] += seconds
+    return found
+
+
+def _group(part: str) -> str:
+    if part in ("linear solve", "assembly"):
+        return part
+    if part in SEARCHES or part in CONTACT:
+        return "contact and friction"
+    return "line search and step control" if part in PHASES else "cloth"
+
+
+def profile(row: Measured) -> str:
+    """A line a phase and effect: processor seconds of the measured step, per Newton iteration, and their share."""
+    parts = sorted(row["parts"].items(), key=lambda part: -part[1])
+    parts.append((REST, max(0.0, row["cpu"] - sum(row["parts"].values()))))
+    lines = [
+        (
+            name,
+            "" if name == REST else "phase" if name in PHASES else "effect",
+            f"{seconds:.2f}",
+            f"{1e3 * seconds / row['iterations']:.1f}",
+            f"{100 * seconds / row['cpu']:.1f} %",
+        )
+        for name, seconds in parts
+    ]
+    whole = f"**{row['cpu']:.2f}**", f"**{1e3 * row['cpu'] / row['iterations']:.1f}**", "**100 %**"
+    lines.append(("**all**", "", *whole))
+    own, times = row["own_solve"], ratio(row)
+    said = (
+        ""
+        if own is None
+        else f" One factorisation and solve of its own matrix takes {1e3 * own:.0f} ms: x {times:.2f}."
+    )
+    regional = (
+        f" {row['regional_cpu']:.2f} s of it went into {row['regional']:.0f} iterations of regions: without them, "
+        f"{1e3 * each(row):.0f} ms an iteration."
+        if row.get("regional")
+        else ""
+    )
+    step = f"{row['simulated'] / row['steps']:g} s"
+    foot = f"{row['iterations']:.0f} Newton iterations of the whole cloth a step of {step}.{regional}{said}"
+    header = ("part", "is", "CPU s", "ms / iteration, with regions", "share")
+    return f"{markdown_table(header, lines)}\n\n{foot}"
+
+
+def aimed(cases: Mapping[str, Measured]) -> str:
+    """A line an aim: processor seconds per simulated second."""
+    lines = []
+    for name, aim in AIMS.items():
+        row = cases[name]
+        if "skipped" in row:
+            lines.append((name.removeprefix("aim "), "", "", row["skipped"], "", "", aim))
+            continue
+        steps, simulated = row["steps"], row["simulated"]
+        each = f"{row['cpu'] / simulated:.0f}", f"{row['cpu'] / steps:.2f}", f"{row['iterations'] / steps:.1f}"
+        lines.append((name.removeprefix("aim "), f"{simulated:g}", f"{simulated / steps:g}", *each, aim))
+    header = (
+        "settings and cells",
+        "simulated s",
+        "dt [s]",
+        "CPU s / simulated s",
+        "CPU s / step",
+        "Newton / step",
+        "aim",
+    )
+    return markdown_table(header, lines)
+
+
+AT_LEAST = 10.0
+"""How many times the processor time of ours ipctk shall take, by issue 7."""
+
+
+def against(cases: Mapping[str, Compared]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Header and lines of a table: a line a part, milliseconds an iteration of both sides and how many times ours."""
+    header = ["part"]
+    for name in cases:
+        header += [f"{name}: ms", "ipctk ms", "ratio"]
+    lines = []
+    for part in (*PARTS, None):
+        line = [part or "all"]
+        for row in cases.values():
+            times = (sum(side.values()) if part is None else side[part] for side in (row.ours, row.ipctk))
+            line += [*(f"{1e3 * seconds:.2f}" for seconds in times), f"{row.ratio(part):.1f}"]
+        lines.append(tuple(line))
+    return tuple(header), lines
+
+
+def told(cases: Mapping[str, Compared]) -> str:
+    """A sentence on a table of `against`."""
+    said = [
+        f"{row.ratio():.1f} times ours in {name} ({row.vertices:,} vertices, {row.ways} iterations, "
+        f"up to {row.pairs:,} pairs, {row.own_pairs:,} of cloth with cloth)"
+        for name, row in cases.items()
+    ]
+    met = "met" if all(row.ratio() >= AT_LEAST for row in cases.values()) else "not met"
+    return f"ipctk takes {', '.join(said)}: the bar of {AT_LEAST:g} is {met}."
+
+
+def write_oracle(file: Path, cases: Mapping[str, Compared], date: str) -> None:
+    """Replace the table of the page that compares with ipctk."""
+    write_between(file, "oracle", f"Measured on {date[:10]}.\n\n{markdown_table(*against(cases))}\n\n{told(cases)}")
+
+
+def write_page(file: Path, cases: Mapping[str, Measured], date: str) -> None:
+    """Replace the tables of the page for which the cases were measured."""
+    if PROFILED in cases and "skipped" not in cases[PROFILED]:
+        write_between(file, "profile", f"Measured on {date[:10]}.\n\n{profile(cases[PROFILED])}")
+    if all(name in cases for name in AIMS):
+        write_between(file, "aims", f"Measured on {date[:10]}.\n\n{aimed(cases)}")

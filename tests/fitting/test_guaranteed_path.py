@@ -1,0 +1,98 @@
+"""Bodies that let a garment go."""
+
+import numpy as np
+import pytest
+from dressing import capsule_figure, folded_sheet, tube_garment, wider
+
+from clothsim.fitting import guaranteed_path
+from clothsim.fitting.guaranteed_path import DEPTHS, clearings, untangled_from_itself
+from clothsim.fitting.penetration import counted
+from clothsim.intersection.intersecting_pairs import intersecting_pairs
+from clothsim.mesh.cloth import make_cloth
+from clothsim.mesh.generators.sheets import rectangle
+from clothsim.scene.fabrics import FABRICS
+from transfer.signed_distance import body_surface
+
+
+def clearing(*arguments):
+    """The first."""
+    return next(clearings(*arguments), None)
+
+
+FIGURE = capsule_figure()
+BODY = body_surface(FIGURE.positions, FIGURE.triangles)
+
+
+def clear(garment, positions):
+    return counted(garment.positions, garment.triangles, body_surface(positions, BODY.triangles)).on_body
+
+
+def test_a_garment_that_is_clear_needs_no_thinner_body():
+    garment = tube_garment(0.11)
+    found = clearing(garment.positions, garment.triangles, BODY)
+    assert len(found.frames) == 1
+    assert found.body is BODY.positions
+
+
+@pytest.mark.parametrize("inside", [0.003, 0.009, 0.03])
+def test_the_least_depth_is_picked(inside):
+    garment = tube_garment(0.1 - inside)
+    found = clearing(garment.positions, garment.triangles, BODY)
+    least = next(depth for depth in DEPTHS if depth > inside)
+    assert found.said == f"{1e3 * least:.3g} mm thinner"
+    middle = np.abs(BODY.positions[:, 2]) < 0.2
+    np.testing.assert_allclose(np.linalg.norm(found.body[middle, :2], axis=1), 0.1 - least, rtol=1e-3)
+    assert clear(garment, found.body)
+    assert found.frames[-1] is BODY.positions
+
+
+def test_where_no_depth_frees_it_folds_are_opened_first(monkeypatch):
+    monkeypatch.setattr(guaranteed_path, "DEPTHS", ())
+    garment = tube_garment(0.075)
+    found = clearing(garment.positions, garment.triangles, BODY)
+    assert found.said == "without folds and 20 mm thinner"
+    thin, opened, whole = found.frames
+    assert clear(garment, thin)
+    assert not clear(garment, opened)
+    assert whole is BODY.positions
+
+
+def test_a_sheet_through_the_body_is_never_free():
+    positions, triangles = rectangle(size=(0.5, 0.5), cells=(6, 6))
+    assert clearing(positions, triangles, BODY) is None
+
+
+def test_a_garment_is_freed_of_itself_or_not():
+    garment = folded_sheet()
+    assert len(intersecting_pairs(garment.positions, garment.triangles)) > 0
+    freed, said = untangled_from_itself(cloth_of(garment), [])
+    assert len(intersecting_pairs(freed, garment.triangles)) == 0
+    assert "vertices were moved" in said
+
+
+def test_two_sheets_through_one_another_stay_so():
+    positions, triangles = rectangle(size=(0.5, 0.5), cells=(4, 4))
+    upright = positions[:, [0, 2, 1]] + [0.03, 0.02, 0.01]
+    both = np.concatenate([positions, upright]), np.concatenate([triangles, triangles + len(positions)])
+    cloth = make_cloth("two", *both, FABRICS["cotton"])
+    assert untangled_from_itself(cloth, []) is None
+
+
+def cloth_of(garment):
+    return make_cloth(garment.name, garment.positions, garment.triangles, FABRICS["cotton"])
+
+
+def test_a_wider_body_of_the_same_mesh_needs_more():
+    garment = tube_garment(0.097)
+    wide = wider(FIGURE, 1.2)
+    found = clearing(garment.positions, garment.triangles, body_surface(wide.positions, wide.triangles))
+    assert found.said == "40 mm thinner"
+
+
+def test_after_the_least_depth_comes_the_unfolded_body():
+    garment = tube_garment(0.091)
+    first, second = clearings(garment.positions, garment.triangles, BODY)
+    assert first.said == "10 mm thinner"
+    assert second.said.startswith("without folds and ")
+    assert clear(garment, second.body)
+    assert len(list(clearings(tube_garment(0.11).positions, garment.triangles, BODY))) == 1

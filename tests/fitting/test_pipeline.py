@@ -1,0 +1,206 @@
+"""Every way through the stages, end to end, on a capsule."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dressing import capsule_figure, folded_sheet, task, tube_garment, wider
+
+from clothsim.errors import InputError
+from clothsim.fitting import pipeline
+from clothsim.fitting.inputs import Figure
+from clothsim.fitting.pipeline import seeded
+from clothsim.fitting.stage import Garment
+from clothsim.mesh.generators.sheets import rectangle
+
+FIGURE = capsule_figure()
+COARSE = capsule_figure(segments=8)
+
+
+def names(found):
+    return [stage.name for stage in found.stages]
+
+
+def test_a_clean_garment_needs_no_stage(tmp_path):
+    garment, heard = tube_garment(0.11), []
+    found = seeded(task(garment, FIGURE, FIGURE, tmp_path, heard=heard.append))
+    assert names(found) == ["garment"]
+    assert heard == list(found.stages)
+    assert found.last.positions is garment.positions
+    assert (found.failure, found.notes, found.worn.self_contact) == ("", (), True)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_tube_five_millimetres_inside_is_refined(tmp_path):
+    garment = tube_garment(0.095)
+    found = seeded(task(garment, FIGURE, FIGURE, tmp_path))
+    assert names(found) == ["garment", "refine"]
+    assert found.stages[0].counts.penetrating_vertices == len(garment.positions)
+    assert found.last.counts.clean
+    assert not found.failure
+    assert found.worn.rest is garment.positions
+
+
+def test_where_the_first_refinement_leaves_something_inside_the_second_goes_along_the_normals(tmp_path, monkeypatch):
+    garment, asked = tube_garment(0.095), []
+    freed = tube_garment(0.11).positions
+
+    def refined(positions, _, along_normals):
+        asked.append((positions, along_normals))
+        return (freed if along_normals else 0.99 * positions), "refined"
+
+    monkeypatch.setattr(pipeline, "_refined", refined)
+    found = seeded(task(garment, FIGURE, FIGURE, tmp_path))
+    assert names(found) == ["garment", "refine", "refine"]
+    assert [along for _, along in asked] == [False, True]
+    assert all(positions is garment.positions for positions, _ in asked)  # the second does not go on from the first
+    assert found.last.positions is freed
+
+
+def test_a_tube_that_no_formula_frees_is_grown_out(tmp_path, monkeypatch):
+    """Refinement is taken away: growth alone has to bring the tube from 3 mm inside to the outside."""
+    monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
+    garment = tube_garment(0.097, height=0.12, cells=(10, 3))
+    found = seeded(task(garment, COARSE, COARSE, tmp_path))
+    assert names(found)[-1] == "grow"
+    assert found.last.counts.clean
+    assert not found.failure
+    assert "mm thinner, from refine, grown back under IPC" in found.last.said
+    assert {"body000.obj", "body001.obj", "summary.json"} <= {file.name for file in (tmp_path / "grow").iterdir()}
+
+
+def test_a_garment_is_transferred_to_a_wider_body(tmp_path):
+    garment, wide = tube_garment(0.11), wider(FIGURE, 1.4)
+    found = seeded(task(garment, FIGURE, wide, tmp_path))
+    assert names(found) == ["garment", "transfer"]
+    assert found.last.counts.clean
+    assert found.worn.rest is found.last.positions
+    np.testing.assert_allclose(np.linalg.norm(found.last.positions[:, :2], axis=1), 0.151, rtol=0.01)
+    own_size = seeded(task(garment, FIGURE, wide, tmp_path, resize=False))
+    assert own_size.worn.rest is garment.positions
+
+
+def test_a_garment_that_meets_itself_is_untangled_first(tmp_path):
+    garment = folded_sheet()
+    found = seeded(task(garment, FIGURE, FIGURE, tmp_path))
+    assert names(found) == ["garment", "untangle"]
+    assert found.stages[0].counts.self_pairs > 0
+    assert found.stages[0].counts.on_body
+    assert found.last.counts.clean
+    assert found.worn.rest is garment.positions
+    assert "vertices were moved" in found.last.said
+
+
+def test_a_garment_that_no_one_can_untangle_is_worn_without_self_contact(tmp_path):
+    positions, triangles = rectangle(size=(0.3, 0.3), cells=(3, 3))
+    upright = positions[:, [0, 2, 1]] + np.array([0.03, 0.02, 0.01])
+    two = np.concatenate([positions, upright]) + np.array([0.35, 0.0, 0.0])
+    both = np.concatenate([triangles, triangles + len(positions)])
+    found = seeded(task(Garment("two", two, both), FIGURE, FIGURE, tmp_path))
+    assert not found.failure
+    assert found.last.counts.on_body
+    assert not found.worn.self_contact
+    assert any("self_contact is off" in note for note in found.notes)
+
+
+def test_what_nothing_frees_fails_with_a_sentence_and_a_place(tmp_path):
+    sheet = Garment("sheet", *rectangle(size=(0.5, 0.5), cells=(6, 6)))
+    found = seeded(task(sheet, COARSE, COARSE, tmp_path))
+    assert found.failure.startswith("No deflation of capsule frees the garment: ")
+    assert "worst near (" in found.failure
+    assert found.failure.endswith(" m.")
+    assert not found.last.counts.clean
+    assert not (tmp_path / "grow").exists()
+
+
+def test_a_growth_that_stops_is_a_failure_with_its_reason(tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
+
+    class Stopped:
+        status, reason = "failed", "At 0.1 s: Newton did not converge."
+
+        def positions(self, _):
+            return tube_garment(0.097, cells=(8, 2)).positions
+
+    monkeypatch.setattr(pipeline, "carried", lambda *_, **__: Stopped())
+    found = seeded(task(tube_garment(0.097, cells=(8, 2)), COARSE, COARSE, tmp_path))
+    assert found.failure == "In the stage grow: At 0.1 s: Newton did not converge."
+
+
+def test_where_a_growth_fails_the_next_start_is_tried(tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
+    garment, frames = tube_garment(0.097, cells=(8, 2)), []
+
+    class Grown:
+        reason = "At 0.1 s: the scripted motion is blocked."
+
+        def __init__(self, status):
+            self.status = status
+
+        def positions(self, _):
+            return tube_garment(0.12, cells=(8, 2)).positions
+
+    def carried(_worn, _start, bodies, *_, **slips):
+        frames.append((len(bodies), bool(slips)))
+        return Grown("failed" if len(frames) < 3 else "completed")
+
+    monkeypatch.setattr(pipeline, "carried", carried)
+    found = seeded(task(garment, COARSE, COARSE, tmp_path))
+    assert frames == [(2, False), (2, True), (3, False)]
+    assert not found.failure
+    assert found.last.counts.clean
+    assert "without folds" in found.last.said
+    assert [note for note in found.notes if note.startswith("Tried 5 mm thinner: In the stage grow: At 0.1 s")]
+
+
+def test_a_growth_that_cannot_begin_is_a_failure_with_its_reason(tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
+
+    def refuse(*_):
+        raise InputError("body: triangle 3 has no area.")
+
+    monkeypatch.setattr(pipeline, "carried", refuse)
+    found = seeded(task(tube_garment(0.097, cells=(8, 2)), COARSE, COARSE, tmp_path))
+    assert found.failure == "The stage grow could not begin: body: triangle 3 has no area."
+
+
+def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, monkeypatch):
+    """Deflation and refinement are taken away: the garment is clean on its body and is carried to the wider one."""
+    monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
+    monkeypatch.setattr(pipeline, "clearings", lambda *_: iter(()))
+    monkeypatch.setattr(
+        pipeline,
+        "transferred",
+        lambda garment, _, target, *__: pipeline.Transferred(garment.positions, target.positions, ""),
+    )
+    garment, wide = tube_garment(0.11, height=0.12, cells=(10, 3)), wider(COARSE, 1.15)
+    found = seeded(task(garment, COARSE, wide, tmp_path))
+    assert names(found)[-1] == "morph"
+    assert not found.failure
+    assert found.last.counts.clean
+    assert found.last.said == "capsule became wide under IPC"
+    assert np.linalg.norm(found.last.positions[:, :2], axis=1).min() > 0.1
+
+
+@pytest.mark.parametrize("flat", ["source", "target"])
+def test_a_flat_body_is_bad_input(tmp_path, flat):
+    sheet = Figure("sheet", *rectangle(cells=(2, 2)), 1.0, ())
+    bodies = {"source": FIGURE, "target": FIGURE, flat: sheet}
+    with pytest.raises(InputError, match="encloses no volume"):
+        seeded(task(tube_garment(0.11), bodies["source"], bodies["target"], tmp_path))
+
+
+def test_a_growth_that_fails_with_friction_is_tried_without(tmp_path, monkeypatch):
+    monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
+    real, named = pipeline.carried, []
+
+    def carried(*arguments, **slips):
+        run = real(*arguments, **slips)
+        named.append("friction" in run.summary["effects"])
+        return replace(run, summary={**run.summary, "status": "failed"}) if len(named) == 1 else run
+
+    monkeypatch.setattr(pipeline, "carried", carried)
+    found = seeded(task(tube_garment(0.097, cells=(8, 2)), COARSE, COARSE, tmp_path))
+    assert named == [True, False]
+    assert found.last.counts.clean
+    assert found.last.said.endswith("grown back under IPC, without friction")

@@ -1,0 +1,50 @@
+"""All hard cases, in the order of VALIDATION part B."""
+
+from tests.hard_cases import (
+    bad_meshes,
+    columns,
+    distorted,
+    edges,
+    funnel,
+    impact,
+    infeasible,
+    long_steps,
+    pinch,
+    ratios,
+    resting,
+    rubbing,
+    slivers,
+    stack,
+    touching,
+    twist,
+    units,
+)
+from tests.hard_cases.case import Case
+
+FAMILIES = (
+    bad_meshes,
+    columns,
+    distorted,
+    edges,
+    funnel,
+    impact,
+    infeasible,
+    long_steps,
+    pinch,
+    ratios,
+    resting,
+    rubbing,
+    slivers,
+    stack,
+    touching,
+    twist,
+    units,
+)
+
+
+def place(case: Case) -> tuple[int, str]:
+    """Its row, then its letter."""
+    return int("".join(filter(str.isdigit, case.name))), case.name
+
+
+CASES: tuple[Case, ...] = tuple(sorted((case for family in FAMILIES for case in family.CASES), key=place))

@@ -1,0 +1,34 @@
+"""A world far away gets an origin of its own; one that is near keeps the user's."""
+
+import numpy as np
+from contacts import ball, sheet
+
+from clothsim.mesh.body import make_body
+from clothsim.mesh.local_origin import about_its_own_origin
+from clothsim.mesh.motion import rigid_motion
+from clothsim.mesh.world import make_world
+
+FAR = np.array([3e5, -2e5, 1e6])
+
+
+def world_at(place):
+    cloth = sheet(0.4)
+    positions, triangles = ball().positions + place, ball().triangles
+    motion = rigid_motion(velocity=(1, 2, 3), rotate_degrees_per_second=(0, 0, 40), centre=place)
+    moved = cloth.__class__(**{**vars(cloth), "positions": cloth.positions + place})
+    return make_world([moved], [make_body("ball", positions, triangles, motion)])
+
+
+def test_near_the_origin_nothing_changes():
+    world = world_at(np.array([1.0, 2.0, 3.0]))
+    assert about_its_own_origin(world) is world
+    assert not world.origin.any()
+
+
+def test_far_away_every_position_is_relative_and_every_motion_the_same():
+    world = world_at(FAR)
+    local = about_its_own_origin(world)
+    assert np.abs(local.start()[: local.n_cloth]).max() < 1.0
+    assert np.abs(local.start() + local.origin - world.start()).max() < 1e-9
+    here, there = local.bodies[0].at(0.7), world.bodies[0].at(0.7)
+    assert np.abs(here + local.origin - there).max() < 1e-9

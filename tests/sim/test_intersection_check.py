@@ -1,0 +1,60 @@
+"""What a scene's effects promise, what is tested, and what the certificate says of it."""
+
+import numpy as np
+import pytest
+from meshes import cloth, grid
+
+from clothsim.io.run_surfaces import world_surfaces
+from clothsim.mesh.body import make_body
+from clothsim.mesh.world import make_world
+from clothsim.sim.intersection_check import judge_of
+
+TESTED = "tested at every frame"
+ACROSS = np.array([[0.1, 0.3, -1], [0.9, 0.3, -1], [0.5, 0.3, 1]])
+
+
+def world(*bodies):
+    """A sheet and a flag that cross, and bodies of one triangle that cross the sheet."""
+    flag = cloth(ACROSS + np.array([0, 0.4, 0]), np.array([[0, 1, 2]]), name="flag")
+    return make_world([cloth(*grid(2, 2), name="sheet"), flag], [make_body(b, ACROSS, [[0, 1, 2]]) for b in bodies])
+
+
+def judged(scene, effects):
+    judge = judge_of(world_surfaces(scene), effects, effects)
+    found = judge.crossings(scene.start())
+    return judge, found, [crossing.second for crossing in judge.broken(found)]
+
+
+@pytest.mark.parametrize(
+    ("effects", "found", "broken"),
+    [
+        ({}, ["post"], []),
+        ({"body_contact": {}}, ["post"], ["post"]),
+        ({"self_contact": {}}, ["flag", "post"], ["flag"]),
+        ({"body_contact": {}, "self_contact": {}}, ["flag", "post"], ["flag", "post"]),
+        ({"body_contact": {"exclude": [["post", "sheet"]]}}, [], []),
+        ({"body_contact": {}, "self_contact": {"exclude": [["sheet", "flag"]]}}, ["post"], ["post"]),
+    ],
+)
+def test_bodies_are_judged_always_and_cloth_where_self_contact_is_on(effects, found, broken):
+    _, crossed, failed = judged(world("post"), effects)
+    assert [crossing.second for crossing in crossed] == found
+    assert failed == broken
+    assert all(len(crossing.pairs) == 1 for crossing in crossed)
+
+
+def test_what_it_says():
+    assert judged(world(), {})[0].says() == {"cloth_body": "no body", "cloth_cloth": "not requested"}
+    assert judged(world("post"), {"self_contact": {}})[0].says() == {"cloth_body": TESTED, "cloth_cloth": TESTED}
+    said = judged(world("post"), {"body_contact": {"exclude": [["post", "flag"]]}})[0].says()
+    assert said["cloth_body"] == f"{TESTED} but for excluded pairs"
+
+
+def test_cloth_can_be_tested_without_being_promised():
+    scene = world()
+    judge = judge_of(world_surfaces(scene), {}, {})
+    assert judge.crossings(scene.start()) == ()
+    found = judge.crossings(scene.start(), cloth_cloth=True, limit=100)
+    assert [crossing.who for crossing in found] == ["sheet and flag intersect"]
+    assert len(found[0].pairs) > 1
+    assert judge.broken(found) == []

@@ -1,0 +1,184 @@
+"""How far points are from a body and on which side: closest point, outward normal and signed distance, by libigl.
+
+Inside is where the generalised winding number is above one half (Jacobson, Kavan & Sorkine-Hornung 2013; fast form of
+Barill et al. 2018), so a body may intersect itself, consist of several pieces and have holes. Triangles wound inward
+are turned. What of the surface lies inside the body itself (where pieces overlap) is no surface to be pushed to: it is
+left out, and the closest point is one of the outside of the whole.
+"""
+
+import os
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from transfer.errors import TransferError
+from transfer.triangle_surface import Floats, Ints, as_points, as_surface, triangle_normals, unit, vertex_normals
+
+THREADS = 4
+"""The most threads that libigl takes; the variable IGL_NUM_THREADS decides where it is set."""
+SKIN = 1e-5
+"""Just outside a triangle: this share of the body's size along its normal."""
+HOLLOW = 1e-4
+"""A piece is a sheet and no body where its volume is below this share of that of the ball with the same area."""
+
+
+@dataclass(frozen=True)
+class Closest:
+    """Of k points: what of a body is closest.
+
+    signed_distance (k,) [m]: negative inside; points (k, 3) [m] on the body; normals (k, 3): outward there, unit (the
+    gradient of the signed distance); triangles (k,): the body's triangle that holds the closest point.
+    """
+
+    signed_distance: Floats
+    points: Floats
+    normals: Floats
+    triangles: Ints
+
+    @property
+    def inside(self) -> np.ndarray:
+        """True for points inside the body, (k,); touching is not inside."""
+        return np.less(self.signed_distance, 0)
+
+
+@dataclass(frozen=True)
+class Penetration:
+    """How many of the points are inside, how deep the deepest is [m], and which it is (-1: none)."""
+
+    count: int
+    depth: float
+    worst: int
+
+
+@dataclass(frozen=True)
+class BodySurface:
+    """A body to measure distances from, made by `body_surface`.
+
+    positions (n, 3) [m]; triangles (m, 3): as given, those wound inward turned; outer (k,): the triangles that are not
+    buried in the body itself; open_edges: how many edges have one triangle only (0: watertight).
+    """
+
+    positions: Floats
+    triangles: Ints
+    outer: Ints
+    open_edges: int
+    _tree: Any = field(repr=False, compare=False)
+
+    def closest(self, points: ArrayLike) -> Closest:
+        """The closest points of the body to `points` (k, 3) [m], and on which side they are."""
+        import igl
+
+        queries = as_points("points", points)
+        if not len(queries):
+            return Closest(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.int64))
+        squared, rows, places = self._tree.squared_distance(self.positions, self.triangles[self.outer], queries)
+        triangles, places = self.outer[rows.ravel()], places.reshape(-1, 3)
+        distance = np.sqrt(squared.ravel())
+        sign = np.where(igl.fast_winding_number(self.positions, self.triangles, queries) > 0.5, -1.0, 1.0)
+        normals = self._normals(sign[:, None] * (queries - places), distance, places, triangles)
+        return Closest(sign * distance, places, normals, triangles)
+
+    def penetration(self, points: ArrayLike) -> Penetration:
+        """Which of `points` (k, 3) [m] are inside."""
+        distance = self.closest(points).signed_distance
+        count = int((distance < 0).sum())
+        worst = int(np.argmin(distance)) if count else -1
+        return Penetration(count, float(-distance[worst]) if count else 0.0, worst)
+
+    def exits(self, points: Floats, directions: Floats) -> tuple[Floats, Ints]:
+        """Where rays from `points` (k, 3) along unit `directions` meet the body: distance [m], triangle; or inf, -1."""
+        triangles, distance, _ = self._tree.intersect_ray_first(
+            self.positions, self.triangles[self.outer], np.ascontiguousarray(points), np.ascontiguousarray(directions)
+        )
+        met = np.logical_and(triangles.ravel() >= 0, np.isfinite(distance.ravel()))
+        return np.where(met, distance.ravel(), np.inf), np.where(met, self.outer[triangles.ravel()], -1)
+
+    @cached_property
+    def vertex_normals(self) -> Floats:
+        """Outward unit normals at the vertices, (n, 3), weighted by angle."""
+        return vertex_normals(self.positions, self.triangles)
+
+    @cached_property
+    def triangle_normals(self) -> Floats:
+        """Outward unit normals of the triangles, (m, 3)."""
+        return triangle_normals(self.positions, self.triangles)
+
+    @cached_property
+    def size(self) -> float:
+        """The diagonal of its box [m]."""
+        return float(np.linalg.norm(np.ptp(self.positions[self.triangles.ravel()], axis=0)))
+
+    def _normals(self, outward: Floats, distance: Floats, places: Floats, triangles: Ints) -> Floats:
+        """From a closest point towards the point, reversed inside; on the surface itself the vertices' normals.
+
+        At an edge or a corner the direction to the point is the one in which the distance grows, and no triangle's is.
+        """
+        normals = unit(outward)
+        touching = distance < SKIN * self.size
+        corners = self.triangles[triangles[touching]]
+        weights = barycentric(self.positions[corners], places[touching])
+        smooth = unit((weights[:, :, None] * self.vertex_normals[corners]).sum(axis=1))
+        flat = self.triangle_normals[triangles[touching]]
+        normals[touching] = np.where((smooth * flat).sum(axis=1, keepdims=True) > 0, smooth, flat)
+        return normals
+
+
+def body_surface(positions: ArrayLike, triangles: ArrayLike) -> BodySurface:
+    """The body of `triangles` (m, 3) on `positions` (n, 3) [m], in whatever winding, open or closed.
+
+    TransferError for bad arrays, and where no piece encloses a volume: then inside means nothing.
+    """
+    points, given = as_surface("body", positions, triangles)
+    os.environ.setdefault("IGL_NUM_THREADS", str(min(THREADS, os.cpu_count() or 1)))
+    import igl
+
+    faces = _turned_outward(points, given)
+    normals = triangle_normals(points, faces)
+    size = float(np.linalg.norm(np.ptp(points[faces.ravel()], axis=0)))
+    above = points[faces].mean(axis=1) + SKIN * size * normals
+    buried = np.logical_or(igl.fast_winding_number(points, faces, above) > 0.5, ~normals.any(axis=1))
+    outer = np.flatnonzero(~buried)
+    if not len(outer):
+        raise TransferError("The body has no outside: each of its triangles has the body on both sides.")
+    tree = igl.AABB()
+    tree.init(points, np.ascontiguousarray(faces[outer]))
+    half = np.sort(np.concatenate([given[:, [0, 1]], given[:, [1, 2]], given[:, [2, 0]]]), axis=1)
+    open_edges = int((np.unique(half, axis=0, return_counts=True)[1] == 1).sum())
+    return BodySurface(points, faces, outer, open_edges, tree)
+
+
+def barycentric(corners: Floats, points: Floats) -> Floats:
+    """Weights (k, 3) of the corners (k, 3, 3) of triangles that give `points` (k, 3) of their planes (Ericson 2004)."""
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    c = points - corners[:, 0]
+    aa, ab, bb = (a * a).sum(axis=1), (a * b).sum(axis=1), (b * b).sum(axis=1)
+    ca, cb = (c * a).sum(axis=1), (c * b).sum(axis=1)
+    area = aa * bb - ab * ab
+    safe = np.where(area > 0, area, 1.0)
+    v, w = (bb * ca - ab * cb) / safe, (aa * cb - ab * ca) / safe
+    return np.column_stack([1 - v - w, v, w])
+
+
+def _turned_outward(points: Floats, given: Ints) -> Ints:
+    """All triangles of a piece wound alike, and each piece so that its volume is positive."""
+    import igl
+
+    faces, pieces = igl.bfs_orient(given)
+    faces, pieces = np.ascontiguousarray(faces, np.int64), np.asarray(pieces).ravel()
+    corners = points[faces]
+    doubled = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.bincount(pieces, 0.5 * np.linalg.norm(doubled, axis=1))
+    middles = corners.mean(axis=1)
+    count = np.bincount(pieces)
+    centre = np.column_stack([np.bincount(pieces, middles[:, k]) for k in range(3)]) / count[:, None]
+    volume = np.bincount(pieces, ((middles - centre[pieces]) * doubled).sum(axis=1) / 6)
+    if not (np.abs(volume) > HOLLOW * area**1.5 / (6 * np.sqrt(np.pi))).any():
+        raise TransferError(
+            "The body encloses no volume: it is a flat sheet.", "Give a body with an inside; small holes do no harm."
+        )
+    inward = (volume < 0)[pieces]
+    faces[inward] = faces[inward][:, [0, 2, 1]]
+    return faces
