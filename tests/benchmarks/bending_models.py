@@ -3,8 +3,8 @@
 `python -m tests.benchmarks.bending_models [--cells 40] [--sheet 100] [--json FILE]`.
 Free strips that hang from a clamp: the error of tip drop over tip reach on strips cut out of a right-diagonal lattice
 at several angles and on Delaunay meshes of points at random, and its spread over those
-meshes. A ring that is clamped inside and loaded, on two meshes of which one is twice as fine: an error that does not shrink does not converge. The time of a call on a sheet, the size of the
-Newton matrix and the time to factor it.
+meshes. A ring that is clamped inside and loaded, on two meshes of which one is twice as fine: an error that does not
+shrink does not converge. The time of a call on a sheet, the size of the Newton matrix and the time to factor it.
 """
 
 import argparse

@@ -10,7 +10,7 @@ from tests.benchmarks.compile_time import OURS, Compiled, compiled, loaded, told
 
 SMALL_RUN = """
 import json, sys
-sys.path.insert(0, {tests!r})
+sys.path[:0] = [{root!r}, {tests!r}]
 from clothsim import simulate
 from tests.benchmarks.compile_time import loaded
 from small_scenes import small_scene
@@ -62,7 +62,8 @@ def test_literals_of_this_package_are_told():
 
 
 def test_a_run_needs_each_kernel_for_one_set_of_types_and_for_no_literal(tmp_path, request):
-    code = SMALL_RUN.format(tests=str(request.config.rootpath / "tests"))
+    root = request.config.rootpath
+    code = SMALL_RUN.format(root=str(root), tests=str(root / "tests"))
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
     kernels = json.loads(run.stdout.splitlines()[-1])
     used = {name: types for name, types in kernels.items() if types}

@@ -17,12 +17,12 @@ def test_a_second_process_compiles_where_nothing_is_compiled_and_ends(tmp_path):
     done = subprocess.run([sys.executable, "-c", TWICE], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["True", "0", "True"]
     kernels = {file.name.split("-")[0] for file in tmp_path.rglob("*.nbi")}
-    assert {"membrane_kernels.fill", "hinge_kernels.fill", "pattern._times"} <= kernels
-    assert {"barrier_hessian.squares", "semidefinite.positive_squares", "scatter.add_squares"} <= kernels
+    assert {"membrane_kernels.fill", "hinge_kernels.fill", "sparsity._times"} <= kernels
+    assert {"barrier_hessian.squares", "psd_projection.positive_squares", "assembly.add_squares"} <= kernels
 
 
 def test_one_core_compiles_alone(tmp_path):
-    alone = "from clothsim.cli import ahead; precompile.CORES = 10**6; print(precompile.start())"
+    alone = "from clothsim.cli import precompile; precompile.CORES = 10**6; print(precompile.start())"
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
     done = subprocess.run([sys.executable, "-c", alone], env=environment, capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["None"]
