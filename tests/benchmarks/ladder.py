@@ -1,6 +1,6 @@
 """The cost ladder: what each effect adds to a step, on one mesh, from one state.
 
-`python -m tests.benchmarks.ladder [--cells N] [--readme FILE] [--picture FILE]`.
+`python -m tests.benchmarks.ladder [--cells N] [--page FILE] [--picture FILE]`.
 A sheet falls on a ball with every rung
 on. From the state that it is in then, each rung takes the same steps, several times: the fastest counts, on one thread.
 What a rung solves is another problem than the rung below it: the times compare costs, not results.
@@ -194,7 +194,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Climb, print the table, and keep it where asked."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.ladder", description=__doc__.splitlines()[0])
     parser.add_argument("--cells", type=int, default=40, metavar="N", help="cells along the sheet (default 40)")
-    parser.add_argument("--readme", type=Path, metavar="FILE", help="write the table between FILE's marks")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="write the table between FILE's marks")
     parser.add_argument("--picture", type=Path, metavar="FILE", help="draw stacked bars (PNG)")
     arguments = parser.parse_args(argv)
     ladder = climb(arguments.cells)
@@ -203,9 +203,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         from tests.benchmarks.ladder_picture import draw
 
         draw(ladder, arguments.picture)
-    if arguments.readme:
+    if arguments.page:
         shown = arguments.picture.as_posix() if arguments.picture else ""
-        write_between(arguments.readme, MARK, markdown(ladder, shown))
+        write_between(arguments.page, MARK, markdown(ladder, shown))
     return 0
 
 

@@ -36,10 +36,10 @@ def test_each_rung_has_the_effects_of_those_below_and_parts_that_add_up(climbed)
 
 def test_the_table_and_the_picture_are_kept(climbed, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(ladder, "climb", lambda cells: climbed)
-    readme, picture = tmp_path / "README.md", tmp_path / "ladder.png"
-    readme.write_text("head\n<!-- ladder -->\nstale\n<!-- /ladder -->\ntail\n")
-    assert ladder.main(["--readme", str(readme), "--picture", str(picture)]) == 0
-    text = readme.read_text()
+    page, picture = tmp_path / "page.md", tmp_path / "ladder.png"
+    page.write_text("head\n<!-- ladder -->\nstale\n<!-- /ladder -->\ntail\n")
+    assert ladder.main(["--page", str(page), "--picture", str(picture)]) == 0
+    text = page.read_text()
     assert text.startswith("head\n<!-- ladder -->\n<details>")
     assert text.endswith("</details>\n<!-- /ladder -->\ntail\n")
     assert "stale" not in text

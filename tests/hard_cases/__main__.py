@@ -19,8 +19,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     unknown = [name for name in wanted if not any(_is(case.name, name) for case in CASES)]
     if unknown:
         parser.error(f"no case is called {unknown[0]}; there are {', '.join(case.name for case in CASES)}")
-    if arguments.readme and not arguments.record:
-        parser.error("--readme writes what a record holds: name it with --record FILE")
+    if arguments.page and not arguments.record:
+        parser.error("--page writes what a record holds: name it with --record FILE")
     chosen = [case for case in CASES if not wanted or any(_is(case.name, name) for name in wanted)]
     rows, passed = [], True
     for case in chosen if arguments.seeds else ():
@@ -30,8 +30,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     if rows:
         print()
         print(text_table(("case", "what", *COLUMNS), rows))
-    if arguments.readme:
-        write_between(arguments.readme, "stability", markdown(CASES, read_record(arguments.record)))
+    if arguments.page:
+        write_between(arguments.page, "stability", markdown(CASES, read_record(arguments.record)))
     return 0 if passed else 1
 
 
@@ -67,7 +67,7 @@ def _arguments(argv: Sequence[str] | None) -> tuple[argparse.Namespace, argparse
     )
     parser.add_argument("--only", default="", metavar="B1,B5", help="these cases only")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep what was seen in FILE (JSON), row by row")
-    parser.add_argument("--readme", type=Path, metavar="FILE", help="write the record as a table between FILE's marks")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="write the record as a table between FILE's marks")
     return parser.parse_args(argv), parser
 
 

@@ -1,4 +1,4 @@
-"""`python -m tests.known_answers [--rows A1,A3] [--record FILE] [--readme FILE]`: the table of known answers."""
+"""`python -m tests.known_answers [--rows A1,A3] [--record FILE] [--page FILE]`: the table of known answers."""
 
 import argparse
 import sys
@@ -18,7 +18,7 @@ def main(argv: Sequence[str] | None = None, rows: Sequence[Row] = ROWS) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.known_answers", description=__doc__.split(": ")[1])
     parser.add_argument("--rows", default="", metavar="A1,A3b", help="these rows only")
     parser.add_argument("--record", type=Path, metavar="FILE", help="keep what was seen in FILE (JSON), row by row")
-    parser.add_argument("--readme", type=Path, metavar="FILE", help="write the table between FILE's marks")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="write the table between FILE's marks")
     arguments = parser.parse_args(argv)
     wanted = [name for name in arguments.rows.split(",") if name]
     unknown = [name for name in wanted if not chosen([name], rows)]
@@ -35,8 +35,8 @@ def main(argv: Sequence[str] | None = None, rows: Sequence[Row] = ROWS) -> int:
         if arguments.record:
             write_record(arguments.record, record)
     print(f"\n{text_table(HEADER, lines)}")
-    if arguments.readme:
-        write_between(arguments.readme, MARK, markdown(rows, record))
+    if arguments.page:
+        write_between(arguments.page, MARK, markdown(rows, record))
     return 0 if passed else 1
 
 
