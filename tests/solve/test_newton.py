@@ -19,11 +19,11 @@ from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
 from clothsim.solve import direction
 from clothsim.solve.direction import Model
-from clothsim.solve.ledger import Ledger
+from clothsim.solve.linear_system import System
 from clothsim.solve.outcome import Ending, outcome, place_text
-from clothsim.solve.pattern import make_pattern
 from clothsim.solve.potential import Potential
-from clothsim.solve.system import System
+from clothsim.solve.sparsity import make_pattern
+from clothsim.solve.timers import Ledger
 
 
 class Toy(Energy):
