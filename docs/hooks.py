@@ -1,4 +1,4 @@
-"""Pages and formulas that the site builds: the scene reference from the schema, TeX as MathML (no script from elsewhere)."""
+"""Generated parts of the site: the scene reference from the schema, TeX as MathML (no script from elsewhere)."""
 
 import html
 import re
