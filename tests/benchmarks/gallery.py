@@ -1,7 +1,8 @@
 """Gallery of the shipped scenes: a picture of the last frame of each, and the page that shows them.
 
 `python -m tests.benchmarks.gallery [NAME ...] [--page docs/gallery.md]`.
-Runs the named scenes (all by default) to their end, writes docs/pictures/gallery/NAME.png, and lists every scene that has a picture between the marks of the page.
+Runs the named scenes (all by default) to their end, writes docs/pictures/gallery/NAME.png, and lists every scene that
+has a picture between the marks of the page.
 """
 
 import argparse
