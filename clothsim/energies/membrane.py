@@ -1,7 +1,7 @@
 """The effect `membrane`: a sheet resists stretch and shear in its own plane."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -51,6 +51,10 @@ class NeoHookeanMembrane(Energy):
         """Blocks (m, 9, 9) [N/m]; projected in F-space in closed form, or exact."""
         elements = self._elements
         return LanesHessian(self.triangles, lambda lanes, first: kernels.fill(lanes, first, x, *elements, project))
+
+    def with_triangles(self, triangles: Ints) -> Self:
+        """The same elements between other vertices, `triangles (m, 3)`."""
+        return replace(self, triangles=triangles)
 
     @property
     def _elements(self) -> tuple[Ints, Floats, Floats, Floats, Floats]:

@@ -45,6 +45,11 @@ class ThreadedMembrane(Energy):
         """The elastic triangles, (m, 3)."""
         return self.sheet.triangles
 
+    def with_triangles(self, triangles: Ints) -> Self:
+        """The same elements between other vertices, `triangles (m, 3)`."""
+        threads = replace(self.threads, triangles=triangles)
+        return replace(self, sheet=self.sheet.with_triangles(triangles), threads=threads)
+
     def choices(self) -> tuple[str, ...]:
         """What it chose where the scene was silent."""
         return self.said

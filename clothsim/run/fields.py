@@ -1,0 +1,231 @@
+"""Fields of a deformed cloth: deformation gradient, stretch, thickness, frames, stress and contact pressure.
+
+One table, FIELDS, from the name of a field to its location (triangle or vertex), unit and formula. All of them are
+functions of the world and of the positions x; contact pressure needs the energies bound to the step too. Tensors of a
+triangle are in its material axes: the first is the warp, the second the weft.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clothsim.arrays import Floats, Ints
+from clothsim.energies.base import Energy
+from clothsim.errors import InputError
+from clothsim.kinematics.deformation_gradient import deformation_gradients
+from clothsim.kinematics.kabsch_frames import ring_frames
+from clothsim.kinematics.stretch import Stretch, decompose
+from clothsim.kinematics.thickness import thickness_stretch
+from clothsim.kinematics.warp_weft import thread_axes
+from clothsim.mesh.topology import vertex_rings
+from clothsim.mesh.world import World
+
+CONTACTS = ("body_contact", "self_contact")
+
+
+@runtime_checkable
+class TriangleMembrane(Protocol):
+    """A membrane that is a sum over single triangles."""
+
+    triangles: Ints
+
+    def with_triangles(self, triangles: Ints) -> Energy:
+        """The same elements between other vertices."""
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A world at the positions x (N, 3) [m], relative to `world.origin`, and its energies by name.
+
+    bound: whether the energies are those of a step, so that contact has its stiffness.
+    """
+
+    world: World
+    x: Floats
+    energies: Mapping[str, Energy]
+    bound: bool = False
+
+    @cached_property
+    def F(self) -> Floats:  # noqa: N802 - the field's letter
+        """Deformation gradients (m, 3, 2): the images of the first (warp) and of the second (weft) material axis."""
+        own = deformation_gradients(self.x, self.world.triangles, self.world.rest_shape_inverses)
+        return own @ self.axes
+
+    @cached_property
+    def axes(self) -> Floats:
+        """The material axes in the plane of each triangle, (m, 2, 2): comparable from triangle to triangle."""
+        return thread_axes(self.world, np.zeros(len(self.world.triangles)))
+
+    @cached_property
+    def stretch(self) -> Stretch:
+        """F = R U of each triangle."""
+        return decompose(self.F)
+
+
+@dataclass(frozen=True)
+class Field:
+    """A named field of the cloth.
+
+    Parameters
+    ----------
+    location : "triangle" or "vertex"
+        Where its values lie: one per triangle (m, ...) or per cloth vertex (n, ...).
+    unit : str
+        SI unit, "" for a pure number.
+    meaning : str
+        The quantity, in a few words.
+    compute : function of a Configuration
+        The values, `(m, ...)` or `(n, ...)`.
+    scalar : function of the values
+        One number per triangle or vertex, for a colour map.
+    """
+
+    location: Literal["triangle", "vertex"]
+    unit: str
+    meaning: str
+    compute: Callable[[Configuration], NDArray[np.floating]]
+    scalar: Callable[[Floats], Floats]
+
+
+def field(name: str, configuration: Configuration) -> NDArray[np.floating]:
+    """Values of the field `name`.
+
+    Parameters
+    ----------
+    name : str
+        A key of `FIELDS`.
+    configuration : Configuration
+
+    Returns
+    -------
+    ndarray
+        (m, ...) for a field of the triangles, (n, ...) for one of the vertices.
+
+    Raises
+    ------
+    InputError
+        For a name that is not in the table, or a field that needs an effect that is off.
+    """
+    return known_field(name).compute(configuration)
+
+
+def known_field(name: str) -> Field:
+    """The entry `name` of the table; InputError names the nearest known one."""
+    from clothsim.scene.keys import refuse_unknown
+
+    refuse_unknown("The table of fields", [name], FIELDS)
+    return FIELDS[name]
+
+
+def compression(at: Configuration) -> Floats:
+    """max(0, 1 - l2), (m,): the wrinkle field of Rohmer et al. 2010 (Animation wrinkling, section 4)."""
+    return np.maximum(0.0, 1.0 - at.stretch.principal_stretches[:, 1])
+
+
+def thickness(at: Configuration) -> Floats:
+    """l3 times the fabric's thickness [m], (m,): l3 of the compressible Neo-Hookean sheet in plane stress."""
+    l1, l2 = at.stretch.principal_stretches.T
+    return thickness_stretch(l1, l2, at.world.per_triangle("poisson_ratio")) * at.world.per_triangle("thickness")
+
+
+def vertex_frames(at: Configuration) -> Floats:
+    """Kabsch rotation of each vertex ring from the rest positions, (n, 3, 3)."""
+    world = at.world
+    rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
+    return ring_frames(rest, at.x[: world.n_cloth], *vertex_rings(world.triangles, world.n_cloth)).rotations
+
+
+def stress(at: Configuration) -> Floats:
+    """First Piola-Kirchhoff membrane stress P = dpsi/dF per reference length [N/m], (m, 3, 2), of any material.
+
+    On a triangle of its own the corner forces f1, f2 are A P Dm^-T, so P = [f1 f2] Dm' / A.
+    """
+    membrane, rows, x = _separate_triangles(at)
+    forces = membrane.gradient(x).reshape(-1, 3, 3)
+    edges = np.stack([forces[:, 1], forces[:, 2]], axis=2)
+    values = np.zeros_like(at.F)
+    P = edges @ np.swapaxes(at.world.rest_shapes[rows], 1, 2) / at.world.rest_areas[rows, None, None]
+    values[rows] = P @ at.axes[rows]
+    return values
+
+
+def energy_density(at: Configuration) -> Floats:
+    """Membrane energy per reference area [J/m2], (m,)."""
+    membrane, rows, x = _separate_triangles(at)
+    values = np.zeros(len(at.world.triangles))
+    corners = np.zeros(len(x), bool)
+    for k, row in enumerate(rows):
+        corners[3 * k : 3 * k + 3] = True
+        values[row] = membrane.around(corners, x).value(x)
+        corners[3 * k : 3 * k + 3] = False
+    return values / at.world.rest_areas
+
+
+def contact_pressure(at: Configuration) -> Floats:
+    """Force of the barriers on a vertex over its reference area [Pa], (n,)."""
+    contacts = [at.energies[name] for name in CONTACTS if name in at.energies]
+    if not at.bound:
+        raise InputError(
+            "contact_pressure needs the contact stiffness of the step.",
+            'Ask for it before the run: run.fields = ["contact_pressure"].',
+        )
+    forces = sum((energy.gradient(at.x)[: at.world.n_cloth] for energy in contacts), np.zeros((at.world.n_cloth, 3)))
+    return np.linalg.norm(forces, axis=1) / at.world.vertex_areas
+
+
+def _separate_triangles(at: Configuration) -> tuple[Energy, Ints, Floats]:
+    """The membrane on triangles that share no vertex, their numbers in the world, their corners (3 k, 3) [m]."""
+    membrane = at.energies.get("membrane")
+    if membrane is None:
+        raise InputError("The scene has no membrane, so there is no membrane stress.", "Name [effects.membrane].")
+    if not isinstance(membrane, TriangleMembrane):
+        raise InputError(
+            "A membrane on pairs of triangles has no stress of a single triangle.",
+            'Take [effects.membrane] elements = "triangles".',
+        )
+    triangles = membrane.triangles
+    of_world = {tuple(row): k for k, row in enumerate(at.world.triangles.tolist())}
+    rows = np.array([of_world[tuple(row)] for row in triangles.tolist()], np.int64)
+    separate = membrane.with_triangles(np.arange(triangles.size).reshape(-1, 3))
+    return separate, rows, np.ascontiguousarray(at.x[triangles.ravel()])
+
+
+def _norm(values: Floats) -> Floats:
+    return np.sqrt((values.reshape(len(values), -1) ** 2).sum(axis=1))
+
+
+def _angle(rotations: Floats) -> Floats:
+    """Angle of each rotation [rad]; a half turn has the trace -1."""
+    return np.arccos(np.clip((np.trace(rotations, axis1=1, axis2=2) - 1) / 2, -1.0, 1.0))
+
+
+def _itself(values: Floats) -> Floats:
+    return values
+
+
+def _largest(values: Floats) -> Floats:
+    """The stretch furthest from 1 in |log l|."""
+    logs = np.abs(np.log(np.maximum(values, 1e-6)))
+    return np.take_along_axis(values, logs.argmax(axis=1)[:, None], axis=1)[:, 0]
+
+
+FIELDS: Mapping[str, Field] = {
+    "deformation_gradient": Field("triangle", "", "F (3x2), material plane to space", lambda at: at.F, _norm),
+    "rotation": Field("triangle", "", "R3 (3x3) of F = R U", lambda at: at.stretch.R3, _angle),
+    "right_stretch": Field("triangle", "", "U (2x2) of F = R U", lambda at: at.stretch.U, _norm),
+    "principal_stretches": Field("triangle", "", "l1 >= l2", lambda at: at.stretch.principal_stretches, _largest),
+    "principal_directions": Field(
+        "triangle", "", "unit columns w1, w2 (3x2) in space", lambda at: at.stretch.spatial_directions, _norm
+    ),
+    "compression": Field("triangle", "", "max(0, 1 - l2), the wrinkle field", compression, _itself),
+    "thickness": Field("triangle", "m", "thickness of the stretched sheet", thickness, _itself),
+    "vertex_frames": Field("vertex", "", "Kabsch rotations (3x3) of the vertex rings", vertex_frames, _angle),
+    "stress": Field("triangle", "N/m", "first Piola-Kirchhoff membrane stress (3x2)", stress, _norm),
+    "energy_density": Field("triangle", "J/m2", "membrane energy per reference area", energy_density, _itself),
+    "contact_pressure": Field("vertex", "Pa", "contact force over reference area", contact_pressure, _itself),
+}
+"""THE table of fields."""
