@@ -15,7 +15,7 @@ from typing import Any, Self
 from tests.benchmarks.bench.bench_cases import Case
 from tests.benchmarks.bench.leads import lead
 
-WORKER = Path(__file__).with_name("worker.py")
+WORKER = Path(__file__).with_name("measurement_process.py")
 SEARCHES = ("candidates", "CCD")
 PHASES = (*SEARCHES, "assembly", "linear solve", "line search", "step control")
 """Parts of a step that belong to no effect alone."""

@@ -8,6 +8,7 @@ count, though it slows the memory that it shares.
 """
 
 import contextlib
+import importlib
 import json
 import subprocess
 import sys
@@ -25,14 +26,32 @@ Job = dict[str, Any]
 Trial = dict[str, Any]
 
 
+EARLIER = {
+    "clothsim.build.scene_world": "clothsim.scene.build",
+    "clothsim.run.session": "clothsim.session",
+    "clothsim.sim.prescribed": "clothsim.sim.motion",
+    "clothsim.solve.linear_solvers": "clothsim.solve.linear",
+    "clothsim.solve.process_memory": "clothsim.solve.memory",
+}
+"""Names that modules had in revisions before their move: those are measured beside this one too."""
+
+
+def module(name: str) -> Any:
+    """The module of the revision under measurement, by its present name."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError:
+        return importlib.import_module(EARLIER[name])
+
+
 class RefusalError(Exception):
     """Why a case cannot be measured."""
 
 
 def stepper(job: Job) -> Callable[[], Trial]:
     """Takes the same `steps` again and again from one state: `settle` steps after that in the file `state`."""
-    from clothsim.build.scene_world import build
-    from clothsim.run.session import prepare
+    build = module("clothsim.build.scene_world").build
+    prepare = module("clothsim.run.session").prepare
     from clothsim.scene.scene import Scene
     from clothsim.sim.state import first_state
 
@@ -110,8 +129,8 @@ def _booked(session: Any) -> dict[str, float]:
 def _own_solve(session: Any, report: Any) -> float | None:
     """Seconds of one direct factorisation and solve of the last matrix; None where a revision cannot tell."""
     try:
-        from clothsim.sim.prescribed import prescribed
-        from clothsim.solve.linear_solvers import make_solver
+        prescribed = module("clothsim.sim.prescribed").prescribed
+        make_solver = module("clothsim.solve.linear_solvers").make_solver
 
         system, n = session.integrator.system, session.built.world.n_cloth
         hessians = report.potential.hessians(report.state.positions)
@@ -196,7 +215,7 @@ def _peak() -> int:
     if status.is_file():
         lines = status.read_text(encoding="utf-8").splitlines()
         return next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmHWM:")), 0)
-    from clothsim.solve.process_memory import peak_memory
+    peak_memory = module("clothsim.solve.process_memory").peak_memory
 
     return peak_memory()
 
