@@ -11,7 +11,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.build.meshes import cloth_shape
 from clothsim.errors import InputError
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.topology import unique_edges
 from clothsim.scene.scene import Scene
 
