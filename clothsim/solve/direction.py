@@ -146,7 +146,7 @@ class QuadraticModel:
     def _assembled(self, hessians: list[assembly.Hessian]) -> Floats:
         with self.potential.timers.phase("assembly"):
             data = self.system.assemble(hessians)
-            self.system.pattern.constrain(data, self.fixed)
+            self.system.pattern.fix(data, self.fixed)
         return data
 
     def _solve(self, data: Floats, b: Floats, accuracy: float) -> tuple[Floats, LinearSolver] | None:

@@ -104,10 +104,10 @@ class Pattern:
         """v -> A v for the matrix of `data`."""
         return lambda v: _times(data, self.starts, self.columns, v)
 
-    def constrain(self, data: Floats, fixed: np.ndarray) -> None:
+    def fix(self, data: Floats, fixed: np.ndarray) -> None:
         """Cut the rows and columns of `fixed` vertices ((n,) booleans) out of `data` in place; 1 on their diagonal."""
         if fixed.any():
-            _constrain(data, self.starts, self.columns, fixed)
+            _fix(data, self.starts, self.columns, fixed)
 
     def diagonal(self, data: Floats) -> Floats:
         """The diagonal, (3 n,)."""
@@ -299,7 +299,7 @@ def _times(data, starts, columns, v):
 
 
 @kernel
-def _constrain(data, starts, columns, fixed):
+def _fix(data, starts, columns, fixed):
     for i in range(len(starts) - 1):
         for k in range(starts[i], starts[i + 1]):
             if fixed[i] or fixed[columns[k]]:

@@ -194,7 +194,7 @@ def test_fixed_rows_become_the_identity():
     data, _ = pattern.assemble(parts)
     fixed = np.zeros(N, bool)
     fixed[[0, 4, 5]] = True
-    pattern.constrain(data, fixed)
+    pattern.fix(data, fixed)
     expected = dense(parts)
     rows = np.repeat(fixed, 3)
     expected[rows] = 0
