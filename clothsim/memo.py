@@ -7,17 +7,17 @@ from typing import Generic, TypeVar
 from clothsim.arrays import Floats
 from clothsim.indexing import equal
 
-PLACES = 2
+CAPACITY = 2
 """Where a step begins and where it ends."""
 
 What = TypeVar("What")
 
 
-class Lately(Generic[What]):
+class Memo(Generic[What]):
     """The answers of a function of x alone, for the last PLACES at which it was asked."""
 
     def __init__(self) -> None:
-        self._known: deque[tuple[Floats, What]] = deque(maxlen=PLACES)
+        self._known: deque[tuple[Floats, What]] = deque(maxlen=CAPACITY)
 
     def at(self, x: Floats, find: Callable[[Floats], What]) -> What:
         """find(x), or what that was: to compare two places takes a hundredth of an energy."""

@@ -7,7 +7,7 @@ from meshes import cloth, grid
 
 from clothsim.contact.surface import cloth_body_surface, cloth_surface
 from clothsim.mesh.body import make_body
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.world import make_world
 
 

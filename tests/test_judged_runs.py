@@ -9,7 +9,7 @@ from small_scenes import EFFECTS, SHEET, small_scene, without
 
 from clothsim import simulate
 from clothsim.intersection.crossings import Crossing
-from clothsim.sim.intersection_check import Judge
+from clothsim.sim.intersection_check import IntersectionCheck
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
 FOUND = {
@@ -26,7 +26,7 @@ def run_that_meets(monkeypatch, folder, role, effects):
         judged.append(x)
         return FOUND[role] if len(judged) > 1 else ()
 
-    monkeypatch.setattr(Judge, "crossings", crossings)
+    monkeypatch.setattr(IntersectionCheck, "crossings", crossings)
     return simulate(small_scene(effects=effects, run=SHORT), folder)
 
 

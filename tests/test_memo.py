@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.memo import PLACES, Lately
+from clothsim.memo import CAPACITY, Memo
 
 
 def test_the_last_places_are_known_by_their_numbers():
@@ -12,17 +12,17 @@ def test_the_last_places_are_known_by_their_numbers():
         asked.append(x[0, 0])
         return 10.0 * x[0, 0]
 
-    lately, x = Lately(), np.zeros((1, 3))
+    lately, x = Memo(), np.zeros((1, 3))
     for k in (0.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0):
         x[0, 0] = k  # the same array with other numbers is another place
         assert lately.at(x, find) == 10.0 * k
-    assert PLACES == 2
+    assert CAPACITY == 2
     assert asked == [0.0, 1.0, 2.0, 0.0]
 
 
 def test_what_is_no_number_is_asked_again():
     asked = []
-    lately = Lately()
+    lately = Memo()
     for _ in range(2):
         lately.at(np.full((1, 3), np.nan), asked.append)
     assert len(asked) == 2

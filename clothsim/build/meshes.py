@@ -16,7 +16,7 @@ from clothsim.errors import InputError
 from clothsim.mesh.body import Body, make_body
 from clothsim.mesh.cloth import Cloth, make_cloth
 from clothsim.mesh.fabric import Fabric
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.motion import rigid_motion
 from clothsim.scene.fabrics import fabric_named
 from clothsim.scene.keys import refuse_unknown, table

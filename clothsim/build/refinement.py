@@ -11,7 +11,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.build.meshes import cloth_shape
 from clothsim.errors import InputError
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.topology import unique_edges
 from clothsim.scene.scene import Scene
 
@@ -45,7 +45,7 @@ def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
 
 def cells_of(keys: Mapping[str, Any]) -> list[int] | int:
     """The cells of a [cloth] table, its generator's own where it gives none. InputError where it has none."""
-    mesh = keys.get("mesh")
+    mesh = str(keys.get("mesh"))
     parameters = inspect.signature(GENERATORS[mesh]).parameters if mesh in GENERATORS else {}
     if "cells" not in parameters:
         kind = f"generated {mesh}" if mesh in GENERATORS else "file"

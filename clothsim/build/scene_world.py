@@ -10,7 +10,7 @@ from clothsim.build.untangle import untangled
 from clothsim.build.warnings import remarks
 from clothsim.energies.base import Constraint, Energy, Off
 from clothsim.errors import InputError
-from clothsim.mesh.local_origin import about_its_own_origin
+from clothsim.mesh.local_origin import with_local_origin
 from clothsim.mesh.world import World, make_world
 from clothsim.scene.effects import CONTACTS, EFFECTS
 from clothsim.scene.scene import Scene
@@ -77,4 +77,4 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
     if scene.seed_settings().untangle:
         world, done = untangled(world)
         notes.append(done)
-    return about_its_own_origin(world), notes
+    return with_local_origin(world), notes

@@ -7,7 +7,7 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.build.placement import Shape
 from clothsim.mesh.checks import examine, refuse
-from clothsim.mesh.topology import kept_groups
+from clothsim.mesh.topology import renumbered_groups
 from clothsim.mesh.weld import flaps, mean_of_parts, weld
 
 
@@ -29,5 +29,5 @@ def sewn(label: str, shape: Shape, start: Floats | None, gap: float, at_start: b
     used, faces = np.unique(triangles[kept], return_inverse=True)
     texture = shape.texture[kept] if len(shape.texture) else shape.texture
     together = None if start is None else mean_of_parts(start, number)[used]
-    groups = kept_groups(shape.groups, kept)
+    groups = renumbered_groups(shape.groups, kept)
     return Shape(positions[used], faces.reshape(-1, 3).astype(np.int64), texture, tuple(notes), groups), together

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from clothsim.arrays import Floats, Ints
-    from clothsim.sim.intersection_check import Judge
+    from clothsim.sim.intersection_check import IntersectionCheck
 
 _DESCRIPTION = """\
 Examine a mesh file, build a scene, test every frame of a run for intersections, or a garment on a body.
@@ -88,7 +88,7 @@ def _check_scene(path: Path) -> int:
     from clothsim.build.scene_world import build
     from clothsim.io.run_surfaces import world_surfaces
     from clothsim.scene.toml_file import load_scene
-    from clothsim.sim.intersection_check import judge_of
+    from clothsim.sim.intersection_check import intersection_check_of
 
     print(path)
     try:
@@ -110,8 +110,8 @@ def _check_scene(path: Path) -> int:
         print(f"  {note}")
     for name, reason in built.off.items():
         print(f"  {name} is off: {reason}.")
-    judge = judge_of(world_surfaces(world), scene.effects, built.energies)
-    return _ended(_intersections(judge, [("at the start", world.start())], "at the start"))
+    check = intersection_check_of(world_surfaces(world), scene.effects, built.energies)
+    return _ended(_intersections(check, [("at the start", world.start())], "at the start"))
 
 
 def _check_run(directory: Path) -> int:
@@ -120,7 +120,7 @@ def _check_run(directory: Path) -> int:
     from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
     from clothsim.io.results import open_run
     from clothsim.scene.scene import scene_from_text
-    from clothsim.sim.intersection_check import judge_of
+    from clothsim.sim.intersection_check import intersection_check_of
 
     run = open_run(directory)
     print(f"{directory}: {run.status}, {len(run.times)} frames. {run.reason}")
@@ -130,15 +130,15 @@ def _check_run(directory: Path) -> int:
         return _ended(int(failed))
     checkpoint = directory / CHECKPOINT_NAME
     effects = scene_from_text(read_checkpoint(checkpoint).scene_text).effects if checkpoint.is_file() else {}
-    judge = judge_of(run.trajectory.surfaces, effects, effects)
+    check = intersection_check_of(run.trajectory.surfaces, effects, effects)
     frames = (
         (f"in frame {k} at {time:g} s", np.concatenate([run.positions(k), *(points for _, points, _ in run.bodies(k))]))
         for k, time in enumerate(run.times)
     )
-    return _ended(_intersections(judge, frames, f"in any of {len(run.times)} frames") + failed)
+    return _ended(_intersections(check, frames, f"in any of {len(run.times)} frames") + failed)
 
 
-def _intersections(judge: "Judge", frames: "Iterable[tuple[str, Floats]]", anywhere: str) -> int:
+def _intersections(check: "IntersectionCheck", frames: "Iterable[tuple[str, Floats]]", anywhere: str) -> int:
     """Print what intersects in frames, each (when, x), by the exact test; returns how many of them are errors.
 
     Cloth is tested with cloth whether or not the scene has self_contact; without it an intersection is a note.
@@ -147,8 +147,8 @@ def _intersections(judge: "Judge", frames: "Iterable[tuple[str, Floats]]", anywh
 
     errors, met = 0, set()
     for when, x in frames:
-        for crossing in judge.crossings(x, cloth_cloth=True, limit=LIMIT):
-            allowed = crossing.role == "cloth" and not judge.cloth_cloth
+        for crossing in check.crossings(x, cloth_cloth=True, limit=LIMIT):
+            allowed = crossing.role == "cloth" and not check.cloth_cloth
             if allowed and crossing.who in met:
                 continue
             met |= {crossing.role, crossing.who}
@@ -157,7 +157,7 @@ def _intersections(judge: "Judge", frames: "Iterable[tuple[str, Floats]]", anywh
             if allowed:
                 print("    self_contact is not on, so that is no error and later frames are not told")
             errors += not allowed
-    if not judge.bodies:
+    if not check.bodies:
         print("  no body, so nothing for cloth to intersect but itself")
     elif "body" not in met:
         print(f"  cloth and body do not intersect {anywhere}")

@@ -22,7 +22,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.energies import hinge_kernels as kernels
 from clothsim.energies.base import Energy, LanesHessian
 from clothsim.linalg import dot
-from clothsim.memo import Lately
+from clothsim.memo import Memo
 from clothsim.mesh.hinges import Hinges
 
 
@@ -40,7 +40,7 @@ class HingeBending(Energy):
 
     per_element = ("vertices", "rest_angles", "stiffnesses")
 
-    _angles: Lately[Floats] = field(default_factory=Lately, init=False, repr=False, compare=False)
+    _angles: Memo[Floats] = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     def value(self, x: Floats) -> float:
         """E(x) [J]."""

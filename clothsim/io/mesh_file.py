@@ -19,7 +19,7 @@ from clothsim.io.off import read_off
 from clothsim.io.polygons import Polygons, cut_polygons
 from clothsim.io.vtk_legacy import read_vtk
 from clothsim.mesh.generators.argument_checks import as_count
-from clothsim.mesh.topology import components, kept_groups
+from clothsim.mesh.topology import components, renumbered_groups
 
 TEXT_READERS = {".obj": read_obj, ".off": read_off}
 BYTE_READERS = {".vtk": read_vtk, ".msh": read_msh}
@@ -206,7 +206,7 @@ def _part(whole: MeshFile, keep: np.ndarray, what: str) -> MeshFile:
         triangles.reshape(-1, 3).astype(np.int64),
         whole.texture[keep] if len(whole.texture) else whole.texture,
         (*whole.messages, f"{what}: {counts}"),
-        kept_groups(whole.groups, np.flatnonzero(keep)),
+        renumbered_groups(whole.groups, np.flatnonzero(keep)),
     )
 
 

@@ -12,7 +12,7 @@ FAR = 100.0
 """Distance from the origin, in sizes of the cloth, from which a world gets an origin of its own."""
 
 
-def about_its_own_origin(world: World) -> World:
+def with_local_origin(world: World) -> World:
     """The world with `origin` at the middle of its cloths and every position relative to it; as it is where near."""
     cloth = world.start()[: world.n_cloth]
     low, high = cloth.min(axis=0), cloth.max(axis=0)

@@ -70,7 +70,7 @@ def components(triangles: Ints, n_vertices: int) -> Ints:
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def kept_groups(groups: Mapping[str, Ints], kept: Ints) -> dict[str, Ints]:
+def renumbered_groups(groups: Mapping[str, Ints], kept: Ints) -> dict[str, Ints]:
     """The groups in the numbers that the triangles `kept` (in ascending order) have among themselves."""
     left = {name: np.flatnonzero(np.isin(kept, own)) for name, own in groups.items()}
     return {name: own for name, own in left.items() if len(own)}

@@ -21,7 +21,7 @@ from clothsim.mesh.topology import unique_edges
 class World:
     """Cloths and bodies, numbered through. `hinges` may hold more than the cloths' own: clamps add theirs.
 
-    origin (3,) [m]: where the zero of all positions lies in the user's coordinates (see `origin.about_its_own_origin`).
+    origin (3,) [m]: where the zero of all positions lies in the user's coordinates (see `origin.with_local_origin`).
     """
 
     cloths: tuple[Cloth, ...]

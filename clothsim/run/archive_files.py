@@ -8,7 +8,7 @@ from typing import Any
 
 from clothsim.build.array_files import named_arrays
 from clothsim.errors import InputError
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from clothsim.scene.scene import Scene, scene_from_text
 
 FOLDER = "meshes"

@@ -11,7 +11,7 @@ from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.sim.stepping import StepReport
 from clothsim.solve.process_memory import held_bytes
-from clothsim.solve.timers import Account
+from clothsim.solve.timers import EffectCounters
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
                 break
     potential = session.integrator.potential
     source = f"the first {taken} step{'' if taken == 1 else 's'} of the scene.{reason}"
-    receipt = _receipt(scene.effects, session.built.off, potential.accounts(), potential.ledger.phases, source)
+    receipt = _receipt(scene.effects, session.built.off, potential.effect_counters(), potential.timers.phases, source)
     bound = potential.energies if report is None else report.potential.energies
     for name, energy in bound.items():
         others = [session.built.world, *(other for key, other in potential.energies.items() if key != name)]
@@ -83,15 +83,15 @@ def explain_run(directory: Path) -> Receipt:
 def _receipt(
     named: Collection[str],
     off: Mapping[str, str],
-    accounts: Mapping[str, Mapping[str, Any]],
+    effect_counters: Mapping[str, Mapping[str, Any]],
     phases: Mapping[str, float],
     source: str,
 ) -> Receipt:
-    seconds = sum(account["seconds"] for account in accounts.values()) + sum(phases.values())
+    seconds = sum(account["seconds"] for account in effect_counters.values()) + sum(phases.values())
     effects = {}
     for name in EFFECTS:
         on = name in named and name not in off
-        account = {**asdict(Account()), **accounts.get(name, {})}
+        account = {**asdict(EffectCounters()), **effect_counters.get(name, {})}
         reason = _named(account) if on else off.get(name, "not named in the scene")
         share = account["seconds"] / seconds if seconds else 0.0
         effects[name] = {"on": on, "reason": reason, **account, "share": share}

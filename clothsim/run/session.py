@@ -20,7 +20,7 @@ from clothsim.solve.newton import NewtonSettings
 from clothsim.solve.potential import Potential
 from clothsim.solve.process_memory import keep_freed_memory
 from clothsim.solve.sparsity import make_pattern
-from clothsim.solve.timers import Account, Ledger
+from clothsim.solve.timers import EffectCounters, Timers
 
 FINER = 0.1
 """Newton's tolerance as share of the error asked for over the duration."""
@@ -44,8 +44,8 @@ def prepare(scene: Scene, built: Built) -> Session:
     settings, run = scene.solver_settings(), scene.run_settings()
     _set_threads(settings.threads)
     keep_freed_memory()
-    ledger = Ledger(effects={name: Account() for name in built.energies})
-    potential = Potential(built.energies, ledger)
+    timers = Timers(effects={name: EffectCounters() for name in built.energies})
+    potential = Potential(built.energies, timers)
     start = built.world.start()
     hessians = [energy.hessian(start) for energy in built.energies.values()]
     pattern = make_pattern(built.world.n_cloth, built.world.triangles, hessians)

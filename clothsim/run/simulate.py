@@ -18,7 +18,7 @@ from clothsim.run.summary import Progress, checkpoint_of, entry_of, progress_of,
 from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.sim.certificate import Certificate, certificate_from, world_stretches
 from clothsim.sim.failure import Failure, crossing_failure
-from clothsim.sim.intersection_check import Judge, judge_of
+from clothsim.sim.intersection_check import IntersectionCheck, intersection_check_of
 from clothsim.sim.iterate_log import IterateLog
 from clothsim.sim.state import State, first_state
 from clothsim.sim.stepping import StepReport
@@ -76,7 +76,7 @@ def resume(
     if len(saved.positions) != session.built.world.n_vertices:
         raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
     state = state_of(saved)
-    restore(session.integrator.potential.ledger, saved.counters)
+    restore(session.integrator.potential.timers, saved.counters)
     if announce is not None:
         announce(session)
     certificate = certificate_from(saved.counters["certificate"])
@@ -101,7 +101,7 @@ class _Output:
     directory: Path
     trajectory: TrajectoryWriter
     record: RecordWriter
-    judge: Judge
+    check: IntersectionCheck
 
     def frame(self, state: State) -> None:
         """Append the state to the trajectory."""
@@ -130,7 +130,7 @@ def _run(
     asked = session.scene.solver_settings().error
     formula = session.integrator.formula
     certificate = replace(certificate, moved_by_script=scripted, formula=formula, asked=asked)
-    judge = judge_of(surfaces, session.scene.effects, session.built.energies)
+    check = intersection_check_of(surfaces, session.scene.effects, session.built.energies)
     kept = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
     if not resumed:
         _remove(directory / SUMMARY_NAME)
@@ -139,11 +139,11 @@ def _run(
         RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed else None) as record,
     ):
         _remove(directory / SUMMARY_NAME)  # of a resumed run only now: one that cannot go on keeps what it has
-        output = _Output(session, directory, trajectory, record, judge)
+        output = _Output(session, directory, trajectory, record, check)
         if kept is None:
             output.frame(state)
         if not resumed:
-            if judge.crossings(state.positions):
+            if check.crossings(state.positions):
                 certificate = replace(certificate, intersecting_frames=(0,))
             output.save(state, certificate)
         warm = perf_counter() - started
@@ -155,7 +155,7 @@ def _run(
         state, certificate, failure = _stepped(output, state, certificate, log, heard)
     seconds = {"wall_seconds": perf_counter() - started, "warmup_seconds": warm}
     entries = read_record(directory / RECORD_NAME)
-    write_summary(directory / SUMMARY_NAME, summary_of(session, state, certificate, judge, failure, entries, seconds))
+    write_summary(directory / SUMMARY_NAME, summary_of(session, state, certificate, check, failure, entries, seconds))
     return open_run(directory)
 
 
@@ -168,7 +168,7 @@ def _stepped(
 ) -> tuple[State, Certificate, Failure | None]:
     """All steps from `state` to the end or to a failure; the last state, its certificate, why it failed."""
     session, run = output.session, output.session.scene.run_settings()
-    world, ledger = session.built.world, session.integrator.potential.ledger
+    world, timers = session.built.world, session.integrator.potential.timers
     for report in steps(session.integrator, state, run.duration, run.frames_per_second):
         if log is not None and log.step == state.step + 1:
             log.write(output.directory)
@@ -176,24 +176,24 @@ def _stepped(
             output.save(state, certificate)
             return state, certificate, report.failure
         before, state = state, report.state
-        with ledger.phase("certificate"):
+        with timers.phase("certificate"):
             certificate = certificate.after(world, report, before)
-        with ledger.phase("output"):
+        with timers.phase("output"):
             output.record.append(entry_of(report, certificate))
         heard(report)
         if not report.frame_done:
             continue
-        with ledger.phase("output"):
+        with timers.phase("output"):
             output.frame(state)
-        with ledger.phase("certificate"):
-            found = output.judge.crossings(state.positions)
+        with timers.phase("certificate"):
+            found = output.check.crossings(state.positions)
         if found:
             frames = (*certificate.intersecting_frames, state.frame)
             certificate = replace(certificate, intersecting_frames=frames)
-        broken = output.judge.broken(found)
-        if broken:
-            return state, certificate, crossing_failure(world, broken[0], state, report.dt)
-        with ledger.phase("output"):
+        violations = output.check.violations(found)
+        if violations:
+            return state, certificate, crossing_failure(world, violations[0], state, report.dt)
+        with timers.phase("output"):
             output.save(state, certificate)
     return state, certificate, None
 

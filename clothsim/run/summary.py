@@ -9,11 +9,11 @@ from clothsim.io.checkpoint import Checkpoint
 from clothsim.run.session import Session
 from clothsim.sim.certificate import Certificate
 from clothsim.sim.failure import Failure
-from clothsim.sim.intersection_check import Judge
+from clothsim.sim.intersection_check import IntersectionCheck
 from clothsim.sim.state import Previous, State
 from clothsim.sim.stepping import StepReport
 from clothsim.solve.process_memory import peak_memory
-from clothsim.solve.timers import Account, Ledger
+from clothsim.solve.timers import EffectCounters, Timers
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "time": report.state.time,
         "dt": report.dt,
         "newton_iterations": report.result.iterations,
-        "regional_iterations": report.result.regional,
+        "regional_iterations": report.result.elimination_iterations,
         "speed": report.result.speed,
         "residual": report.result.residual,
         "energy": certificate.energy,
@@ -77,7 +77,7 @@ def summary_of(
     session: Session,
     state: State,
     certificate: Certificate,
-    judge: Judge,
+    check: IntersectionCheck,
     failure: Failure | None,
     record: Sequence[Mapping[str, Any]],
     seconds: Mapping[str, float],
@@ -98,17 +98,17 @@ def summary_of(
         "newton_iterations": sum(entry["newton_iterations"] for entry in record),
         "regional_iterations": sum(entry.get("regional_iterations", 0) for entry in record),
         "rejected_steps": sum(entry.get("rejected", 0) for entry in record),
-        "linear_solves": potential.ledger.linear_solves,
+        "linear_solves": potential.timers.linear_solves,
         "peak_memory_bytes": peak_memory(),
         "vertices": world.n_cloth,
         "triangles": len(world.triangles),
         "solver": session.integrator.system.name,
         "notes": [*session.notes, *filter(None, [missed])],
         "found": [f"{name}: {said}." for name, energy in energies for said in energy.found(state.positions)],
-        "effects": potential.accounts(),
+        "effects": potential.effect_counters(),
         "off": session.built.off,
-        "phases": potential.ledger.phases,
-        "certificate": certificate.as_dict(judge.says(), completed=failure is None),
+        "phases": potential.timers.phases,
+        "certificate": certificate.as_dict(check.coverage(), completed=failure is None),
     }
 
 
@@ -119,9 +119,9 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
         "memory": dict(state.memory),
         "temporal_error": state.temporal_error,
         "certificate": certificate.as_json(),
-        "effects": potential.accounts(),
-        "phases": potential.ledger.phases,
-        "linear_solves": potential.ledger.linear_solves,
+        "effects": potential.effect_counters(),
+        "phases": potential.timers.phases,
+        "linear_solves": potential.timers.linear_solves,
     }
     before = state.previous
     return Checkpoint(
@@ -160,9 +160,9 @@ def state_of(saved: Checkpoint) -> State:
     )
 
 
-def restore(ledger: Ledger, counters: dict[str, Any]) -> None:
+def restore(timers: Timers, counters: dict[str, Any]) -> None:
     """Go on counting where the stopped run was."""
     for name, account in counters["effects"].items():
-        ledger.effects[name] = Account(**account)
-    ledger.phases.update(counters["phases"])
-    ledger.linear_solves = counters["linear_solves"]
+        timers.effects[name] = EffectCounters(**account)
+    timers.phases.update(counters["phases"])
+    timers.linear_solves = counters["linear_solves"]

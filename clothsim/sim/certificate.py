@@ -69,7 +69,7 @@ class Certificate:
         )
 
     def as_dict(self, judged: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
-        """As the summary keeps it. judged: what was tested in each frame, as `Judge.says`; completed: the whole run."""
+        """As the summary keeps it. judged: what was tested, by `IntersectionCheck.coverage`."""
         scale, scripted = self.energy_scale or 1.0, "bodies, pins or wind do work"
         drift: float | str = self.energy_rise / scale if self.formula == BACKWARD_EULER else "not judged (BDF2)"
         return {

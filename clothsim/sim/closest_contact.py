@@ -10,12 +10,12 @@ from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy
 from clothsim.mesh.world import World
 
-NEAR = 2.0
+PINCH_RADIUS = 2.0
 """Median cloth edges within which another touch belongs to the same pinch."""
 
 
 @runtime_checkable
-class Touching(Protocol):
+class HasContactPairs(Protocol):
     """What a contact energy tells of its near pairs: a cache `near(x)` of them, and their closest points."""
 
     candidates: Any
@@ -29,7 +29,7 @@ class Touching(Protocol):
 
 
 @dataclass(frozen=True)
-class Touch:
+class ContactPair:
     """Two simplices of x at their closest: `first` and `second` rows, the place (3,) between them and the gap [m].
 
     pinch: the label of a third object that closes on the same place from elsewhere, None where there is none.
@@ -42,9 +42,9 @@ class Touch:
     pinch: int | None
 
 
-def closest_touch(world: World, energies: Iterable[Energy], x: Floats) -> Touch | None:
+def closest_contact_pair(world: World, energies: Iterable[Energy], x: Floats) -> ContactPair | None:
     """The closest pair of all contact energies at x (N, 3) [m]; None where no pair is near."""
-    found = [_touches(energy, x) for energy in energies if isinstance(energy, Touching)]
+    found = [_touches(energy, x) for energy in energies if isinstance(energy, HasContactPairs)]
     rows, splits, places, distances = (np.concatenate(parts) for parts in zip(*found, strict=True)) if found else _NONE
     if not len(rows):
         return None
@@ -53,15 +53,15 @@ def closest_touch(world: World, energies: Iterable[Energy], x: Floats) -> Touch 
     objects = world.labels[rows[:, [0, 3]]]
     ends = x[world.edges]
     edge = float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
-    near = np.linalg.norm(places - places[best], axis=1) <= NEAR * edge
+    near = np.linalg.norm(places - places[best], axis=1) <= PINCH_RADIUS * edge
     elsewhere = ~np.isin(objects, objects[best])
     closing = np.flatnonzero(near & elsewhere.any(axis=1))
     third = closing[distances[closing].argmin()] if len(closing) else None
     pinch = None if third is None else int(objects[third][elsewhere[third]][0])
-    return Touch(pair[:split], pair[split:], places[best], float(distances[best]), pinch)
+    return ContactPair(pair[:split], pair[split:], places[best], float(distances[best]), pinch)
 
 
-def _touches(energy: Touching, x: Floats) -> tuple[Ints, Ints, Floats, Floats]:
+def _touches(energy: HasContactPairs, x: Floats) -> tuple[Ints, Ints, Floats, Floats]:
     """Its near pairs: rows (p, 4), how many of them are of the first simplex, place (p, 3) and distance (p,) [m]."""
     rows, weights, lines, _ = energy.normal_forces(x, energy.stiffness)
     splits = np.where(np.arange(len(rows)) < energy.candidates.near(x).n_points, 1, 2)

@@ -5,7 +5,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from clothsim.sim.step_size import SHARE
+from clothsim.sim.step_size import LEAST_FRACTION
 from clothsim.sim.stepping import StepReport
 
 
@@ -40,7 +40,7 @@ class ErrorEstimate:
             self,
             temporal=np.nan if error is None else report.state.temporal_error,
             temporal_largest=np.nan if error is None else self.temporal_largest + error.largest,
-            newton=report.result.left + (0.0 if error is None else self.newton),
+            newton=report.result.remaining + (0.0 if error is None else self.newton),
             contact_gap=float(min(shares)),
             at_floor=self.at_floor + report.at_floor,
             steps=self.steps + 1,
@@ -65,7 +65,7 @@ class ErrorEstimate:
 
     def missed(self, error: float) -> str:
         """What the user must know where the `error` asked for [m] was not kept, else empty; 0: none was asked for."""
-        if not error or not self.temporal > (1 + SHARE) * error:
+        if not error or not self.temporal > (1 + LEAST_FRACTION) * error:
             return ""
         why = f": {self.at_floor} steps were as short as they may be" if self.at_floor else ""
         return (

@@ -9,7 +9,7 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.energies.base import Constraint, Prescribed
 from clothsim.mesh.world import World
-from clothsim.sim.closest_contact import Touch, closest_touch
+from clothsim.sim.closest_contact import ContactPair, closest_contact_pair
 from clothsim.sim.state import State
 from clothsim.sim.vertex_names import simplex_name, vertex_name
 from clothsim.solve.newton import NewtonResult
@@ -65,26 +65,26 @@ def failure_of(
     was blocked at the same place again and again.
     """
     end = result.outcome
-    touch = None
+    pair = None
     if end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
-        touch = closest_touch(world, potential.energies.values(), result.x)
-    sentence = _said(world, constraints, end, touch)
-    if touch is None and end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
+        pair = closest_contact_pair(world, potential.energies.values(), result.x)
+    sentence = _said(world, constraints, end, pair)
+    if pair is None and end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
         tight = (energy.tightest(result.x) for energy in potential.energies.values())
         sentence = "; ".join([sentence.removesuffix("."), *filter(None, tight)]) + "."
     tries = f"dt fell to {dts[-1]:.2g} s."
     if infeasible:
         tries = f"{state.blocked} tries with ever smaller dt, down to {dts[-1]:.2g} s, ended there: it is infeasible."
-    if touch is not None:
-        element = " and ".join(_sides(world, constraints, touch))
+    if pair is not None:
+        element = " and ".join(_sides(world, constraints, pair))
     else:
         element = "" if end.row is None else vertex_name(world, constraints, end.row)
-    place = end.position if touch is None else touch.place
+    place = end.position if pair is None else pair.place
     position = None if place is None else place + world.origin
     if end.ending is Ending.BLOCKED:
-        remedy = _unblock(world, _movers(world, constraints, result.x, target), touch)
+        remedy = _unblock(world, _movers(world, constraints, result.x, target), pair)
     else:
-        remedy = _remedy(world, end, touch, inertia=_resisted(potential))
+        remedy = _remedy(world, end, pair, inertia=_resisted(potential))
     return Failure(end.ending.cause, sentence, element, position, remedy, state.step + 1, state.time, dts[-1], tries)
 
 
@@ -105,30 +105,30 @@ def told(world: World, constraints: Collection[Constraint], end: Outcome) -> str
     return end.told(vertex_name(world, constraints, end.row), end.position + world.origin)
 
 
-def _said(world: World, constraints: Collection[Constraint], end: Outcome, touch: Touch | None) -> str:
+def _said(world: World, constraints: Collection[Constraint], end: Outcome, pair: ContactPair | None) -> str:
     """The sentence of the end, and who touches there."""
-    if touch is None:
+    if pair is None:
         return told(world, constraints, end)
-    one, other, third = _objects(world, touch)
+    one, other, third = _objects(world, pair)
     if third:
         clause = f"{one} is pinched between {other} and {third}"
     else:
-        first, second = _sides(world, constraints, touch)
-        clause = f"{first} and {second} are {touch.gap:.2g} m apart"
+        first, second = _sides(world, constraints, pair)
+        clause = f"{first} and {second} are {pair.gap:.2g} m apart"
     row = -1 if end.row is None else end.row
     if end.ending is Ending.BLOCKED and row >= world.n_cloth and world.labels[row] >= 0:
         start = end.told(
-            _driver(world, constraints, row), touch.place + world.origin
+            _driver(world, constraints, row), pair.place + world.origin
         )  # of a body no vertex is more blocked than others
     else:
         start = told(world, constraints, end)
     return f"{start.removesuffix('.')}; {clause}."
 
 
-def _remedy(world: World, end: Outcome, touch: Touch | None, inertia: bool) -> str:
+def _remedy(world: World, end: Outcome, pair: ContactPair | None, inertia: bool) -> str:
     """What to do where no script is to blame."""
-    if end.ending is Ending.NO_ROOM and touch is not None:
-        one, other, third = _objects(world, touch)
+    if end.ending is Ending.NO_ROOM and pair is not None:
+        one, other, third = _objects(world, pair)
         return f"Leave {one} more room between {other} and {third or one}, or bring them together more slowly."
     held = "" if inertia else " Without effects.inertia every cloth must be held, by pins or by a body under it."
     return f"{_REMEDIES[end.ending]}{held}"
@@ -143,12 +143,12 @@ _REMEDIES = {
 }
 
 
-def _unblock(world: World, movers: Sequence[str], touch: Touch | None) -> str:
+def _unblock(world: World, movers: Sequence[str], pair: ContactPair | None) -> str:
     """How a scripted motion may go on."""
     who = " and ".join(movers)
-    if touch is None:
+    if pair is None:
         return f"Shorten or slow the motion of {who}: the cloth cannot follow it."
-    one, other, third = _objects(world, touch)
+    one, other, third = _objects(world, pair)
     if third:
         return f"Let {other} and {third} close less, or slide {one} out from between them first."
     obstacle = one if other in movers else other
@@ -172,15 +172,15 @@ def _driver(world: World, constraints: Collection[Constraint], row: int) -> str:
     return next(filter(None, holders), world.names[world.labels[row]])
 
 
-def _objects(world: World, touch: Touch) -> tuple[str, str, str]:
+def _objects(world: World, pair: ContactPair) -> tuple[str, str, str]:
     """The names of who touches, a cloth first, and of the third in a pinch (else empty)."""
-    labels = sorted(int(world.labels[rows[0]]) for rows in (touch.first, touch.second))
-    return world.names[labels[0]], world.names[labels[1]], "" if touch.pinch is None else world.names[touch.pinch]
+    labels = sorted(int(world.labels[rows[0]]) for rows in (pair.first, pair.second))
+    return world.names[labels[0]], world.names[labels[1]], "" if pair.pinch is None else world.names[pair.pinch]
 
 
-def _sides(world: World, constraints: Collection[Constraint], touch: Touch) -> tuple[str, str]:
+def _sides(world: World, constraints: Collection[Constraint], pair: ContactPair) -> tuple[str, str]:
     """Both simplices by name, the cloth's first."""
-    sides = sorted((touch.first, touch.second), key=lambda rows: int(world.labels[rows[0]]))
+    sides = sorted((pair.first, pair.second), key=lambda rows: int(world.labels[rows[0]]))
     return simplex_name(world, constraints, sides[0]), simplex_name(world, constraints, sides[1])
 
 

@@ -15,7 +15,7 @@ _EFFECT = {"body": "body_contact", "cloth": "self_contact"}
 
 
 @dataclass(frozen=True)
-class Judge:
+class IntersectionCheck:
     """surfaces: the scene's; on: its contact effects that are on; excluded: pairs of names that it leaves out."""
 
     surfaces: tuple[Surface, ...]
@@ -41,11 +41,11 @@ class Judge:
 
         return crossings(x, self.surfaces, tested, self.excluded, limit)
 
-    def broken(self, found: "Sequence[Crossing]") -> "list[Crossing]":
+    def violations(self, found: "Sequence[Crossing]") -> "list[Crossing]":
         """Those crossings that an effect of the scene promised to prevent."""
         return [crossing for crossing in found if _EFFECT[crossing.role] in self.on]
 
-    def says(self) -> dict[str, str]:
+    def coverage(self) -> dict[str, str]:
         """What was tested, for the certificate."""
         tested = "tested at every frame"
         if self.excluded:
@@ -56,7 +56,9 @@ class Judge:
         }
 
 
-def judge_of(surfaces: Sequence[Surface], effects: Mapping[str, Mapping[str, Any]], on: Collection[str]) -> Judge:
+def intersection_check_of(
+    surfaces: Sequence[Surface], effects: Mapping[str, Mapping[str, Any]], on: Collection[str]
+) -> IntersectionCheck:
     """The judge of a scene with `surfaces`; effects: {name: keys} as the scene names them; on: those that are on."""
     pairs = [pair for name in _EFFECT.values() for pair in effects.get(name, {}).get("exclude", ())]
-    return Judge(tuple(surfaces), frozenset(_EFFECT.values()) & set(on), frozenset(map(frozenset, pairs)))
+    return IntersectionCheck(tuple(surfaces), frozenset(_EFFECT.values()) & set(on), frozenset(map(frozenset, pairs)))

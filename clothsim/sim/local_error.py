@@ -8,11 +8,11 @@ from clothsim.arrays import Floats, Ints
 from clothsim.sim.integrators import BDF2, Formula
 from clothsim.sim.state import State
 
-SWING = 2.0
+VELOCITY_ERROR_FACTOR = 2.0
 """The velocities' own errors come back as positions: in a harmonic swing the largest error is pi/2 times the sum of
 what was added to the positions, in a double pendulum twice. In free fall none does: the sum is twice the error."""
 
-CARRIED = 1.5
+STARTUP_FACTOR = 1.5
 """How often the error of BDF2's first step, backward Euler's, comes back: its second root, 1/3, sums to 3/2 with equal
 steps (free fall ends 3/4 g h^2 low, not 1/2 g h^2)."""
 
@@ -39,8 +39,8 @@ def step_error(integrator: str, formula: Formula, before: State, after: Floats, 
     if formula.order == 2 and before.previous is not None:
         carried_on = before.velocities[: len(after)] - before.previous.velocities[: len(after)]
         change = change - formula.ratio * carried_on
-    lengths = SWING * h / (formula.order + 1) * np.linalg.norm(change, axis=1)
+    lengths = VELOCITY_ERROR_FACTOR * h / (formula.order + 1) * np.linalg.norm(change, axis=1)
     lengths[held] = 0.0
     if integrator == BDF2 and formula.order == 1:
-        lengths *= CARRIED
+        lengths *= STARTUP_FACTOR
     return StepError(float(np.sqrt((lengths**2).mean())), float(lengths.max()))

@@ -9,7 +9,7 @@ SAFETY = 0.9
 SMALLEST_FACTOR = 0.3
 LARGEST_FACTOR = {1: 2.0, 2: 1.5}
 """By the order: BDF2 remembers a growth by r with the factor r^2/(1 + 2 r), .56 at 1.5 and .8 at 2."""
-SHARE = 0.05
+LEAST_FRACTION = 0.05
 """Of what is left of the error: so much one step may add, whatever its length. An impact changes a velocity by a jump,
 and its error falls only with h, as does what a step may add in its time: no step would ever be short enough."""
 LARGEST_RETRY = 0.7
@@ -60,9 +60,9 @@ class ErrorControl:
         return max(self.shortest, min(self.longest, h * min(max(factor, SMALLEST_FACTOR), most)))
 
     def _allowed(self, state: State, h: float) -> float:
-        return self._left(state) * max(h / (self.duration - state.time), SHARE)
+        return self._left(state) * max(h / (self.duration - state.time), LEAST_FRACTION)
 
     def _left(self, state: State) -> float:
         """What is left of the error [m]; once it is spent, a share of what an even use would have left."""
         even = self.error * (1 - state.time / self.duration)
-        return max(self.error - state.temporal_error, SHARE * even)
+        return max(self.error - state.temporal_error, LEAST_FRACTION * even)

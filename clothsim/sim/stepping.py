@@ -26,7 +26,7 @@ GROWTH = 1.05
 MAX_HALVINGS = 10
 MOST_TRIES = 100
 MOST_BLOCKED = 4
-SAME_PLACE = 0.01
+SAME_POSITION = 0.01
 """A scripted motion is infeasible when so many tries end at the same place of its way, to this share of a try's way.
 
 The tries have shorter and shorter dt, in one step or in several. Contact pushes without bound as the gap closes: what
@@ -105,7 +105,7 @@ def advance(integrator: Integrator, state: State, until: float) -> StepReport:
     towards what stops it without end. The last report is then of a step not taken. A step that `control` refuses is
     tried again too.
     """
-    with integrator.potential.ledger.phase("step control"):
+    with integrator.potential.timers.phase("step control"):
         return _advance(integrator, state, until)
 
 
@@ -148,7 +148,7 @@ def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -
     rows = target.vertices
     left = np.abs(target.positions - result.x[rows]).max() / np.abs(target.positions - state.positions[rows]).max()
     at = state.time + (1 - left) * h
-    again = abs(at - state.blocked_at) <= SAME_PLACE * h
+    again = abs(at - state.blocked_at) <= SAME_POSITION * h
     return replace(state, blocked_at=float(at), blocked=state.blocked + 1 if again else 1)
 
 
@@ -169,9 +169,13 @@ def _solve(
         before, bound = bound, bound.again(result.x)
         if not (before.lagging or bound.lagging):
             break  # nothing was lagged, and nothing is: the same problem again
-        iterations, regional = result.iterations, result.regional
+        iterations, elimination_iterations = result.iterations, result.elimination_iterations
         result = _newton(integrator, state, h, bound).minimise(result.x, target)
-        result = replace(result, iterations=iterations + result.iterations, regional=regional + result.regional)
+        result = replace(
+            result,
+            iterations=iterations + result.iterations,
+            elimination_iterations=elimination_iterations + result.elimination_iterations,
+        )
     return bound, result
 
 
@@ -197,7 +201,7 @@ def _after(
         held = target.vertices[target.vertices < n]
         error = step_error(integrator.formula, formula, state, velocities[:n], h, held)
         spent = error.rms
-    if end > state.blocked_at + SAME_PLACE * h:
+    if end > state.blocked_at + SAME_POSITION * h:
         state = replace(state, blocked_at=np.nan, blocked=0)
     after = replace(
         state,

@@ -10,9 +10,9 @@ import numpy as np
 
 from clothsim.jit import inlined, kernel, natural, part
 
-BELOW, OUTSIDE = -1, -2
+LOWER, OUTSIDE = -1, -2
 """Of a block that needs no place, and of one that has none."""
-ACROSS, TWICE = 1, 2
+TRANSPOSED, BOTH = 1, 2
 """Of a block whose transpose is in the upper triangle, and of one between a vertex and itself, there with both."""
 
 
@@ -28,14 +28,14 @@ def find(starts, columns, i, j):
 
 
 @kernel
-def places(starts, columns, elements):
+def block_offsets(starts, columns, elements):
     """Where the blocks of corners a <= b of `elements (m, k)` belong, (m, k (k + 1) / 2).
 
     4 x the number of the block in the matrix, + ACROSS where that is its transpose, + TWICE where both belong there.
     """
     n = len(starts) - 1
     count, corners = elements.shape
-    at = np.full((count, corners * (corners + 1) // 2), BELOW, np.int32)
+    at = np.full((count, corners * (corners + 1) // 2), LOWER, np.int32)
     for e in range(count):
         block = 0
         for a in range(corners):
@@ -43,7 +43,7 @@ def places(starts, columns, elements):
                 i, j = elements[e, a], elements[e, b]
                 if max(i, j) < n:
                     found = find(starts, columns, min(i, j), max(i, j))
-                    how = (ACROSS if i > j else 0) + (TWICE if i == j and a != b else 0)
+                    how = (TRANSPOSED if i > j else 0) + (BOTH if i == j and a != b else 0)
                     at[e, block] = 4 * found + how if found >= 0 else OUTSIDE
                 block += 1
     return at
@@ -71,7 +71,7 @@ def add_blocks(data, at, first, numbers, lanes, offsets, down, along):
 def _add(data, where, numbers, first, down, along):
     """Adds a block of 3x3 that stands in `numbers` from `first` on, each row `down`, each column `along` further."""
     at, middle = 9 * (where >> 2), first + down + along
-    swap = (where & ACROSS) * (down - along)  # no branch
+    swap = (where & TRANSPOSED) * (down - along)  # no branch
     down, along = natural(down - swap), natural(along + swap)
     data[at] += numbers[first]
     data[at + 1] += numbers[first + along]
@@ -82,36 +82,36 @@ def _add(data, where, numbers, first, down, along):
     data[at + 6] += numbers[first + 2 * down]
     data[at + 7] += numbers[middle + down]
     data[at + 8] += numbers[middle + down + along]
-    if where & TWICE:
+    if where & BOTH:
         for i in range(3):
             for j in range(3):
                 data[at + 3 * i + j] += numbers[first + j * down + i * along]
 
 
 @kernel
-def add_squares(data, at, first, count, sides):
+def add_low_rank(data, at, first, count, factors):
     """Adds sums of squares (`SquaresHessian`) over elements none of which has a vertex twice; returns as above."""
     outside = 0
     for e in range(len(at)):
         k = 0
-        for a in range(sides.shape[1] // 3):
-            for b in range(a, sides.shape[1] // 3):
+        for a in range(factors.shape[1] // 3):
+            for b in range(a, factors.shape[1] // 3):
                 if at[e, k] >= 0:
-                    row, column = (b, a) if at[e, k] & ACROSS else (a, b)
-                    _add_products(data, 9 * (at[e, k] >> 2), sides, first[e], count[e], 3 * row, 3 * column)
+                    row, column = (b, a) if at[e, k] & TRANSPOSED else (a, b)
+                    _add_products(data, 9 * (at[e, k] >> 2), factors, first[e], count[e], 3 * row, 3 * column)
                 outside += at[e, k] == OUTSIDE
                 k += 1
     return outside
 
 
 @part
-def _add_products(data, at, sides, first, count, row, column):
+def _add_products(data, at, factors, first, count, row, column):
     """Adds the sum over the sides of (x, y, z)(u, v, w)', the parts of a side at two vertices."""
     xu = xv = xw = yu = yv = yw = zu = zv = zw = 0.0
     first, row, column, at = natural(first), natural(row), natural(column), natural(at)
     for k in range(first, first + count):
-        x, y, z = sides[k, row], sides[k, row + 1], sides[k, row + 2]
-        u, v, w = sides[k, column], sides[k, column + 1], sides[k, column + 2]
+        x, y, z = factors[k, row], factors[k, row + 1], factors[k, row + 2]
+        u, v, w = factors[k, column], factors[k, column + 1], factors[k, column + 2]
         xu, xv, xw = xu + x * u, xv + x * v, xw + x * w
         yu, yv, yw = yu + y * u, yv + y * v, yw + y * w
         zu, zv, zw = zu + z * u, zv + z * v, zw + z * w

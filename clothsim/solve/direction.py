@@ -21,19 +21,19 @@ SINGULAR = 2.0**12 * float(np.finfo(float).eps)
 matrix that is singular but for that can be factorised is chance (Higham 2002, theorem 10.7): it differs from processor
 to processor. A factor that came about so is no preconditioner: of a strip without bending it makes steps of 1e6 m, and
 Lanczos' method finds its smallest pivots and nothing else."""
-ROUGH = 1e-2
+PRECONDITIONER_ERROR = 1e-2
 """What a preconditioner may leave of the error, in the norm of the matrix."""
-OLDEST, MOST_PRODUCTS = 3, 6
+MAX_AGE, MOST_PRODUCTS = 3, 6
 """A factor preconditions so many more matrices, as long as Lanczos' method takes no more products with it than this: at
 10,201 vertices a product with a back-solve costs 5 ms, and all that leads to a new factor 65."""
-WORTH_KEEPING = 4000
+MIN_VERTICES = 4000
 """Vertices from which on a factor is kept: on smaller meshes a new one costs less than what an old one lets slip."""
-FULL = 0.3
+REUSE_FRACTION = 0.3
 """Share of a step that must have been taken for the factor to serve the next: else the place is not like the last."""
 
 
 @dataclass(frozen=True)
-class Kept:
+class CachedFactor:
     """The last factor: the solver that holds it, the matrices since it was made, the products that the last took.
 
     It may lack the blocks of the pattern that have come since: it preconditions, no more.
@@ -44,16 +44,16 @@ class Kept:
     products: int = 0
 
     @property
-    def serves(self) -> bool:
+    def usable(self) -> bool:
         """Whether it may be of use for one more matrix, also for one whose pattern has grown since."""
-        return self.solver is not None and self.age < OLDEST and self.products <= MOST_PRODUCTS
+        return self.solver is not None and self.age < MAX_AGE and self.products <= MOST_PRODUCTS
 
-    def after(self, fraction: float) -> "Kept":
+    def after(self, fraction: float) -> "CachedFactor":
         """What is kept after a step of which the line search took `fraction`."""
-        return self if fraction >= FULL else NOTHING
+        return self if fraction >= REUSE_FRACTION else NO_FACTOR
 
 
-NOTHING = Kept()
+NO_FACTOR = CachedFactor()
 
 
 @dataclass(frozen=True)
@@ -62,13 +62,13 @@ class Direction:
 
     dx: Floats
     gradient: Floats
-    bends: bool = False
-    kept: Kept = NOTHING
+    negative_curvature: bool = False
+    cached: CachedFactor = NO_FACTOR
     end: Outcome | None = None
 
 
 @dataclass(frozen=True)
-class Model:
+class QuadraticModel:
     """E near a place, by the potential and the system that holds its matrix.
 
     fixed (n,): which of the system's vertices do not move.
@@ -78,47 +78,51 @@ class Model:
     system: System
     fixed: np.ndarray
 
-    def direction(self, x: Floats, way: Floats, trust: Trust = PROJECTED, kept: Kept = NOTHING) -> Direction:
+    def direction(
+        self, x: Floats, displacement: Floats, trust: Trust = PROJECTED, cached: CachedFactor = NO_FACTOR
+    ) -> Direction:
         """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere.
 
         H is the projected Hessian; where `trust` is exact the unprojected one, within its radius, with the factor of
-        the projected one as preconditioner: that of x, or the one `kept` while it serves. way must be 0 then.
+        the projected one as preconditioner: that of x, or the one `cached` while it serves. way must be 0 then.
         """
         gradient = self.potential.gradient(x)
         if not np.isfinite(gradient).all():
-            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)))
-        if trust.exact and len(self.fixed) >= WORTH_KEEPING and kept.solver is not None and kept.serves:
+            return Direction(displacement, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)))
+        if trust.exact and len(self.fixed) >= MIN_VERTICES and cached.solver is not None and cached.usable:
             curved = self._assembled(self.potential.exact_hessians(x))
             right = -self._free(gradient)
-            with self.potential.ledger.phase("linear solve"):
-                first = kept.solver.back_solve(right)
-            return self._curved(curved, right, first, gradient, trust, replace(kept, age=kept.age + 1))
+            with self.potential.timers.phase("linear solve"):
+                first = cached.solver.back_solve(right)
+            return self._curved(curved, right, first, gradient, trust, replace(cached, age=cached.age + 1))
         hessians = self.potential.hessians(x)
-        right = -self._free(gradient + assembly.times(hessians, way) if way.any() else gradient)
+        right = -self._free(gradient + assembly.times(hessians, displacement) if displacement.any() else gradient)
         data = self._assembled(hessians)
         finite = bool(np.isfinite(right).all())
-        solved = self._solve(data, right, ROUGH if trust.exact else EXACT) if finite else None
+        solved = self._solve(data, right, PRECONDITIONER_ERROR if trust.exact else EXACT) if finite else None
         if solved is None and finite and np.isfinite(data).all():
-            return Direction(way, gradient, end=outcome(Ending.SINGULAR))
+            return Direction(displacement, gradient, end=outcome(Ending.SINGULAR))
         if solved is None:
-            return Direction(way, gradient, end=outcome(Ending.NOT_FINITE, x, self._not_a_number(x, right, data)))
+            return Direction(
+                displacement, gradient, end=outcome(Ending.NOT_FINITE, x, self._not_a_number(x, right, data))
+            )
         solution, solver = solved
         if not trust.exact:
-            return Direction(self._with(way, solution), gradient)
+            return Direction(self._with(displacement, solution), gradient)
         curved = self._assembled(self.potential.exact_hessians(x, hessians))
-        return self._curved(curved, right, solution, gradient, trust, Kept(solver))
+        return self._curved(curved, right, solution, gradient, trust, CachedFactor(solver))
 
     def _curved(
-        self, curved: Floats, right: Floats, first: Floats, gradient: Floats, trust: Trust, kept: Kept
+        self, curved: Floats, right: Floats, first: Floats, gradient: Floats, trust: Trust, cached: CachedFactor
     ) -> Direction:
         """The direction of the exact Hessian `curved`; first: what the preconditioner makes of the right-hand side."""
-        with self.potential.ledger.phase("linear solve"):
-            assert kept.solver is not None
-            times, precondition = self.system.pattern.times(curved), kept.solver.back_solve
-            found = saddle_free_solve(times, precondition, right, trust.radius, first, above=kept.age == 0)
+        with self.potential.timers.phase("linear solve"):
+            assert cached.solver is not None
+            times, precondition = self.system.pattern.times(curved), cached.solver.back_solve
+            found = saddle_free_solve(times, precondition, right, trust.radius, first, above=cached.age == 0)
         dx = self._with(np.zeros_like(gradient), found.x)
-        kept = replace(kept, products=found.products) if found.products else NOTHING
-        return Direction(dx, gradient, found.bends, kept)
+        cached = replace(cached, products=found.products) if found.products else NO_FACTOR
+        return Direction(dx, gradient, found.negative_curvature, cached)
 
     def residual(self, gradient: Floats) -> float:
         """The largest component of the gradient (N, 3) at a vertex that moves [N]."""
@@ -136,16 +140,16 @@ class Model:
             entries = np.where(self.fixed[:, None], 0.0, entries)
         return entries.ravel()
 
-    def _with(self, way: Floats, solution: Floats) -> Floats:
-        """`way` with the solution at the vertices that are free."""
-        dx, moved = way.copy(), solution.reshape(-1, 3)
+    def _with(self, displacement: Floats, solution: Floats) -> Floats:
+        """`displacement` with the solution at the vertices that are free."""
+        dx, moved = displacement.copy(), solution.reshape(-1, 3)
         if self.fixed.any():
-            moved = np.where(self.fixed[:, None], taken(way, self.system.rows), moved)
+            moved = np.where(self.fixed[:, None], taken(displacement, self.system.rows), moved)
         dx[self.system.rows] = moved
         return dx
 
     def _assembled(self, hessians: list[assembly.Hessian]) -> Floats:
-        with self.potential.ledger.phase("assembly"):
+        with self.potential.timers.phase("assembly"):
             data = self.system.assemble(hessians)
             self.system.pattern.fix(data, self.fixed)
         return data
@@ -155,7 +159,7 @@ class Model:
 
         The shift also serves where the solution lies in what the rounding of the matrix leaves open (SINGULAR).
         """
-        ledger = self.potential.ledger
+        timers = self.potential.timers
         shift = 0.0
         for attempt in range(MAX_SHIFTS):
             if attempt == 1:
@@ -164,8 +168,8 @@ class Model:
                 shift = self._smallest_shift(data)
             elif attempt:
                 shift *= 10.0
-            with ledger.phase("linear solve"):
-                ledger.linear_solves += 1
+            with timers.phase("linear solve"):
+                timers.linear_solves += 1
                 try:
                     shifted = self.system.pattern.shift(data, shift) if attempt else data
                     if attempt or accuracy == EXACT:

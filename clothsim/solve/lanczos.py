@@ -25,14 +25,14 @@ RELATIVE_ERROR = 0.1
 MAX_PRODUCTS = 8
 
 
-class Found(NamedTuple):
+class KrylovSolution(NamedTuple):
     """x; whether A curves down, or hardly up, somewhere in the space of it; the products A v that it took.
 
     0 products where it took none, or where one was no number and x is what the preconditioner alone makes of b.
     """
 
     x: Floats
-    bends: bool
+    negative_curvature: bool
     products: int
 
 
@@ -43,7 +43,7 @@ def saddle_free_solve(
     trust: float,
     preconditioned: Floats,
     above: bool = False,
-) -> Found:
+) -> KrylovSolution:
     """The x of the module for A x = b, to RELATIVE_ERROR in the preconditioner's norm or in MAX_PRODUCTS products.
 
     times: v -> A v, which is overwritten; precondition: r -> M r, M positive definite; preconditioned: M b; trust: see
@@ -53,7 +53,7 @@ def saddle_free_solve(
     """
     whole = norm = float(np.sqrt(max(dot(b, preconditioned), 0.0)))
     if not norm > 0.0:
-        return Found(np.zeros_like(b), False, 0)
+        return KrylovSolution(np.zeros_like(b), False, 0)
     residual, image, before = b, preconditioned, np.zeros_like(b)
     vectors: list[Floats] = []
     diagonal, beside = np.empty(MAX_PRODUCTS), np.zeros(MAX_PRODUCTS)  # of T
@@ -64,7 +64,7 @@ def saddle_free_solve(
         residual = times(vector)
         diagonal[last] = curvature = dot(vector, residual)
         if not np.isfinite(curvature + norm):
-            return Found(preconditioned, False, 0)
+            return KrylovSolution(preconditioned, False, 0)
         values, rotation, _ = dstev(diagonal[: last + 1], beside[: max(last, 1)])  # NumPy's eigh takes three times this
         shares = rotation.copy() @ (whole * rotation[0] / np.maximum(np.abs(values), 1.0 / trust))
         if len(vectors) == MAX_PRODUCTS or (above and last and norm * abs(shares[-1]) <= RELATIVE_ERROR * whole):
@@ -79,4 +79,4 @@ def saddle_free_solve(
     x = np.zeros_like(b)
     for share, vector in zip(shares, vectors, strict=True):
         x += share * vector
-    return Found(x, bool(values[0] < 1.0 / trust), len(vectors))
+    return KrylovSolution(x, bool(values[0] < 1.0 / trust), len(vectors))

@@ -38,7 +38,7 @@ def round_off(values: Sequence[float]) -> float:
     return ROUND_OFF * sum(abs(value) for value in values)
 
 
-def lengthened(potential: Potential, x: Floats, dx: Floats, longest: float) -> float:
+def extended_fraction(potential: Potential, x: Floats, dx: Floats, longest: float) -> float:
     """1, 2, 4, ... up to `longest`: the last that is free of collision, and with which E(x + a dx) still fell.
 
     For directions of negative curvature, of which Newton knows the sign and not the length: a buckle grows by many

@@ -7,10 +7,10 @@ from clothsim.arrays import Floats, Ints
 from clothsim.indexing import Rows
 from clothsim.solve.direct_solver import LinearSolver
 from clothsim.solve.linear_solvers import make_solver
-from clothsim.solve.nonlinear_elimination import Region
-from clothsim.solve.sparsity import Hessian, Pattern, coupled, couplings
+from clothsim.solve.nonlinear_elimination import Patch
+from clothsim.solve.sparsity import Hessian, Pattern, couplings, extended
 
-MANY = 0.02
+NEW_BLOCKS = 0.02
 """Share of the blocks that may have come since the last analysis for a preconditioner to do without them: a sheet that
 crumples would else be analysed anew at every second iteration."""
 
@@ -24,10 +24,10 @@ class System:
     once there is one, which no summary has to analyse a pattern for.
     """
 
-    def __init__(self, base: Pattern, linear: str = "auto", threads: int = 0, region: Region | None = None) -> None:
+    def __init__(self, base: Pattern, linear: str = "auto", threads: int = 0, patch: Patch | None = None) -> None:
         self.base = base
-        self.region = region
-        self.rows: Rows = slice(0, base.n_vertices) if region is None else region.rows
+        self.patch = patch
+        self.rows: Rows = slice(0, base.n_vertices) if patch is None else patch.rows
         self.analyses, self.name = 0, linear
         self._linear, self._threads = linear, threads
         self.pattern = self._analysed = base
@@ -50,14 +50,14 @@ class System:
         each side is held as if the other stood still, at most twice as stiff. Where only some blocks of a pair are
         lacked, what is left may be indefinite (up to one in ten such matrices): NotPositiveDefiniteError says so.
         """
-        known, few = self._analysed, len(self.pattern.columns) <= (1.0 + MANY) * len(self._analysed.columns)
+        known, few = self._analysed, len(self.pattern.columns) <= (1.0 + NEW_BLOCKS) * len(self._analysed.columns)
         if self._solver is None or known is self.pattern or not few:
             return self.solver, data
-        return self._solver, known.own(data, self.pattern)
+        return self._solver, known.restricted(data, self.pattern)
 
     def begin(self, couplings: list[Ints]) -> None:
         """The pattern of the base and of `couplings`, lists of rows (m, k) that act on one another."""
-        self._take(coupled(self.base, couplings))
+        self._take(extended(self.base, couplings))
         if self._analysed.same_as(self.pattern):
             self.pattern = self._analysed
         else:
@@ -65,17 +65,17 @@ class System:
         if self._solver is not None:
             self._solver.restart()
 
-    def of(self, region: Region) -> "System":
+    def subsystem(self, patch: Patch) -> "System":
         """A system of a region of this one, which is of all of the cloth, with the same kind of solver."""
-        return System(self.pattern.of(region.rows), self._linear, self._threads, region)
+        return System(self.pattern.subpattern(patch.rows), self._linear, self._threads, patch)
 
     def assemble(self, hessians: list[Hessian]) -> Floats:
         """The sum of the Hessians as the data of the pattern, which grows first where something does not fit."""
-        if self.region is not None:
-            hessians = [self.region.hessian(hessian) for hessian in hessians]
+        if self.patch is not None:
+            hessians = [self.patch.hessian(hessian) for hessian in hessians]
         data, outside = self._assembled(hessians)
         if outside:
-            self._take(coupled(self.pattern, [couplings(hessian) for hessian in hessians]))
+            self._take(extended(self.pattern, [couplings(hessian) for hessian in hessians]))
             data, outside = self._assembled(hessians)
         return data
 
@@ -83,13 +83,13 @@ class System:
         """By the places of the element lists of the time before, where they are the same objects: most are."""
         known, self._places = self._places, {}
 
-        def places(elements: Ints) -> NDArray[np.int32]:
+        def block_offsets(elements: Ints) -> NDArray[np.int32]:
             if id(elements) not in self._places:  # what is held keeps its id
-                found = known.get(id(elements)) or (elements, self.pattern.places(elements))
+                found = known.get(id(elements)) or (elements, self.pattern.block_offsets(elements))
                 self._places[id(elements)] = found
             return self._places[id(elements)][1]
 
-        return self.pattern.assemble(hessians, places)
+        return self.pattern.assemble(hessians, block_offsets)
 
     def _take(self, pattern: Pattern) -> None:
         if not pattern.same_as(self.pattern):

@@ -10,10 +10,10 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.energies.base import Prescribed
 from clothsim.linalg import dot
-from clothsim.solve.direction import NOTHING, Model
-from clothsim.solve.line_search import RESOLVED, armijo, lengthened, round_off
+from clothsim.solve.direction import NO_FACTOR, QuadraticModel
+from clothsim.solve.line_search import RESOLVED, armijo, extended_fraction, round_off
 from clothsim.solve.linear_system import System
-from clothsim.solve.nonlinear_elimination import Region, restless
+from clothsim.solve.nonlinear_elimination import Patch, unconverged
 from clothsim.solve.observer import Iterate, Observer, unobserved
 from clothsim.solve.outcome import Ending, Outcome, outcome
 from clothsim.solve.potential import Potential
@@ -22,20 +22,20 @@ from clothsim.solve.trust_region import PROJECTED, TRUSTED, Trust
 SMALLEST_FRACTION = 1e-12
 BLOCKED_FRACTION = 1e-8
 """What is carried less far than this share of its way is blocked; closer still, additive CCD may miss a collision."""
-SMALLEST_WAY = 1e-6
+SMALLEST_REMAINDER = 1e-6
 """Share of a scripted way that may be left when contact still clips it: a target at contact is never quite reached."""
 LAST_PIECE = 1e-3
 """Share of a scripted way that may be gone at once, the free vertices standing, where contact leaves it free."""
-SHARE_OF_GAP = 0.1
+FRACTION_OF_GAP = 0.1
 """The last piece of a scripted way may not be longer than this share of the smallest gap."""
 CHANGE_OF_GAP = 0.3
 """A step that changes a gap by more than this share of it is no convergence. Close to contact Newton's step on the
 logarithm is about as long as the gap, however large the force F: d -> 2 d - F d^2, a change by 1 - F d. Where the
 change is .3, one more step leaves its square, 9 %."""
 LAST_DIGITS = float(np.finfo(float).eps)
-REGIONAL = 10
+MAX_PATCH_ITERATIONS = 10
 """Iterations of a region at most: it is left for the next look at the whole."""
-LONGEST = 32.0
+MAX_EXTENSION = 32.0
 """How many times longer than Newton says a step of negative curvature may be."""
 
 
@@ -45,7 +45,7 @@ class NewtonSettings:
 
     tolerance: float = 1e-3
     max_iterations: int = 100
-    max_carries: int = 60
+    max_prescribed_iterations: int = 60
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ class NewtonResult:
     iterations: int
     speed: float
     residual: float
-    left: float = np.inf
-    regional: int = 0
+    remaining: float = np.inf
+    elimination_iterations: int = 0
 
 
 @dataclass(frozen=True)
@@ -84,22 +84,22 @@ class Newton:
         fixed = np.zeros(self.system.pattern.n_vertices, bool)
         fixed[target.vertices[target.vertices < self.system.pattern.n_vertices]] = True
         self.observe(Iterate(x))
-        model = Model(self.potential, self.system, fixed)
-        x, carried, iterations = self._carry(x.copy(), target, model)
-        if not carried.converged:
-            return NewtonResult(x, carried, iterations, np.inf, np.inf)
+        model = QuadraticModel(self.potential, self.system, fixed)
+        x, moved, iterations = self._move_prescribed(x.copy(), target, model)
+        if not moved.converged:
+            return NewtonResult(x, moved, iterations, np.inf, np.inf)
         return self._descend(x, model, PROJECTED, iterations)
 
-    def _carry(self, x: Floats, target: Prescribed, model: Model) -> tuple[Floats, Outcome, int]:
+    def _move_prescribed(self, x: Floats, target: Prescribed, model: QuadraticModel) -> tuple[Floats, Outcome, int]:
         """Move the prescribed vertices to their places; returns x, whether they arrived, iterations taken."""
-        whole = float(np.abs(target.positions - x[target.vertices]).max(initial=0.0))
-        for iteration in range(self.settings.max_carries):
-            way = np.zeros_like(x)
-            way[target.vertices] = target.positions - x[target.vertices]
-            if not way.any() or self._arrives(x, way, whole):
+        distance = float(np.abs(target.positions - x[target.vertices]).max(initial=0.0))
+        for iteration in range(self.settings.max_prescribed_iterations):
+            displacement = np.zeros_like(x)
+            displacement[target.vertices] = target.positions - x[target.vertices]
+            if not displacement.any() or self._last_piece_is_free(x, displacement, distance):
                 x[target.vertices] = target.positions
                 return x, outcome(Ending.CONVERGED), iteration
-            direction = model.direction(x, way)
+            direction = model.direction(x, displacement)
             if direction.end is not None:
                 return x, direction.end, iteration
             dx = direction.dx
@@ -110,50 +110,50 @@ class Newton:
             if fraction == 1.0:
                 x[target.vertices] = target.positions
             self.observe(Iterate(x, fraction, self._speed(dx)))
-            if fraction < 1.0 and np.abs(target.positions - x[target.vertices]).max() < SMALLEST_WAY * whole:
+            if fraction < 1.0 and np.abs(target.positions - x[target.vertices]).max() < SMALLEST_REMAINDER * distance:
                 return x, _blocked(x, target), iteration
-        return x, _blocked(x, target), self.settings.max_carries
+        return x, _blocked(x, target), self.settings.max_prescribed_iterations
 
-    def _arrives(self, x: Floats, way: Floats, whole: float) -> bool:
+    def _last_piece_is_free(self, x: Floats, displacement: Floats, distance: float) -> bool:
         """True where the last piece of a scripted way is shorter than every gap, and free."""
-        left = float(np.abs(way).max())
-        if left > LAST_PIECE * whole or left > SHARE_OF_GAP * self.potential.minimum_gap(x):
+        remaining = float(np.abs(displacement).max())
+        if remaining > LAST_PIECE * distance or remaining > FRACTION_OF_GAP * self.potential.minimum_gap(x):
             return False
-        return self._limit(x, way) == 1.0 and bool(np.isfinite(self.potential.value(x + way)))
+        return self._limit(x, displacement) == 1.0 and bool(np.isfinite(self.potential.value(x + displacement)))
 
-    def _settled(self, x: Floats, dx: Floats, model: Model) -> NewtonResult | None:
+    def _eliminated(self, x: Floats, dx: Floats, model: QuadraticModel) -> NewtonResult | None:
         """The few vertices that the last step dx moved, brought to rest by themselves; None where they are not few."""
-        if self.system.region is not None:
+        if self.system.patch is not None:
             return None
         moved = np.abs(dx[self.system.rows].T.copy()).max(axis=0, initial=0.0)
-        rows = restless(moved, self.settings.tolerance * self.dt, self.system.base, model.fixed)
+        rows = unconverged(moved, self.settings.tolerance * self.dt, self.system.base, model.fixed)
         if not len(rows):
             return None
-        with self.potential.ledger.region():
-            return self._alone(x, Region(rows, len(x)))
+        with self.potential.timers.patch():
+            return self._solve_patch(x, Patch(rows, len(x)))
 
-    def _alone(self, x: Floats, region: Region) -> NewtonResult:
+    def _solve_patch(self, x: Floats, patch: Patch) -> NewtonResult:
         """The region at rest, or REGIONAL iterations closer to it, all else standing."""
-        ledger = self.potential.ledger
-        with ledger.phase("assembly"):
-            potential = self.potential.around(region.moving, x)
-            system = self.system.of(region)
-        part = Newton(potential, system, replace(self.settings, max_iterations=REGIONAL), self.dt)
-        return part._descend(x, Model(potential, system, np.zeros(len(region.rows), bool)), TRUSTED, 0)
+        timers = self.potential.timers
+        with timers.phase("assembly"):
+            potential = self.potential.around(patch.moving, x)
+            system = self.system.subsystem(patch)
+        part = Newton(potential, system, replace(self.settings, max_iterations=MAX_PATCH_ITERATIONS), self.dt)
+        return part._descend(x, QuadraticModel(potential, system, np.zeros(len(patch.rows), bool)), TRUSTED, 0)
 
-    def _descend(self, x: Floats, model: Model, trust: Trust, iterations: int) -> NewtonResult:
+    def _descend(self, x: Floats, model: QuadraticModel, trust: Trust, iterations: int) -> NewtonResult:
         """Newton with the prescribed vertices held, until a step that nothing clipped is below the tolerance."""
         settings = self.settings
         still = np.zeros_like(x)
         speed, residual = np.inf, np.inf
-        kept, regional = NOTHING, 0
+        cached, elimination_iterations = NO_FACTOR, 0
 
-        def ended(how: Outcome, count: int, left: float = np.inf) -> NewtonResult:
-            return NewtonResult(x, how, count, speed, residual, left, regional)
+        def ended(how: Outcome, count: int, remaining: float = np.inf) -> NewtonResult:
+            return NewtonResult(x, how, count, speed, residual, remaining, elimination_iterations)
 
         for count in range(iterations, iterations + settings.max_iterations):
-            direction = model.direction(x, still, trust, kept)
-            dx, gradient, kept = direction.dx, direction.gradient, direction.kept
+            direction = model.direction(x, still, trust, cached)
+            dx, gradient, cached = direction.dx, direction.gradient, direction.cached
             residual = model.residual(gradient)
             if direction.end is not None:
                 return ended(direction.end, count)
@@ -161,24 +161,24 @@ class Newton:
             if speed == 0.0:
                 return ended(outcome(Ending.CONVERGED), count, 0.0)
             limit = self._limit(x, dx)
-            if limit < SMALLEST_FRACTION and kept.age:
-                kept = NOTHING
+            if limit < SMALLEST_FRACTION and cached.age:
+                cached = NO_FACTOR
                 continue
             if limit < SMALLEST_FRACTION:
                 return ended(_at_fastest(Ending.NO_ROOM, x, dx, fraction=limit), count)
-            with self.potential.ledger.phase("line search"):
+            with self.potential.timers.phase("line search"):
                 slope = dot(gradient, dx)
                 fraction = armijo(self.potential, x, dx, slope, limit) if slope < 0.0 else 0.0
                 close = speed < settings.tolerance and limit == 1.0
                 close = close and self.potential.gap_change(x, dx) <= CHANGE_OF_GAP
                 done = close and (fraction == 1.0 or self._below_noise(x, dx, gradient, speed))
-            if kept.age and (done or fraction == 0.0):  # an old factor is no judge: the next direction gets its own
-                done, kept = False, NOTHING
+            if cached.age and (done or fraction == 0.0):  # an old factor is no judge: the next direction gets its own
+                done, cached = False, NO_FACTOR
                 if fraction == 0.0:
                     continue
-            if direction.bends and fraction == 1.0 and not done:
-                with self.potential.ledger.phase("line search"):
-                    fraction = lengthened(self.potential, x, dx, LONGEST)
+            if direction.negative_curvature and fraction == 1.0 and not done:
+                with self.potential.timers.phase("line search"):
+                    fraction = extended_fraction(self.potential, x, dx, MAX_EXTENSION)
             if done or fraction > 0.0:
                 x = x + fraction * dx
                 self.observe(Iterate(x, fraction, speed, residual))
@@ -187,12 +187,19 @@ class Newton:
                 return ended(outcome(Ending.CONVERGED), count + 1, rate * speed * self.dt)
             if fraction == 0.0 and not trust.exact:
                 return ended(_at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), count)
-            noise = fraction == 0.0 or (direction.bends and -slope < RESOLVED * round_off(self.potential.values(x)))
-            trust, kept = trust.after(fraction, direction.bends, noise), kept.after(fraction)
+            noise = fraction == 0.0 or (
+                direction.negative_curvature and -slope < RESOLVED * round_off(self.potential.values(x))
+            )
+            trust, cached = trust.after(fraction, direction.negative_curvature, noise), cached.after(fraction)
             last = count + 1 == iterations + settings.max_iterations
-            settled = self._settled(x, dx, model) if trust.exact and not noise and not last else None
-            if settled is not None:
-                x, regional, kept, speed = settled.x, regional + settled.iterations, NOTHING, np.inf
+            eliminated = self._eliminated(x, dx, model) if trust.exact and not noise and not last else None
+            if eliminated is not None:
+                x, elimination_iterations, cached, speed = (
+                    eliminated.x,
+                    elimination_iterations + eliminated.iterations,
+                    NO_FACTOR,
+                    np.inf,
+                )
                 self.observe(Iterate(x, np.nan))
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
@@ -229,5 +236,5 @@ def _at_fastest(ending: Ending, x: Floats, dx: Floats, **numbers: float) -> Outc
 
 
 def _blocked(x: Floats, target: Prescribed) -> Outcome:
-    left = np.linalg.norm(target.positions - x[target.vertices], axis=1)
-    return outcome(Ending.BLOCKED, x, int(target.vertices[left.argmax()]))
+    remaining = np.linalg.norm(target.positions - x[target.vertices], axis=1)
+    return outcome(Ending.BLOCKED, x, int(target.vertices[remaining.argmax()]))

@@ -17,15 +17,15 @@ from clothsim.solve.sparsity import Hessian, Pattern
 
 RINGS = 3
 """Rings of neighbours that move with what is not at rest."""
-LEAST = 4000
+MIN_VERTICES = 4000
 """Vertices of a cloth from which on there are regions: ten of the repository's scenes, all smaller, took 1.04 to 1.43
 times as long with them; a sheet of 5,041 vertices took .9, one of 10,201 .8."""
-MOST = 0.5
+MAX_FRACTION = 0.5
 """Share of the vertices that a region may have: a larger one would cost what the whole does."""
-NOBODY = np.zeros(0, np.int64)
+NONE = np.zeros(0, np.int64)
 
 
-class Region:
+class Patch:
     """rows (k,): the rows of x that move, ascending; moving (N,): the same as booleans.
 
     It remembers what it renumbered: the same list of elements comes back as the same object.
@@ -54,21 +54,21 @@ class Region:
         return sparse.csr_array(hessian.tocsr()[entries][:, entries])
 
 
-def restless(moved: Floats, least: float, pattern: Pattern, fixed: np.ndarray) -> Ints:
+def unconverged(moved: Floats, least: float, pattern: Pattern, fixed: np.ndarray) -> Ints:
     """The rows (k,) that moved (n,) [m] further than `least`, with RINGS of neighbours; none where they are too
     many, or the cloth is small.
 
     pattern: who is whose neighbour; fixed (n,): which never move.
     """
     chosen = (moved > least) & ~fixed
-    if len(moved) < LEAST or not 0 < chosen.sum() <= MOST * len(moved):
-        return NOBODY
+    if len(moved) < MIN_VERTICES or not 0 < chosen.sum() <= MAX_FRACTION * len(moved):
+        return NONE
     for _ in range(RINGS):
         grown = chosen.copy()
         _grow(grown, chosen, pattern.starts, pattern.columns)
         chosen = grown
     found = np.flatnonzero(chosen & ~fixed)
-    return found if len(found) <= MOST * len(moved) else NOBODY
+    return found if len(found) <= MAX_FRACTION * len(moved) else NONE
 
 
 @kernel

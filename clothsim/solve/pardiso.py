@@ -25,7 +25,7 @@ ANALYSIS, FACTORISATION, SOLUTION = 11, 22, 33
 SYMMETRIC_POSITIVE = 2
 NO_MEMORY, NOT_POSITIVE = -2, -4
 MAX_REFINEMENTS = 10
-SLOWEST = 0.1
+MAX_CONTRACTION = 0.1
 """A refinement that leaves more than this of the error belongs to a factor that is of no use."""
 
 
@@ -91,8 +91,8 @@ class Factor:
         x, error = np.empty_like(b), ctypes.c_int32(0)
         self._solver.libmkl.MKL_Set_Num_Threads(self._threads)  # of the process: another factor may have set its own
         before, after = self._always
-        places = ctypes.c_void_p(b.ctypes.data), ctypes.c_void_p(x.ctypes.data)
-        self._solver._mkl_pardiso(*before, ctypes.byref(ctypes.c_int32(phase)), *after, *places, ctypes.byref(error))
+        addresses = ctypes.c_void_p(b.ctypes.data), ctypes.c_void_p(x.ctypes.data)
+        self._solver._mkl_pardiso(*before, ctypes.byref(ctypes.c_int32(phase)), *after, *addresses, ctypes.byref(error))
         if error.value == NOT_POSITIVE:
             raise NotPositiveDefiniteError
         if error.value:
@@ -183,7 +183,7 @@ class Mixed(LinearSolver):
             residual = b - times(x)
             correction = self._single.back_solve(residual)
             before, error = error, float(residual @ correction)
-            if not abs(error) <= SLOWEST**2 * abs(before):
+            if not abs(error) <= MAX_CONTRACTION**2 * abs(before):
                 return None
             x = x + correction
             if error <= accuracy**2 * whole:

@@ -10,8 +10,8 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import ByElement, Energy, LanesHessian, Step
-from clothsim.memo import Lately
-from clothsim.solve.timers import Ledger
+from clothsim.memo import Memo
+from clothsim.solve.timers import Timers
 
 
 @dataclass(frozen=True)
@@ -22,9 +22,9 @@ class Potential:
     """
 
     energies: Mapping[str, Energy]
-    ledger: Ledger
-    _values: Lately[tuple[float, ...]] = field(default_factory=Lately, init=False, repr=False, compare=False)
-    _gradients: Lately[Floats] = field(default_factory=Lately, init=False, repr=False, compare=False)
+    timers: Timers
+    _values: Memo[tuple[float, ...]] = field(default_factory=Memo, init=False, repr=False, compare=False)
+    _gradients: Memo[Floats] = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     def begin(self, step: Step) -> Self:
         """Bound to the step: first the energies that stand alone, then those that need the others' gradient."""
@@ -33,7 +33,7 @@ class Potential:
         slower = 1.0 if step.answers_in is None else step.past.dt / step.answers_in
         for name, energy in self.energies.items():
             if not energy.begins_last:
-                with self.ledger.effect(name, ""):
+                with self.timers.effect(name, ""):
                     bound[name] = energy.begin(step)
                     if bound[name].idle:
                         continue
@@ -41,10 +41,10 @@ class Potential:
                     gradient += slower * pull if energy.incremental else pull  # momentum m v / dt in contact's own time
         for name, energy in self.energies.items():
             if energy.begins_last:
-                with self.ledger.effect(name, ""):
+                with self.timers.effect(name, ""):
                     bound[name] = energy.begin(replace(step, gradient=gradient, bound=dict(bound)))
         for name, energy in bound.items():
-            account = self.ledger.effects[name]
+            account = self.timers.effects[name]
             account.steps += 1
             account.idle_steps += energy.idle
             account.pairs = int(energy.counts().get("pairs", 0))
@@ -69,7 +69,7 @@ class Potential:
         """Bound for another pass of the same step, what is lagged taken at x."""
         bound = {}
         for name, energy in self.energies.items():
-            with self.ledger.effect(name, ""):
+            with self.timers.effect(name, ""):
                 bound[name] = energy.again(x)
         return replace(self, energies=bound)
 
@@ -88,7 +88,7 @@ class Potential:
     def _evaluated(self, x: Floats) -> tuple[float, ...]:
         values = []
         for name, energy in self.acting.items():
-            with self.ledger.effect(name, "evaluations"):
+            with self.timers.effect(name, "evaluations"):
                 values.append(energy.value(x))
             if not np.isfinite(values[-1]):
                 return (*values[:-1], np.inf)
@@ -101,7 +101,7 @@ class Potential:
     def _derived(self, x: Floats) -> Floats:
         total = np.zeros_like(x)
         for name, energy in self.acting.items():
-            with self.ledger.effect(name, "gradients"):
+            with self.timers.effect(name, "gradients"):
                 total += energy.gradient(x)
         return total
 
@@ -123,7 +123,7 @@ class Potential:
         ]
 
     def _hessian(self, name: str, x: Floats, project: bool) -> "ByElement | sparse.csr_array":
-        with self.ledger.effect(name, "hessians") as account:
+        with self.timers.effect(name, "hessians") as account:
             hessian = self.energies[name].hessian(x, project)
             account.hessian_nonzeros = int(hessian.nnz)
         return replace(hessian, fill=self._booked(name, hessian.fill)) if isinstance(hessian, LanesHessian) else hessian
@@ -132,7 +132,7 @@ class Potential:
         """`fill` of a Hessian, on the account of its energy."""
 
         def booked(lanes: Floats, first: int) -> None:
-            with self.ledger.effect(name, ""):
+            with self.timers.effect(name, ""):
                 fill(lanes, first)
 
         return booked
@@ -145,7 +145,7 @@ class Potential:
         """The smallest of the energies' step limits, in [0, 1]: each is told what those before it allow."""
         limit = 1.0
         for name, energy in self._with_own("step_limit"):
-            with self.ledger.effect(name, ""):
+            with self.timers.effect(name, ""):
                 limit = energy.step_limit(x, dx, limit)
         return limit
 
@@ -160,7 +160,7 @@ class Potential:
     def _of_those_with(self, method: str, *where: Floats) -> Iterator[Any]:
         """What the acting energies that have a `method` of their own answer, each on its account."""
         for name, energy in self._with_own(method):
-            with self.ledger.effect(name, ""):
+            with self.timers.effect(name, ""):
                 answer = getattr(energy, method)(*where)
             yield answer
 
@@ -174,11 +174,11 @@ class Potential:
         kept = {name: energy.remembers for name, energy in self.energies.items()}
         return {name: memory for name, memory in kept.items() if np.isfinite(memory).all()}
 
-    def accounts(self) -> dict[str, dict[str, Any]]:
-        """The receipt of each effect: the fields of `Account`."""
-        accounts = {}
+    def effect_counters(self) -> dict[str, dict[str, Any]]:
+        """The receipt of each effect: the fields of `EffectCounters`."""
+        effect_counters = {}
         for name, energy in self.energies.items():
-            account = asdict(self.ledger.effects[name])
+            account = asdict(self.timers.effects[name])
             for key, count in energy.counts().items():
                 if key == "pairs":
                     account[key] = count or account[key]  # what is lagged is known to the bound energy alone
@@ -186,5 +186,5 @@ class Potential:
                     account[key] += count
                 else:
                     account["parts"][key] = account["parts"].get(key, 0.0) + count
-            accounts[name] = account
-        return accounts
+            effect_counters[name] = account
+        return effect_counters

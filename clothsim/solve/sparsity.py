@@ -1,7 +1,7 @@
 """The fixed sparsity of the Newton matrix, and assembly straight into it.
 
 The matrix is stored as the upper triangle of a symmetric one in blocks of 3x3. Energies hand over element blocks; each
-(element, corner, corner) is looked up once, when an element list is new (`places`).
+(element, corner, corner) is looked up once, when an element list is new (`block_offsets`).
 """
 
 from collections.abc import Callable
@@ -52,40 +52,40 @@ class Pattern:
         """`data` in the order of the scalar upper triangle; what `entries` cannot hold becomes inf."""
         _write_entries(entries, self.starts, data)
 
-    def places(self, elements: Ints) -> NDArray[np.int32]:
-        """Where the blocks of each of the `elements (m, k)` belong, (m, k (k + 1) / 2): see `assembly.places`."""
-        return assembly.places(self.starts, self.columns, elements)
+    def block_offsets(self, elements: Ints) -> NDArray[np.int32]:
+        """Block offsets of the `elements (m, k)`, (m, k (k + 1) / 2): see `assembly.block_offsets`."""
+        return assembly.block_offsets(self.starts, self.columns, elements)
 
     def assemble(
-        self, hessians: list[Hessian], places: Callable[[Ints], NDArray[np.int32]] | None = None
+        self, hessians: list[Hessian], block_offsets: Callable[[Ints], NDArray[np.int32]] | None = None
     ) -> tuple[Floats, int]:
         """The sum of the Hessians as data, and how many blocks do not fit.
 
-        Rows beyond n_vertices are dropped. places: `self.places`, or what remembers it.
+        Rows beyond n_vertices are dropped. places: `self.block_offsets`, or what remembers it.
         """
         data = np.zeros(9 * len(self.columns))
         outside = 0
         for hessian in hessians:
             if isinstance(hessian, ByElement):
                 if len(hessian.elements):
-                    outside += _added(data, hessian, (places or self.places)(hessian.elements))
+                    outside += _added(data, hessian, (block_offsets or self.block_offsets)(hessian.elements))
             elif hessian.nnz:
                 matrix = hessian.tocsr()
                 arrays = matrix.indptr, matrix.indices, matrix.data
                 outside += assembly.add_csr(data, self.starts, self.columns, *arrays)
         return data, outside
 
-    def of(self, rows: Ints) -> "Pattern":
+    def subpattern(self, rows: Ints) -> "Pattern":
         """The pattern of the blocks between these `rows (k,)`, ascending, numbered by their place among them."""
         numbers = np.full(self.n_vertices, -1)
         numbers[rows] = np.arange(len(rows))
         return Pattern(len(rows), *_among(self.starts, self.columns, rows, numbers))
 
-    def own(self, data: Floats, whole: "Pattern") -> Floats:
+    def restricted(self, data: Floats, whole: "Pattern") -> Floats:
         """Of the `data` of a pattern that holds all blocks of this one, those: all others are left out."""
-        own = np.zeros(9 * len(self.columns))
-        _copy_own(own, self.starts, self.columns, data, whole.starts, whole.columns)
-        return own
+        restricted = np.zeros(9 * len(self.columns))
+        _copy_own(restricted, self.starts, self.columns, data, whole.starts, whole.columns)
+        return restricted
 
     def same_as(self, other: "Pattern") -> bool:
         """True where both have the same blocks."""
@@ -127,7 +127,7 @@ class Pattern:
 def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
     """Adds the blocks of a Hessian to `data` and returns how many have no place."""
     if isinstance(hessian, SquaresHessian):
-        return assembly.add_squares(data, at, hessian.first, hessian.count, hessian.sides)
+        return assembly.add_low_rank(data, at, hessian.first, hessian.count, hessian.sides)
     if isinstance(hessian, ElementHessian):
         size = hessian.blocks.shape[1]
         rows, columns = np.triu_indices(size // 3)
@@ -149,7 +149,7 @@ def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Hessian]) -> P
     return _pattern(n_vertices, np.unique(_keys(n_vertices, [diagonal, triangles, *elements])))
 
 
-def coupled(pattern: Pattern, elements: list[Ints]) -> Pattern:
+def extended(pattern: Pattern, elements: list[Ints]) -> Pattern:
     """The pattern with the blocks of more `elements`, each (m, k); the same object where it holds them all."""
     n = pattern.n_vertices
     missing = [_missing(pattern.starts, pattern.columns, rows) for rows in elements if len(rows)]
@@ -223,26 +223,26 @@ def _among(starts, columns, rows, numbers):
     for row in rows:
         for k in range(starts[row], starts[row + 1]):
             size += numbers[columns[k]] >= 0
-    inside, own = np.empty(size, np.int64), np.zeros(len(rows) + 1, np.int64)
+    inside, restricted = np.empty(size, np.int64), np.zeros(len(rows) + 1, np.int64)
     size = 0
     for i in range(len(rows)):
         for k in range(starts[rows[i]], starts[rows[i] + 1]):
             if numbers[columns[k]] >= 0:
                 inside[size] = numbers[columns[k]]
                 size += 1
-        own[i + 1] = size
-    return own, inside
+        restricted[i + 1] = size
+    return restricted, inside
 
 
 @kernel
-def _copy_own(own, starts, columns, data, whole_starts, whole_columns):
+def _copy_own(restricted, starts, columns, data, whole_starts, whole_columns):
     for i in range(len(starts) - 1):
         k = starts[i]
         for whole in range(whole_starts[i], whole_starts[i + 1]):
             if k == starts[i + 1] or columns[k] != whole_columns[whole]:
                 continue
             for p in range(9):
-                own[9 * k + p] = data[9 * whole + p]
+                restricted[9 * k + p] = data[9 * whole + p]
             k += 1
 
 

@@ -7,7 +7,7 @@ from time import perf_counter
 
 
 @dataclass
-class Account:
+class EffectCounters:
     """Counters of one effect. seconds: all of its time; parts: those of them that went into named searches.
 
     pairs: how many it acts on now; hessian_nonzeros: numbers in the Hessian that it handed over last. steps: how often
@@ -29,34 +29,34 @@ class Account:
 class _Call:
     """One call of an effect, timed inside `with`: at 60 an iteration a generator made into a context tells."""
 
-    __slots__ = ("account", "counter", "ledger", "start")
+    __slots__ = ("account", "counter", "start", "timers")
 
-    def __init__(self, ledger: "Ledger", account: Account, counter: str) -> None:
-        self.ledger, self.account, self.counter = ledger, account, counter
+    def __init__(self, timers: "Timers", account: EffectCounters, counter: str) -> None:
+        self.timers, self.account, self.counter = timers, account, counter
 
-    def __enter__(self) -> Account:
-        self.start = self.ledger._open()
+    def __enter__(self) -> EffectCounters:
+        self.start = self.timers._open()
         return self.account
 
     def __exit__(self, *failure: object) -> None:
         account, counter = self.account, self.counter
-        account.seconds += self.ledger._close(self.start)
+        account.seconds += self.timers._close(self.start)
         if counter:
             setattr(account, counter, getattr(account, counter) + 1)
 
 
 @dataclass
-class Ledger:
+class Timers:
     """Accounts by name. `effects`: what the scene named; `phases`: assembly, linear solve, ...; both in seconds.
 
     Every second is booked once: a phase that calls effects (the line search) is charged for what it does itself, so
     effects and phases add up to the time measured. It only counts: nothing computed may depend on it.
     """
 
-    effects: dict[str, Account] = field(default_factory=dict)
+    effects: dict[str, EffectCounters] = field(default_factory=dict)
     phases: dict[str, float] = field(default_factory=dict)
     linear_solves: int = 0
-    regional: float = 0.0
+    elimination_seconds: float = 0.0
     """Seconds spent on regions; they are in the accounts, too."""
     _inside: list[float] = field(default_factory=list, repr=False)
     """For each open measurement the seconds that others inside it have booked."""
@@ -65,7 +65,7 @@ class Ledger:
         """Time one call of an effect and count it under `counter`."""
         account = self.effects.get(name)
         if account is None:
-            account = self.effects[name] = Account()
+            account = self.effects[name] = EffectCounters()
         return _Call(self, account, counter)
 
     @contextmanager
@@ -78,11 +78,11 @@ class Ledger:
             self.phases[name] = self.phases.get(name, 0.0) + self._close(start)
 
     @contextmanager
-    def region(self) -> Iterator[None]:
+    def patch(self) -> Iterator[None]:
         """Time a solve of a region: once more, beside what its parts book."""
         start = perf_counter()
         yield
-        self.regional += perf_counter() - start
+        self.elimination_seconds += perf_counter() - start
 
     def _open(self) -> float:
         self._inside.append(0.0)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-LEAST, MOST = 3.0, 1000.0
+MIN_RADIUS, MAX_RADIUS = 3.0, 1000.0
 """The radius, in lengths of the projected Hessian's step. A nearly flat valley says little about its far end, so it
 starts small; through a long curved one it must grow, or each iteration goes three steps of a thousand (a sheet squeezed
 to a millionth: 4,771 iterations with the radius held at 3, 329 with one that grows, and never more elsewhere)."""
@@ -15,7 +15,7 @@ class Trust:
     projected: for so many iterations the projected Hessian is used alone; pause: the next such number.
     """
 
-    radius: float = LEAST
+    radius: float = MIN_RADIUS
     projected: int = 1  # the first step from a start that may be far off
     pause: int = 1
 
@@ -24,18 +24,18 @@ class Trust:
         """Whether the next step is the exact Hessian's."""
         return self.projected == 0
 
-    def after(self, fraction: float, bends: bool, noise: bool) -> "Trust":
+    def after(self, fraction: float, negative_curvature: bool, noise: bool) -> "Trust":
         """After a step of which the line search took `fraction`; bends: it ended on the radius; noise: at round-off.
 
         At round-off the exact Hessian curves down for nothing, and its long steps cycle; the projected one alone may
         crawl. So the exact one rests for a pause that doubles.
         """
         if noise:
-            return Trust(LEAST, 2 * self.pause, 2 * self.pause)
+            return Trust(MIN_RADIUS, 2 * self.pause, 2 * self.pause)
         if not self.exact:
             return replace(self, projected=self.projected - 1)
-        grows = bends and fraction >= 1.0
-        return replace(self, radius=min(2.0 * self.radius, MOST) if grows else max(0.5 * self.radius, LEAST))
+        grows = negative_curvature and fraction >= 1.0
+        return replace(self, radius=min(2.0 * self.radius, MAX_RADIUS) if grows else max(0.5 * self.radius, MIN_RADIUS))
 
 
 PROJECTED = Trust()

@@ -146,8 +146,8 @@ def _taken(session: Session, state: State, steps: int) -> tuple[int, dict[str, f
 
 
 def _booked(session: Session) -> dict[str, float]:
-    ledger = session.integrator.potential.ledger
-    return {**ledger.phases, **{name: account.seconds for name, account in ledger.effects.items()}}
+    timers = session.integrator.potential.timers
+    return {**timers.phases, **{name: account.seconds for name, account in timers.effects.items()}}
 
 
 HEADER = ("effects", "ms a step", "of it its own", "Newton iterations a step", "ms an iteration", "non-zeros")

@@ -24,7 +24,7 @@ from clothsim.fitting.moving_body import Worn, carried, draped
 from clothsim.fitting.stage import Garment
 from clothsim.fitting.transfer_seed import transferred
 from clothsim.io.results import Run
-from clothsim.mesh.generators.garments.wardrobe import shirt
+from clothsim.mesh.generators.garments.shirt_skirt_trousers import shirt
 from clothsim.mesh.generators.mannequin.generator import mannequin
 from clothsim.mesh.generators.shapes import capsule
 from clothsim.mesh.generators.sheets import tube

@@ -10,7 +10,7 @@ import clothsim
 from clothsim import InputError, Scene
 from clothsim.build.scene_world import build
 from clothsim.io.mesh_file import read_mesh
-from clothsim.mesh.generators.sheets import sphere
+from clothsim.mesh.generators.shapes import sphere
 from clothsim.run.receipt import explain_scene
 
 POSITIONS, TRIANGLES = sphere(radius=0.3, subdivisions=1)

@@ -10,7 +10,7 @@ from clothsim.build.untangle import untangled
 from clothsim.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.body import make_body
 from clothsim.mesh.cloth import make_cloth
-from clothsim.mesh.generators.sheets import sphere
+from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.world import make_world
 from clothsim.sim.certificate import world_stretches
 

@@ -13,7 +13,7 @@ from clothsim.contact.stiffness import barrier_stiffness, default_d_hat
 from clothsim.energies.base import Off
 from clothsim.errors import InputError
 from clothsim.mesh.body import make_body
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.world import make_world
 
 

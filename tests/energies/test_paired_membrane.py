@@ -12,7 +12,7 @@ from clothsim.energies.base import Off
 from clothsim.energies.membrane import membrane
 from clothsim.energies.paired_membrane import OWN, paired_membrane, pairs
 from clothsim.errors import InputError
-from clothsim.mesh.generators.sheets import sphere
+from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
 from tests.known_answers.a1_membrane import FABRIC, STATES, psi, sliver_sheet

@@ -13,7 +13,7 @@ from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.energies.pressure import pressure
 from clothsim.linalg import project_psd
-from clothsim.mesh.generators.sheets import sphere
+from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
 from tests.known_answers.a6_inflation import (

@@ -10,7 +10,7 @@ from rational import intersect
 
 from clothsim import InputError
 from clothsim.intersection.intersecting_pairs import intersecting_pairs, places
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 
 
 def soup(seed, count, size=0.4):

@@ -24,7 +24,7 @@ from clothsim.io.mesh_file import ENDINGS, read_mesh
 from clothsim.io.record import read_record, read_summary
 from clothsim.io.run_surfaces import Surface
 from clothsim.io.trajectory import TrajectoryWriter, read_trajectory
-from clothsim.mesh.generators.sheets import sphere
+from clothsim.mesh.generators.shapes import sphere
 
 FEW = settings(
     max_examples=50,

@@ -12,7 +12,7 @@ from real_data import DATA, needs_data
 from clothsim.errors import InputError
 from clothsim.io.mesh_file import ENDINGS, MeshFile, read_mesh
 from clothsim.mesh.checks import examine
-from clothsim.mesh.generators.sheets import slab, sphere
+from clothsim.mesh.generators.shapes import slab, sphere
 
 QUAD = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0.0]])
 OBJ = """

@@ -10,7 +10,8 @@ from clothsim.energies.base import Energy, Off
 from clothsim.energies.membrane import membrane
 from clothsim.energies.pressure import pressure
 from clothsim.mesh.fabric import Fabric
-from clothsim.mesh.generators.sheets import disk, sphere
+from clothsim.mesh.generators.shapes import sphere
+from clothsim.mesh.generators.sheets import disk
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World, make_world
 from tests.known_answers.row import Outcome, Row

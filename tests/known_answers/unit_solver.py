@@ -18,7 +18,7 @@ from clothsim.solve.linear_system import System
 from clothsim.solve.newton import Newton, NewtonResult, NewtonSettings
 from clothsim.solve.potential import Potential
 from clothsim.solve.sparsity import Pattern, make_pattern
-from clothsim.solve.timers import Ledger
+from clothsim.solve.timers import Timers
 
 NOTHING = Prescribed(np.zeros(0, np.int64), np.zeros((0, 3)))
 """No vertex held."""
@@ -66,7 +66,7 @@ def newton_of(
     """A Newton bound to one step from the world's start (or `positions`)."""
     x = world.start() if positions is None else positions
     system = System(pattern_of(world, energies, x), linear)
-    potential = Potential(energies, Ledger()).begin(step_at(x, velocities, dt))
+    potential = Potential(energies, Timers()).begin(step_at(x, velocities, dt))
     system.begin(potential.couplings(x, np.zeros_like(x)))
     return Newton(potential, system, NewtonSettings(**settings), dt)
 
@@ -112,7 +112,7 @@ def integrator_of(
 ) -> Integrator:
     """The package's integrator for some energies of a world."""
     system = System(pattern_of(world, energies, world.start()), linear)
-    potential = Potential(energies, Ledger())
+    potential = Potential(energies, Timers())
     return Integrator(world, potential, constraints or {}, system, NewtonSettings(**settings), dt, ramp)
 
 

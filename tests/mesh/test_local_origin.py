@@ -4,7 +4,7 @@ import numpy as np
 from contacts import ball, sheet
 
 from clothsim.mesh.body import make_body
-from clothsim.mesh.local_origin import about_its_own_origin
+from clothsim.mesh.local_origin import with_local_origin
 from clothsim.mesh.motion import rigid_motion
 from clothsim.mesh.world import make_world
 
@@ -21,13 +21,13 @@ def world_at(place):
 
 def test_near_the_origin_nothing_changes():
     world = world_at(np.array([1.0, 2.0, 3.0]))
-    assert about_its_own_origin(world) is world
+    assert with_local_origin(world) is world
     assert not world.origin.any()
 
 
 def test_far_away_every_position_is_relative_and_every_motion_the_same():
     world = world_at(FAR)
-    local = about_its_own_origin(world)
+    local = with_local_origin(world)
     assert np.abs(local.start()[: local.n_cloth]).max() < 1.0
     assert np.abs(local.start() + local.origin - world.start()).max() < 1e-9
     here, there = local.bodies[0].at(0.7), world.bodies[0].at(0.7)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from clothsim.render.closeup import INK, draw_place
 from clothsim.render.legend import margins
 from clothsim.render.surface_look import Surface

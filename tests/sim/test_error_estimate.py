@@ -71,7 +71,7 @@ def test_a_quasi_static_run_has_no_error_of_time():
     reports = run_of(integrator_of(world, energies, 0.5, {"pins": held}, ramp=1.0), 1.0)
     told = estimated(reports).as_dict()
     assert told["temporal"] == told["temporal_largest"] == "not estimated (quasi-static)"
-    assert told["newton"] == reports[-1].result.left
+    assert told["newton"] == reports[-1].result.remaining
 
 
 def test_what_was_asked_for_is_told_with_whether_it_was_met():

@@ -7,7 +7,7 @@ from meshes import cloth, grid
 from clothsim.io.run_surfaces import world_surfaces
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.sim.intersection_check import judge_of
+from clothsim.sim.intersection_check import intersection_check_of
 
 TESTED = "tested at every frame"
 ACROSS = np.array([[0.1, 0.3, -1], [0.9, 0.3, -1], [0.5, 0.3, 1]])
@@ -20,13 +20,13 @@ def world(*bodies):
 
 
 def judged(scene, effects):
-    judge = judge_of(world_surfaces(scene), effects, effects)
-    found = judge.crossings(scene.start())
-    return judge, found, [crossing.second for crossing in judge.broken(found)]
+    check = intersection_check_of(world_surfaces(scene), effects, effects)
+    found = check.crossings(scene.start())
+    return check, found, [crossing.second for crossing in check.violations(found)]
 
 
 @pytest.mark.parametrize(
-    ("effects", "found", "broken"),
+    ("effects", "found", "violations"),
     [
         ({}, ["post"], []),
         ({"body_contact": {}}, ["post"], ["post"]),
@@ -36,25 +36,25 @@ def judged(scene, effects):
         ({"body_contact": {}, "self_contact": {"exclude": [["sheet", "flag"]]}}, ["post"], ["post"]),
     ],
 )
-def test_bodies_are_judged_always_and_cloth_where_self_contact_is_on(effects, found, broken):
+def test_bodies_are_judged_always_and_cloth_where_self_contact_is_on(effects, found, violations):
     _, crossed, failed = judged(world("post"), effects)
     assert [crossing.second for crossing in crossed] == found
-    assert failed == broken
+    assert failed == violations
     assert all(len(crossing.pairs) == 1 for crossing in crossed)
 
 
 def test_what_it_says():
-    assert judged(world(), {})[0].says() == {"cloth_body": "no body", "cloth_cloth": "not requested"}
-    assert judged(world("post"), {"self_contact": {}})[0].says() == {"cloth_body": TESTED, "cloth_cloth": TESTED}
-    said = judged(world("post"), {"body_contact": {"exclude": [["post", "flag"]]}})[0].says()
+    assert judged(world(), {})[0].coverage() == {"cloth_body": "no body", "cloth_cloth": "not requested"}
+    assert judged(world("post"), {"self_contact": {}})[0].coverage() == {"cloth_body": TESTED, "cloth_cloth": TESTED}
+    said = judged(world("post"), {"body_contact": {"exclude": [["post", "flag"]]}})[0].coverage()
     assert said["cloth_body"] == f"{TESTED} but for excluded pairs"
 
 
 def test_cloth_can_be_tested_without_being_promised():
     scene = world()
-    judge = judge_of(world_surfaces(scene), {}, {})
-    assert judge.crossings(scene.start()) == ()
-    found = judge.crossings(scene.start(), cloth_cloth=True, limit=100)
+    check = intersection_check_of(world_surfaces(scene), {}, {})
+    assert check.crossings(scene.start()) == ()
+    found = check.crossings(scene.start(), cloth_cloth=True, limit=100)
     assert [crossing.who for crossing in found] == ["sheet and flag intersect"]
     assert len(found[0].pairs) > 1
-    assert judge.broken(found) == []
+    assert check.violations(found) == []

@@ -16,7 +16,14 @@ from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.sim.integrators import LARGEST_RATIO
 from clothsim.sim.state import first_state
-from clothsim.sim.step_size import LARGEST_FACTOR, LARGEST_RETRY, MOST_STEPS, SHARE, SMALLEST_FACTOR, ErrorControl
+from clothsim.sim.step_size import (
+    LARGEST_FACTOR,
+    LARGEST_RETRY,
+    LEAST_FRACTION,
+    MOST_STEPS,
+    SMALLEST_FACTOR,
+    ErrorControl,
+)
 from clothsim.sim.stepping import advance
 from clothsim.sim.time_loop import steps
 
@@ -25,11 +32,11 @@ START = first_state(small_world(), 0.01)
 
 
 def test_a_step_may_add_its_share_of_the_time_but_at_least_a_share_of_the_error():
-    assert not CONTROL.exceeds(START, 0.01, 0.99 * SHARE * 1e-3)
-    assert CONTROL.exceeds(START, 0.01, 1.01 * SHARE * 1e-3)
+    assert not CONTROL.exceeds(START, 0.01, 0.99 * LEAST_FRACTION * 1e-3)
+    assert CONTROL.exceeds(START, 0.01, 1.01 * LEAST_FRACTION * 1e-3)
     assert not CONTROL.exceeds(START, 1.0, 0.49e-3)
     spent = replace(START, temporal_error=0.9e-3)
-    assert CONTROL.exceeds(spent, 0.01, 1.01 * SHARE * 1e-4)
+    assert CONTROL.exceeds(spent, 0.01, 1.01 * LEAST_FRACTION * 1e-4)
 
 
 @pytest.mark.parametrize("order", [1, 2])
@@ -50,7 +57,7 @@ def test_factors_have_their_bounds():
     assert CONTROL.next_dt(START, 0.03, 0.0, 1) == 0.04
     assert LARGEST_FACTOR[2] < LARGEST_RATIO
     assert CONTROL.retry(START, 0.01, 1.0) == pytest.approx(0.01 * SMALLEST_FACTOR)
-    assert CONTROL.retry(START, 0.01, 1.01 * SHARE * 1e-3) == pytest.approx(0.01 * LARGEST_RETRY)
+    assert CONTROL.retry(START, 0.01, 1.01 * LEAST_FRACTION * 1e-3) == pytest.approx(0.01 * LARGEST_RETRY)
 
 
 def test_there_is_a_floor():

@@ -58,7 +58,7 @@ def test_negative_curvature_is_turned_round():
     A, b = matrix(values, seed=3), right(6)
     found = saddle_free_solve(lambda v: A @ v, lambda r: r, b, 1e6, b)
     assert found.x == pytest.approx(np.linalg.solve(matrix(np.abs(values), seed=3), b), rel=1e-6)
-    assert found.bends
+    assert found.negative_curvature
     assert found.products == 6
 
 

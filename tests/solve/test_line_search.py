@@ -7,15 +7,15 @@ from meshes import deformed, small_world
 
 from clothsim.energies.base import Energy
 from clothsim.energies.membrane import membrane
-from clothsim.solve.line_search import MAX_HALVINGS, SUFFICIENT_DECREASE, armijo, lengthened
+from clothsim.solve.line_search import MAX_HALVINGS, SUFFICIENT_DECREASE, armijo, extended_fraction
 from clothsim.solve.potential import Potential
-from clothsim.solve.timers import Ledger
+from clothsim.solve.timers import Timers
 
 
 def sheet():
     world = small_world()
     x = deformed(world)
-    potential = Potential({"membrane": membrane(world)}, Ledger())
+    potential = Potential({"membrane": membrane(world)}, Timers())
     return potential, x, -potential.gradient(x)
 
 
@@ -42,7 +42,7 @@ def test_a_direction_that_climbs_gives_nothing_after_a_bounded_number_of_tries()
     potential, x, downhill = sheet()
     assert np.abs(numeric_gradient(membrane(small_world()), x) + downhill).max() < 1e-6
     assert armijo(potential, x, -downhill, -1.0, 1.0) == 0.0
-    assert potential.ledger.effects["membrane"].evaluations == MAX_HALVINGS + 1
+    assert potential.timers.effects["membrane"].evaluations == MAX_HALVINGS + 1
 
 
 def test_infinite_energies_are_stepped_back_from():
@@ -58,7 +58,7 @@ def test_infinite_energies_are_stepped_back_from():
 
 def test_a_rise_within_round_off_is_no_rise():
     world = small_world()
-    potential = Potential({"membrane": membrane(world)}, Ledger())
+    potential = Potential({"membrane": membrane(world)}, Timers())
     x = world.start() * 1.2
     assert armijo(potential, x, np.zeros_like(x), -1e-30, 1.0) == 1.0
 
@@ -67,7 +67,7 @@ def test_a_rise_within_round_off_is_no_rise():
 def test_a_step_is_lengthened_while_the_energy_falls_and_no_further(limit):
     potential, x, downhill = sheet()
     dx = 1e-4 * downhill
-    fraction = lengthened(potential, x, dx, limit)
+    fraction = extended_fraction(potential, x, dx, limit)
     assert 1.0 <= fraction <= limit
     values = [potential.value(x + a * dx) for a in 2.0 ** np.arange(6)]
     reached = int(np.log2(fraction))
@@ -77,7 +77,7 @@ def test_a_step_is_lengthened_while_the_energy_falls_and_no_further(limit):
 
 def test_a_step_past_the_valley_is_not_lengthened():
     potential, x, downhill = sheet()
-    assert lengthened(potential, x, 10.0 * downhill, 32.0) == 1.0
+    assert extended_fraction(potential, x, 10.0 * downhill, 32.0) == 1.0
 
 
 class Wall(Energy):
@@ -102,7 +102,7 @@ class Wall(Energy):
 def test_a_step_is_lengthened_as_far_as_it_is_free():
     potential, x, downhill = sheet()
     dx = 1e-4 * downhill
-    free = lengthened(potential, x, dx, 32.0)
+    free = extended_fraction(potential, x, dx, 32.0)
     assert free >= 8.0
     wall = Wall(5.0 * float(np.abs(dx).max()))
-    assert lengthened(Potential({**potential.energies, "wall": wall}, Ledger()), x, dx, 32.0) == 4.0
+    assert extended_fraction(Potential({**potential.energies, "wall": wall}, Timers()), x, dx, 32.0) == 4.0

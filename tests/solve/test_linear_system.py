@@ -13,12 +13,12 @@ from clothsim.sim.state import first_state
 from clothsim.sim.stepping import advance
 from clothsim.solve import linear_system as module
 from clothsim.solve.direct_solver import EXACT
-from clothsim.solve.direction import ROUGH, Model
-from clothsim.solve.linear_system import MANY, System
-from clothsim.solve.nonlinear_elimination import Region
+from clothsim.solve.direction import PRECONDITIONER_ERROR, QuadraticModel
+from clothsim.solve.linear_system import NEW_BLOCKS, System
+from clothsim.solve.nonlinear_elimination import Patch
 from clothsim.solve.potential import Potential
 from clothsim.solve.sparsity import make_pattern
-from clothsim.solve.timers import Ledger
+from clothsim.solve.timers import Timers
 
 COUNT, TRIANGLES = 441, rectangle(cells=(20, 20))[1]
 
@@ -60,7 +60,7 @@ def test_a_few_new_blocks_are_lacked_by_the_preconditioner_and_by_it_alone():
 
 
 def test_where_many_blocks_have_come_the_pattern_is_analysed_anew():
-    system, data = grown(int(MANY * (COUNT + 3 * 20 * 20)) + 2)
+    system, data = grown(int(NEW_BLOCKS * (COUNT + 3 * 20 * 20)) + 2)
     _, own = system.preconditioner(data)
     assert own is data
     assert system.analyses == 2
@@ -105,8 +105,8 @@ def test_a_step_trusts_single_precision_anew(monkeypatch):
 
 def test_a_region_has_what_has_come_in_the_step():
     system, _ = grown(5)
-    region = Region(np.array([0, 1, 200, 201]), COUNT)
-    part = system.of(region)
+    patch = Patch(np.array([0, 1, 200, 201]), COUNT)
+    part = system.subsystem(patch)
     before = len(part.pattern.columns)
     part.assemble([squares(TRIANGLES), far(5)])
     assert before == len(part.pattern.columns) == 4 + 2 + 2
@@ -118,11 +118,11 @@ def test_the_name_of_the_solver_costs_no_analysis():
     assert system.analyses == 1
 
 
-@pytest.mark.parametrize("accuracy", [EXACT, ROUGH])
+@pytest.mark.parametrize("accuracy", [EXACT, PRECONDITIONER_ERROR])
 def test_only_a_preconditioner_lacks_blocks(accuracy):
     """The projected directions are Newton's own: no product with the whole matrix comes after them."""
     system, data = grown(5)
-    model = Model(Potential({}, Ledger()), system, np.zeros(COUNT, bool))
+    model = QuadraticModel(Potential({}, Timers()), system, np.zeros(COUNT, bool))
     solved = model._solve(data, b := np.random.default_rng(0).standard_normal(3 * COUNT), accuracy)
     assert solved is not None
     off = np.abs(system.pattern.times(data)(solved[0]) - b).max()
@@ -151,9 +151,9 @@ def test_contact_that_is_expected_is_analysed_before_it_is_there():
 def test_what_was_not_expected_changes_the_way_and_not_the_end(monkeypatch):
     expected, _ = two_sheets()
     monkeypatch.setattr(Barrier, "couplings", lambda self, x, dx: np.zeros((0, 4), np.int64))
-    monkeypatch.setattr(module, "MANY", 0.0)
+    monkeypatch.setattr(module, "NEW_BLOCKS", 0.0)
     surprised, often = two_sheets()
-    monkeypatch.setattr(module, "MANY", 10.0)
+    monkeypatch.setattr(module, "NEW_BLOCKS", 10.0)
     lacking, seldom = two_sheets()
     assert seldom < often
     assert np.abs(surprised - expected).max() < 1e-6

@@ -18,12 +18,12 @@ from clothsim.mesh.body import make_body
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
 from clothsim.solve import direction
-from clothsim.solve.direction import Model
+from clothsim.solve.direction import QuadraticModel
 from clothsim.solve.linear_system import System
 from clothsim.solve.outcome import Ending, outcome, place_text
 from clothsim.solve.potential import Potential
 from clothsim.solve.sparsity import make_pattern
-from clothsim.solve.timers import Ledger
+from clothsim.solve.timers import Timers
 
 
 class Toy(Energy):
@@ -95,7 +95,7 @@ def test_what_is_not_positive_definite_is_shifted_and_counted():
     result = newton.minimise(x, NOTHING)
     assert result.outcome.converged
     assert np.abs(np.abs(result.x) - 1).max() < 1e-9
-    assert newton.potential.ledger.linear_solves > result.iterations + 5
+    assert newton.potential.timers.linear_solves > result.iterations + 5
     assert (np.diff(energy.seen) <= 1e-12).all()
 
 
@@ -161,15 +161,15 @@ def test_rows_beyond_the_cloth_are_carried_too():
 def test_the_free_vertices_know_on_their_way_where_the_others_go():
     """H_ff dx_f = -(g + H way)_f."""
     world = small_world()
-    x, way = deformed(world), np.zeros_like(world.start())
+    x, displacement = deformed(world), np.zeros_like(world.start())
     energies = {"inertia": inertia(world), "membrane": membrane(world), "bending": bending(world)}
     fixed = np.arange(world.n_cloth) < 3
-    way[:3] = 0.1
+    displacement[:3] = 0.1
     solver = newton_of(world, energies)
-    found = Model(solver.potential, solver.system, fixed).direction(x, way)
+    found = QuadraticModel(solver.potential, solver.system, fixed).direction(x, displacement)
     matrix = sum(hessian.to_sparse(len(x)) for hessian in solver.potential.hessians(x))
     left = (solver.potential.gradient(x).ravel() + matrix @ found.dx.ravel()).reshape(-1, 3)
-    assert np.array_equal(found.dx[:3], way[:3])
+    assert np.array_equal(found.dx[:3], displacement[:3])
     assert np.abs(left[3:]).max() < 1e-12 * np.abs(left[:3]).max()
 
 
@@ -179,8 +179,8 @@ def test_what_holds_a_vertex_is_no_residual():
     solver = newton_of(world, {"membrane": membrane(world)})
     fixed = np.arange(world.n_cloth) < 3
     gradient = solver.potential.gradient(x)
-    assert Model(solver.potential, solver.system, fixed).residual(gradient) == np.abs(gradient[3:]).max()
-    assert Model(solver.potential, solver.system, ~fixed).residual(gradient) == np.abs(gradient[:3]).max()
+    assert QuadraticModel(solver.potential, solver.system, fixed).residual(gradient) == np.abs(gradient[3:]).max()
+    assert QuadraticModel(solver.potential, solver.system, ~fixed).residual(gradient) == np.abs(gradient[:3]).max()
 
 
 def test_a_fold_across_the_sheet_is_carried_in_parts_when_it_would_invert():
@@ -190,12 +190,12 @@ def test_a_fold_across_the_sheet_is_carried_in_parts_when_it_would_invert():
     x = world.start()
     left, right = np.flatnonzero(positions[:, 0] == 0), np.flatnonzero(positions[:, 0] == 1)
     pinned = np.concatenate([left, right])
-    places = x[pinned].copy()
-    places[: len(left), 0] += 0.9
+    goals = x[pinned].copy()
+    goals[: len(left), 0] += 0.9
     energies = {"membrane": membrane(world), "inertia": inertia(world)}
-    result = solve(world, energies, x, Prescribed(pinned, places), dt=0.1, tolerance=1e-4)
+    result = solve(world, energies, x, Prescribed(pinned, goals), dt=0.1, tolerance=1e-4)
     assert result.outcome.converged, result.outcome.sentence
-    assert np.array_equal(result.x[pinned], places)
+    assert np.array_equal(result.x[pinned], goals)
 
 
 # --- endings --------------------------------------------------------------------------------------------------------
@@ -303,15 +303,15 @@ def test_a_place_is_told_without_its_round_off():
 
 
 def test_an_old_factor_serves_on_the_way_but_never_ends_a_solve(monkeypatch):
-    ages, found = [], Model.direction
+    ages, found = [], QuadraticModel.direction
 
-    def heard(self, *arguments):
+    def recorded(self, *arguments):
         answer = found(self, *arguments)
-        ages.append(answer.kept.age)
+        ages.append(answer.cached.age)
         return answer
 
-    monkeypatch.setattr(direction, "WORTH_KEEPING", 0)
-    monkeypatch.setattr(Model, "direction", heard)
+    monkeypatch.setattr(direction, "MIN_VERTICES", 0)
+    monkeypatch.setattr(QuadraticModel, "direction", recorded)
     world = small_world()
     energies = {"membrane": membrane(world), "bending": bending(world), "inertia": inertia(world)}
     for amplitude in (0.05, 0.1, 0.15, 0.2):
@@ -335,11 +335,11 @@ def test_a_stiffness_of_round_off_is_no_stiffness(linear):
     block = k * np.kron([[held_by, -1.0], [-1.0, held_by]], np.eye(3))
     hessian = ElementHessian(np.array([[0, 1], [2, 3]]), np.array([block, block]))
     pattern = make_pattern(4, np.zeros((0, 3), np.int64), [hessian])
-    model = Model(Potential({}, Ledger()), System(pattern, linear), np.zeros(4, bool))
+    model = QuadraticModel(Potential({}, Timers()), System(pattern, linear), np.zeros(4, bool))
     data = pattern.assemble([hessian])[0]
     moved, _ = model._solve(data, np.ones(12), direction.EXACT)
     assert 0 < np.abs(moved).max() < 1e5
     pull = np.repeat([1.0, -1.0, 1.0, -1.0], 3)
     stretched, _ = model._solve(data, pull, direction.EXACT)  # nothing but the springs: it needs no shift
     assert stretched * 2 * k == pytest.approx(pull, rel=1e-12)
-    assert model.potential.ledger.linear_solves == 3
+    assert model.potential.timers.linear_solves == 3

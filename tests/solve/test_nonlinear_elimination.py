@@ -13,25 +13,25 @@ from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.mesh.world import make_world
 from clothsim.solve import newton, nonlinear_elimination
-from clothsim.solve.nonlinear_elimination import NOBODY, restless
+from clothsim.solve.nonlinear_elimination import NONE, unconverged
 from clothsim.solve.observer import unobserved
 from clothsim.solve.outcome import Ending, outcome
 from clothsim.solve.sparsity import make_pattern
 
-NOTHING = Prescribed(NOBODY, np.zeros((0, 3)))
+NOTHING = Prescribed(NONE, np.zeros((0, 3)))
 
 
 @pytest.fixture(autouse=True)
 def small_cloths_have_regions(monkeypatch):
-    monkeypatch.setattr(nonlinear_elimination, "LEAST", 0)
+    monkeypatch.setattr(nonlinear_elimination, "MIN_VERTICES", 0)
 
 
 def test_a_small_cloth_has_none(monkeypatch):
     _, triangles = grid(8, 8)
     pattern, free, moved = make_pattern(81, triangles, []), np.zeros(81, bool), np.arange(81) == 0.0
-    assert len(restless(moved, 0.5, pattern, free))
-    monkeypatch.setattr(nonlinear_elimination, "LEAST", 82)
-    assert not len(restless(moved, 0.5, pattern, free))
+    assert len(unconverged(moved, 0.5, pattern, free))
+    monkeypatch.setattr(nonlinear_elimination, "MIN_VERTICES", 82)
+    assert not len(unconverged(moved, 0.5, pattern, free))
 
 
 def test_what_moved_takes_rings_of_neighbours_along():
@@ -39,28 +39,28 @@ def test_what_moved_takes_rings_of_neighbours_along():
     pattern = make_pattern(441, triangles, [])
     moved = np.zeros(441)
     moved[220] = 1.0  # the middle of 21 x 21
-    rows = restless(moved, 0.5, pattern, np.zeros(441, bool))
+    rows = unconverged(moved, 0.5, pattern, np.zeros(441, bool))
     down, across = rows // 21 - 10, rows % 21 - 10
     assert len(rows) > 30
     assert max(np.abs(down).max(), np.abs(across).max()) == nonlinear_elimination.RINGS
     fixed = np.zeros(441, bool)
     fixed[221] = True
     assert 221 in rows
-    assert 221 not in restless(moved, 0.5, pattern, fixed)
+    assert 221 not in unconverged(moved, 0.5, pattern, fixed)
 
 
 def test_there_is_no_region_where_nothing_or_too_much_moves():
     _, triangles = grid(8, 8)
     pattern, free = make_pattern(81, triangles, []), np.zeros(81, bool)
-    assert not len(restless(np.zeros(81), 0.5, pattern, free))
-    assert not len(restless(np.ones(81), 0.5, pattern, free))
-    assert not len(restless(np.arange(81) % 9 == 4.0, 0.5, pattern, free))  # a row, and three on both sides of it
-    assert len(restless(np.arange(81) == 0.0, 0.5, pattern, free))
+    assert not len(unconverged(np.zeros(81), 0.5, pattern, free))
+    assert not len(unconverged(np.ones(81), 0.5, pattern, free))
+    assert not len(unconverged(np.arange(81) % 9 == 4.0, 0.5, pattern, free))  # a row, and three on both sides of it
+    assert len(unconverged(np.arange(81) == 0.0, 0.5, pattern, free))
 
 
 def dented(monkeypatch, most, observe=unobserved, **settings):
     """A step of a sheet at rest with one dent in it; most: share of the vertices that a region may have."""
-    monkeypatch.setattr(nonlinear_elimination, "MOST", most)
+    monkeypatch.setattr(nonlinear_elimination, "MAX_FRACTION", most)
     positions, triangles = grid(24, 24)
     world = make_world([cloth(positions, triangles)], [])
     x = world.start()
@@ -75,14 +75,14 @@ def test_the_end_is_the_same_with_regions_and_without(monkeypatch):
     with_them, without = dented(monkeypatch, 0.5), dented(monkeypatch, 0.0)
     assert with_them.outcome.converged
     assert without.outcome.converged
-    assert with_them.regional > 0
+    assert with_them.elimination_iterations > 0
     assert with_them.iterations < without.iterations
-    assert without.regional == 0
+    assert without.elimination_iterations == 0
     assert np.abs(with_them.x - without.x).max() < 0.01 * 1e-2 * 0.02
 
 
 def test_a_region_is_left_after_its_iterations(monkeypatch):
-    monkeypatch.setattr(newton, "REGIONAL", 1)
+    monkeypatch.setattr(newton, "MAX_PATCH_ITERATIONS", 1)
     assert dented(monkeypatch, 0.5).outcome.converged
 
 
@@ -96,7 +96,7 @@ def test_who_observes_sees_regions_too(monkeypatch):
 
 def test_the_last_iteration_is_followed_by_no_region(monkeypatch):
     asked = []
-    monkeypatch.setattr(newton.Newton, "_settled", lambda self, x, dx, model: asked.append(x))
+    monkeypatch.setattr(newton.Newton, "_eliminated", lambda self, x, dx, model: asked.append(x))
     assert not dented(monkeypatch, 0.5, max_iterations=5).outcome.converged
     assert len(asked) == 4
 
@@ -104,12 +104,12 @@ def test_the_last_iteration_is_followed_by_no_region(monkeypatch):
 def test_what_is_left_after_a_region_is_the_whole_step(monkeypatch):
     """The step before the region says nothing of the rate at which Newton converges after it."""
 
-    def settled(self, x, dx, model):
+    def eliminated(self, x, dx, model):
         return newton.NewtonResult(x, outcome(Ending.CONVERGED), 0, 0.0, 0.0)
 
     rated = dented(monkeypatch, 0.0)
-    monkeypatch.setattr(newton.Newton, "_settled", settled)
+    monkeypatch.setattr(newton.Newton, "_eliminated", eliminated)
     result = dented(monkeypatch, 0.5)
     assert result.outcome.converged
-    assert result.left == result.speed * 0.02
-    assert rated.left < rated.speed * 0.02
+    assert result.remaining == result.speed * 0.02
+    assert rated.remaining < rated.speed * 0.02

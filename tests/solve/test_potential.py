@@ -13,7 +13,7 @@ from clothsim.energies.bending import bending
 from clothsim.energies.gravity import gravity
 from clothsim.energies.membrane import membrane
 from clothsim.solve.potential import Potential
-from clothsim.solve.timers import Ledger
+from clothsim.solve.timers import Timers
 
 
 def energies_of(world):
@@ -24,7 +24,7 @@ def test_value_gradient_and_hessian_are_sums():
     world = small_world()
     x = deformed(world)
     energies = energies_of(world)
-    potential = Potential(energies, Ledger())
+    potential = Potential(energies, Timers())
     assert potential.value(x) == pytest.approx(sum(e.value(x) for e in energies.values()), rel=1e-14)
     assert np.allclose(potential.gradient(x), sum(e.gradient(x) for e in energies.values()), atol=1e-14)
     assert len(potential.hessians(x)) == 3
@@ -34,9 +34,9 @@ def test_value_gradient_and_hessian_are_sums():
 def test_a_value_that_is_refused_ends_the_sum():
     world = small_world()
     x = np.zeros_like(world.start())
-    potential = Potential(energies_of(world), Ledger())
+    potential = Potential(energies_of(world), Timers())
     assert potential.value(x) == np.inf
-    assert "gravity" not in potential.ledger.effects
+    assert "gravity" not in potential.timers.effects
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ def test_no_energy_is_asked_beyond_what_those_before_it_allow(monkeypatch):
         Limited, "step_limit", lambda self, x, dx, most=1.0: heard.append(most) or min(most, self.limit)
     )
     limits = {str(k): Limited(limit, np.inf) for k, limit in enumerate((0.9, 0.4, 0.7))}
-    potential = Potential(energies_of(world) | limits, Ledger())
+    potential = Potential(energies_of(world) | limits, Timers())
     assert potential.step_limit(x, x) == 0.4
     assert heard == [1.0, 0.9, 0.4]
 
@@ -83,10 +83,10 @@ def test_no_energy_is_asked_beyond_what_those_before_it_allow(monkeypatch):
 def test_the_smallest_limit_and_gap_count():
     world = small_world()
     x = world.start()
-    alone = Potential(energies_of(world), Ledger())
+    alone = Potential(energies_of(world), Timers())
     assert alone.step_limit(x, x) == 1.0
     assert alone.minimum_gap(x) == np.inf
-    both = Potential({"a": Limited(0.5, 0.2), **energies_of(world), "b": Limited(0.25, 0.3)}, Ledger())
+    both = Potential({"a": Limited(0.5, 0.2), **energies_of(world), "b": Limited(0.25, 0.3)}, Timers())
     assert both.step_limit(x, x) == 0.25
     assert both.minimum_gap(x) == 0.2
 
@@ -95,7 +95,7 @@ def test_what_begins_last_is_told_the_gradient_of_the_others_and_the_order_stays
     world = small_world()
     x = deformed(world)
     energies = energies_of(world)
-    potential = Potential({"first": Limited(1.0, 1.0), **energies}, Ledger()).begin(step_at(x, load=0.5))
+    potential = Potential({"first": Limited(1.0, 1.0), **energies}, Timers()).begin(step_at(x, load=0.5))
     assert list(potential.energies) == ["first", *energies]
     forces = [energy.begin(step_at(x, load=0.5)).gradient(x) for energy in energies.values()]
     assert np.allclose(potential.energies["first"].told, sum(forces), atol=1e-14)
@@ -125,13 +125,13 @@ class Sleeper(Limited):
 def test_what_is_idle_is_left_out_until_another_pass_wakes_it():
     world = small_world()
     x = deformed(world)
-    ledger = Ledger()
-    bound = Potential({"sleeper": Sleeper(0.5, 0.2), **energies_of(world)}, ledger).begin(step_at(x))
+    timers = Timers()
+    bound = Potential({"sleeper": Sleeper(0.5, 0.2), **energies_of(world)}, timers).begin(step_at(x))
     assert list(bound.energies) == ["sleeper", *bound.acting]
     assert (bound.step_limit(x, x), bound.minimum_gap(x), len(bound.hessians(x))) == (1.0, np.inf, 3)
     assert not bound.lagging
     assert bound.passes == 2
-    account = ledger.effects["sleeper"]
+    account = timers.effects["sleeper"]
     assert (account.steps, account.idle_steps, account.hessians) == (1, 1, 0)
     woken = bound.again(x)
     assert list(woken.lagging) == ["sleeper"]

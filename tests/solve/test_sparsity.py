@@ -7,7 +7,7 @@ from scipy import sparse
 
 from clothsim.energies.base import AT_ONCE, ByElement, ElementHessian, LanesHessian, SquaresHessian
 from clothsim.jit import LANES
-from clothsim.solve.sparsity import coupled, couplings, make_pattern, times
+from clothsim.solve.sparsity import couplings, extended, make_pattern, times
 
 
 def random_blocks(elements, seed):
@@ -49,8 +49,8 @@ def lanes(elements, seed):
     def fill(room, first):
         room[:] = np.nan
         for i in range(min(LANES * len(room), len(elements) - first)):
-            own = blocks[first + i].reshape(corners, 3, corners, 3)
-            numbers = [own[a, :, b] for a in range(corners) for b in range(a, corners)]
+            restricted = blocks[first + i].reshape(corners, 3, corners, 3)
+            numbers = [restricted[a, :, b] for a in range(corners) for b in range(a, corners)]
             room[i // LANES, i % LANES :: LANES] = np.ravel(numbers)
 
     return LanesHessian(elements, fill)
@@ -151,19 +151,19 @@ def test_what_is_outside_the_pattern_is_counted_and_a_coupled_pattern_takes_it()
     pattern = make_pattern(N, np.zeros((0, 3), np.int64), [])
     for part in (hessians()[0], hessians()[1], contact(), *hessians()[5:]):
         assert pattern.assemble([part])[1] > 0
-        wider = coupled(pattern, [couplings(part)])
+        wider = extended(pattern, [couplings(part)])
         data, outside = wider.assemble([part])
         assert outside == 0
         assert np.abs(full(wider.upper(data)) - dense([part])).max() < 1e-13
-        assert coupled(wider, [couplings(part)]) is wider
-        assert wider.same_as(coupled(pattern, [couplings(part)]))
+        assert extended(wider, [couplings(part)]) is wider
+        assert wider.same_as(extended(pattern, [couplings(part)]))
         assert not wider.same_as(pattern)
 
 
 def test_a_wider_pattern_has_each_block_once_and_in_order():
     pattern = make_pattern(N, np.zeros((0, 3), np.int64), [])
     twice = np.array([[4, 1, 0], [0, 4, N], [1, 4, 1]])  # a row that is none of the cloth's, a vertex twice
-    wider = coupled(pattern, [twice, twice[:, :2]])
+    wider = extended(pattern, [twice, twice[:, :2]])
     blocks = [(i, int(j)) for i in range(N) for j in wider.columns[wider.starts[i] : wider.starts[i + 1]]]
     assert blocks == sorted({*((i, i) for i in range(N)), (0, 1), (0, 4), (1, 4)})
 
@@ -172,10 +172,10 @@ def test_the_pattern_of_some_rows_is_that_part_of_the_matrix():
     pattern = make_pattern(N, TRIANGLES, hessians())
     rows = np.array([0, 2, 3, N - 1])
     entries = (3 * rows[:, None] + np.arange(3)).ravel()
-    whole, of = pattern.upper(np.ones(9 * len(pattern.columns))).toarray(), pattern.of(rows)
-    assert np.array_equal(of.upper(np.ones(9 * len(of.columns))).toarray(), whole[np.ix_(entries, entries)])
-    assert pattern.of(np.arange(N)).same_as(pattern)
-    assert not len(pattern.of(rows[:0]).columns)
+    whole, part = pattern.upper(np.ones(9 * len(pattern.columns))).toarray(), pattern.subpattern(rows)
+    assert np.array_equal(part.upper(np.ones(9 * len(part.columns))).toarray(), whole[np.ix_(entries, entries)])
+    assert pattern.subpattern(np.arange(N)).same_as(pattern)
+    assert not len(pattern.subpattern(rows[:0]).columns)
 
 
 def test_a_narrower_pattern_takes_its_own_blocks():
@@ -183,9 +183,9 @@ def test_a_narrower_pattern_takes_its_own_blocks():
     narrow, wide = make_pattern(N, TRIANGLES, [parts[0]]), make_pattern(N, TRIANGLES, parts)
     assert len(narrow.columns) < len(wide.columns)
     data, _ = wide.assemble(parts)
-    own = narrow.upper(narrow.own(data, wide)).toarray()
+    restricted = narrow.upper(narrow.restricted(data, wide)).toarray()
     has = narrow.upper(np.ones(9 * len(narrow.columns))).toarray() > 0
-    assert np.array_equal(own, np.where(has, wide.upper(data).toarray(), 0.0))
+    assert np.array_equal(restricted, np.where(has, wide.upper(data).toarray(), 0.0))
 
 
 def test_fixed_rows_become_the_identity():

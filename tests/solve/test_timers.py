@@ -12,38 +12,38 @@ from clothsim.energies.membrane import membrane
 from clothsim.solve import timers as module
 from clothsim.solve.potential import Potential
 from clothsim.solve.sparsity import make_pattern
-from clothsim.solve.timers import Ledger
+from clothsim.solve.timers import Timers
 
 
 def test_calls_are_counted_by_effect_and_kind():
     world = small_world()
     x = world.start()
-    potential = Potential({"membrane": membrane(world), "gravity": gravity(world)}, Ledger())
+    potential = Potential({"membrane": membrane(world), "gravity": gravity(world)}, Timers())
     for place in (x, 1.1 * x, x):  # the third asks for what is known
         potential.value(place)
     potential.gradient(x)
     potential.hessians(x)
-    account = potential.accounts()["membrane"]
+    account = potential.effect_counters()["membrane"]
     assert (account["evaluations"], account["gradients"], account["hessians"]) == (2, 1, 1)
     assert account["hessian_nonzeros"] == 81 * len(world.triangles)
-    assert potential.accounts()["gravity"]["hessian_nonzeros"] == 0
+    assert potential.effect_counters()["gravity"]["hessian_nonzeros"] == 0
     assert account["seconds"] > 0
 
 
 def test_seconds_inside_a_phase_are_booked_once():
-    ledger = Ledger()
+    timers = Timers()
     start = perf_counter()
-    with ledger.phase("outer"):
+    with timers.phase("outer"):
         sleep(0.01)
-        with ledger.effect("inner", "evaluations"):
+        with timers.effect("inner", "evaluations"):
             sleep(0.02)
-        with ledger.phase("other"):
+        with timers.phase("other"):
             sleep(0.01)
     elapsed = perf_counter() - start
-    booked = [ledger.phases["outer"], ledger.phases["other"], ledger.effects["inner"].seconds]
+    booked = [timers.phases["outer"], timers.phases["other"], timers.effects["inner"].seconds]
     assert sum(booked) == pytest.approx(elapsed, rel=0.05)
-    assert ledger.effects["inner"].seconds >= 0.02
-    assert ledger.phases["outer"] >= 0.01
+    assert timers.effects["inner"].seconds >= 0.02
+    assert timers.phases["outer"] >= 0.01
 
 
 class Slow(Energy):
@@ -69,21 +69,21 @@ class Slow(Energy):
 def test_what_is_computed_where_it_is_added_is_on_its_energy_s_account(monkeypatch):
     clock, world = [0.0], small_world()
     monkeypatch.setattr(module, "perf_counter", lambda: clock[0])
-    potential = Potential({"slow": Slow(clock)}, Ledger())
+    potential = Potential({"slow": Slow(clock)}, Timers())
     hessians = potential.hessians(world.start())
     pattern = make_pattern(world.n_cloth, world.triangles, hessians)
-    with potential.ledger.phase("assembly"):
+    with potential.timers.phase("assembly"):
         pattern.assemble(hessians)
-    assert potential.accounts()["slow"]["seconds"] == 1.0
-    assert potential.accounts()["slow"]["hessians"] == 1
-    assert potential.ledger.phases["assembly"] == 0.0
+    assert potential.effect_counters()["slow"]["seconds"] == 1.0
+    assert potential.effect_counters()["slow"]["hessians"] == 1
+    assert potential.timers.phases["assembly"] == 0.0
 
 
 def test_an_error_inside_is_booked_and_passed_on():
-    ledger = Ledger()
-    with pytest.raises(ZeroDivisionError), ledger.phase("outer"), ledger.effect("inner", "gradients"):
+    timers = Timers()
+    with pytest.raises(ZeroDivisionError), timers.phase("outer"), timers.effect("inner", "gradients"):
         1 / 0  # noqa: B018
-    assert ledger.effects["inner"].gradients == 1
-    with ledger.phase("after"):
+    assert timers.effects["inner"].gradients == 1
+    with timers.phase("after"):
         pass
-    assert set(ledger.phases) == {"outer", "after"}
+    assert set(timers.phases) == {"outer", "after"}

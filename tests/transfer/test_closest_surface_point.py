@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from transfer.closest_surface_point import facing_surface
 from transfer.gradients import centroids
 from transfer.triangle_surface import triangle_normals

@@ -5,7 +5,7 @@ import pytest
 from people import person
 from real_data import DATA, needs_data
 
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from transfer.closest_surface_point import facing_surface
 from transfer.correspond import correspond
 from transfer.deform import deformation_transfer

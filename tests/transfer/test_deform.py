@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from transfer import deform
 from transfer.deform import WEAK, deformation_transfer
 from transfer.errors import TransferError

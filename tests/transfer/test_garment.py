@@ -5,7 +5,7 @@ import pytest
 from people import person
 from real_data import DATA, needs_data
 
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from transfer.adjacency import largest_component, vertex_components
 from transfer.errors import TransferError
 from transfer.garment import followed, garment_transfer, transfer_garment

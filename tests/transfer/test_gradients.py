@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from transfer.errors import TransferError
 from transfer.gradients import deformation_gradients, gradient_operator, inverse_frames, plane_operator
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from people import person
 
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from transfer.errors import TransferError
 from transfer.landmarks import derive_markers
 

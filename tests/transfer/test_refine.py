@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from transfer.errors import TransferError
 from transfer.refine import DAMPING, Targets, clearance, normal_equations, refine, sample_weights
 from transfer.refine import _deviation as deviation

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from transfer.errors import TransferError
 from transfer.signed_distance import body_surface
 

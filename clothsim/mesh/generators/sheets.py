@@ -1,9 +1,4 @@
-"""Generated meshes. The sheets are here, the bodies in `shapes`; GENERATORS maps a scene's `mesh` to its function.
-
-Each returns positions (n, 3) [m], centred on the origin, and triangles (m, 3), all wound alike: flat meshes lie in
-z = 0 and face +z, the others face outward. The mannequin stands on z = 0, and its garments are where it wears them.
-Their keywords are the scene file's keys; InputError names a bad one.
-"""
+"""Generated sheets: rectangle, disk, tube and pillow. See `table` for what all generators share."""
 
 from collections.abc import Callable, Sequence
 
@@ -12,10 +7,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
 from clothsim.mesh.generators.argument_checks import as_count, as_counts, as_lengths
-from clothsim.mesh.generators.garments.wardrobe import shirt, skirt, trousers
 from clothsim.mesh.generators.lattice import checkerboard, cut_quads, lattice_points, lattice_quads
-from clothsim.mesh.generators.mannequin.generator import mannequin
-from clothsim.mesh.generators.shapes import capsule, cone, slab, sphere
 
 JITTER = 0.2
 """Largest shift of an interior point of a "delaunay" rectangle, in cells: irregular, and still no sliver."""
@@ -149,19 +141,4 @@ _PATTERNS: dict[str, Callable[[int, int], tuple[Floats, Ints]]] = {
     "alternating": _alternating,
     "crisscross": _crisscross,
     "delaunay": _delaunay,
-}
-
-GENERATORS: dict[str, Callable[..., tuple[Floats, Ints]]] = {
-    "rectangle": rectangle,
-    "disk": disk,
-    "tube": tube,
-    "pillow": pillow,
-    "sphere": sphere,
-    "slab": slab,
-    "capsule": capsule,
-    "cone": cone,
-    "mannequin": mannequin,
-    "shirt": shirt,
-    "skirt": skirt,
-    "trousers": trousers,
 }

@@ -71,13 +71,13 @@ def stepper(job: Job) -> Callable[[], Trial]:
 
 def _steps(session: Any, start: Any, steps: int) -> Trial:
     integrator = session.integrator
-    ledger = integrator.potential.ledger
-    before, solves, regional = _booked(session), ledger.linear_solves, getattr(ledger, "regional", 0.0)
+    timers = _timers(integrator.potential)
+    before, solves, regional = _booked(session), timers.linear_solves, _elimination_seconds(timers)
     cpu, wall = process_time(), perf_counter()
     reports = _stepped(session, start, steps)
     cpu, wall = process_time() - cpu, perf_counter() - wall
     after = _booked(session)
-    accounts = integrator.potential.accounts()
+    effect_counters = _effect_counters(integrator.potential)
     return {
         "cpu": cpu,
         "wall": wall,
@@ -85,15 +85,31 @@ def _steps(session: Any, start: Any, steps: int) -> Trial:
         "steps": steps,
         "simulated": reports[-1].state.time - start.time,
         "iterations": sum(report.result.iterations for report in reports),
-        "regional": sum(getattr(report.result, "regional", 0) for report in reports),
-        "regional_cpu": getattr(ledger, "regional", 0.0) - regional,
-        "linear_solves": ledger.linear_solves - solves,
+        "regional": sum(_elimination_iterations(report.result) for report in reports),
+        "regional_cpu": _elimination_seconds(timers) - regional,
+        "linear_solves": timers.linear_solves - solves,
         "failed_tries": sum(len(report.failures) for report in reports),
         "vertices": session.built.world.n_cloth,
-        "pairs": sum(int(account["pairs"]) for name, account in accounts.items() if "contact" in name),
+        "pairs": sum(int(account["pairs"]) for name, account in effect_counters.items() if "contact" in name),
         "parts": {name: after[name] - before.get(name, 0.0) for name in after},
         "own_solve": _own_solve(session, reports[-1]),
     }
+
+
+def _timers(potential: Any) -> Any:
+    return potential.timers if hasattr(potential, "timers") else potential.ledger  # its name in older revisions
+
+
+def _effect_counters(potential: Any) -> dict[str, dict[str, Any]]:
+    return (potential.effect_counters if hasattr(potential, "effect_counters") else potential.accounts)()
+
+
+def _elimination_seconds(timers: Any) -> float:
+    return getattr(timers, "elimination_seconds", getattr(timers, "regional", 0.0))
+
+
+def _elimination_iterations(result: Any) -> int:
+    return getattr(result, "elimination_iterations", getattr(result, "regional", 0))
 
 
 def _stepped(session: Any, state: Any, steps: int) -> list[Any]:
@@ -118,8 +134,8 @@ def _book_processor_time() -> None:
 def _booked(session: Any) -> dict[str, float]:
     """Seconds booked so far: effects (less the searches in them), the searches, the phases."""
     potential = session.integrator.potential
-    booked = dict(potential.ledger.phases)
-    for name, account in potential.accounts().items():
+    booked = dict(_timers(potential).phases)
+    for name, account in _effect_counters(potential).items():
         booked[name] = account["seconds"] - sum(account["parts"].values())
         for part, seconds in account["parts"].items():
             booked[part] = booked.get(part, 0.0) + seconds

@@ -21,7 +21,7 @@ from clothsim.errors import ClothsimError
 from clothsim.run.session import Session, prepare
 from clothsim.sim.state import State, first_state
 from clothsim.sim.stepping import advance
-from clothsim.solve.sparsity import coupled
+from clothsim.solve.sparsity import extended
 from tests.benchmarks.bench.bench_cases import Case
 from tests.benchmarks.bench.leads import lead
 from tests.benchmarks.bench.sides import PARTS, Ipctk, Ours, Seconds, Side, loaded
@@ -69,7 +69,7 @@ def compared(case: Case, states: Path, repeats: int, heard: Callable[[str], None
     barriers = [replace(barrier, stiffness=1.0) for barrier in bound]
     near = [[barrier.candidates.near(x).elements for barrier in barriers] for x, _ in ways]
     n_cloth = session.built.world.n_cloth
-    pattern = coupled(session.integrator.system.base, [rows for _, rows in near])
+    pattern = extended(session.integrator.system.base, [rows for _, rows in near])
     sides: dict[str, Side] = {"ours": Ours(barriers, pattern), "ipctk": Ipctk(barriers, n_cloth)}
     with _processor_time():
         for side in sides.values():

@@ -5,7 +5,9 @@ import pytest
 
 from clothsim.errors import InputError
 from clothsim.mesh.checks import examine
-from clothsim.mesh.generators.sheets import GENERATORS, capsule, cone, disk, pillow, rectangle, slab, sphere, tube
+from clothsim.mesh.generators.shapes import capsule, cone, slab, sphere
+from clothsim.mesh.generators.sheets import disk, pillow, rectangle, tube
+from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.topology import border_edges, unique_edges
 
 DIAGONALS = ("right", "alternating", "crisscross", "delaunay")

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from clothsim.arrays import Floats, Ints
 from clothsim.mesh.generators.mannequin.pose import posed, turns_of
-from clothsim.mesh.generators.mannequin.proportions import Figure, carried, carried_joints
+from clothsim.mesh.generators.mannequin.proportions import Figure, warped, warped_joints
 from clothsim.mesh.generators.mannequin.template import template
 
 
@@ -27,6 +27,6 @@ def mannequin(
     figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
     turns = turns_of(pose, joints_degrees)
     made = template()
-    positions = posed(carried(made.positions, made.weights, figure), made.weights, carried_joints(figure), turns)
+    positions = posed(warped(made.positions, made.weights, figure), made.weights, warped_joints(figure), turns)
     positions[:, 2] -= positions[:, 2].min()
     return positions, made.triangles.copy()

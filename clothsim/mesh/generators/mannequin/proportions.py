@@ -9,7 +9,6 @@ import numpy as np
 from clothsim.arrays import Floats, as_positive
 from clothsim.errors import InputError
 from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PLACES, joint
-from clothsim.mesh.generators.mannequin.skinning_weights import skinning_weights
 
 TEMPLATE_HEIGHT = 1.69085
 """From the soles to the crown of the template [m]; a test measures it."""
@@ -66,7 +65,7 @@ RANGES = {
 """The least and the most of each measure: a template can be carried no farther without folding."""
 
 
-def carried(points: Floats, weights: Floats, figure: Figure) -> Floats:
+def warped(points: Floats, weights: Floats, figure: Figure) -> Floats:
     """Where `points (n, 3)` of the template [m] with skinning `weights (n, j)` are on a figure, in the rest pose.
 
     Trunk and legs grow about the middle plane by factors of their height above the ground, arms about their axes; head,
@@ -79,14 +78,9 @@ def carried(points: Floats, weights: Floats, figure: Figure) -> Floats:
     return (moved - (0.0, 0.0, TEMPLATE_SOLE)) * (figure.height / TEMPLATE_HEIGHT)
 
 
-def carried_joints(figure: Figure) -> Floats:
+def warped_joints(figure: Figure) -> Floats:
     """Where the joints are on a figure, (j, 3) [m]."""
-    return carried(PLACES, np.eye(len(JOINTS)), figure)
-
-
-def points_on(points: Floats, figure: Figure) -> Floats:
-    """Where any `points (n, 3)` near the template [m] are on a figure: a garment is carried with the body."""
-    return carried(points, skinning_weights(points), figure)
+    return warped(PLACES, np.eye(len(JOINTS)), figure)
 
 
 def _map_of(name: str) -> Callable[[Floats, Figure], Floats]:

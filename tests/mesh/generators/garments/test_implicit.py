@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from clothsim.mesh.generators.mannequin.flesh import SMOOTHING, body_field, body_flesh, body_lattice
-from clothsim.mesh.generators.mannequin.implicit import limb, smooth_union
+from clothsim.mesh.generators.garments.body_limbs import SMOOTHING, body_limbs
+from clothsim.mesh.generators.garments.implicit import limb, smooth_union
+from tests.benchmarks.make_mannequin import body_field, body_lattice
 
 X, Y = np.eye(3)[:2]
 
@@ -56,7 +57,7 @@ def test_the_lattice_has_the_same_values_near_the_surface():
 
 def test_the_union_is_no_smaller_than_any_limb():
     points = random_points(seed=1)
-    value, _ = smooth_union([one.limb for one in body_flesh()], points, SMOOTHING)
-    nearest = np.min([one.limb.distance(points)[0] for one in body_flesh()], axis=0)
+    value, _ = smooth_union([one.limb for one in body_limbs()], points, SMOOTHING)
+    nearest = np.min([one.limb.distance(points)[0] for one in body_limbs()], axis=0)
     assert (value <= nearest + 1e-12)[nearest < 0.2].all()
     assert value[nearest < 0.2] == pytest.approx(nearest[nearest < 0.2], abs=SMOOTHING * np.log(6))

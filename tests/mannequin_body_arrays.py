@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.arrays import Floats
-from clothsim.mesh.generators.mannequin.proportions import Figure, carried, carried_joints
+from clothsim.mesh.generators.mannequin.proportions import Figure, warped, warped_joints
 from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PARENTS
 from clothsim.mesh.generators.mannequin.template import template
 
@@ -24,17 +24,17 @@ def body_arrays() -> dict[str, NDArray]:
     shapedirs (n, 3, 6): the change of the vertices with each of MEASURES (linear: exact for the height only).
     """
     made, default = template(), Figure()
-    positions = carried(made.positions, made.weights, default)
+    positions = warped(made.positions, made.weights, default)
     directions = []
     for name in MEASURES:
         more, less = (replace(default, **{name: getattr(default, name) + step}) for step in (STEP, -STEP))
-        change = carried(made.positions, made.weights, more) - carried(made.positions, made.weights, less)
+        change = warped(made.positions, made.weights, more) - warped(made.positions, made.weights, less)
         directions.append(change / (2 * STEP))
     return {
         "v_template": positions,
         "shapedirs": np.stack(directions, axis=2),
         "posedirs": np.zeros((len(positions), 3, 9 * (len(JOINTS) - 1))),
-        "J_regressor": _regressor(positions, carried_joints(default)),
+        "J_regressor": _regressor(positions, warped_joints(default)),
         "weights": made.weights.copy(),
         "kintree_table": np.stack([PARENTS, np.arange(len(JOINTS))]),
         "f": made.triangles.copy(),

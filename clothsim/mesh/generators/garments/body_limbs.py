@@ -9,16 +9,15 @@ from functools import lru_cache
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.mesh.generators.mannequin.implicit import Limb, lattice_union, limb, smooth_union
+from clothsim.mesh.generators.garments.implicit import Limb, limb
 from clothsim.mesh.generators.mannequin.skeleton import PLACES, joint, other_side
 
 SMOOTHING = 0.014
-SOLE, SOLE_SMOOTHING = 0.004, 0.003
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 
 @dataclass(frozen=True)
-class Flesh:
+class BodyLimb:
     """A limb and the joints that move it, from its start to its end."""
 
     limb: Limb
@@ -29,7 +28,7 @@ def _at(name: str) -> Floats:
     return PLACES[joint(name)]
 
 
-def _trunk() -> list[Flesh]:
+def _trunk() -> list[BodyLimb]:
     trunk = [
         (0.00, 0.112, 0.078), (0.12, 0.150, 0.097), (0.24, 0.149, 0.096), (0.43, 0.118, 0.084), (0.56, 0.122, 0.088),
         (0.74, 0.141, 0.101), (0.86, 0.135, 0.093), (1.00, 0.090, 0.064),
@@ -38,20 +37,20 @@ def _trunk() -> list[Flesh]:
     girdle = [(0.0, 0.052, 0.046), (0.5, 0.050, 0.042), (1.0, 0.050, 0.042)]
     neck = [(0.0, 0.068, 0.064), (0.4, 0.050, 0.054), (1.0, 0.047, 0.052)]
     made = [
-        Flesh(limb((0, 0.006, 0.815), (0, 0.006, 1.395), X, trunk, (0.05, 0.04)), ("pelvis", "spine", "chest")),
-        Flesh(limb((0, 0.024, 1.405), (0, 0.004, 1.530), X, neck, (0.03, 0.02)), ("neck",)),
-        Flesh(_ball((0, 0.004, 1.597), (0.071, 0.088, 0.098)), ("head",)),
-        Flesh(_ball((0, -0.030, 1.545), (0.050, 0.052, 0.066)), ("head",)),
+        BodyLimb(limb((0, 0.006, 0.815), (0, 0.006, 1.395), X, trunk, (0.05, 0.04)), ("pelvis", "spine", "chest")),
+        BodyLimb(limb((0, 0.024, 1.405), (0, 0.004, 1.530), X, neck, (0.03, 0.02)), ("neck",)),
+        BodyLimb(_ball((0, 0.004, 1.597), (0.071, 0.088, 0.098)), ("head",)),
+        BodyLimb(_ball((0, -0.030, 1.545), (0.050, 0.052, 0.066)), ("head",)),
     ]
     pair = [
-        Flesh(_ball(seat, (0.074, 0.066, 0.080)), ("pelvis",)),
-        Flesh(_ball(bust, (0.062, 0.044, 0.060)), ("chest",)),
-        Flesh(limb((0.03, 0.022, 1.408), _at("left_shoulder") - 0.01 * X, Y, girdle, (0.04, 0.04)), ("chest",)),
+        BodyLimb(_ball(seat, (0.074, 0.066, 0.080)), ("pelvis",)),
+        BodyLimb(_ball(bust, (0.062, 0.044, 0.060)), ("chest",)),
+        BodyLimb(limb((0.03, 0.022, 1.408), _at("left_shoulder") - 0.01 * X, Y, girdle, (0.04, 0.04)), ("chest",)),
     ]
     return made + pair + [_mirror(flesh) for flesh in pair]
 
 
-def _left() -> list[Flesh]:
+def _left() -> list[BodyLimb]:
     shoulder, wrist, hip, ankle = (_at(f"left_{name}") for name in ("shoulder", "wrist", "hip", "ankle"))
     along = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
     arm = [
@@ -65,44 +64,25 @@ def _left() -> list[Flesh]:
     foot = [(0.0, 0.033, 0.042), (0.45, 0.036, 0.036), (0.75, 0.042, 0.028), (1.0, 0.038, 0.024)]
     thumb = wrist + 0.035 * along + (0.0, -0.020, 0.0)
     return [
-        Flesh(limb(shoulder, wrist, Y, arm, (0.04, 0.02)), ("left_shoulder", "left_elbow")),
-        Flesh(limb(wrist, wrist + 0.120 * along, Y, hand, (0.02, 0.038)), ("left_wrist",)),
-        Flesh(
+        BodyLimb(limb(shoulder, wrist, Y, arm, (0.04, 0.02)), ("left_shoulder", "left_elbow")),
+        BodyLimb(limb(wrist, wrist + 0.120 * along, Y, hand, (0.02, 0.038)), ("left_wrist",)),
+        BodyLimb(
             limb(
                 thumb, thumb + 0.045 * along + (0, -0.022, 0), Y, [(0, 0.020, 0.018), (1, 0.017, 0.017)], (0.02, 0.018)
             ),
             ("left_wrist",),
         ),
-        Flesh(limb(hip, ankle, X, leg, (0.07, 0.03)), ("left_hip", "left_knee")),
-        Flesh(_ball((0.108, 0.035, 0.030), (0.031, 0.034, 0.034)), ("left_ankle",)),
-        Flesh(limb((0.108, 0.012, 0.052), (0.122, -0.120, 0.024), X, foot, (0.03, 0.042)), ("left_ankle",)),
+        BodyLimb(limb(hip, ankle, X, leg, (0.07, 0.03)), ("left_hip", "left_knee")),
+        BodyLimb(_ball((0.108, 0.035, 0.030), (0.031, 0.034, 0.034)), ("left_ankle",)),
+        BodyLimb(limb((0.108, 0.012, 0.052), (0.122, -0.120, 0.024), X, foot, (0.03, 0.042)), ("left_ankle",)),
     ]
 
 
 @lru_cache(maxsize=1)
-def body_flesh() -> tuple[Flesh, ...]:
+def body_limbs() -> tuple[BodyLimb, ...]:
     """All of the mannequin."""
     left = _left()
     return (*_trunk(), *left, *(_mirror(flesh) for flesh in left))
-
-
-def body_field(points: Floats) -> tuple[Floats, Floats]:
-    """The mannequin's function of space (n,) [m] and its gradient (n, 3): the limbs, cut flat at the sole."""
-    value, gradient = smooth_union([flesh.limb for flesh in body_flesh()], points, SMOOTHING)
-    below = SOLE - points[:, 2]
-    share = 1 / (1 + np.exp(np.clip((below - value) / SOLE_SMOOTHING, -500, 500)))
-    return _cut_flat(value, below), share[:, None] * gradient - (1 - share)[:, None] * (0.0, 0.0, 1.0)
-
-
-def body_lattice(nodes: tuple[Floats, Floats, Floats]) -> Floats:
-    """The same function at the nodes of a lattice, right near the surface."""
-    value = lattice_union([flesh.limb for flesh in body_flesh()], nodes, SMOOTHING, 0.06)
-    return _cut_flat(value, SOLE - nodes[2])
-
-
-def _cut_flat(value: Floats, below: Floats) -> Floats:
-    """The smooth intersection s log(exp(f / s) + exp(g / s)) of f with the half space g = SOLE - z < 0."""
-    return np.asarray(SOLE_SMOOTHING * np.logaddexp(value / SOLE_SMOOTHING, below / SOLE_SMOOTHING), np.float64)
 
 
 def _ball(centre: Floats | tuple, half_axes: tuple[float, float, float]) -> Limb:
@@ -110,5 +90,5 @@ def _ball(centre: Floats | tuple, half_axes: tuple[float, float, float]) -> Limb
     return limb(centre, centre, X, [(0.0, across, deep)], (tall, tall))
 
 
-def _mirror(flesh: Flesh) -> Flesh:
-    return Flesh(flesh.limb.mirrored(), tuple(other_side(name) for name in flesh.joints))
+def _mirror(flesh: BodyLimb) -> BodyLimb:
+    return BodyLimb(flesh.limb.mirrored(), tuple(other_side(name) for name in flesh.joints))

@@ -65,7 +65,7 @@ def test_a_row_that_ends_with_a_sentence_fails_and_the_others_go_on(capsys):
 def test_the_table_is_written_between_its_marks(tmp_path):
     readme, record = tmp_path / "README.md", tmp_path / "validation.json"
     readme.write_text("before\n<!-- validation -->\nold\n<!-- /validation -->\nafter\n")
-    assert main(["--rows", "A1b,A5a", "--record", str(record), "--readme", str(readme)]) == 0
+    assert main(["--rows", "A1b,A5a", "--record", str(record), "--page", str(readme)]) == 0
     text = readme.read_text()
     assert text.startswith("before\n<!-- validation -->\n")
     assert text.endswith("\n<!-- /validation -->\nafter\n")
@@ -73,7 +73,7 @@ def test_the_table_is_written_between_its_marks(tmp_path):
     assert "2 of 2 pass" in text
     assert "| A1b | stress of a strip stretched 1.5, sides free [N/m] | 1.046334 | 1.046334 |" in text
     # a run of one row mends that row and keeps the other
-    assert main(["--rows", "A5a", "--record", str(record), "--readme", str(readme)]) == 0
+    assert main(["--rows", "A5a", "--record", str(record), "--page", str(readme)]) == 0
     assert "| A1b |" in readme.read_text()
 
 
@@ -89,7 +89,7 @@ def test_a_readme_without_marks_and_an_unknown_row_are_refused(tmp_path):
     readme = tmp_path / "README.md"
     readme.write_text("nothing")
     with pytest.raises(SystemExit, match="add both lines"):
-        main(["--rows", "A1b", "--readme", str(readme)])
+        main(["--rows", "A1b", "--page", str(readme)])
     with pytest.raises(SystemExit):
         main(["--rows", "A99"])
 

@@ -6,9 +6,10 @@ import pytest
 from clothsim.errors import InputError
 from clothsim.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.checks import examine
-from clothsim.mesh.generators.mannequin.flesh import body_field
-from clothsim.mesh.generators.sheets import GENERATORS, mannequin
+from clothsim.mesh.generators.mannequin.generator import mannequin
+from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.topology import border_edges, components, unique_edges
+from tests.benchmarks.make_mannequin import body_field
 
 LOOPS = {"shirt": 4, "skirt": 2, "trousers": 3}
 BODY_KEYS = ("height", "chest", "waist", "hips", "shoulder_width", "limb_girth")

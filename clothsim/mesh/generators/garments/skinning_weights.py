@@ -3,7 +3,7 @@
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.mesh.generators.mannequin.flesh import Flesh, body_flesh
+from clothsim.mesh.generators.garments.body_limbs import BodyLimb, body_limbs
 from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PLACES, joint
 
 BLEND = 0.05
@@ -18,7 +18,7 @@ def skinning_weights(points: Floats) -> Floats:
     A limb's share is (1 - (d - d_min) / BLEND)^3, with d its distance and d_min that of the nearest limb; along a limb
     the share goes from one joint to the next as a smooth step of length BEND round that joint.
     """
-    flesh = body_flesh()
+    flesh = body_limbs()
     distances = np.stack([one.limb.distance(points)[0] for one in flesh], axis=1)
     beyond = distances - distances.min(axis=1, keepdims=True)
     shares = np.clip(1 - beyond / BLEND, 0.0, 1.0) ** 3
@@ -29,7 +29,7 @@ def skinning_weights(points: Floats) -> Floats:
     return weights / weights.sum(axis=1, keepdims=True)
 
 
-def _parts(flesh: Flesh, points: Floats) -> Floats:
+def _parts(flesh: BodyLimb, points: Floats) -> Floats:
     """How much of a limb each of its joints moves, (joints, n); they sum to 1."""
     along = flesh.limb.axes[2]
     reached = [np.ones(len(points))]

@@ -5,8 +5,8 @@ import numpy as np
 from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
 from clothsim.mesh.generators.garments.cut import cut
-from clothsim.mesh.generators.garments.tailor import Pattern, both_sides, sewn_garment, tube_limb
-from clothsim.mesh.generators.mannequin.implicit import limb
+from clothsim.mesh.generators.garments.garment_mesh import Pattern, both_sides, garment_mesh, tube_limb
+from clothsim.mesh.generators.garments.implicit import limb
 from clothsim.mesh.generators.mannequin.proportions import Figure
 from clothsim.mesh.generators.mannequin.skeleton import ARM, PLACES, joint
 
@@ -49,7 +49,7 @@ def shirt(
     pattern = Pattern(
         _TRUNK + _ARMS, (trunk, *both_sides(sleeve_limb)), cuts, (0, -0.13, 0.82), (reach[0] + 0.05, 0.14, 1.50)
     )
-    return sewn_garment(pattern, figure, ease, edge)
+    return garment_mesh(pattern, figure, ease, edge)
 
 
 def skirt(
@@ -69,7 +69,7 @@ def skirt(
     cone = tube_limb((0.12, 0.010, 0.290, 0.240), (0.78, 0.010, 0.180, 0.135), (1.10, 0.010, 0.112, 0.080))
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.055))))
     pattern = Pattern(("pelvis", "spine", *_LEGS), (cone,), cuts, (0, -0.24, low - 0.02), (0.30, 0.26, 1.08))
-    return sewn_garment(pattern, figure, ease, edge)
+    return garment_mesh(pattern, figure, ease, edge)
 
 
 def trousers(
@@ -90,7 +90,7 @@ def trousers(
     leg = limb(PLACES[joint("left_hip")], (0.115, 0.012, 0.05), np.array([1.0, 0.0, 0.0]), profile, (0.03, 0.03))
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.045))))
     pattern = Pattern(("pelvis", "spine", *_LEGS), both_sides(leg), cuts, (0, -0.13, low - 0.02), (0.19, 0.15, 1.07))
-    return sewn_garment(pattern, figure, ease, edge)
+    return garment_mesh(pattern, figure, ease, edge)
 
 
 def _within(name: str, value: float, least: float, most: float) -> float:

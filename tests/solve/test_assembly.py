@@ -6,7 +6,7 @@ from clothsim.energies.base import ElementHessian
 from clothsim.energies.diagonal import every_vertex
 from clothsim.energies.inertia import Inertia
 from clothsim.solve.linear_system import System
-from clothsim.solve.nonlinear_elimination import Region
+from clothsim.solve.nonlinear_elimination import Patch
 from clothsim.solve.sparsity import make_pattern
 
 TRIANGLES = np.array([[0, 1, 2], [3, 4, 5]])
@@ -36,13 +36,13 @@ def test_the_vertices_one_by_one_are_the_same_elements_each_time():
 
 
 def test_a_region_renumbers_its_rows_and_drops_the_others():
-    region = Region(np.array([1, 4, 5]), 6)
-    assert region.moving.tolist() == [False, True, False, False, True, True]
+    patch = Patch(np.array([1, 4, 5]), 6)
+    assert patch.moving.tolist() == [False, True, False, False, True, True]
     known = blocks(TRIANGLES, 0)
-    system = System(make_pattern(6, TRIANGLES, [known]), "superlu").of(region)
+    system = System(make_pattern(6, TRIANGLES, [known]), "superlu").subsystem(patch)
     whole = known.to_sparse(6).toarray()
-    entries = (3 * region.rows[:, None] + np.arange(3)).ravel()
+    entries = (3 * patch.rows[:, None] + np.arange(3)).ravel()
     data = system.assemble([known])
     np.testing.assert_array_equal(system.pattern.upper(data).toarray(), np.triu(whole[np.ix_(entries, entries)]))
-    np.testing.assert_array_equal(region.hessian(known.to_sparse(6)).toarray(), whole[np.ix_(entries, entries)])
-    assert region.renumbered(TRIANGLES) is region.renumbered(TRIANGLES)
+    np.testing.assert_array_equal(patch.hessian(known.to_sparse(6)).toarray(), whole[np.ix_(entries, entries)])
+    assert patch.renumbered(TRIANGLES) is patch.renumbered(TRIANGLES)

@@ -6,12 +6,13 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
+from clothsim.mesh.generators.garments.body_limbs import SMOOTHING, body_limbs
 from clothsim.mesh.generators.garments.cut import Cut, Edge, trimmed
-from clothsim.mesh.generators.mannequin.flesh import SMOOTHING, body_flesh
-from clothsim.mesh.generators.mannequin.implicit import Limb, lattice_union, limb, smooth_union
-from clothsim.mesh.generators.mannequin.proportions import Figure, points_on
-from clothsim.mesh.generators.mannequin.relax import both_halves, relaxed
-from clothsim.mesh.generators.mannequin.surface_nets import half_surface
+from clothsim.mesh.generators.garments.implicit import Limb, lattice_union, limb, smooth_union
+from clothsim.mesh.generators.garments.relax import both_halves, relaxed
+from clothsim.mesh.generators.garments.skinning_weights import skinning_weights
+from clothsim.mesh.generators.garments.surface_nets import half_surface
+from clothsim.mesh.generators.mannequin.proportions import Figure, warped
 
 FINEST, COARSEST = 0.006, 0.040
 """The edges that a garment may have [m]."""
@@ -33,14 +34,14 @@ class Pattern:
     high: tuple[float, float, float]
 
 
-def sewn_garment(pattern: Pattern, figure: Figure, ease: float, edge: float) -> tuple[Floats, Ints]:
+def garment_mesh(pattern: Pattern, figure: Figure, ease: float, edge: float) -> tuple[Floats, Ints]:
     """Positions (n, 3) [m] and triangles (m, 3), facing outward, of a garment on the mannequin of `figure`.
 
     ease [m]: its distance from the surface of the pattern on the template; it grows with the figure. edge [m]: the
     length of its edges.
     """
     _refuse(ease, edge)
-    limbs = [one.limb for one in body_flesh() if set(one.joints) & set(pattern.joints)] + list(pattern.limbs)
+    limbs = [one.limb for one in body_limbs() if set(one.joints) & set(pattern.joints)] + list(pattern.limbs)
     nodes = _lattice(pattern, ease, edge)
     values = lattice_union(limbs, nodes, SMOOTHING, ease + 3 * COARSEST) - ease
     for axis in range(3):  # closed where it leaves the box: what is there is cut away
@@ -53,7 +54,7 @@ def sewn_garment(pattern: Pattern, figure: Figure, ease: float, edge: float) -> 
         return smooth_union(limbs, points, SMOOTHING)
 
     positions, triangles = both_halves(*relaxed(positions, triangles, field, ease, cut=border))
-    return points_on(positions, figure), triangles
+    return warped(positions, skinning_weights(positions), figure), triangles
 
 
 def _lattice(pattern: Pattern, ease: float, edge: float) -> tuple[Floats, Floats, Floats]:
