@@ -48,7 +48,7 @@ def build(scene: Scene) -> Built:
             off[name] = made.reason
         elif isinstance(made, Energy):
             energies[name] = made
-            notes.extend(f"{name}: {choice}." for choice in made.choices())
+            notes.extend(f"{name}: {choice}." for choice in made.defaults_used())
         else:
             world, constraints[name] = made
     if not energies:

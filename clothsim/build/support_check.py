@@ -30,7 +30,7 @@ def refuse_unheld(world: World, energies: Mapping[str, Energy], constraints: Ite
     for constraint in constraints:
         held[constraint.at(0.0).vertices] = True
     for energy in energies.values():
-        held[energy.holds] = True
+        held[energy.anchored_rows] = True
     forces = _forces(world, energies)
     for piece in np.setdiff1d(pieces, pieces[held[: world.n_cloth]]):
         of_piece = np.flatnonzero(pieces == piece)

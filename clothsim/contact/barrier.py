@@ -58,7 +58,7 @@ class Barrier(Energy):
     begins_last = True
 
     @property
-    def begins_at(self) -> float:
+    def activation_distance(self) -> float:
         """offset + d_hat [m]."""
         return self.offset + self.d_hat
 
@@ -78,7 +78,7 @@ class Barrier(Energy):
             float(approach.max(initial=0.0)),
             self.d_hat,
             step.dt,
-            step.answers_in or step.dt,
+            step.contact_time_scale or step.dt,
         )
         return replace(self, stiffness=stiffness)
 
@@ -104,7 +104,7 @@ class Barrier(Energy):
         derived = projected if project else exact
         return derived(measured.poses, x, pairs.elements, pairs.thresholds, pairs.n_points, self.stiffness)
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The barrier of the pairs that a moving vertex belongs to."""
         return replace(self, candidates=cast(Candidates, CandidatesAround.of(self.candidates, moving, x)))
 
@@ -123,7 +123,7 @@ class Barrier(Energy):
             seen *= 0.25
 
     @property
-    def remembers(self) -> float:
+    def carry_over(self) -> float:
         """The stiffness [Pa]."""
         return self.stiffness
 
@@ -151,7 +151,7 @@ class Barrier(Energy):
         """The largest share by which the step changes the gap of a pair that is below d_hat before or after it."""
         return self.candidates.gap_change(x, dx)
 
-    def choices(self) -> tuple[str, ...]:
+    def defaults_used(self) -> tuple[str, ...]:
         """d_hat, and how the stiffness is set."""
         stiffness = "set anew at each step" if self.adaptive else f"{self.stiffness:g} Pa"
         offset = f", offset {self.offset:g} m" if self.offset else ""

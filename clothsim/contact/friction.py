@@ -66,7 +66,7 @@ class Friction(Energy):
         return not len(self.elements)
 
     @property
-    def passes(self) -> int:
+    def lag_iterations(self) -> int:
         """`iterations`."""
         return self.iterations
 
@@ -83,7 +83,7 @@ class Friction(Energy):
         bound = replace(self, contacts=Contacts(tuple(contacts.values()), past.positions, past.dt, least_gap))
         return bound._with_forces(step.positions, stiffness)
 
-    def again(self, x: Floats) -> Self:
+    def relag(self, x: Floats) -> Self:
         """Bound to the contact forces at x, for another pass of the same step."""
         return self._with_forces(x, [barrier.stiffness for barrier in self.contacts.barriers])
 
@@ -110,9 +110,10 @@ class Friction(Energy):
         """Blocks (p, 12, 12) [N/m]; positive semi-definite as they are."""
         return ElementHessian(self.elements, kernels.hessian(x, *self._lagged))
 
-    def choices(self) -> tuple[str, ...]:
+    def defaults_used(self) -> tuple[str, ...]:
         """eps_v, and how often the forces are lagged."""
-        return (f"eps_v = {self.eps_v:g} m/s, normal forces lagged {self.passes} time{'s' * (self.passes > 1)} a step",)
+        times = f"{self.lag_iterations} time{'s' * (self.lag_iterations > 1)}"
+        return (f"eps_v = {self.eps_v:g} m/s, normal forces lagged {times} a step",)
 
     def counts(self) -> dict[str, float]:
         """The pairs that were lagged last."""
@@ -156,10 +157,10 @@ def friction(
         return Off("the scene has no contact")
     size = max(float(np.linalg.norm(np.ptp(cloth.positions, axis=0))) for cloth in world.cloths)
     speed = 1e-3 * size if eps_v == "auto" else as_positive("effects.friction.eps_v", eps_v)  # type: ignore[arg-type]
-    passes = as_count("effects.friction.iterations", iterations)
+    lag_iterations = as_count("effects.friction.iterations", iterations)
     none = np.zeros((0, 4))
     return Friction(
-        table, world.labels, speed, passes, NOWHERE, none.astype(np.int64), none, np.zeros((0, 3)), np.zeros(0)
+        table, world.labels, speed, lag_iterations, NOWHERE, none.astype(np.int64), none, np.zeros((0, 3)), np.zeros(0)
     )
 
 

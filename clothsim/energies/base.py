@@ -12,7 +12,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.energies.lanes import unpack
 from clothsim.jit import LANES
 
-ANSWERS = 0.01
+CONTACT_TIME_SCALE = 0.01
 """In which contact answers at the latest [s], the dt that scenes have. With a shorter dt its stiffness no longer grows:
 the energy of a gap below d_hat would go with 1 / dt^2, and finer steps would shoot off what starts there."""
 
@@ -37,8 +37,8 @@ class Step:
     world's order (cloth, bodies, ghosts); load: the share of the loads that acts, 1 except in a quasi-static ramp;
     gradient: (N, 3) sum of the gradients of the other energies at the start [N], and bound: the energies that are bound
     to this step by now, by name: both are given to those that `begin_last`; memory: what each energy
-    `remembers` of the step before; weighed: the past of a formula other than backward Euler's; answers_in: the time in
-    which contact answers [s], where that is not dt.
+    `carry_over` of the step before; weighed: the past of a formula other than backward Euler's; contact_time_scale
+    of the barrier stiffness [s], where that is not dt.
     """
 
     time: float
@@ -50,7 +50,7 @@ class Step:
     bound: "Mapping[str, Energy]" = field(default_factory=dict)
     memory: Mapping[str, float | Floats] = field(default_factory=dict)
     weighed: Past | None = None
-    answers_in: float | None = None
+    contact_time_scale: float | None = None
 
     @property
     def past(self) -> Past:
@@ -87,7 +87,7 @@ class ElementHessian:
 
 
 @dataclass(frozen=True)
-class SquaresHessian:
+class LowRankHessian:
     """Projected second derivatives as sums of squares: contact's have a fifth of the numbers of their blocks.
 
     Over the vertices of element e, of `elements (m, k)`, none twice in one, it is the sum of v v' over count[e] rows v
@@ -97,33 +97,33 @@ class SquaresHessian:
     elements: Ints
     first: Ints
     count: Ints
-    sides: Floats
+    factors: Floats
 
     @property
     def nnz(self) -> int:
         """Numbers in the blocks."""
-        return len(self.elements) * self.sides.shape[1] ** 2
+        return len(self.elements) * self.factors.shape[1] ** 2
 
     @property
     def blocks(self) -> Floats:
         """The same as dense blocks (m, 3 k, 3 k) [N/m]: slow, for diagnostics and tests."""
-        blocks = np.zeros((len(self.elements), *2 * self.sides.shape[1:]))
-        for has, sides in self._one_each():
-            blocks[has] += sides[:, :, None] * sides[:, None, :]
+        blocks = np.zeros((len(self.elements), *2 * self.factors.shape[1:]))
+        for has, factors in self._one_each():
+            blocks[has] += factors[:, :, None] * factors[:, None, :]
         return blocks
 
     def times(self, vectors: Floats) -> Floats:
         """Each block times the numbers of its vertices, (m, 3 k)."""
         products = np.zeros_like(vectors)
-        for has, sides in self._one_each():
-            products[has] += np.einsum("mi,mi->m", sides, vectors[has])[:, None] * sides
+        for has, factors in self._one_each():
+            products[has] += np.einsum("mi,mi->m", factors, vectors[has])[:, None] * factors
         return products
 
     def _one_each(self) -> Iterator[tuple[Ints, Floats]]:
         """The elements that have a first side, and these sides; those that have a second, and so on."""
         for k in range(int(self.count.max(initial=0))):
             has = np.flatnonzero(self.count > k)
-            yield has, self.sides[self.first[has] + k]
+            yield has, self.factors[self.first[has] + k]
 
     def to_sparse(self, n_vertices: int) -> sparse.csr_array:
         """The (3 n, 3 n) matrix, the slow and obvious way."""
@@ -188,7 +188,7 @@ class LanesHessian:
         return ElementHessian(self.elements, self.blocks).to_sparse(n_vertices)
 
 
-ByElement = ElementHessian | SquaresHessian | LanesHessian
+ByElement = ElementHessian | LowRankHessian | LanesHessian
 """What an energy hands over element by element."""
 
 
@@ -228,18 +228,18 @@ class Energy(abc.ABC):
         return False
 
     @property
-    def holds(self) -> Ints:
+    def anchored_rows(self) -> Ints:
         """Rows of x that it ties to places of the world: what is held so has an equilibrium under a load."""
         return np.zeros(0, np.int64)
 
     @property
-    def begins_at(self) -> float:
+    def activation_distance(self) -> float:
         """The distance below which it pushes things apart [m], 0 where it does not."""
         return 0.0
 
     @property
-    def passes(self) -> int:
-        """How often a step is solved; before each pass but the first the energy is bound `again`."""
+    def lag_iterations(self) -> int:
+        """How often a step is solved; before each pass but the first the energy is bound `relag`."""
         return 1
 
     @abc.abstractmethod
@@ -258,11 +258,11 @@ class Energy(abc.ABC):
         """A copy bound to the step (lagged quantities, targets); the energy itself where nothing is lagged."""
         return self
 
-    def again(self, x: Floats) -> Self:
+    def relag(self, x: Floats) -> Self:
         """A copy for another pass of the same step, its lagged quantities taken at x."""
         return self
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """A copy for solves from x in which the `moving` vertices ((N,) booleans) move and all others stand.
 
         It may leave out what none of them touches, a constant.
@@ -297,13 +297,13 @@ class Energy(abc.ABC):
         return np.zeros((0, 1), np.int64)
 
     @property
-    def remembers(self) -> float | Floats:
+    def carry_over(self) -> float | Floats:
         """What the binding of the next step needs of this one, a number (contact: its stiffness [Pa]) or an array
         (plastic bending: its angles), else nan.
         """
         return float("nan")
 
-    def choices(self) -> tuple[str, ...]:
+    def defaults_used(self) -> tuple[str, ...]:
         """What it chose where the scene was silent, for the user to read."""
         return ()
 

@@ -61,9 +61,9 @@ class Dampings(Energy):
         """Each bound to the step."""
         return replace(self, parts=tuple(part.begin(step) for part in self.parts))
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """Each around what moves."""
-        return replace(self, parts=tuple(part.around(moving, x) for part in self.parts))
+        return replace(self, parts=tuple(part.restricted_to(moving, x) for part in self.parts))
 
     def value(self, x: Floats) -> float:
         """Incremental dissipation [J]."""

@@ -94,7 +94,7 @@ class Fibres(Energy):
         inverses = world.rest_shape_inverses @ thread_axes(world, angles)
         return cls(world.triangles[chosen], inverses[chosen], world.rest_areas[chosen], law)
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The threads of the triangles that a moving vertex touches."""
         kept = np.flatnonzero(moving[self.triangles].any(axis=1))
         return replace(self, law=self.law.of(kept), **{name: getattr(self, name)[kept] for name in ARRAYS})

@@ -45,13 +45,13 @@ class ThreadedMembrane(Energy):
         """The elastic triangles, (m, 3)."""
         return self.sheet.triangles
 
-    def choices(self) -> tuple[str, ...]:
+    def defaults_used(self) -> tuple[str, ...]:
         """What it chose where the scene was silent."""
         return self.said
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """Both over the triangles that a moving vertex touches."""
-        return replace(self, sheet=self.sheet.around(moving, x), threads=self.threads.around(moving, x))
+        return replace(self, sheet=self.sheet.restricted_to(moving, x), threads=self.threads.restricted_to(moving, x))
 
     def value(self, x: Floats) -> float:
         """Elastic energy [J]; +inf where a triangle has lost its area."""

@@ -41,7 +41,7 @@ class PlasticBending(ShiftedHinges):
     begins_last = True
 
     @property
-    def remembers(self) -> Floats:
+    def carry_over(self) -> Floats:
         """p of every hinge, (h,) [rad]."""
         return self.shifts
 

@@ -121,7 +121,7 @@ class Seams(Links):
     def _bends(self) -> bool:
         return len(self.bending.stiffnesses) > 0
 
-    def choices(self) -> tuple[str, ...]:
+    def defaults_used(self) -> tuple[str, ...]:
         """The stitches, their stiffness, and the gap that contact leaves."""
         bent = sum(seam.hinges for seam in self.seams)
         gap = f", to a gap of {self.gap:g} m for self_contact" if self.gap else ""
@@ -153,7 +153,7 @@ def seams(
     on = built or {}
     parts = [_seam(f"effects.seams.seam[{k}]", world, keys, "bending" in on) for k, keys in enumerate(seam)]
     rows, weights, stiffness, hinges, beside = (np.concatenate([part[k] for part in parts]) for k in range(1, 6))
-    gap = on["self_contact"].begins_at if "self_contact" in on else 0.0
+    gap = on["self_contact"].activation_distance if "self_contact" in on else 0.0
     m, over = len(rows), _bending(world, hinges, beside)
     links = rows, weights, np.zeros((m, 3)), np.full(m, gap), np.zeros(m), np.ones(m, bool)
     return Seams(*links, tuple(part[0] for part in parts), stiffness, gap, over, _those(over, np.zeros(0, np.int64)))

@@ -58,7 +58,7 @@ class Springs(Links):
         return not all(places.still for places in self.ends)
 
     @property
-    def holds(self) -> Ints:
+    def anchored_rows(self) -> Ints:
         """The vertices that are tied."""
         return self.rows[:, 0]
 

@@ -102,9 +102,9 @@ class HingeDamping(Energy):
         angles = past_of(step, lambda x: dihedral_angles(x, self.spring.vertices))
         return replace(self, spring=HingeBending(self.spring.vertices, angles, self.viscosities / step.past.dt))
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The hinges around what moves."""
-        return replace(self, spring=self.spring.around(moving, x))
+        return replace(self, spring=self.spring.restricted_to(moving, x))
 
     def value(self, x: Floats) -> float:
         """Incremental dissipation [J]."""

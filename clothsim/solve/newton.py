@@ -136,7 +136,7 @@ class Newton:
         """The region at rest, or REGIONAL iterations closer to it, all else standing."""
         ledger = self.potential.ledger
         with ledger.phase("assembly"):
-            potential = self.potential.around(region.moving, x)
+            potential = self.potential.restricted_to(region.moving, x)
             system = self.system.of(region)
         part = Newton(potential, system, replace(self.settings, max_iterations=REGIONAL), self.dt)
         return part._descend(x, Model(potential, system, np.zeros(len(region.rows), bool)), TRUSTED, 0)

@@ -30,7 +30,7 @@ class Potential:
         """Bound to the step: first the energies that stand alone, then those that need the others' gradient."""
         bound: dict[str, Energy] = {}
         gradient = np.zeros_like(step.positions)
-        slower = 1.0 if step.answers_in is None else step.past.dt / step.answers_in
+        slower = 1.0 if step.contact_time_scale is None else step.past.dt / step.contact_time_scale
         for name, energy in self.energies.items():
             if not energy.begins_last:
                 with self.ledger.effect(name, ""):
@@ -58,24 +58,24 @@ class Potential:
     @property
     def lagging(self) -> Mapping[str, Energy]:
         """Those of them for which a step is solved more than once."""
-        return {name: energy for name, energy in self.acting.items() if energy.passes > 1}
+        return {name: energy for name, energy in self.acting.items() if energy.lag_iterations > 1}
 
     @property
-    def passes(self) -> int:
+    def lag_iterations(self) -> int:
         """How often a step is solved, the most that an energy asks for."""
-        return max((energy.passes for energy in self.energies.values()), default=1)
+        return max((energy.lag_iterations for energy in self.energies.values()), default=1)
 
-    def again(self, x: Floats) -> Self:
+    def relag(self, x: Floats) -> Self:
         """Bound for another pass of the same step, what is lagged taken at x."""
         bound = {}
         for name, energy in self.energies.items():
             with self.ledger.effect(name, ""):
-                bound[name] = energy.again(x)
+                bound[name] = energy.relag(x)
         return replace(self, energies=bound)
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The same but for a constant while, from x on, only the `moving` vertices ((N,) booleans) move."""
-        return replace(self, energies={name: energy.around(moving, x) for name, energy in self.energies.items()})
+        return replace(self, energies={name: energy.restricted_to(moving, x) for name, energy in self.energies.items()})
 
     def value(self, x: Floats) -> float:
         """E(x) [J]; +inf where any energy refuses x."""
@@ -171,7 +171,7 @@ class Potential:
 
     def memory(self) -> dict[str, float | Floats]:
         """What the energies remember of the step, of those that remember something."""
-        kept = {name: energy.remembers for name, energy in self.energies.items()}
+        kept = {name: energy.carry_over for name, energy in self.energies.items()}
         return {name: memory for name, memory in kept.items() if np.isfinite(memory).all()}
 
     def accounts(self) -> dict[str, dict[str, Any]]:

@@ -108,7 +108,7 @@ def test_a_closed_seam_bends_where_a_region_holds_none_of_its_stitches():
     stitched, bent = np.unique(closed.rows), np.unique(closed.bending.vertices)
     corner = np.setdiff1d(bent, stitched)[:1]
     x = world.start() + 0.01 * np.random.default_rng(0).standard_normal(world.start().shape)
-    part = closed.around(np.isin(np.arange(len(x)), corner), x)
+    part = closed.restricted_to(np.isin(np.arange(len(x)), corner), x)
     assert not len(part.rows)
     assert not part.idle
     np.testing.assert_allclose(part.gradient(x)[corner], closed.gradient(x)[corner], rtol=1e-12)

@@ -156,7 +156,7 @@ def test_around_what_moves_is_the_same_but_for_a_constant(name):
     moving = np.zeros(len(x), bool)
     moving[[1, 2, 5]] = True
     y = x + 0.02 * moving[:, None] * np.random.default_rng(5).standard_normal(x.shape)
-    part = energy.around(moving, x)
+    part = energy.restricted_to(moving, x)
     scale = abs(energy.value(x)) + abs(energy.value(y))
     assert abs((part.value(y) - part.value(x)) - (energy.value(y) - energy.value(x))) <= 1e-13 * scale
     entries = np.flatnonzero(np.repeat(moving, 3))
@@ -172,7 +172,7 @@ def test_most_energies_leave_out_what_stands():
     smaller = [
         name
         for name, (energy, world) in ((name, made(name)) for name in ENERGIES)
-        if np.count_nonzero(energy.around(moving, position(world)).gradient(position(world)))
+        if np.count_nonzero(energy.restricted_to(moving, position(world)).gradient(position(world)))
         < np.count_nonzero(energy.gradient(position(world)))
     ]
     assert {"inertia", "membrane", "bending", "gravity", "fibres", "damping", "body_contact"} <= set(smaller)

@@ -112,13 +112,13 @@ class Sleeper(Limited):
         return not self.awake
 
     @property
-    def passes(self):
+    def lag_iterations(self):
         return 2
 
     def begin(self, step: Step):
         return Sleeper(self.limit, self.gap)
 
-    def again(self, x):
+    def relag(self, x):
         return Sleeper(self.limit, self.gap, awake=True)
 
 
@@ -130,10 +130,10 @@ def test_what_is_idle_is_left_out_until_another_pass_wakes_it():
     assert list(bound.energies) == ["sleeper", *bound.acting]
     assert (bound.step_limit(x, x), bound.minimum_gap(x), len(bound.hessians(x))) == (1.0, np.inf, 3)
     assert not bound.lagging
-    assert bound.passes == 2
+    assert bound.lag_iterations == 2
     account = ledger.effects["sleeper"]
     assert (account.steps, account.idle_steps, account.hessians) == (1, 1, 0)
-    woken = bound.again(x)
+    woken = bound.relag(x)
     assert list(woken.lagging) == ["sleeper"]
     assert (woken.step_limit(x, x), woken.minimum_gap(x), len(woken.hessians(x))) == (0.5, 0.2, 4)
     assert np.allclose(woken.gradient(x), bound.gradient(x) + 1, atol=1e-14)
