@@ -12,7 +12,6 @@ from small_scenes import BALL, EFFECTS, small_scene, without
 
 from clothsim import simulate
 from clothsim.build.scene_world import build
-from clothsim.energies.base import Energy
 from clothsim.scene.effects import EFFECTS as TABLE
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
@@ -119,7 +118,7 @@ def test_what_is_idle_in_some_steps_has_the_bits_of_what_is_always_called(tmp_pa
     keys = LEFT_OUT[name][2]
     spared = run_of(tmp_path / "spared", {"effects": EFFECTS, "run": {"duration": 0.16}}, **{name: keys})
     kind = type(build(small_scene(effects=EFFECTS | {name: keys})).energies[name])
-    monkeypatch.setattr(kind, "idle", Energy.idle)
+    monkeypatch.setattr(kind, "idle", False)
     called = run_of(tmp_path / "called", {"effects": EFFECTS, "run": {"duration": 0.16}}, **{name: keys})
     assert np.array_equal(frames(spared), frames(called))
     accounts = [run.summary["effects"][name] for run in (spared, called)]

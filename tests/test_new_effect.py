@@ -19,7 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clothsim.energies.base import ElementHessian, Energy, Off
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.hessians import ElementHessian
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,10 @@ from clothsim.contact.candidates import Candidates
 from clothsim.contact.pair_list import Pairs
 from clothsim.contact.stiffness import barrier_stiffness
 from clothsim.contact.subset import CandidatesAround
-from clothsim.energies.base import ByElement, ElementHessian, Energy, Step
+from clothsim.energies.base import Energy
+from clothsim.energies.hessians import ByElement, ElementHessian
+from clothsim.energies.protocols import ContactGap, Coupling, History, Report, Restrictable
+from clothsim.energies.step import Step
 from clothsim.indexing import equal
 
 
@@ -38,7 +41,7 @@ NOTHING = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12)))
 
 
 @dataclass(frozen=True)
-class Barrier(Energy):
+class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
     """E = kappa sum w m b(d) over the pairs closer than offset + d_hat (Li et al. 2020, IPC; areas: Li et al. 2023).
 
     d_hat, offset [m]; w the area of the pair [m2], kappa = stiffness [Pa]; b and the mollifier m in `barrier_kernels`.
@@ -56,11 +59,6 @@ class Barrier(Energy):
     _last: list[Measured] = field(default_factory=list, init=False, repr=False, compare=False)
 
     begins_last = True
-
-    @property
-    def activation_distance(self) -> float:
-        """offset + d_hat [m]."""
-        return self.offset + self.d_hat
 
     def begin(self, step: Step) -> Self:
         """Bound to the step: a stiffness that holds the loads at about half of d_hat."""

@@ -15,7 +15,7 @@ from clothsim.contact.closest_points import dot
 from clothsim.contact.distance import free_directions
 from clothsim.contact.psd_projection import positive_squares
 from clothsim.contact.relative_coordinates import absolute_block, relative
-from clothsim.energies.base import ElementHessian, LowRankHessian, room_for
+from clothsim.energies.hessians import ElementHessian, LowRankHessian, room_for
 from clothsim.indexing import four_points
 from clothsim.jit import kernel, part
 

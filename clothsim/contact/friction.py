@@ -9,7 +9,11 @@ import numpy as np
 from clothsim.arrays import Floats, Ints, as_count, as_positive
 from clothsim.contact import friction_kernels as kernels
 from clothsim.contact.barrier import Barrier
-from clothsim.energies.base import ElementHessian, Energy, Off, Step
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.protocols import Idling, Lagged, Report
+from clothsim.energies.step import Step
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
@@ -35,7 +39,7 @@ NOWHERE = Contacts((), np.zeros((0, 3)), 1.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Friction(Energy):
+class Friction(Elementwise, Energy, Idling, Lagged, Report):
     """E = sum mu F f0(|u|), u = (I - n n') sum_i g_i (x_i - x_i(start)) (Li et al. 2020, IPC, section 5).
 
     F [N], n and g: normal force, line and weights of the closest points of each pair, lagged. f0 is |u| beyond

@@ -6,16 +6,20 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_positive
-from clothsim.energies.base import ByElement, ElementHessian, Energy, Off, Step
+from clothsim.energies.base import Energy, Off
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_difference, weighted_square
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.hessians import ByElement, ElementHessian
 from clothsim.energies.hinge_bending import HingeBending, hinge_bending
+from clothsim.energies.protocols import Restrictable, restricted
+from clothsim.energies.step import Step
 from clothsim.energies.strain_damping import HingeDamping, StrainDamping
 from clothsim.energies.varying_values import over_cloth
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class MassDamping(Energy):
+class MassDamping(Elementwise, Energy):
     """E = rate sum m |x - x_n|^2 / (2 h): the force is -rate m v (Rayleigh's mass term).
 
     rows (n, 1) of x; masses (n,) [kg]; rate [1/s]; start x_n (n, 3) [m] and dt h [s] of the step; in BDF2 x^ and
@@ -50,7 +54,7 @@ class MassDamping(Energy):
 
 
 @dataclass(frozen=True)
-class Dampings(Energy):
+class Dampings(Energy, Restrictable):
     """The sum of several drags."""
 
     parts: tuple[Energy, ...]
@@ -63,7 +67,7 @@ class Dampings(Energy):
 
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """Each around what moves."""
-        return replace(self, parts=tuple(part.restricted_to(moving, x) for part in self.parts))
+        return replace(self, parts=tuple(restricted(part, moving, x) for part in self.parts))
 
     def value(self, x: Floats) -> float:
         """Incremental dissipation [J]."""

@@ -19,7 +19,9 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import fibre_kernels as kernels
-from clothsim.energies.base import ElementHessian, Energy, Off
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.protocols import Restrictable
 from clothsim.energies.varying_values import over_cloth
 from clothsim.kinematics.warp_weft import thread_axes
 from clothsim.mesh.world import World
@@ -77,7 +79,7 @@ class LinearThreads:
 
 
 @dataclass(frozen=True)
-class Fibres(Energy):
+class Fibres(Energy, Restrictable):
     """E = sum over triangles of A psi(la, lb, I8).
 
     triangles (m, 3); inverses Dm^-1 [a b] (m, 2, 2) [1/m]; areas at rest (m,) [m2]; law: psi and its derivatives.

@@ -17,14 +17,16 @@ from typing import Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ElementHessian, Energy
+from clothsim.energies.base import Energy
 from clothsim.energies.fibres import Fibres, LinearThreads, ThreadLaw
+from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.membrane import NeoHookeanMembrane
+from clothsim.energies.protocols import Report, Restrictable
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class ThreadedMembrane(Energy):
+class ThreadedMembrane(Energy, Restrictable, Report):
     """A sheet and the threads in it, over the same triangles; +inf where one has lost its area. said: its choices."""
 
     sheet: NeoHookeanMembrane

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Constraint, Off, Prescribed
+from clothsim.energies.base import Off
+from clothsim.energies.constraint import Constraint, Prescribed
 from clothsim.energies.selection import check_tables, selected_vertices
 from clothsim.errors import InputError
 from clothsim.mesh.clamp import clamped

@@ -20,9 +20,11 @@ from typing import Self
 import numpy as np
 
 from clothsim.arrays import Floats, as_positive
-from clothsim.energies.base import Energy, Off, Step
+from clothsim.energies.base import Energy, Off
 from clothsim.energies.hinge_kernels import angles
+from clothsim.energies.protocols import History
 from clothsim.energies.shifted_hinges import ShiftedHinges, hinges_of_bending
+from clothsim.energies.step import Step
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
@@ -30,7 +32,7 @@ NAME = "plastic_bending"
 
 
 @dataclass(frozen=True)
-class PlasticBending(ShiftedHinges):
+class PlasticBending(ShiftedHinges, History):
     """rest_angles (h,) [rad] without creases; yields y (h,) [rad]; hardening H, as share of the hinge's stiffness."""
 
     rest_angles: Floats

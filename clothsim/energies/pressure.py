@@ -14,7 +14,10 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ElementHessian, Energy, Off, Step
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.protocols import Idling
+from clothsim.energies.step import Step
 from clothsim.energies.varying_values import Schedule, by_cloth
 from clothsim.linalg import cross_matrices
 from clothsim.mesh.topology import border_vertices
@@ -34,7 +37,7 @@ class Patch:
 
 
 @dataclass(frozen=True)
-class Pressure(Energy):
+class Pressure(Energy, Idling):
     """E = -sum p (x0 - c) . ((x1 - c) x (x2 - c)) / 6 - sum f . (x - x_n), c the apex of the cone.
 
     patches: the cloths; bound to a step: triangles (m, 3), pressures p (m,) [Pa], apexes c (m, 3) [m], border (b,),

@@ -16,10 +16,12 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Ints, as_points
-from clothsim.energies.base import Energy, Off, Step
+from clothsim.energies.base import Energy, Off
 from clothsim.energies.hinge_bending import HingeBending
+from clothsim.energies.protocols import Driven
 from clothsim.energies.selection import check_tables, cloth_number, vertex_numbers
 from clothsim.energies.shifted_hinges import ShiftedHinges, hinges_of_bending
+from clothsim.energies.step import Step
 from clothsim.energies.varying_values import Schedule, schedule
 from clothsim.errors import InputError
 from clothsim.mesh.edge_paths import path_along
@@ -30,7 +32,7 @@ KEYS = ("angle_degrees", "through", "vertices", "cloth")
 
 
 @dataclass(frozen=True)
-class RestAngle(ShiftedHinges):
+class RestAngle(ShiftedHinges, Driven):
     """schedules: the angle of each crease [degrees]; counts_of_hinges: how many of the hinges are along each."""
 
     schedules: tuple[Schedule, ...]

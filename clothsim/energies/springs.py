@@ -12,9 +12,11 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_points, as_positive, as_vector
-from clothsim.energies.base import Energy, Off, Step
+from clothsim.energies.base import Energy, Off
 from clothsim.energies.links import Links
+from clothsim.energies.protocols import Anchored, Driven
 from clothsim.energies.selection import as_flag, check_tables, selected_vertices
+from clothsim.energies.step import Step
 from clothsim.energies.varying_values import Schedule, schedule
 from clothsim.errors import InputError
 from clothsim.mesh.motion import RigidMotion, motion_of
@@ -47,7 +49,7 @@ class Places:
 
 
 @dataclass(frozen=True)
-class Springs(Links):
+class Springs(Links, Anchored, Driven):
     """ends: where the springs of each table end."""
 
     ends: tuple[Places, ...]

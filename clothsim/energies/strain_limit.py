@@ -21,7 +21,10 @@ import numpy as np
 from clothsim.arrays import Floats, Ints, as_number
 from clothsim.energies import fibre_kernels
 from clothsim.energies import strain_limit_kernels as kernels
-from clothsim.energies.base import ElementHessian, Energy, LanesHessian, Off
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.hessians import ElementHessian, LanesHessian
+from clothsim.energies.protocols import BarrierGap, Report
 from clothsim.energies.varying_values import over_cloth
 from clothsim.errors import InputError
 from clothsim.kinematics.warp_weft import thread_axes
@@ -35,7 +38,7 @@ TIGHT = 0.9
 
 
 @dataclass(frozen=True)
-class StrainLimit(Energy):
+class StrainLimit(Elementwise, Energy, BarrierGap, Report):
     """E = sum over triangles and stretches of A psi.
 
     triangles (m, 3); inverses Dm^-1 [a b] (m, 2, 2) [1/m]; areas at rest (m,) [m2]; begins s_hat and limits S (m, 4) of

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from clothsim.energies.base import CONTACT_TIME_SCALE
+from clothsim.energies.step import CONTACT_TIME_SCALE
 from clothsim.sim.state import State
 
 SAFETY = 0.9

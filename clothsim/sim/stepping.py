@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.energies.base import CONTACT_TIME_SCALE, Constraint, Prescribed, Step
+from clothsim.energies.constraint import Constraint, Prescribed
+from clothsim.energies.step import CONTACT_TIME_SCALE, Step
 from clothsim.mesh.world import World
 from clothsim.sim.failure import Failure, failure_of, told
 from clothsim.sim.integrators import BACKWARD_EULER, BDF2, Formula, formula_of

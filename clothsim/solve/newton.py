@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.energies.base import Prescribed
+from clothsim.energies.constraint import Prescribed
 from clothsim.linalg import dot
 from clothsim.solve.direction import NOTHING, Model
 from clothsim.solve.line_search import RESOLVED, armijo, lengthened, round_off

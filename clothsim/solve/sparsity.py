@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ByElement, ElementHessian, LowRankHessian
+from clothsim.energies.hessians import ByElement, ElementHessian, LowRankHessian
 from clothsim.jit import LANES, kernel, natural
 from clothsim.solve import assembly
 

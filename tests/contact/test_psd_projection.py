@@ -8,7 +8,7 @@ from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.barrier_kernels import POSE, crossing, measure
 from clothsim.contact.psd_projection import TOGETHER, positive_squares
 from clothsim.contact.relative_coordinates import absolute, relative
-from clothsim.energies.base import LowRankHessian
+from clothsim.energies.hessians import LowRankHessian
 from clothsim.indexing import four_points
 
 COUNT = TOGETHER + 18

@@ -8,10 +8,13 @@ from differences import gradient_error
 from meshes import deformed, small_world
 from solving import step_at
 
-from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.energies.base import Energy
 from clothsim.energies.bending import bending
 from clothsim.energies.gravity import gravity
+from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.membrane import membrane
+from clothsim.energies.protocols import ContactGap, Idling, Lagged
+from clothsim.energies.step import Step
 from clothsim.solve.potential import Potential
 from clothsim.solve.timers import Ledger
 
@@ -40,7 +43,7 @@ def test_a_value_that_is_refused_ends_the_sum():
 
 
 @dataclass(frozen=True)
-class Limited(Energy):
+class Limited(Energy, ContactGap):
     """Keeps a gap and limits steps; `told` is the gradient that it was given at `begin`."""
 
     limit: float
@@ -66,6 +69,9 @@ class Limited(Energy):
 
     def minimum_gap(self, x):
         return self.gap
+
+    def gap_change(self, x, dx):
+        return 0.0
 
 
 def test_no_energy_is_asked_beyond_what_those_before_it_allow(monkeypatch):
@@ -102,7 +108,7 @@ def test_what_begins_last_is_told_the_gradient_of_the_others_and_the_order_stays
 
 
 @dataclass(frozen=True)
-class Sleeper(Limited):
+class Sleeper(Limited, Idling, Lagged):
     """Idle until it is bound for another pass; of two passes, it acts in the second."""
 
     awake: bool = False

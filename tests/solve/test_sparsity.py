@@ -5,7 +5,7 @@ import pytest
 from meshes import cloth, grid, small_world
 from scipy import sparse
 
-from clothsim.energies.base import AT_ONCE, ByElement, ElementHessian, LanesHessian, LowRankHessian
+from clothsim.energies.hessians import AT_ONCE, ByElement, ElementHessian, LanesHessian, LowRankHessian
 from clothsim.jit import LANES
 from clothsim.solve.sparsity import coupled, couplings, make_pattern, times
 
