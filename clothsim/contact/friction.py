@@ -11,6 +11,7 @@ from clothsim.contact import friction_kernels as kernels
 from clothsim.contact.barrier import Barrier
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.example import Example, Idle
 from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.protocols import Idling, Lagged, Report
 from clothsim.energies.step import Step
@@ -178,3 +179,13 @@ def _pair(world: World, number: int, entry: Sequence[object]) -> tuple[int, int,
             raise InputError(f"{where}: nothing is called {name!r}.", f"There are: {', '.join(world.names)}.")
     a, b = (world.names.index(str(name)) for name in entry[:2])
     return a, b, as_positive(where, entry[2], zero=True)  # type: ignore[arg-type]
+
+
+EXAMPLE = Example(
+    keys={"coefficient": 0.7, "eps_v": 0.3},
+    in_scene={},
+    zero={"coefficient": 0},
+    external=True,
+    with_bodies=True,
+    idle=Idle(always={"iterations": 3}, scene={"body": {"position": [0.0, 0.0, -50.0]}}),
+)

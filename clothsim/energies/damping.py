@@ -9,6 +9,7 @@ from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_difference, weighted_square
 from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.example import Example
 from clothsim.energies.hessians import ByElement, ElementHessian
 from clothsim.energies.hinge_bending import HingeBending, hinge_bending
 from clothsim.energies.protocols import Restrictable, restricted
@@ -141,3 +142,8 @@ def _padded(hessian: ByElement, size: int) -> tuple[np.ndarray, Floats]:
     last = np.repeat(hessian.elements[:, -1:], missing, axis=1)
     blocks = np.pad(hessian.blocks, ((0, 0), (0, 3 * missing), (0, 3 * missing)))
     return np.concatenate([hessian.elements, last], axis=1), blocks
+
+
+EXAMPLE = Example(
+    keys={"rate": 1.0, "stiffness": 0.3, "strain_rate": 0.2}, in_scene={"rate": 2.0}, zero={"rate": 0}, external=True
+)

@@ -20,6 +20,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import fibre_kernels as kernels
 from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example
 from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.protocols import Restrictable
 from clothsim.energies.varying_values import over_cloth
@@ -138,3 +139,10 @@ def fibres(
         return Off('warp, weft and shear are 0 (a fabric\'s own: effects.membrane.material = "orthotropic")')
     a, b, g = (stiffness[key][stiff] for key in keys)
     return Fibres.of(world, stiff, angles, LinearThreads(a, b, np.zeros(len(stiff)), g))
+
+
+EXAMPLE = Example(
+    keys={"warp": 2.0, "weft": 1.5, "shear": 0.8, "angle_degrees": 20.0},
+    in_scene={"warp": 20.0},
+    zero={"warp": 0, "angle_degrees": 30},
+)

@@ -8,6 +8,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_difference, weighted_square
 from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.example import Example
 from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.step import Step
 from clothsim.mesh.world import World
@@ -54,3 +55,6 @@ class Inertia(Elementwise, Energy):
 def inertia(world: World) -> Energy:
     """The inertia of all cloth vertices; bound to its step by `begin`."""
     return Inertia(every_vertex(world.n_cloth), world.masses, world.start()[: world.n_cloth], 1.0)
+
+
+EXAMPLE = Example(external=True)

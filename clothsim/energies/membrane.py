@@ -11,6 +11,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.energies import membrane_kernels as kernels
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.example import Example
 from clothsim.energies.hessians import LanesHessian
 from clothsim.energies.varying_values import over_cloth
 from clothsim.errors import InputError
@@ -123,3 +124,6 @@ def _refuse_others(material: str, given: Mapping[str, bool]) -> None:
             raise InputError(
                 f'effects.membrane.{key} does nothing with material = "{material}".', f"It is for {others}."
             )
+
+
+EXAMPLE = Example(zero={}, zero_scene={"cloth": {"youngs_modulus": 0}})

@@ -21,6 +21,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, as_positive
 from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
 from clothsim.energies.hinge_kernels import angles
 from clothsim.energies.protocols import History
 from clothsim.energies.shifted_hinges import ShiftedHinges, hinges_of_bending
@@ -92,3 +93,11 @@ def plastic_bending(
     every, none = np.arange(len(widths)), np.zeros(len(widths))
     rest = hinges.rest_angles
     return PlasticBending(hinges.vertices, rest, hinges.stiffnesses, none, every, rest, yields, ratio)
+
+
+EXAMPLE = Example(
+    keys={"yield_angle_degrees": 1.0, "hardening": 0.3},
+    in_scene={"yield_angle_degrees": 1.0},
+    zero={"hardening": 0.5},
+    idle=Idle(always={"yield_angle_degrees": 179.0}, sometimes={"yield_angle_degrees": 0.02}),
+)

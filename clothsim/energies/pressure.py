@@ -15,6 +15,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
 from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.protocols import Idling
 from clothsim.energies.step import Step
@@ -167,3 +168,15 @@ def _positive_part(corners: Floats, pressures: Floats) -> Floats:
     weights = np.divide(0.5, s, out=np.zeros_like(s), where=s > 1e-12 * s.max(axis=1, initial=0.0, keepdims=True))
     blocks = (modes * weights[:, None]) @ modes.transpose(0, 2, 1)
     return np.asarray(np.abs(pressures)[:, None, None] * blocks, np.float64)
+
+
+EXAMPLE = Example(
+    keys={"value": 1.7},
+    in_scene={"value": 0.1},
+    zero={"value": 0},
+    external=True,
+    idle=Idle(
+        always={"value": [[0.0, 0.0], [10.0, 0.0], [11.0, 5.0]]},
+        sometimes={"value": [[0.0, 0.0], [0.05, 0.0], [0.06, 20.0]]},
+    ),
+)

@@ -23,6 +23,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_points, as_positive
 from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
 from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.hinge_bending import HingeBending
 from clothsim.energies.links import Links
@@ -228,3 +229,15 @@ def _those(hinges: HingeBending, chosen: Ints) -> HingeBending:
 def _four(rows: Ints) -> Ints:
     """Rows (m, 3) with the last one twice."""
     return np.column_stack([rows, rows[:, -1]])
+
+
+_SIDES = {"from": {"side": "left"}, "to": {"side": "right"}}
+EXAMPLE = Example(
+    keys={"seam": [{"from": {"vertices": [0, 1, 2]}, "to": {"vertices": [9, 10, 11]}, "stiffness": 2.0}]},
+    in_scene={"seam": [_SIDES]},
+    zero={"seam": []},
+    idle=Idle(
+        always={"seam": [{**_SIDES, "start": 10, "end": 11}]},
+        sometimes={"seam": [{**_SIDES, "start": 0.05, "end": 0.5}]},
+    ),
+)

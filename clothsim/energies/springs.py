@@ -13,6 +13,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_points, as_positive, as_vector
 from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
 from clothsim.energies.links import Links
 from clothsim.energies.protocols import Anchored, Driven
 from clothsim.energies.selection import as_flag, check_tables, selected_vertices
@@ -124,3 +125,16 @@ def _places(name: str, keys: Mapping[str, Any], world: World, start: Floats, sti
         raise InputError(f"{name}.motion must be a table of keys, not {motion!r}.")
     centred = {"centre": places.mean(axis=0) + world.origin, **motion}
     return Places(places, motion_of(f"{name}.motion", centred, world.origin), frames[:, 0], frames[:, 1:], stiffness)
+
+
+_CORNERS = {"select": "corners"}
+EXAMPLE = Example(
+    keys={"spring": [{"select": "left", "stiffness": 2.0, "to": [0.0, 0.0, 1.0], "rest_length": 0.6}]},
+    in_scene={"spring": [{**_CORNERS, "stiffness": 5.0}]},
+    zero={"spring": [{**_CORNERS, "stiffness": 0}]},
+    external=True,
+    idle=Idle(
+        always={"spring": [{**_CORNERS, "stiffness": [[0.0, 0.0], [10.0, 0.0], [11.0, 30.0]]}]},
+        sometimes={"spring": [{**_CORNERS, "stiffness": [[0.0, 0.0], [0.05, 0.0], [0.06, 20.0]]}]},
+    ),
+)

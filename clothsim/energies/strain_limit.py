@@ -23,6 +23,7 @@ from clothsim.energies import fibre_kernels
 from clothsim.energies import strain_limit_kernels as kernels
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.example import Example, Idle
 from clothsim.energies.hessians import ElementHessian, LanesHessian
 from clothsim.energies.protocols import BarrierGap, Report
 from clothsim.energies.varying_values import over_cloth
@@ -234,3 +235,15 @@ def _refuse_beyond(world: World, energy: StrainLimit, chosen: Ints) -> None:
         f"({len(beyond)} such triangles).",
         "Raise the limit, or start it less stretched.",
     )
+
+
+EXAMPLE = Example(
+    keys={"limit": 3.0, "limit_warp": 3.5, "begins": 0.0},
+    in_scene={"limit": 2.0},
+    zero={"limit": 0, "begins": 0.1},
+    idle=Idle(
+        always={"limit": 2.0},
+        searches=True,
+        kernels=("clothsim.energies.strain_limit_kernels", "clothsim.energies.fibre_kernels"),
+    ),
+)
