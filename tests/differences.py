@@ -6,7 +6,7 @@ nothing must fail.
 
 import numpy as np
 
-from clothsim.energies.base import ByElement
+from clothsim.energies.hessians import ByElement
 
 
 def dense_hessian(energy, x, project=False):

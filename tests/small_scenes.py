@@ -25,3 +25,9 @@ def small_scene(cloth=SHEET, body=BALL, effects=EFFECTS, solver=SOLVER, run=RUN,
 def without(*names):
     """The effects but for some."""
     return {name: keys for name, keys in EFFECTS.items() if name not in names}
+
+
+def changed(sections):
+    """Sections of the small scene with some keys changed: tables are merged, all else is replaced."""
+    usual = {"cloth": SHEET, "body": BALL}
+    return {name: usual[name] | value if value and name in usual else value for name, value in sections.items()}

@@ -13,7 +13,7 @@ import sys
 import numpy as np
 import pytest
 from import_graph import home, own
-from small_scenes import BALL, EFFECTS, SHEET, SOLVER, small_scene, without
+from small_scenes import BALL, EFFECTS, SHEET, SOLVER, changed, small_scene, without
 
 import clothsim.contact
 from clothsim import simulate
@@ -21,13 +21,8 @@ from clothsim.scene.effects import EFFECTS as TABLE
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
 PINS = {"pins": {"select": "corners"}}
-SHEET_TOO = {"fibres": {"warp": 20.0}, "strain_limit": {"limit": 2.0}}
-CREASE = {"through": [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]], "angle_degrees": 20.0}
-SEAM = {"from": {"side": "left"}, "to": {"side": "right"}}
-TETHER = {"select": "corners", "stiffness": 5.0}
-CREASED = {"rest_angle": {"crease": [CREASE]}, "springs": {"spring": [TETHER]}, "seams": {"seam": [SEAM]}}
-CREASED |= {"plastic_bending": {"yield_angle_degrees": 1.0}}
-ALL = EFFECTS | PINS | SHEET_TOO | CREASED | {"pressure": {"value": 0.1}, "air": {}, "self_contact": {}, "friction": {}}
+EXAMPLES = {name: effect.example() for name, effect in TABLE.items()}
+ALL = EFFECTS | {name: example.scene_keys for name, example in EXAMPLES.items() if name not in EFFECTS}
 
 
 def frames(run):
@@ -42,29 +37,11 @@ def run_of(folder, **sections):
 # --- a coefficient of zero ------------------------------------------------------------------------------------------
 
 
-ZERO = {
-    "gravity": ({"effects": EFFECTS | {"gravity": {"acceleration": [0, 0, 0]}}}, {"effects": without("gravity")}),
-    "pressure": ({"effects": EFFECTS | {"pressure": {"value": 0}}}, {}),
-    "strain_limit": ({"effects": EFFECTS | {"strain_limit": {"limit": 0, "begins": 0.1}}}, {}),
-    "rest_angle": ({"effects": EFFECTS | {"rest_angle": {"crease": [CREASE | {"angle_degrees": 0}]}}}, {}),
-    "springs": ({"effects": EFFECTS | {"springs": {"spring": [TETHER | {"stiffness": 0}]}}}, {}),
-    "seams": ({"effects": EFFECTS | {"seams": {"seam": []}}}, {}),
-    "plastic_bending": ({"effects": EFFECTS | {"plastic_bending": {"hardening": 0.5}}}, {}),
-    "fibres": ({"effects": EFFECTS | {"fibres": {"warp": 0, "angle_degrees": 30}}}, {}),
-    "air": ({"effects": EFFECTS | {"air": {"drag": 0, "wind": [5, 0, 0]}}}, {}),
-    "damping": ({"effects": EFFECTS | {"damping": {"rate": 0}}}, {"effects": without("damping")}),
-    "bending": ({"cloth": SHEET | {"bending_stiffness": 0}}, {"effects": without("bending")}),
-    "membrane": ({"cloth": SHEET | {"youngs_modulus": 0}}, {"effects": without("membrane")}),
-    "pins": ({"effects": EFFECTS | {"pins": {"select": []}}}, {}),
-    "body_contact": ({"body": ()}, {"body": (), "effects": without("body_contact")}),
-    "self_contact": ({"effects": EFFECTS | {"self_contact": {"exclude": [["cloth", "cloth"]]}}}, {}),
-    "friction": ({"effects": EFFECTS | {"friction": {"coefficient": 0}}}, {}),
-}
-
-
-@pytest.mark.parametrize("name", ZERO)
+@pytest.mark.parametrize("name", [name for name, example in EXAMPLES.items() if example.zero is not None])
 def test_a_coefficient_of_zero_is_absent_bit_for_bit(tmp_path, name):
-    zero, absent = (run_of(tmp_path / str(k), **sections) for k, sections in enumerate(ZERO[name]))
+    scene = changed(EXAMPLES[name].zero_scene)
+    effects = {"effects": without(name) | {name: EXAMPLES[name].zero}}, {"effects": without(name)}
+    zero, absent = (run_of(tmp_path / str(k), **scene | each) for k, each in enumerate(effects))
     assert np.array_equal(frames(zero), frames(absent))
     assert list(zero.summary["off"]) == [name]
     assert zero.summary["off"][name]
@@ -73,8 +50,9 @@ def test_a_coefficient_of_zero_is_absent_bit_for_bit(tmp_path, name):
     assert zero.summary["newton_iterations"] == absent.summary["newton_iterations"]
 
 
-def test_every_effect_has_its_zero():
-    assert set(ZERO) == set(TABLE) - {"inertia"}
+@pytest.mark.parametrize("name", [name for name, effect in TABLE.items() if effect.keys()])
+def test_an_effect_with_keys_has_an_example_in_which_it_is_off(name):
+    assert EXAMPLES[name].zero is not None
 
 
 def test_an_effect_that_acts_changes_the_bits(tmp_path):

@@ -1,69 +1,23 @@
 """A named effect that has nothing to do is not called, and leaves no trace: bit for bit (one thread).
 
-Every entry of THE table is in one of three lists: left out of a step; measured only; or acting whenever it is on. A new
-effect is put into one of them.
+The `EXAMPLE` of an effect of THE table has the keys: skipped in a step; searching without finding; or acting always.
 """
 
 import importlib
 
 import numpy as np
 import pytest
-from small_scenes import BALL, EFFECTS, small_scene, without
+from small_scenes import EFFECTS, changed, small_scene, without
 
 from clothsim import simulate
 from clothsim.build.scene_world import build
-from clothsim.energies.base import Energy
+from clothsim.energies.protocols import Idling
 from clothsim.scene.effects import EFFECTS as TABLE
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
-FAR = BALL | {"position": [0.0, 0.0, -50.0]}
-AT_REST = {"inertia": {}, "damping": {}}
-LATER = [[0.0, 0.0], [0.05, 0.0], [0.06, 20.0]]
-"""Nothing until .05 s, then 20 [Pa, N/m, degrees]: at the end of the third step of .02 s."""
-CREASE = {"through": [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]]}
-TETHER = {"select": "corners"}
-SIDES = {"from": {"side": "left"}, "to": {"side": "right"}}
-
-LEFT_OUT = {
-    "friction": ({"body": FAR, "effects": EFFECTS}, {"iterations": 3}, {}),
-    "pressure": ({"effects": EFFECTS}, {"value": [[0.0, 0.0], [10.0, 0.0], [11.0, 5.0]]}, {"value": LATER}),
-    "rest_angle": (
-        {"effects": EFFECTS},
-        {"crease": [CREASE | {"angle_degrees": [[0.0, 0.0], [10.0, 0.0], [11.0, 30.0]]}]},
-        {"crease": [CREASE | {"angle_degrees": LATER}]},
-    ),
-    "springs": (
-        {"effects": EFFECTS},
-        {"spring": [TETHER | {"stiffness": [[0.0, 0.0], [10.0, 0.0], [11.0, 30.0]]}]},
-        {"spring": [TETHER | {"stiffness": LATER}]},
-    ),
-    "seams": (
-        {"effects": EFFECTS},
-        {"seam": [SIDES | {"start": 10, "end": 11}]},
-        {"seam": [SIDES | {"start": 0.05, "end": 0.5}]},
-    ),
-    "plastic_bending": ({"effects": EFFECTS}, {"yield_angle_degrees": 179.0}, {"yield_angle_degrees": 0.02}),
-    "air": ({"body": (), "effects": AT_REST}, {}, {}),
-}
-"""Scene without the effect; its keys, with which it is idle in every step; keys with which, on a falling sheet, it is
-idle in some steps and acts in others.
-"""
-
-MEASURED = {
-    "body_contact": ({"body": FAR, "effects": without("body_contact")}, {}, ["clothsim.contact.barrier_kernels"]),
-    "self_contact": ({"effects": EFFECTS}, {}, ["clothsim.contact.barrier_kernels"]),
-    "strain_limit": (
-        {"effects": EFFECTS},
-        {"limit": 2.0},
-        ["clothsim.energies.strain_limit_kernels", "clothsim.energies.fibre_kernels"],
-    ),
-}
-"""Effects that may begin to act within a step: they measure distances or stretches, and nothing else. The modules of
-their kernels, of which none that makes a value or a derivative is called.
-"""
-
-ACTS = {"pins", "inertia", "membrane", "fibres", "bending", "gravity", "damping"}
-"""Effects that act in every step where they are on."""
+IDLE = {name: effect.example().idle for name, effect in TABLE.items()}
+SKIPPED = [name for name, idle in IDLE.items() if idle and not idle.searches]
+SEARCHING = [name for name, idle in IDLE.items() if idle and idle.searches]
 
 
 def frames(run):
@@ -80,15 +34,21 @@ def raising(*_, **__):
     raise AssertionError("an idle effect was called")
 
 
-def test_every_effect_is_in_one_list():
-    names = [*LEFT_OUT, *MEASURED, *ACTS]
-    assert sorted(names) == sorted(TABLE)
-    assert len(names) == len(set(names))
+def idle_sections(name):
+    """The small scene without the effect, changed so that it would idle."""
+    return {"effects": without(name)} | changed(IDLE[name].scene)
 
 
-@pytest.mark.parametrize("name", LEFT_OUT)
+@pytest.mark.parametrize("name", TABLE)
+def test_an_effect_that_can_be_skipped_has_an_idle_example(name):
+    example = TABLE[name].example()
+    made = build(small_scene(effects=EFFECTS | {name: example.scene_keys})).energies.get(name)
+    assert isinstance(made, Idling) == (name in SKIPPED)
+
+
+@pytest.mark.parametrize("name", SKIPPED)
 def test_an_effect_with_nothing_to_do_is_not_called(tmp_path, monkeypatch, name):
-    sections, keys, _ = LEFT_OUT[name]
+    sections, keys = idle_sections(name), IDLE[name].always
     absent = run_of(tmp_path / "absent", sections)
     kind = type(build(small_scene(**sections | {"effects": sections["effects"] | {name: keys}})).energies[name])
     monkeypatch.setattr(kind, "hessian", _only_before_the_first_step(kind.hessian))
@@ -114,12 +74,12 @@ def _only_before_the_first_step(true):
     return hessian
 
 
-@pytest.mark.parametrize("name", LEFT_OUT)
+@pytest.mark.parametrize("name", SKIPPED)
 def test_what_is_idle_in_some_steps_has_the_bits_of_what_is_always_called(tmp_path, monkeypatch, name):
-    keys = LEFT_OUT[name][2]
+    keys = IDLE[name].sometimes
     spared = run_of(tmp_path / "spared", {"effects": EFFECTS, "run": {"duration": 0.16}}, **{name: keys})
     kind = type(build(small_scene(effects=EFFECTS | {name: keys})).energies[name])
-    monkeypatch.setattr(kind, "idle", Energy.idle)
+    monkeypatch.setattr(kind, "idle", False)
     called = run_of(tmp_path / "called", {"effects": EFFECTS, "run": {"duration": 0.16}}, **{name: keys})
     assert np.array_equal(frames(spared), frames(called))
     accounts = [run.summary["effects"][name] for run in (spared, called)]
@@ -132,12 +92,11 @@ def test_what_is_idle_in_some_steps_has_the_bits_of_what_is_always_called(tmp_pa
 KERNELS = ("measure", "value", "gradient", "hessian", "pull", "principal_gradient", "principal_hessian")
 
 
-@pytest.mark.parametrize("name", MEASURED)
+@pytest.mark.parametrize("name", SEARCHING)
 def test_an_effect_that_only_measures_calls_no_kernel_of_its_energy(tmp_path, monkeypatch, name):
-    sections, keys, modules = MEASURED[name]
-    sections = {"body": FAR} | sections
+    sections, keys = idle_sections(name), IDLE[name].always
     absent = run_of(tmp_path / "absent", sections)
-    for module in map(importlib.import_module, modules):
+    for module in map(importlib.import_module, IDLE[name].kernels):
         for kernel in KERNELS:
             monkeypatch.setattr(module, kernel, raising, raising=False)
     measured = run_of(tmp_path / "measured", sections, **{name: keys})

@@ -1,55 +1,29 @@
-"""The README's recipe for a new effect, followed by a stranger: one file, one line in the table, nothing else."""
+"""The two steps of docs/extending.md, followed as written in a copy of the package: one file and one line."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from importlib import util
+from pathlib import Path
+from textwrap import dedent
 
 import numpy as np
 import pytest
-from differences import gradient_error, hessian_error, taylor_slopes
-from meshes import deformed, small_world
+from import_graph import PACKAGE
 from small_scenes import SHEET, SOLVER, small_scene
-from solving import step_at
 
 from clothsim import InputError, simulate
 from clothsim.cli import main
 from clothsim.run.receipt import explain_scene
-from clothsim.scene.effects import EFFECTS, Effect
+from clothsim.scene.effects import EFFECTS, register_effect
 
-FILE = '''
-"""The effect `trampoline`: every vertex is drawn back to a level, as by a bed of springs."""
-
-from dataclasses import dataclass
-
-import numpy as np
-
-from clothsim.energies.base import ElementHessian, Energy, Off
-
-
-@dataclass(frozen=True)
-class Trampoline(Energy):
-    """E = sum k m (z - level)^2 / 2. masses (n,) [kg]; strength k [1/s2]; level [m]."""
-
-    masses: np.ndarray
-    strength: float
-    level: float
-
-    def value(self, x):
-        z = x[: len(self.masses), 2] - self.level
-        return float(0.5 * self.strength * self.masses @ z**2)
-
-    def gradient(self, x):
-        out = np.zeros_like(x)
-        out[: len(self.masses), 2] = self.strength * self.masses * (x[: len(self.masses), 2] - self.level)
-        return out
-
-    def hessian(self, x, project=True):
-        blocks = self.strength * self.masses[:, None, None] * np.diag([0.0, 0.0, 1.0])
-        return ElementHessian(np.arange(len(self.masses))[:, None], blocks)
-
-
-def trampoline(world, *, strength=1.0, level=0.0):
-    if strength == 0:
-        return Off("strength is 0")
-    return Trampoline(world.masses, float(strength), level - float(world.origin[2]))
-'''
-LINE = {"trampoline": Effect("trampoline:trampoline", "drawn back to a level")}
+CLONE = Path(__file__).parent.parent
+PAGE = (CLONE / "docs" / "extending.md").read_text(encoding="utf-8")
+FILE, LINE = (dedent(block) for block in re.findall(r"^   ```python\n(.*?)^   ```$", PAGE, re.DOTALL | re.MULTILINE))
+WHERE = re.search(r"`(clothsim/energies/\w+\.py)`", PAGE).group(1)
+THROUGH_THE_TABLE = ("tests/energies/test_table.py", "tests/test_absent_effects.py", "tests/test_idle_effects.py")
 SCENE = """
 [cloth]
 mesh = "rectangle"
@@ -69,25 +43,54 @@ duration = 0.04
 """
 
 
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory):
+    """A copy of package and tests after the two steps."""
+    root = tmp_path_factory.mktemp("copy")
+    shutil.copytree(PACKAGE, root / "clothsim")  # with kernels compiled beside their files, if any
+    shutil.copytree(CLONE / "tests", root / "tests", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copy(CLONE / "pyproject.toml", root)
+    (root / WHERE).write_text(FILE, encoding="utf-8")
+    table = root / "clothsim" / "scene" / "effects.py"
+    head, last, tail = table.read_text(encoding="utf-8").partition('\n}\n\nCONTACTS = ("body_contact"')
+    assert last
+    table.write_text(f"{head}\n    {LINE.strip()}{last}{tail}", encoding="utf-8")
+    return root
+
+
+def test_the_tests_of_the_table_pass_with_it(copy):
+    words = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-k", "trampoline", "-vv", *THROUGH_THE_TABLE]
+    environment = os.environ | {"PYTHONPATH": str(copy), "PYTHONSAFEPATH": "1"}
+    done = subprocess.run(words, cwd=copy, env=environment, capture_output=True, text=True, check=False, timeout=600)
+    assert done.returncode == 0, done.stdout[-4000:] + done.stderr[-2000:]
+    passed = re.findall(r"^(tests/\S+?)::(\S+)\[.*trampoline.*\] PASSED", done.stdout, re.MULTILINE)
+    assert {file for file, _ in passed} == set(THROUGH_THE_TABLE)
+    assert {
+        "test_gradient_is_the_derivative_of_the_value",
+        "test_hessian_is_the_derivative_of_the_gradient",
+        "test_a_coefficient_of_zero_is_absent_bit_for_bit",
+        "test_no_kernel_of_an_absent_effect_is_called",
+        "test_the_poison_works",
+        "test_an_effect_that_can_be_skipped_has_an_idle_example",
+    } <= {test for _, test in passed}
+
+
+# --- the same energy, registered from outside of the package ---------------------------------------------------------
+
+
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A folder with the stranger's file, which is in the table."""
-    (tmp_path / "trampoline.py").write_text(FILE)
+    """A folder with a scene that names the effect, which is registered."""
+    file = tmp_path / "trampoline.py"
+    file.write_text(FILE, encoding="utf-8")
+    spec = util.spec_from_file_location("trampoline", file)
+    module = util.module_from_spec(spec)
+    monkeypatch.setitem(sys.modules, "trampoline", module)
+    spec.loader.exec_module(module)
     (tmp_path / "scene.toml").write_text(SCENE)
-    monkeypatch.syspath_prepend(tmp_path)
-    for name, effect in LINE.items():
-        monkeypatch.setitem(EFFECTS, name, effect)
-    return tmp_path
-
-
-def test_it_passes_the_derivative_checks_of_the_table(folder):
-    world = small_world()
-    energy = EFFECTS["trampoline"].build(world, {"strength": 3.0, "level": 0.1}, {})
-    x = deformed(world)
-    bound = energy.begin(step_at(x))
-    assert gradient_error(bound, x) < 1e-7
-    assert hessian_error(bound, x) < 1e-6
-    assert taylor_slopes(bound, x)[1] > 2.8
+    register_effect("trampoline", module.trampoline)
+    yield tmp_path
+    del EFFECTS["trampoline"]
 
 
 def test_it_runs_in_a_scene_and_oscillates_as_it_should(folder):
@@ -121,3 +124,28 @@ def test_a_zero_is_off_and_an_unknown_key_is_refused(folder):
         small_scene(effects={"trampoline": {"strenght": 2.0}})
     absent = explain_scene(small_scene(effects={"inertia": {}}), steps=1).effects["trampoline"]
     assert absent["reason"] == "not named in the scene"
+
+
+def test_a_registered_effect_has_its_example_and_its_headline(folder):
+    effect = EFFECTS["trampoline"]
+    assert effect.keys() == {"strength": 1.0, "level": 0.0}
+    assert effect.example().external
+    assert "strength" in effect.says
+
+
+@pytest.mark.parametrize(
+    ("name", "builder"),
+    [
+        ("gravity", lambda world: None),
+        ("two words", lambda world: None),
+        (7, lambda world: None),
+        ("nothing", None),
+        ("worldless", lambda *, strength=1.0: None),
+        ("demanding", lambda world, strength: None),
+    ],
+)
+def test_what_is_no_effect_is_not_registered(name, builder):
+    before = dict(EFFECTS)
+    with pytest.raises(InputError, match=str(name)):
+        register_effect(name, builder)
+    assert before == EFFECTS

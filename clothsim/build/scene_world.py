@@ -8,7 +8,9 @@ from clothsim.build.meshes import body_of, cloth_of, cloth_shape
 from clothsim.build.support_check import refuse_unheld
 from clothsim.build.untangle import untangled
 from clothsim.build.warnings import remarks
-from clothsim.energies.base import Constraint, Energy, Off
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.constraint import Constraint
+from clothsim.energies.protocols import report_of
 from clothsim.errors import InputError
 from clothsim.mesh.local_origin import with_local_origin
 from clothsim.mesh.world import World, make_world
@@ -48,7 +50,7 @@ def build(scene: Scene) -> Built:
             off[name] = made.reason
         elif isinstance(made, Energy):
             energies[name] = made
-            notes.extend(f"{name}: {choice}." for choice in made.choices())
+            notes.extend(f"{name}: {choice}." for choice in report_of(made).defaults_used())
         else:
             world, constraints[name] = made
     if not energies:

@@ -7,7 +7,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Constraint, Energy, Step
+from clothsim.energies.base import Energy
+from clothsim.energies.constraint import Constraint
+from clothsim.energies.protocols import Anchored
+from clothsim.energies.step import Step
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
@@ -30,7 +33,8 @@ def refuse_unheld(world: World, energies: Mapping[str, Energy], constraints: Ite
     for constraint in constraints:
         held[constraint.at(0.0).vertices] = True
     for energy in energies.values():
-        held[energy.holds] = True
+        if isinstance(energy, Anchored):
+            held[energy.anchored_rows] = True
     forces = _forces(world, energies)
     for piece in np.setdiff1d(pieces, pieces[held[: world.n_cloth]]):
         of_piece = np.flatnonzero(pieces == piece)

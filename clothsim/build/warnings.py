@@ -3,11 +3,11 @@
 import numpy as np
 
 from clothsim.energies.base import Energy
+from clothsim.energies.protocols import ContactGap
 from clothsim.mesh.motion import FrameMotion
 from clothsim.mesh.topology import components
 from clothsim.mesh.winding_number import is_inside
 from clothsim.mesh.world import World
-from clothsim.scene.effects import CONTACTS
 
 INSIDE = 0.9
 """A start closer than this share of d_hat is told."""
@@ -66,7 +66,7 @@ def _wide(world: World, energies: dict[str, Energy]) -> list[str]:
     """Contact that begins further away than the mesh is fine."""
     starts = world.start()[world.edges]
     edge = float(np.median(np.linalg.norm(starts[:, 0] - starts[:, 1], axis=1)))
-    wide = {name: float(getattr(energies.get(name), "d_hat", 0.0)) for name in CONTACTS}
+    wide = {name: energy.d_hat for name, energy in energies.items() if isinstance(energy, ContactGap)}
     return [
         f"{name}: d_hat of {d_hat:g} m is more than the median edge of {edge:.2g} m: what is close at rest is pushed "
         "apart."
@@ -78,9 +78,10 @@ def _wide(world: World, energies: dict[str, Energy]) -> list[str]:
 def _pushed_off(world: World, energies: dict[str, Energy]) -> list[str]:
     """Contact that pushes before anything has moved: a gap well inside d_hat is no rest, and its energy is set free."""
     said = []
-    for name in CONTACTS:
-        d_hat = float(getattr(energies.get(name), "d_hat", 0.0))
-        gap = energies[name].minimum_gap(world.start()) if d_hat else np.inf
+    for name, energy in energies.items():
+        if not isinstance(energy, ContactGap):
+            continue
+        gap, d_hat = energy.minimum_gap(world.start()), energy.d_hat
         if gap < INSIDE * d_hat:
             said.append(
                 f"{name}: the start is {gap:.2g} m from contact, inside d_hat of {d_hat:g} m: it is pushed off."

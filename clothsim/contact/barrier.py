@@ -12,7 +12,10 @@ from clothsim.contact.candidates import Candidates
 from clothsim.contact.pair_list import Pairs
 from clothsim.contact.stiffness import barrier_stiffness
 from clothsim.contact.subset import CandidatesAround
-from clothsim.energies.base import ByElement, ElementHessian, Energy, Step
+from clothsim.energies.base import Energy
+from clothsim.energies.hessians import ByElement, ElementHessian
+from clothsim.energies.protocols import ContactGap, Coupling, History, Report, Restrictable
+from clothsim.energies.step import Step
 from clothsim.indexing import equal
 
 
@@ -38,7 +41,7 @@ NOTHING = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12)))
 
 
 @dataclass(frozen=True)
-class Barrier(Energy):
+class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
     """E = kappa sum w m b(d) over the pairs closer than offset + d_hat (Li et al. 2020, IPC; areas: Li et al. 2023).
 
     d_hat, offset [m]; w the area of the pair [m2], kappa = stiffness [Pa]; b and the mollifier m in `barrier_kernels`.
@@ -57,11 +60,6 @@ class Barrier(Energy):
 
     begins_last = True
 
-    @property
-    def begins_at(self) -> float:
-        """offset + d_hat [m]."""
-        return self.offset + self.d_hat
-
     def begin(self, step: Step) -> Self:
         """Bound to the step: a stiffness that holds the loads at about half of d_hat."""
         if not self.adaptive:
@@ -78,7 +76,7 @@ class Barrier(Energy):
             float(approach.max(initial=0.0)),
             self.d_hat,
             step.dt,
-            step.answers_in or step.dt,
+            step.contact_time_scale or step.dt,
         )
         return replace(self, stiffness=stiffness)
 
@@ -104,7 +102,7 @@ class Barrier(Energy):
         derived = projected if project else exact
         return derived(measured.poses, x, pairs.elements, pairs.thresholds, pairs.n_points, self.stiffness)
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The barrier of the pairs that a moving vertex belongs to."""
         return replace(self, candidates=cast(Candidates, CandidatesAround.of(self.candidates, moving, x)))
 
@@ -123,7 +121,7 @@ class Barrier(Energy):
             seen *= 0.25
 
     @property
-    def remembers(self) -> float:
+    def carry_over(self) -> float:
         """The stiffness [Pa]."""
         return self.stiffness
 
@@ -151,7 +149,7 @@ class Barrier(Energy):
         """The largest share by which the step changes the gap of a pair that is below d_hat before or after it."""
         return self.candidates.gap_change(x, dx)
 
-    def choices(self) -> tuple[str, ...]:
+    def defaults_used(self) -> tuple[str, ...]:
         """d_hat, and how the stiffness is set."""
         stiffness = "set anew at each step" if self.adaptive else f"{self.stiffness:g} Pa"
         offset = f", offset {self.offset:g} m" if self.offset else ""

@@ -15,14 +15,14 @@ from clothsim.contact.closest_points import dot
 from clothsim.contact.distance import free_directions
 from clothsim.contact.psd_projection import positive_squares
 from clothsim.contact.relative_coordinates import absolute_block, relative
-from clothsim.energies.base import ElementHessian, SquaresHessian, room_for
+from clothsim.energies.hessians import ElementHessian, LowRankHessian, room_for
 from clothsim.indexing import four_points
 from clothsim.jit import kernel, part
 
 
 def projected(
     poses: Floats, x: Floats, elements: Ints, thresholds: Floats, n_points: int, kappa: float
-) -> SquaresHessian:
+) -> LowRankHessian:
     """A positive semi-definite Hessian no smaller than the exact one, pair by pair [N/m]."""
     mollified = np.flatnonzero(poses[:, SHARE] < 1.0)
     sides = np.empty((3 * (len(elements) - len(mollified)) + 9 * len(mollified), 12))
@@ -32,7 +32,7 @@ def projected(
         blocks = np.empty((len(mollified), 9, 9))
         relative_blocks(blocks, mollified, poses, x, elements, thresholds, n_points, kappa)
         used = positive_squares(blocks, mollified, sides, used, first, count)
-    return SquaresHessian(elements, first, count, sides[:used])
+    return LowRankHessian(elements, first, count, sides[:used])
 
 
 def exact(poses: Floats, x: Floats, elements: Ints, thresholds: Floats, n_points: int, kappa: float) -> ElementHessian:

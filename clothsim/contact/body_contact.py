@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from clothsim.contact.setup import contact_energy, excluded_pairs
 from clothsim.contact.surface import cloth_body_surface
 from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
 from clothsim.mesh.world import World
 
 
@@ -30,3 +31,15 @@ def body_contact(
     if not surface.allowed.any():
         return Off("every pair is excluded")
     return contact_energy("body_contact", world, surface, d_hat, offset, stiffness, backend)
+
+
+EXAMPLE = Example(
+    keys={"d_hat": 0.5, "stiffness": 2.0},
+    in_scene={},
+    zero={},
+    zero_scene={"body": ()},
+    with_bodies=True,
+    idle=Idle(
+        scene={"body": {"position": [0.0, 0.0, -50.0]}}, searches=True, kernels=("clothsim.contact.barrier_kernels",)
+    ),
+)

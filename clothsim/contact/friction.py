@@ -9,7 +9,12 @@ import numpy as np
 from clothsim.arrays import Floats, Ints, as_count, as_positive
 from clothsim.contact import friction_kernels as kernels
 from clothsim.contact.barrier import Barrier
-from clothsim.energies.base import ElementHessian, Energy, Off, Step
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.example import Example, Idle
+from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.protocols import Idling, Lagged, Report
+from clothsim.energies.step import Step
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
@@ -35,7 +40,7 @@ NOWHERE = Contacts((), np.zeros((0, 3)), 1.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Friction(Energy):
+class Friction(Elementwise, Energy, Idling, Lagged, Report):
     """E = sum mu F f0(|u|), u = (I - n n') sum_i g_i (x_i - x_i(start)) (Li et al. 2020, IPC, section 5).
 
     F [N], n and g: normal force, line and weights of the closest points of each pair, lagged. f0 is |u| beyond
@@ -66,7 +71,7 @@ class Friction(Energy):
         return not len(self.elements)
 
     @property
-    def passes(self) -> int:
+    def lag_iterations(self) -> int:
         """`iterations`."""
         return self.iterations
 
@@ -83,7 +88,7 @@ class Friction(Energy):
         bound = replace(self, contacts=Contacts(tuple(contacts.values()), past.positions, past.dt, least_gap))
         return bound._with_forces(step.positions, stiffness)
 
-    def again(self, x: Floats) -> Self:
+    def relag(self, x: Floats) -> Self:
         """Bound to the contact forces at x, for another pass of the same step."""
         return self._with_forces(x, [barrier.stiffness for barrier in self.contacts.barriers])
 
@@ -110,9 +115,10 @@ class Friction(Energy):
         """Blocks (p, 12, 12) [N/m]; positive semi-definite as they are."""
         return ElementHessian(self.elements, kernels.hessian(x, *self._lagged))
 
-    def choices(self) -> tuple[str, ...]:
+    def defaults_used(self) -> tuple[str, ...]:
         """eps_v, and how often the forces are lagged."""
-        return (f"eps_v = {self.eps_v:g} m/s, normal forces lagged {self.passes} time{'s' * (self.passes > 1)} a step",)
+        times = f"{self.lag_iterations} time{'s' * (self.lag_iterations > 1)}"
+        return (f"eps_v = {self.eps_v:g} m/s, normal forces lagged {times} a step",)
 
     def counts(self) -> dict[str, float]:
         """The pairs that were lagged last."""
@@ -156,10 +162,10 @@ def friction(
         return Off("the scene has no contact")
     size = max(float(np.linalg.norm(np.ptp(cloth.positions, axis=0))) for cloth in world.cloths)
     speed = 1e-3 * size if eps_v == "auto" else as_positive("effects.friction.eps_v", eps_v)  # type: ignore[arg-type]
-    passes = as_count("effects.friction.iterations", iterations)
+    lag_iterations = as_count("effects.friction.iterations", iterations)
     none = np.zeros((0, 4))
     return Friction(
-        table, world.labels, speed, passes, NOWHERE, none.astype(np.int64), none, np.zeros((0, 3)), np.zeros(0)
+        table, world.labels, speed, lag_iterations, NOWHERE, none.astype(np.int64), none, np.zeros((0, 3)), np.zeros(0)
     )
 
 
@@ -173,3 +179,13 @@ def _pair(world: World, number: int, entry: Sequence[object]) -> tuple[int, int,
             raise InputError(f"{where}: nothing is called {name!r}.", f"There are: {', '.join(world.names)}.")
     a, b = (world.names.index(str(name)) for name in entry[:2])
     return a, b, as_positive(where, entry[2], zero=True)  # type: ignore[arg-type]
+
+
+EXAMPLE = Example(
+    keys={"coefficient": 0.7, "eps_v": 0.3},
+    in_scene={},
+    zero={"coefficient": 0},
+    external=True,
+    with_bodies=True,
+    idle=Idle(always={"iterations": 3}, scene={"body": {"position": [0.0, 0.0, -50.0]}}),
+)

@@ -13,7 +13,7 @@ from clothsim.contact.barrier import Barrier
 from clothsim.contact.candidates import SLACK, Candidates
 from clothsim.contact.filter import keeps_to
 from clothsim.contact.surface import ContactSurface
-from clothsim.energies.base import Step
+from clothsim.energies.step import Step
 
 SEPARATION = 1e-6
 """Share of d_hat below which no step brings a pair: ipctk's additive CCD takes millions of steps at round-off."""

@@ -10,6 +10,7 @@ from clothsim.contact.setup import contact_energy, edge_lengths, excluded_pairs
 from clothsim.contact.stiffness import default_d_hat
 from clothsim.contact.surface import ContactSurface, cloth_surface
 from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
 from clothsim.mesh.world import World
 
 
@@ -42,3 +43,13 @@ def _below_rest_gaps(world: World, surface: ContactSurface) -> float:
     one_by_one = replace(surface, allowed=surface.allowed & np.eye(len(surface.allowed), dtype=bool))
     gap = Candidates(one_by_one, usual, reach=0.0).minimum_gap(surface.rest_positions)
     return usual if gap > usual else max(0.5 * gap, 0.1 * usual)
+
+
+EXAMPLE = Example(
+    keys={"d_hat": 0.4, "stiffness": 2.0},
+    in_scene={},
+    zero={"exclude": [["cloth", "cloth"]]},
+    idle=Idle(
+        scene={"body": {"position": [0.0, 0.0, -50.0]}}, searches=True, kernels=("clothsim.contact.barrier_kernels",)
+    ),
+)

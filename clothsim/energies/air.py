@@ -21,7 +21,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from clothsim.arrays import Floats, Ints, as_positive
-from clothsim.energies.base import ElementHessian, Energy, Off, Step
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
+from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.protocols import Driven, Idling
+from clothsim.energies.step import Step
 from clothsim.energies.varying_values import Schedule, over_cloth, schedule
 from clothsim.energies.wind import Wind, wind_of
 from clothsim.errors import InputError
@@ -29,7 +33,7 @@ from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class Air(Energy):
+class Air(Energy, Driven, Idling):
     """E = sum d' T d / (2 h), d = y - y_n - h w, y the mean of a triangle's corners, so that d / h = v_rel.
 
     triangles (m, 3); pressures rho C_n / 2 and rho C_t / 2, across and along (m,) [kg/m3]; wind and its strength, a
@@ -126,3 +130,13 @@ def air(
     none = np.zeros((len(felt), 3))
     tensors = np.zeros((len(felt), 3, 3))
     return Air(world.triangles[felt], across, along, field, pace, world.origin, tensors, none, 1.0)
+
+
+EXAMPLE = Example(
+    keys={"wind": {"kind": "vortex", "circulation": 9.0, "core": 0.5, "velocity": (1.0, 2.0, 0.5)}, "lift": 0.7},
+    in_scene={},
+    zero={"drag": 0, "wind": [5, 0, 0]},
+    external=True,
+    # idle only at rest: without a load in still air, or in the first step of a fall
+    idle=Idle(scene={"body": (), "effects": {"inertia": {}, "damping": {}}}),
+)

@@ -5,6 +5,7 @@ from dataclasses import fields
 from difflib import get_close_matches
 
 from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example
 from clothsim.energies.hinge_bending import hinge_bending
 from clothsim.energies.midedge_bending import midedge_bending
 from clothsim.energies.quadratic_bending import quadratic_bending
@@ -44,3 +45,6 @@ def _model(name: str) -> Callable[[Hinges, World], Energy]:
             f"There is no bending model {name!r}.", f"Did you mean {nearest!r}? Models: {', '.join(MODELS)}."
         )
     return MODELS[name]
+
+
+EXAMPLE = Example(zero={}, zero_scene={"cloth": {"bending_stiffness": 0}})

@@ -6,16 +6,21 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_positive
-from clothsim.energies.base import ByElement, ElementHessian, Energy, Off, Step
+from clothsim.energies.base import Energy, Off
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_difference, weighted_square
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.example import Example
+from clothsim.energies.hessians import ByElement, ElementHessian
 from clothsim.energies.hinge_bending import HingeBending, hinge_bending
+from clothsim.energies.protocols import Restrictable, restricted
+from clothsim.energies.step import Step
 from clothsim.energies.strain_damping import HingeDamping, StrainDamping
 from clothsim.energies.varying_values import over_cloth
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class MassDamping(Energy):
+class MassDamping(Elementwise, Energy):
     """E = rate sum m |x - x_n|^2 / (2 h): the force is -rate m v (Rayleigh's mass term).
 
     rows (n, 1) of x; masses (n,) [kg]; rate [1/s]; start x_n (n, 3) [m] and dt h [s] of the step; in BDF2 x^ and
@@ -50,7 +55,7 @@ class MassDamping(Energy):
 
 
 @dataclass(frozen=True)
-class Dampings(Energy):
+class Dampings(Energy, Restrictable):
     """The sum of several drags."""
 
     parts: tuple[Energy, ...]
@@ -61,9 +66,9 @@ class Dampings(Energy):
         """Each bound to the step."""
         return replace(self, parts=tuple(part.begin(step) for part in self.parts))
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """Each around what moves."""
-        return replace(self, parts=tuple(part.around(moving, x) for part in self.parts))
+        return replace(self, parts=tuple(restricted(part, moving, x) for part in self.parts))
 
     def value(self, x: Floats) -> float:
         """Incremental dissipation [J]."""
@@ -137,3 +142,8 @@ def _padded(hessian: ByElement, size: int) -> tuple[np.ndarray, Floats]:
     last = np.repeat(hessian.elements[:, -1:], missing, axis=1)
     blocks = np.pad(hessian.blocks, ((0, 0), (0, 3 * missing), (0, 3 * missing)))
     return np.concatenate([hessian.elements, last], axis=1), blocks
+
+
+EXAMPLE = Example(
+    keys={"rate": 1.0, "stiffness": 0.3, "strain_rate": 0.2}, in_scene={"rate": 2.0}, zero={"rate": 0}, external=True
+)

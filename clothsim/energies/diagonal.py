@@ -3,7 +3,7 @@
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ElementHessian
+from clothsim.energies.hessians import ElementHessian
 from clothsim.indexing import as_rows, taken
 from clothsim.linalg import dot
 

@@ -19,7 +19,10 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import fibre_kernels as kernels
-from clothsim.energies.base import ElementHessian, Energy, Off
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example
+from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.protocols import Restrictable
 from clothsim.energies.varying_values import over_cloth
 from clothsim.kinematics.warp_weft import thread_axes
 from clothsim.mesh.world import World
@@ -77,7 +80,7 @@ class LinearThreads:
 
 
 @dataclass(frozen=True)
-class Fibres(Energy):
+class Fibres(Energy, Restrictable):
     """E = sum over triangles of A psi(la, lb, I8).
 
     triangles (m, 3); inverses Dm^-1 [a b] (m, 2, 2) [1/m]; areas at rest (m,) [m2]; law: psi and its derivatives.
@@ -94,7 +97,7 @@ class Fibres(Energy):
         inverses = world.rest_shape_inverses @ thread_axes(world, angles)
         return cls(world.triangles[chosen], inverses[chosen], world.rest_areas[chosen], law)
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The threads of the triangles that a moving vertex touches."""
         kept = np.flatnonzero(moving[self.triangles].any(axis=1))
         return replace(self, law=self.law.of(kept), **{name: getattr(self, name)[kept] for name in ARRAYS})
@@ -136,3 +139,10 @@ def fibres(
         return Off('warp, weft and shear are 0 (a fabric\'s own: effects.membrane.material = "orthotropic")')
     a, b, g = (stiffness[key][stiff] for key in keys)
     return Fibres.of(world, stiff, angles, LinearThreads(a, b, np.zeros(len(stiff)), g))
+
+
+EXAMPLE = Example(
+    keys={"warp": 2.0, "weft": 1.5, "shear": 0.8, "angle_degrees": 20.0},
+    in_scene={"warp": 20.0},
+    zero={"warp": 0, "angle_degrees": 30},
+)

@@ -8,14 +8,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from clothsim.arrays import Floats, Ints, as_vector
-from clothsim.energies.base import ElementHessian, Energy, Off, Step
+from clothsim.energies.base import Energy, Off
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.example import Example
+from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.step import Step
 from clothsim.indexing import as_rows, taken
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class Gravity(Energy):
+class Gravity(Elementwise, Energy):
     """E = -sum m g . (x - origin). rows (n, 1) of x; masses (n,) [kg]; acceleration g (3,) [m/s2].
 
     Heights are taken from `origin (3,)` [m], so that the value stays small and a difference of two values stays exact.
@@ -59,3 +63,8 @@ def gravity(world: World, *, acceleration: ArrayLike = (0.0, 0.0, -9.81)) -> Ene
     if not vector.any():
         return Off("acceleration is zero")
     return Gravity(every_vertex(world.n_cloth), world.masses, vector, world.start()[: world.n_cloth].mean(axis=0))
+
+
+EXAMPLE = Example(
+    keys={"acceleration": (0.3, -0.4, -1.2)}, in_scene={}, zero={"acceleration": [0, 0, 0]}, external=True, linear=True
+)

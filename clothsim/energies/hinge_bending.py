@@ -20,14 +20,16 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import hinge_kernels as kernels
-from clothsim.energies.base import Energy, LanesHessian
+from clothsim.energies.base import Energy
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.hessians import LanesHessian
 from clothsim.linalg import dot
 from clothsim.memo import Memo
 from clothsim.mesh.hinges import Hinges
 
 
 @dataclass(frozen=True)
-class HingeBending(Energy):
+class HingeBending(Elementwise, Energy):
     """vertices: (h, 4); rest_angles theta0: (h,) [rad]; stiffnesses: (h,) D |e|^2/(A1 + A2) [N m].
 
     The value is +inf where a triangle beside a hinge has no area; such a hinge adds nothing to gradient and Hessian.

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from clothsim.arrays import Floats
-from clothsim.energies.base import Step
+from clothsim.energies.step import Step
 
 
 def past_of(step: Step, quantity: Callable[[Floats], Floats]) -> Floats:

@@ -5,13 +5,17 @@ from functools import cached_property
 from typing import Self
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.energies.base import Energy
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_difference, weighted_square
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.example import Example
+from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.step import Step
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class Inertia(Energy):
+class Inertia(Elementwise, Energy):
     """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n; in BDF2 with x^, v^ and b h in their places (FORMULAS 2).
 
     Gravity is an Energy of its own and no part of x~. rows (n, 1) of x; masses (n,) [kg]; target x~ (n, 3) [m];
@@ -51,3 +55,6 @@ class Inertia(Energy):
 def inertia(world: World) -> Energy:
     """The inertia of all cloth vertices; bound to its step by `begin`."""
     return Inertia(every_vertex(world.n_cloth), world.masses, world.start()[: world.n_cloth], 1.0)
+
+
+EXAMPLE = Example(external=True)

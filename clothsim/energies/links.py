@@ -12,11 +12,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ElementHessian, Energy
+from clothsim.energies.base import Energy
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.protocols import Idling
 
 
 @dataclass(frozen=True)
-class Links(Energy):
+class Links(Elementwise, Energy, Idling):
     """rows (m, j) of x and weights w (m, j); places c (m, 3) [m]; lengths L (m,) [m]; stiffnesses k (m,) [N/m];
     slack (m,): which are strings. A link of no stiffness is not there.
     """

@@ -9,14 +9,17 @@ from numpy.typing import ArrayLike
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import membrane_kernels as kernels
-from clothsim.energies.base import Energy, LanesHessian, Off
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.example import Example
+from clothsim.energies.hessians import LanesHessian
 from clothsim.energies.varying_values import over_cloth
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class NeoHookeanMembrane(Energy):
+class NeoHookeanMembrane(Elementwise, Energy):
     """E = sum over triangles of A psi(F), psi the Neo-Hookean density of `neo_hookean`.
 
     triangles (m, 3); rest_shape_inverses Dm^-1 (m, 2, 2) [1/m]; rest_areas (m,) [m2]; mu, lam (m,) [N/m].
@@ -125,3 +128,6 @@ def _refuse_others(material: str, given: Mapping[str, bool]) -> None:
             raise InputError(
                 f'effects.membrane.{key} does nothing with material = "{material}".', f"It is for {others}."
             )
+
+
+EXAMPLE = Example(zero={}, zero_scene={"cloth": {"youngs_modulus": 0}})

@@ -16,7 +16,8 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import hinge_kernels as kernels
-from clothsim.energies.base import ElementHessian, Energy
+from clothsim.energies.base import Energy
+from clothsim.energies.hessians import ElementHessian
 from clothsim.indexing import four_points
 from clothsim.jit import kernel
 from clothsim.kinematics.curvature import bending_strains

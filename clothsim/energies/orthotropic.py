@@ -17,14 +17,16 @@ from typing import Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ElementHessian, Energy
+from clothsim.energies.base import Energy
 from clothsim.energies.fibres import Fibres, LinearThreads, ThreadLaw
+from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.membrane import NeoHookeanMembrane
+from clothsim.energies.protocols import Report, Restrictable
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class ThreadedMembrane(Energy):
+class ThreadedMembrane(Energy, Restrictable, Report):
     """A sheet and the threads in it, over the same triangles; +inf where one has lost its area. said: its choices."""
 
     sheet: NeoHookeanMembrane
@@ -50,13 +52,13 @@ class ThreadedMembrane(Energy):
         threads = replace(self.threads, triangles=triangles)
         return replace(self, sheet=self.sheet.with_triangles(triangles), threads=threads)
 
-    def choices(self) -> tuple[str, ...]:
+    def defaults_used(self) -> tuple[str, ...]:
         """What it chose where the scene was silent."""
         return self.said
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """Both over the triangles that a moving vertex touches."""
-        return replace(self, sheet=self.sheet.around(moving, x), threads=self.threads.around(moving, x))
+        return replace(self, sheet=self.sheet.restricted_to(moving, x), threads=self.threads.restricted_to(moving, x))
 
     def value(self, x: Floats) -> float:
         """Elastic energy [J]; +inf where a triangle has lost its area."""

@@ -17,7 +17,9 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import paired_kernels as kernels
-from clothsim.energies.base import ElementHessian, Energy
+from clothsim.energies.base import Energy
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.hessians import ElementHessian
 from clothsim.mesh.topology import interior_edges
 from clothsim.mesh.world import World
 
@@ -28,7 +30,7 @@ SHARP = 1.0
 
 
 @dataclass(frozen=True)
-class PairedMembrane(Energy):
+class PairedMembrane(Elementwise, Energy):
     """E = sum over pairs of A [(1 - own) psi(w1 F1 + w2 F2) + own (w1 psi(F1) + w2 psi(F2))], psi Neo-Hookean.
 
     elements (p, 4): the shared edge and the two corners beside it (a triangle without a partner has its last corner

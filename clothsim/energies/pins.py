@@ -6,7 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Constraint, Off, Prescribed
+from clothsim.energies.base import Off
+from clothsim.energies.constraint import Constraint, Prescribed
+from clothsim.energies.example import Example
 from clothsim.energies.selection import check_tables, selected_vertices
 from clothsim.errors import InputError
 from clothsim.mesh.clamp import clamped
@@ -99,3 +101,10 @@ def _refuse_shared(groups: Sequence[Ints]) -> None:
         raise InputError(
             f"effects.pins: vertex {vertices[counts > 1][0]} is in two groups.", "Give each vertex one motion."
         )
+
+
+EXAMPLE = Example(
+    keys={"select": "corners", "motion": {"velocity": (1.0, 2.0, 3.0), "rotate_degrees_per_second": (0, 90, 0)}},
+    in_scene={"select": "corners"},
+    zero={"select": []},
+)

@@ -20,9 +20,12 @@ from typing import Self
 import numpy as np
 
 from clothsim.arrays import Floats, as_positive
-from clothsim.energies.base import Energy, Off, Step
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
 from clothsim.energies.hinge_kernels import angles
+from clothsim.energies.protocols import History
 from clothsim.energies.shifted_hinges import ShiftedHinges, hinges_of_bending
+from clothsim.energies.step import Step
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
@@ -30,7 +33,7 @@ NAME = "plastic_bending"
 
 
 @dataclass(frozen=True)
-class PlasticBending(ShiftedHinges):
+class PlasticBending(ShiftedHinges, History):
     """rest_angles (h,) [rad] without creases; yields y (h,) [rad]; hardening H, as share of the hinge's stiffness."""
 
     rest_angles: Floats
@@ -41,7 +44,7 @@ class PlasticBending(ShiftedHinges):
     begins_last = True
 
     @property
-    def remembers(self) -> Floats:
+    def carry_over(self) -> Floats:
         """p of every hinge, (h,) [rad]."""
         return self.shifts
 
@@ -90,3 +93,11 @@ def plastic_bending(
     every, none = np.arange(len(widths)), np.zeros(len(widths))
     rest = hinges.rest_angles
     return PlasticBending(hinges.vertices, rest, hinges.stiffnesses, none, every, rest, yields, ratio)
+
+
+EXAMPLE = Example(
+    keys={"yield_angle_degrees": 1.0, "hardening": 0.3},
+    in_scene={"yield_angle_degrees": 1.0},
+    zero={"hardening": 0.5},
+    idle=Idle(always={"yield_angle_degrees": 179.0}, sometimes={"yield_angle_degrees": 0.02}),
+)

@@ -14,7 +14,11 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ElementHessian, Energy, Off, Step
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
+from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.protocols import Idling
+from clothsim.energies.step import Step
 from clothsim.energies.varying_values import Schedule, by_cloth
 from clothsim.linalg import cross_matrices
 from clothsim.mesh.topology import border_vertices
@@ -34,7 +38,7 @@ class Patch:
 
 
 @dataclass(frozen=True)
-class Pressure(Energy):
+class Pressure(Energy, Idling):
     """E = -sum p (x0 - c) . ((x1 - c) x (x2 - c)) / 6 - sum f . (x - x_n), c the apex of the cone.
 
     patches: the cloths; bound to a step: triangles (m, 3), pressures p (m,) [Pa], apexes c (m, 3) [m], border (b,),
@@ -164,3 +168,15 @@ def _positive_part(corners: Floats, pressures: Floats) -> Floats:
     weights = np.divide(0.5, s, out=np.zeros_like(s), where=s > 1e-12 * s.max(axis=1, initial=0.0, keepdims=True))
     blocks = (modes * weights[:, None]) @ modes.transpose(0, 2, 1)
     return np.asarray(np.abs(pressures)[:, None, None] * blocks, np.float64)
+
+
+EXAMPLE = Example(
+    keys={"value": 1.7},
+    in_scene={"value": 0.1},
+    zero={"value": 0},
+    external=True,
+    idle=Idle(
+        always={"value": [[0.0, 0.0], [10.0, 0.0], [11.0, 5.0]]},
+        sometimes={"value": [[0.0, 0.0], [0.05, 0.0], [0.06, 20.0]]},
+    ),
+)

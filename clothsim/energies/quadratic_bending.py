@@ -22,7 +22,9 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.energies.base import Energy
+from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.step import Step
 from clothsim.linalg import kabsch
 from clothsim.mesh.hinges import Hinges
 

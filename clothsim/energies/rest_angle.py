@@ -16,10 +16,13 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Ints, as_points
-from clothsim.energies.base import Energy, Off, Step
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
 from clothsim.energies.hinge_bending import HingeBending
+from clothsim.energies.protocols import Driven
 from clothsim.energies.selection import check_tables, cloth_number, vertex_numbers
 from clothsim.energies.shifted_hinges import ShiftedHinges, hinges_of_bending
+from clothsim.energies.step import Step
 from clothsim.energies.varying_values import Schedule, schedule
 from clothsim.errors import InputError
 from clothsim.mesh.edge_paths import path_along
@@ -30,7 +33,7 @@ KEYS = ("angle_degrees", "through", "vertices", "cloth")
 
 
 @dataclass(frozen=True)
-class RestAngle(ShiftedHinges):
+class RestAngle(ShiftedHinges, Driven):
     """schedules: the angle of each crease [degrees]; counts_of_hinges: how many of the hinges are along each."""
 
     schedules: tuple[Schedule, ...]
@@ -120,3 +123,15 @@ def _refuse_twice(hinges: HingeBending, chosen: Ints) -> None:
     if twice.size:
         a, b = hinges.vertices[twice[0], :2]
         raise InputError(f"effects.rest_angle creases the edge {a}-{b} twice.", "Give each edge one angle.")
+
+
+_LINE = {"through": [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]]}
+EXAMPLE = Example(
+    keys={"crease": [{"vertices": [1, 4, 7, 10], "angle_degrees": [[0.0, 10.0], [2.0, 70.0]]}]},
+    in_scene={"crease": [{**_LINE, "angle_degrees": 20.0}]},
+    zero={"crease": [{**_LINE, "angle_degrees": 0}]},
+    idle=Idle(
+        always={"crease": [{**_LINE, "angle_degrees": [[0.0, 0.0], [10.0, 0.0], [11.0, 30.0]]}]},
+        sometimes={"crease": [{**_LINE, "angle_degrees": [[0.0, 0.0], [0.05, 0.0], [0.06, 20.0]]}]},
+    ),
+)

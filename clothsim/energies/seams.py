@@ -22,10 +22,14 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_points, as_positive
-from clothsim.energies.base import ElementHessian, Energy, Off, Step
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
+from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.hinge_bending import HingeBending
 from clothsim.energies.links import Links
+from clothsim.energies.protocols import ContactGap, Coupling, Driven, Report
 from clothsim.energies.selection import as_flag, check_tables, cloth_number, selected_vertices, vertex_numbers
+from clothsim.energies.step import Step
 from clothsim.errors import InputError
 from clothsim.mesh.edge_paths import path_along
 from clothsim.mesh.stitches import Line, hinges_across, line_of, stitches
@@ -55,7 +59,7 @@ class Seam:
 
 
 @dataclass(frozen=True)
-class Seams(Links):
+class Seams(Links, Coupling, Driven, Report):
     """all seams; stiffness (m,) of their stitches [N/m]; gap [m]: where the strings end; across: all hinges over them;
     bending: those of the seams that are closed in this step.
     """
@@ -121,14 +125,14 @@ class Seams(Links):
     def _bends(self) -> bool:
         return len(self.bending.stiffnesses) > 0
 
-    def choices(self) -> tuple[str, ...]:
+    def defaults_used(self) -> tuple[str, ...]:
         """The stitches, their stiffness, and the gap that contact leaves."""
         bent = sum(seam.hinges for seam in self.seams)
         gap = f", to a gap of {self.gap:g} m for self_contact" if self.gap else ""
         over = f"{bent} hinges over them" if bent else "no hinges over them, so that they fold freely"
         return (f"{len(self.rows)} stitches of {self.stiffness.max():.3g} N/m at most{gap}; {over}",)
 
-    def found(self, x: Floats) -> tuple[str, ...]:
+    def final_notes(self, x: Floats) -> tuple[str, ...]:
         """How wide each seam gapes at x."""
         gaps = np.split(np.linalg.norm(self.lines(x), axis=1), np.cumsum([seam.stitches for seam in self.seams])[:-1])
         return tuple(
@@ -153,7 +157,8 @@ def seams(
     on = built or {}
     parts = [_seam(f"effects.seams.seam[{k}]", world, keys, "bending" in on) for k, keys in enumerate(seam)]
     rows, weights, stiffness, hinges, beside = (np.concatenate([part[k] for part in parts]) for k in range(1, 6))
-    gap = on["self_contact"].begins_at if "self_contact" in on else 0.0
+    contact = on.get("self_contact")
+    gap = contact.activation_distance if isinstance(contact, ContactGap) else 0.0
     m, over = len(rows), _bending(world, hinges, beside)
     links = rows, weights, np.zeros((m, 3)), np.full(m, gap), np.zeros(m), np.ones(m, bool)
     return Seams(*links, tuple(part[0] for part in parts), stiffness, gap, over, _those(over, np.zeros(0, np.int64)))
@@ -224,3 +229,15 @@ def _those(hinges: HingeBending, chosen: Ints) -> HingeBending:
 def _four(rows: Ints) -> Ints:
     """Rows (m, 3) with the last one twice."""
     return np.column_stack([rows, rows[:, -1]])
+
+
+_SIDES = {"from": {"side": "left"}, "to": {"side": "right"}}
+EXAMPLE = Example(
+    keys={"seam": [{"from": {"vertices": [0, 1, 2]}, "to": {"vertices": [9, 10, 11]}, "stiffness": 2.0}]},
+    in_scene={"seam": [_SIDES]},
+    zero={"seam": []},
+    idle=Idle(
+        always={"seam": [{**_SIDES, "start": 10, "end": 11}]},
+        sometimes={"seam": [{**_SIDES, "start": 0.05, "end": 0.5}]},
+    ),
+)

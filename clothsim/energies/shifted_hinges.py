@@ -16,14 +16,17 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import hinge_kernels as kernels
-from clothsim.energies.base import Energy, LanesHessian
+from clothsim.energies.base import Energy
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.hessians import LanesHessian
 from clothsim.energies.hinge_bending import HingeBending
+from clothsim.energies.protocols import Idling
 from clothsim.errors import InputError
 from clothsim.linalg import dot
 
 
 @dataclass(frozen=True)
-class ShiftedHinges(Energy):
+class ShiftedHinges(Elementwise, Energy, Idling):
     """vertices (h, 4); references theta0 (h,) [rad]; stiffnesses k (h,) [N m], those of bending; shifts s (h,) [rad];
     numbers (h,): which of bending's hinges they are.
 

@@ -12,9 +12,12 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_points, as_positive, as_vector
-from clothsim.energies.base import Energy, Off, Step
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.example import Example, Idle
 from clothsim.energies.links import Links
+from clothsim.energies.protocols import Anchored, Driven
 from clothsim.energies.selection import as_flag, check_tables, selected_vertices
+from clothsim.energies.step import Step
 from clothsim.energies.varying_values import Schedule, schedule
 from clothsim.errors import InputError
 from clothsim.mesh.motion import RigidMotion, motion_of
@@ -47,7 +50,7 @@ class Places:
 
 
 @dataclass(frozen=True)
-class Springs(Links):
+class Springs(Links, Anchored, Driven):
     """ends: where the springs of each table end."""
 
     ends: tuple[Places, ...]
@@ -58,7 +61,7 @@ class Springs(Links):
         return not all(places.still for places in self.ends)
 
     @property
-    def holds(self) -> Ints:
+    def anchored_rows(self) -> Ints:
         """The vertices that are tied."""
         return self.rows[:, 0]
 
@@ -122,3 +125,16 @@ def _places(name: str, keys: Mapping[str, Any], world: World, start: Floats, sti
         raise InputError(f"{name}.motion must be a table of keys, not {motion!r}.")
     centred = {"centre": places.mean(axis=0) + world.origin, **motion}
     return Places(places, motion_of(f"{name}.motion", centred, world.origin), frames[:, 0], frames[:, 1:], stiffness)
+
+
+_CORNERS = {"select": "corners"}
+EXAMPLE = Example(
+    keys={"spring": [{"select": "left", "stiffness": 2.0, "to": [0.0, 0.0, 1.0], "rest_length": 0.6}]},
+    in_scene={"spring": [{**_CORNERS, "stiffness": 5.0}]},
+    zero={"spring": [{**_CORNERS, "stiffness": 0}]},
+    external=True,
+    idle=Idle(
+        always={"spring": [{**_CORNERS, "stiffness": [[0.0, 0.0], [10.0, 0.0], [11.0, 30.0]]}]},
+        sometimes={"spring": [{**_CORNERS, "stiffness": [[0.0, 0.0], [0.05, 0.0], [0.06, 20.0]]}]},
+    ),
+)

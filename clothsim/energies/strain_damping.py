@@ -15,9 +15,13 @@ from typing import Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ElementHessian, Energy, LanesHessian, Step
+from clothsim.energies.base import Energy
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.hessians import ElementHessian, LanesHessian
 from clothsim.energies.hinge_bending import HingeBending
 from clothsim.energies.history import past_of
+from clothsim.energies.protocols import Restrictable
+from clothsim.energies.step import Step
 from clothsim.jit import kernel
 from clothsim.kinematics.deformation_gradient import deformation_gradients
 from clothsim.linalg import eigen_2x2
@@ -25,7 +29,7 @@ from clothsim.mesh.hinges import dihedral_angles
 
 
 @dataclass(frozen=True)
-class StrainDamping(Energy):
+class StrainDamping(Elementwise, Energy):
     """triangles (m, 3); inverses Dm^-1 (m, 2, 2) [1/m]; areas at rest (m,) [m2]; shear a, trace l (m,) [N s/m].
 
     Bound to a step: past E^ (m, 2, 2) and dt h [s].
@@ -89,7 +93,7 @@ class StrainDamping(Energy):
 
 
 @dataclass(frozen=True)
-class HingeDamping(Energy):
+class HingeDamping(Energy, Restrictable):
     """viscosities beta k (h,) [N m s]; spring: the hinges, with beta k / h and theta^ once they are bound to a step."""
 
     viscosities: Floats
@@ -102,9 +106,9 @@ class HingeDamping(Energy):
         angles = past_of(step, lambda x: dihedral_angles(x, self.spring.vertices))
         return replace(self, spring=HingeBending(self.spring.vertices, angles, self.viscosities / step.past.dt))
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The hinges around what moves."""
-        return replace(self, spring=self.spring.around(moving, x))
+        return replace(self, spring=self.spring.restricted_to(moving, x))
 
     def value(self, x: Floats) -> float:
         """Incremental dissipation [J]."""

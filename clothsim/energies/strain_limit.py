@@ -21,7 +21,11 @@ import numpy as np
 from clothsim.arrays import Floats, Ints, as_number
 from clothsim.energies import fibre_kernels
 from clothsim.energies import strain_limit_kernels as kernels
-from clothsim.energies.base import ElementHessian, Energy, LanesHessian, Off
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.elementwise import Elementwise
+from clothsim.energies.example import Example, Idle
+from clothsim.energies.hessians import ElementHessian, LanesHessian
+from clothsim.energies.protocols import BarrierGap, Report
 from clothsim.energies.varying_values import over_cloth
 from clothsim.errors import InputError
 from clothsim.kinematics.warp_weft import thread_axes
@@ -35,7 +39,7 @@ TIGHT = 0.9
 
 
 @dataclass(frozen=True)
-class StrainLimit(Energy):
+class StrainLimit(Elementwise, Energy, BarrierGap, Report):
     """E = sum over triangles and stretches of A psi.
 
     triangles (m, 3); inverses Dm^-1 [a b] (m, 2, 2) [1/m]; areas at rest (m,) [m2]; begins s_hat and limits S (m, 4) of
@@ -231,3 +235,15 @@ def _refuse_beyond(world: World, energy: StrainLimit, chosen: Ints) -> None:
         f"({len(beyond)} such triangles).",
         "Raise the limit, or start it less stretched.",
     )
+
+
+EXAMPLE = Example(
+    keys={"limit": 3.0, "limit_warp": 3.5, "begins": 0.0},
+    in_scene={"limit": 2.0},
+    zero={"limit": 0, "begins": 0.1},
+    idle=Idle(
+        always={"limit": 2.0},
+        searches=True,
+        kernels=("clothsim.energies.strain_limit_kernels", "clothsim.energies.fibre_kernels"),
+    ),
+)

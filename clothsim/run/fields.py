@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy
+from clothsim.energies.protocols import restricted
 from clothsim.errors import InputError
 from clothsim.kinematics.deformation_gradient import deformation_gradients
 from clothsim.kinematics.kabsch_frames import ring_frames
@@ -160,7 +161,7 @@ def energy_density(at: Configuration) -> Floats:
     corners = np.zeros(len(x), bool)
     for k, row in enumerate(rows):
         corners[3 * k : 3 * k + 3] = True
-        values[row] = membrane.around(corners, x).value(x)
+        values[row] = restricted(membrane, corners, x).value(x)
         corners[3 * k : 3 * k + 3] = False
     return values / at.world.rest_areas
 

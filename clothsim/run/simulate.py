@@ -7,6 +7,7 @@ from pathlib import Path
 from time import perf_counter
 
 from clothsim.build.scene_world import Built, build
+from clothsim.energies.protocols import is_driven
 from clothsim.errors import InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
@@ -207,7 +208,7 @@ def _scripted(built: Built) -> bool:
     """True where a body or a pin moves, or where the wind blows."""
     held = built.constraints.values()
     still = all([*(body.motion.still for body in built.world.bodies), *(constraint.still for constraint in held)])
-    return not still or any(energy.drives for energy in built.energies.values())
+    return not still or any(is_driven(energy) for energy in built.energies.values())
 
 
 def _remove(file: Path) -> None:

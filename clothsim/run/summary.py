@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from clothsim.energies.protocols import report_of
 from clothsim.io.checkpoint import Checkpoint
 from clothsim.run.session import Session
 from clothsim.sim.certificate import Certificate
@@ -104,7 +105,7 @@ def summary_of(
         "triangles": len(world.triangles),
         "solver": session.integrator.system.name,
         "notes": [*session.notes, *filter(None, [missed])],
-        "found": [f"{name}: {said}." for name, energy in energies for said in energy.found(state.positions)],
+        "found": [f"{name}: {note}." for name, one in energies for note in report_of(one).final_notes(state.positions)],
         "effects": potential.effect_counters(),
         "off": session.built.off,
         "phases": potential.timers.phases,

@@ -1,8 +1,8 @@
 """THE table of effects: a name in a scene and the function that builds it. A new effect is one file and one line here.
 
-A builder takes the world and, by keyword, what the scene says of that effect: its keywords are the scene's keys.
-It returns an Energy; or Off with the reason why there is nothing to do; or, where it holds vertices, the world and a
-Constraint. A module is imported only when a scene names its effect.
+A builder takes the world and, by keyword, what the scene gives for that effect: its keywords are the scene's keys. It
+returns an Energy; or `Off` with the reason why there is nothing to do; or, where it holds vertices, the world and a
+Constraint. A module is imported only when a scene names its effect. `docs/extending.md` has an example.
 """
 
 import importlib
@@ -11,18 +11,33 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from clothsim.energies.example import Example
+from clothsim.errors import InputError
+
 
 @dataclass(frozen=True)
 class Effect:
-    """Where an effect's builder is ("module:function") and what it does, in a few words."""
+    """An entry of the table.
 
-    builder: str
+    Parameters
+    ----------
+    builder : the function that builds the energy, or "module:function", imported when it is first needed.
+    says : what the effect does, in a few words.
+    """
+
+    builder: str | Callable[..., Any]
     says: str
 
     def load(self) -> Callable[..., Any]:
         """Import the builder."""
+        if callable(self.builder):
+            return self.builder
         module, function = self.builder.split(":")
         return getattr(importlib.import_module(module), function)
+
+    def example(self) -> Example:
+        """The `EXAMPLE` beside the builder, for tests; one of default keys where there is none."""
+        return getattr(importlib.import_module(self.load().__module__), "EXAMPLE", Example())
 
     def keys(self) -> dict[str, Any]:
         """The keys that a scene may give, with their defaults."""
@@ -64,3 +79,43 @@ EFFECTS = {
 }
 
 CONTACTS = ("body_contact", "self_contact")
+
+
+def register_effect(name: str, builder: Callable[..., Any], says: str = "") -> None:
+    """Add an own effect to the table, for the scenes of this process.
+
+    Parameters
+    ----------
+    name : the effect's name in scenes, a Python identifier that the table does not have.
+    builder : `builder(world, *, key=default, ...)` returns an Energy or `Off`; its keywords are the scene's keys.
+    says : what the effect does, in a few words; by default the first line of the builder's docstring.
+
+    Raises
+    ------
+    InputError : where the name is taken or no identifier, or the builder cannot be called with a world alone.
+
+    Examples
+    --------
+    >>> from clothsim.energies.base import Off
+    >>> def tickle(world, *, strength=0.0):
+    ...     return Off("strength is 0")
+    >>> register_effect("tickle", tickle, "a gentle touch")
+    >>> EFFECTS["tickle"].keys()
+    {'strength': 0.0}
+    >>> del EFFECTS["tickle"]
+    """
+    if not isinstance(name, str) or not name.isidentifier():
+        raise InputError(f"{name!r} cannot name an effect.", "Take letters, digits and underscores.")
+    if name in EFFECTS:
+        raise InputError(f"There is already an effect {name!r}.", f"Take another name than {', '.join(EFFECTS)}.")
+    positional = [
+        p
+        for p in (inspect.signature(builder).parameters.values() if callable(builder) else ())
+        if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)
+    ]
+    if len(positional) != 1:
+        raise InputError(
+            f"The builder of the effect {name!r} must take the world and keywords, not {builder!r}.",
+            "Write def builder(world, *, strength=1.0).",
+        )
+    EFFECTS[name] = Effect(builder, says or (inspect.getdoc(builder) or name).splitlines()[0])

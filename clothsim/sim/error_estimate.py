@@ -5,6 +5,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from clothsim.energies.protocols import ContactGap
 from clothsim.sim.step_size import LEAST_FRACTION
 from clothsim.sim.stepping import StepReport
 
@@ -35,7 +36,7 @@ class ErrorEstimate:
         x, error = report.state.positions, report.error
         shares = [np.inf]
         if report.minimum_gap < np.inf:
-            shares += [energy.minimum_gap(x) / energy.d_hat for energy in energies if hasattr(energy, "d_hat")]
+            shares += [energy.minimum_gap(x) / energy.d_hat for energy in energies if isinstance(energy, ContactGap)]
         return replace(
             self,
             temporal=np.nan if error is None else report.state.temporal_error,

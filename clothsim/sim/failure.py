@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.energies.base import Constraint, Prescribed
+from clothsim.energies.constraint import Constraint, Prescribed
+from clothsim.energies.protocols import report_of
 from clothsim.mesh.world import World
 from clothsim.sim.closest_contact import ContactPair, closest_contact_pair
 from clothsim.sim.state import State
@@ -70,7 +71,7 @@ def failure_of(
         pair = closest_contact_pair(world, potential.energies.values(), result.x)
     sentence = _said(world, constraints, end, pair)
     if pair is None and end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
-        tight = (energy.tightest(result.x) for energy in potential.energies.values())
+        tight = (report_of(energy).tightest(result.x) for energy in potential.energies.values())
         sentence = "; ".join([sentence.removesuffix("."), *filter(None, tight)]) + "."
     tries = f"dt fell to {dts[-1]:.2g} s."
     if infeasible:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from clothsim.arrays import Floats
-from clothsim.energies.base import Past
+from clothsim.energies.step import Past
 from clothsim.sim.state import Previous, State
 
 BACKWARD_EULER, BDF2 = "backward_euler", "bdf2"

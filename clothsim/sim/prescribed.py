@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from clothsim.energies.base import Constraint, Prescribed
+from clothsim.energies.constraint import Constraint, Prescribed
 from clothsim.mesh.world import World
 
 

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from clothsim.energies.base import ANSWERS
+from clothsim.energies.step import CONTACT_TIME_SCALE
 from clothsim.sim.state import State
 
 SAFETY = 0.9
@@ -36,12 +36,12 @@ class ErrorControl:
         return min(self.longest, self.duration / MOST_STEPS)
 
     @property
-    def answers_in(self) -> float:
+    def contact_time_scale(self) -> float:
         """The time in which contact answers [s]: the same for each dt.
 
         Whatever touches would gain the energy of a barrier that becomes stiffer.
         """
-        return min(self.longest, ANSWERS)
+        return min(self.longest, CONTACT_TIME_SCALE)
 
     def exceeds(self, state: State, h: float, error: float) -> bool:
         """Whether a step of length h [s] from `state` added too much `error` [m]."""

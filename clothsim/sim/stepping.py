@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.energies.base import ANSWERS, Constraint, Prescribed, Step
+from clothsim.energies.constraint import Constraint, Prescribed
+from clothsim.energies.step import CONTACT_TIME_SCALE, Step
 from clothsim.mesh.world import World
 from clothsim.sim.failure import Failure, failure_of, told
 from clothsim.sim.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
@@ -158,15 +159,16 @@ def _solve(
     load = min(1.0, end / integrator.ramp) if integrator.ramp else 1.0
     zero = np.zeros_like(state.positions)
     start = Step(state.time, h, state.positions, state.velocities, load, zero, memory=state.memory)
-    answers_in = max(h, ANSWERS) if integrator.control is None else integrator.control.answers_in
-    start = replace(start, weighed=formula.past, answers_in=answers_in)
+    control = integrator.control
+    scale = max(h, CONTACT_TIME_SCALE) if control is None else control.contact_time_scale
+    start = replace(start, weighed=formula.past, contact_time_scale=scale)
     bound = integrator.potential.begin(start)
     integrator.system.begin(bound.couplings(state.positions, h * state.velocities))
     result = _newton(integrator, state, h, bound).minimise(state.positions, target)
-    for _ in range(1, bound.passes):
+    for _ in range(1, bound.lag_iterations):
         if not result.outcome.converged:
             break
-        before, bound = bound, bound.again(result.x)
+        before, bound = bound, bound.relag(result.x)
         if not (before.lagging or bound.lagging):
             break  # nothing was lagged, and nothing is: the same problem again
         iterations, elimination_iterations = result.iterations, result.elimination_iterations

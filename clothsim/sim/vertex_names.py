@@ -5,7 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from clothsim.arrays import Ints
-from clothsim.energies.base import Constraint
+from clothsim.energies.constraint import Constraint
 from clothsim.mesh.world import World
 
 

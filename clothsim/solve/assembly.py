@@ -90,7 +90,7 @@ def _add(data, where, numbers, first, down, along):
 
 @kernel
 def add_low_rank(data, at, first, count, factors):
-    """Adds sums of squares (`SquaresHessian`) over elements none of which has a vertex twice; returns as above."""
+    """Adds sums of squares (`LowRankHessian`) over elements none of which has a vertex twice; returns as above."""
     outside = 0
     for e in range(len(at)):
         k = 0

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.energies.base import Prescribed
+from clothsim.energies.constraint import Prescribed
 from clothsim.linalg import dot
 from clothsim.solve.direction import NO_FACTOR, QuadraticModel
 from clothsim.solve.line_search import RESOLVED, armijo, extended_fraction, round_off
@@ -133,10 +133,10 @@ class Newton:
             return self._solve_patch(x, Patch(rows, len(x)))
 
     def _solve_patch(self, x: Floats, patch: Patch) -> NewtonResult:
-        """The region at rest, or REGIONAL iterations closer to it, all else standing."""
+        """The region at rest, or MAX_PATCH_ITERATIONS iterations closer to it, all else standing."""
         timers = self.potential.timers
         with timers.phase("assembly"):
-            potential = self.potential.around(patch.moving, x)
+            potential = self.potential.restricted_to(patch.moving, x)
             system = self.system.subsystem(patch)
         part = Newton(potential, system, replace(self.settings, max_iterations=MAX_PATCH_ITERATIONS), self.dt)
         return part._descend(x, QuadraticModel(potential, system, np.zeros(len(patch.rows), bool)), TRUSTED, 0)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ByElement
+from clothsim.energies.hessians import ByElement
 from clothsim.jit import kernel
 from clothsim.solve.sparsity import Hessian, Pattern
 

@@ -1,22 +1,40 @@
 """E(x) = sum of energies, bound to a step."""
 
+# mypy: disable-error-code="type-abstract"
+# (an abstract protocol is asked for by isinstance, never made)
+
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ByElement, Energy, LanesHessian, Step
+from clothsim.energies.base import Energy
+from clothsim.energies.hessians import ByElement, LanesHessian
+from clothsim.energies.protocols import (
+    BarrierGap,
+    ContactGap,
+    Coupling,
+    History,
+    Lagged,
+    is_idle,
+    lag_iterations,
+    report_of,
+    restricted,
+)
+from clothsim.energies.step import Step
 from clothsim.memo import Memo
 from clothsim.solve.timers import Timers
+
+P = TypeVar("P")
 
 
 @dataclass(frozen=True)
 class Potential:
-    """The named energies of a scene and the ledger that counts their calls.
+    """The named energies of a scene and the timers that counts their calls.
 
     Those that are idle in this step keep their place but are not called: what the others give has the same bits.
     """
@@ -30,12 +48,12 @@ class Potential:
         """Bound to the step: first the energies that stand alone, then those that need the others' gradient."""
         bound: dict[str, Energy] = {}
         gradient = np.zeros_like(step.positions)
-        slower = 1.0 if step.answers_in is None else step.past.dt / step.answers_in
+        slower = 1.0 if step.contact_time_scale is None else step.past.dt / step.contact_time_scale
         for name, energy in self.energies.items():
             if not energy.begins_last:
                 with self.timers.effect(name, ""):
                     bound[name] = energy.begin(step)
-                    if bound[name].idle:
+                    if is_idle(bound[name]):
                         continue
                     pull = bound[name].gradient(step.positions)
                     gradient += slower * pull if energy.incremental else pull  # momentum m v / dt in contact's own time
@@ -46,36 +64,36 @@ class Potential:
         for name, energy in bound.items():
             account = self.timers.effects[name]
             account.steps += 1
-            account.idle_steps += energy.idle
-            account.pairs = int(energy.counts().get("pairs", 0))
+            account.idle_steps += is_idle(energy)
+            account.pairs = int(report_of(energy).counts().get("pairs", 0))
         return replace(self, energies={name: bound[name] for name in self.energies})
 
     @cached_property
     def acting(self) -> Mapping[str, Energy]:
         """The energies that have something to do in this step."""
-        return {name: energy for name, energy in self.energies.items() if not energy.idle}
+        return {name: energy for name, energy in self.energies.items() if not is_idle(energy)}
 
     @property
     def lagging(self) -> Mapping[str, Energy]:
         """Those of them for which a step is solved more than once."""
-        return {name: energy for name, energy in self.acting.items() if energy.passes > 1}
+        return {name: energy for name, energy in self.acting.items() if lag_iterations([energy]) > 1}
 
     @property
-    def passes(self) -> int:
+    def lag_iterations(self) -> int:
         """How often a step is solved, the most that an energy asks for."""
-        return max((energy.passes for energy in self.energies.values()), default=1)
+        return lag_iterations(self.energies.values())
 
-    def again(self, x: Floats) -> Self:
+    def relag(self, x: Floats) -> Self:
         """Bound for another pass of the same step, what is lagged taken at x."""
         bound = {}
         for name, energy in self.energies.items():
             with self.timers.effect(name, ""):
-                bound[name] = energy.again(x)
+                bound[name] = energy.relag(x) if isinstance(energy, Lagged) else energy
         return replace(self, energies=bound)
 
-    def around(self, moving: np.ndarray, x: Floats) -> Self:
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The same but for a constant while, from x on, only the `moving` vertices ((N,) booleans) move."""
-        return replace(self, energies={name: energy.around(moving, x) for name, energy in self.energies.items()})
+        return replace(self, energies={name: restricted(energy, moving, x) for name, energy in self.energies.items()})
 
     def value(self, x: Floats) -> float:
         """E(x) [J]; +inf where any energy refuses x."""
@@ -139,47 +157,42 @@ class Potential:
 
     def couplings(self, x: Floats, dx: Floats) -> list[Ints]:
         """Rows (m, k) that contact may couple on the way x -> x + dx, energy by energy; none where there is none."""
-        return list(self._of_those_with("couplings", x, dx))
+        return [energy.couplings(x, dx) for energy in self._acting_as(Coupling)]
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The smallest of the energies' step limits, in [0, 1]: each is told what those before it allow."""
         limit = 1.0
-        for name, energy in self._with_own("step_limit"):
-            with self.timers.effect(name, ""):
-                limit = energy.step_limit(x, dx, limit)
+        for name, energy in self.acting.items():
+            if type(energy).step_limit is not Energy.step_limit:  # an account for those alone that limit
+                with self.timers.effect(name, ""):
+                    limit = energy.step_limit(x, dx, limit)
         return limit
 
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance that any energy keeps [m], inf where none keeps one."""
-        return min(self._of_those_with("minimum_gap", x), default=np.inf)
+        return min((energy.minimum_gap(x) for energy in self._acting_as(ContactGap)), default=np.inf)
 
     def gap_change(self, x: Floats, dx: Floats) -> float:
         """The largest share by which the step changes a distance that any energy keeps."""
-        return max(self._of_those_with("gap_change", x, dx), default=0.0)
+        return max((energy.gap_change(x, dx) for energy in self._acting_as(BarrierGap)), default=0.0)
 
-    def _of_those_with(self, method: str, *where: Floats) -> Iterator[Any]:
-        """What the acting energies that have a `method` of their own answer, each on its account."""
-        for name, energy in self._with_own(method):
-            with self.timers.effect(name, ""):
-                answer = getattr(energy, method)(*where)
-            yield answer
-
-    def _with_own(self, method: str) -> Iterator[tuple[str, Energy]]:
+    def _acting_as(self, protocol: type[P]) -> Iterator[P]:
+        """The acting energies with an optional protocol, each in turn on its account."""
         for name, energy in self.acting.items():
-            if getattr(type(energy), method) is not getattr(Energy, method):
-                yield name, energy
+            if isinstance(energy, protocol):
+                with self.timers.effect(name, ""):
+                    yield energy
 
     def memory(self) -> dict[str, float | Floats]:
         """What the energies remember of the step, of those that remember something."""
-        kept = {name: energy.remembers for name, energy in self.energies.items()}
-        return {name: memory for name, memory in kept.items() if np.isfinite(memory).all()}
+        return {name: energy.carry_over for name, energy in self.energies.items() if isinstance(energy, History)}
 
     def effect_counters(self) -> dict[str, dict[str, Any]]:
         """The receipt of each effect: the fields of `EffectCounters`."""
         effect_counters = {}
         for name, energy in self.energies.items():
             account = asdict(self.timers.effects[name])
-            for key, count in energy.counts().items():
+            for key, count in report_of(energy).counts().items():
                 if key == "pairs":
                     account[key] = count or account[key]  # what is lagged is known to the bound energy alone
                 elif key in account:

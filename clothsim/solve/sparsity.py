@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ByElement, ElementHessian, SquaresHessian
+from clothsim.energies.hessians import ByElement, ElementHessian, LowRankHessian
 from clothsim.jit import LANES, kernel, natural
 from clothsim.solve import assembly
 
@@ -126,8 +126,8 @@ class Pattern:
 
 def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
     """Adds the blocks of a Hessian to `data` and returns how many have no place."""
-    if isinstance(hessian, SquaresHessian):
-        return assembly.add_low_rank(data, at, hessian.first, hessian.count, hessian.sides)
+    if isinstance(hessian, LowRankHessian):
+        return assembly.add_low_rank(data, at, hessian.first, hessian.count, hessian.factors)
     if isinstance(hessian, ElementHessian):
         size = hessian.blocks.shape[1]
         rows, columns = np.triu_indices(size // 3)

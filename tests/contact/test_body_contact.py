@@ -52,12 +52,12 @@ def test_bad_numbers_are_refused_by_name(keys, words):
 def test_d_hat_is_a_tenth_of_the_median_edge_and_is_told():
     contact = body_contact(world_at(0.5))
     assert contact.d_hat == 0.025
-    assert "d_hat = 0.025 m" in contact.choices()[0]
-    assert "set anew" in contact.choices()[0]
+    assert "d_hat = 0.025 m" in contact.defaults_used()[0]
+    assert "set anew" in contact.defaults_used()[0]
     fixed = body_contact(world_at(0.5), d_hat=0.01, stiffness=30.0)
     assert (fixed.d_hat, fixed.stiffness) == (0.01, 30.0)
     assert fixed.begin(step_at(world_at(0.5).start())) is fixed
-    assert "30 Pa" in fixed.choices()[0]
+    assert "30 Pa" in fixed.defaults_used()[0]
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
@@ -141,16 +141,16 @@ def test_a_step_begins_with_the_pairs_that_the_one_before_has_found():
 
 
 def test_the_stiffness_is_the_largest_of_three_pressures():
-    settings = {"pressure": 3.0, "area_density": 0.2, "speed": 1.0, "d_hat": 1e-3, "dt": 0.1, "answers_in": 0.1}
+    settings = {"pressure": 3.0, "area_density": 0.2, "speed": 1.0, "d_hat": 1e-3, "dt": 0.1, "contact_time_scale": 0.1}
     assert barrier_stiffness(**settings) == 3.0
     assert barrier_stiffness(**settings | {"speed": 50.0}) == pytest.approx(0.2 * 50 / 0.1)
-    assert barrier_stiffness(**settings | {"d_hat": 0.5, "dt": 0.01, "answers_in": 0.01}) == pytest.approx(1e3)
+    assert barrier_stiffness(**settings | {"d_hat": 0.5, "dt": 0.01, "contact_time_scale": 0.01}) == pytest.approx(1e3)
     assert barrier_stiffness(**settings | {"pressure": 0.0, "speed": 0.0}) > 0
 
 
 def test_the_stiffness_stops_growing_as_dt_goes_to_zero():
     """A fast vertex is stopped within d_hat; a slow one in the time in which contact answers."""
-    settings = {"pressure": 0.0, "area_density": 0.2, "d_hat": 1e-3, "answers_in": 0.01}
+    settings = {"pressure": 0.0, "area_density": 0.2, "d_hat": 1e-3, "contact_time_scale": 0.01}
     fast = [barrier_stiffness(**settings, speed=2.0, dt=dt) for dt in (1e-2, 1e-3, 1e-4, 1e-5)]
     assert fast[0] < fast[1] < fast[2] == fast[3] == pytest.approx(0.2 * 2.0**2 / 1e-3)
     slow = [barrier_stiffness(**settings, speed=0.02, dt=dt) for dt in (1e-2, 1e-5)]

@@ -8,7 +8,7 @@ from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.barrier_kernels import POSE, crossing, measure
 from clothsim.contact.psd_projection import TOGETHER, positive_squares
 from clothsim.contact.relative_coordinates import absolute, relative
-from clothsim.energies.base import SquaresHessian
+from clothsim.energies.hessians import LowRankHessian
 from clothsim.indexing import four_points
 
 COUNT = TOGETHER + 18
@@ -36,7 +36,7 @@ def positive(blocks):
     sides, (first, count) = np.full((9 * len(blocks) + 3, 12), np.nan), np.zeros((2, len(blocks)), np.int64)
     end = positive_squares(blocks, numbers, sides, 3, first, count)
     assert end == 3 + count.sum()
-    return SquaresHessian(np.zeros((len(blocks), 4), np.int64), first, count, sides).blocks[::-1]
+    return LowRankHessian(np.zeros((len(blocks), 4), np.int64), first, count, sides).blocks[::-1]
 
 
 def test_the_coordinates_are_orthonormal_and_know_no_translation():

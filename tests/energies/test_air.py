@@ -9,10 +9,11 @@ from solving import integrator_of, run_of, step_at
 
 from clothsim import InputError, Scene, resume, simulate
 from clothsim.energies.air import air
-from clothsim.energies.base import Off, Past
+from clothsim.energies.base import Off
 from clothsim.energies.gravity import gravity
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
+from clothsim.energies.step import Past
 from clothsim.energies.wind import swing, wind_of
 from clothsim.mesh.world import make_world
 

@@ -7,9 +7,10 @@ import pytest
 from differences import dense_hessian, gradient_error, hessian_error, taylor_slopes
 from meshes import UNIT, cloth, deformed, grid, irregular_grid, random_rotation, small_world
 
-from clothsim.energies.base import Off, Step
+from clothsim.energies.base import Off
 from clothsim.energies.bending import bending
 from clothsim.energies.quadratic_bending import folded
+from clothsim.energies.step import Step
 from clothsim.errors import InputError
 from clothsim.linalg import kabsch
 from clothsim.mesh.hinges import dihedral_angles

@@ -73,7 +73,7 @@ class TestAPulledStrip:
         squeezed = [nominal_stress(world, energy, 1 - e)[0] for e in (0, 0.05, 0.1)]
         assert squeezed[2] == pytest.approx(2 * squeezed[1], rel=1e-9)
         assert squeezed[1] < 0
-        assert any("warp ends at 10 %" in choice for choice in energy.choices())
+        assert any("warp ends at 10 %" in choice for choice in energy.defaults_used())
 
     def test_a_simulated_strip_hangs_as_long_as_its_table_says(self, tmp_path):
         """A strip of six cells under its own weight, without inertia: stress(z) = w z, length = sum of 1 + strain."""

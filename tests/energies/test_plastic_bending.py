@@ -106,9 +106,9 @@ def test_it_remembers_and_forgets_nothing():
     energy = plastic(world, yield_angle_degrees=20.0)
     x, crease = folded(world, 50.0)
     bound = energy.begin(step_at(x))
-    assert np.allclose(np.degrees(bound.remembers), 30.0 * crease)
-    again = energy.begin(replace(step_at(world.start()), memory={"plastic_bending": bound.remembers.tolist()}))
-    assert np.allclose(np.degrees(again.remembers), 20.0 * crease)  # flat again, it is bent 30 back and yields by 10
+    assert np.allclose(np.degrees(bound.carry_over), 30.0 * crease)
+    again = energy.begin(replace(step_at(world.start()), memory={"plastic_bending": bound.carry_over.tolist()}))
+    assert np.allclose(np.degrees(again.carry_over), 20.0 * crease)  # flat again, it is bent 30 back and yields by 10
 
 
 def test_a_crease_at_its_own_angle_is_not_bent():

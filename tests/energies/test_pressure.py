@@ -7,8 +7,9 @@ from meshes import UNIT, cloth, deformed, grid, random_rotation, small_world
 from solving import integrator_of, run_of, step_at
 
 from clothsim import InputError
-from clothsim.energies.base import ElementHessian, Off
+from clothsim.energies.base import Off
 from clothsim.energies.gravity import gravity
+from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.energies.pressure import pressure

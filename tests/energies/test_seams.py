@@ -97,7 +97,7 @@ def test_the_strings_are_shortened_from_start_to_end():
     place = world.start(), np.zeros_like(world.start())
     assert len(closed.couplings(*place)) == 4 + 3
     assert not len(at(energy, world, 0.5).couplings(*place))
-    assert energy.found(world.start()) == ("seam[0] gapes by 1e+03 mm at most",)
+    assert energy.final_notes(world.start()) == ("seam[0] gapes by 1e+03 mm at most",)
 
 
 def test_a_closed_seam_bends_where_a_region_holds_none_of_its_stitches():
@@ -108,7 +108,7 @@ def test_a_closed_seam_bends_where_a_region_holds_none_of_its_stitches():
     stitched, bent = np.unique(closed.rows), np.unique(closed.bending.vertices)
     corner = np.setdiff1d(bent, stitched)[:1]
     x = world.start() + 0.01 * np.random.default_rng(0).standard_normal(world.start().shape)
-    part = closed.around(np.isin(np.arange(len(x)), corner), x)
+    part = closed.restricted_to(np.isin(np.arange(len(x)), corner), x)
     assert not len(part.rows)
     assert not part.idle
     np.testing.assert_allclose(part.gradient(x)[corner], closed.gradient(x)[corner], rtol=1e-12)
@@ -130,7 +130,7 @@ def test_a_closed_seam_gapes_by_its_force_over_its_stiffness():
     gaps = energies["seams"].lines(x)
     assert np.abs(gaps[:, 0]).sum() == pytest.approx(weight / 50.0, rel=1e-6)
     largest = 1e3 * np.linalg.norm(gaps, axis=1).max()
-    assert energies["seams"].found(x) == (f"seam[0] gapes by {largest:.3g} mm at most",)
+    assert energies["seams"].final_notes(x) == (f"seam[0] gapes by {largest:.3g} mm at most",)
 
 
 RING = {

@@ -103,7 +103,7 @@ def test_still_springs_drive_nothing_and_hold_their_vertices():
     world = sheet()
     energy = springs(world, spring=[{"select": "left", "stiffness": 3.0}])
     assert not energy.drives
-    assert energy.holds.tolist() == [0, 1, 2]
+    assert energy.anchored_rows.tolist() == [0, 1, 2]
     assert not energy.lengths.any()
 
 

@@ -1,7 +1,6 @@
 """Every entry of THE table of effects: derivatives, types, definiteness and balance, so that none is left out.
 
-A new effect is tested by being in the table. What it needs to have something to do goes into KEYS; one that does not
-keep its energy under rigid motions of everything goes into EXTERNAL.
+A new effect is tested by being in the table; keys with which it acts and the properties it has are its `EXAMPLE`.
 """
 
 from dataclasses import replace
@@ -12,29 +11,16 @@ from differences import dense_hessian, gradient_error, hessian_error, numeric_he
 from meshes import cloth, deformed, irregular_grid, random_rotation
 from scipy import sparse
 
-from clothsim.energies.base import ByElement, Constraint, Energy, Step
+from clothsim.energies.base import Energy
+from clothsim.energies.constraint import Constraint
+from clothsim.energies.hessians import ByElement
+from clothsim.energies.protocols import ContactGap, restricted
+from clothsim.energies.step import Step
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.scene.effects import CONTACTS, EFFECTS
 
-KEYS = {
-    "pins": {"select": "corners", "motion": {"velocity": (1.0, 2.0, 3.0), "rotate_degrees_per_second": (0, 90, 0)}},
-    "gravity": {"acceleration": (0.3, -0.4, -1.2)},
-    "rest_angle": {"crease": [{"vertices": [1, 4, 7, 10], "angle_degrees": [[0.0, 10.0], [2.0, 70.0]]}]},
-    "strain_limit": {"limit": 3.0, "limit_warp": 3.5, "begins": 0.0},
-    "fibres": {"warp": 2.0, "weft": 1.5, "shear": 0.8, "angle_degrees": 20.0},
-    "pressure": {"value": 1.7},
-    "air": {"wind": {"kind": "vortex", "circulation": 9.0, "core": 0.5, "velocity": (1.0, 2.0, 0.5)}, "lift": 0.7},
-    "damping": {"rate": 1.0, "stiffness": 0.3, "strain_rate": 0.2},
-    "springs": {"spring": [{"select": "left", "stiffness": 2.0, "to": [0.0, 0.0, 1.0], "rest_length": 0.6}]},
-    "body_contact": {"d_hat": 0.5, "stiffness": 2.0},
-    "self_contact": {"d_hat": 0.4, "stiffness": 2.0},
-    "seams": {"seam": [{"from": {"vertices": [0, 1, 2]}, "to": {"vertices": [9, 10, 11]}, "stiffness": 2.0}]},
-    "plastic_bending": {"yield_angle_degrees": 1.0, "hardening": 0.3},
-    "friction": {"coefficient": 0.7, "eps_v": 0.3},
-}
-EXTERNAL = ("inertia", "gravity", "springs", "pressure", "air", "damping", "friction")
-WITH_BODIES = ("body_contact", "friction")
+EXAMPLES = {name: effect.example() for name, effect in EFFECTS.items()}
 
 
 def table_world():
@@ -51,12 +37,12 @@ def made(name):
     """The effect on the table world: the energy bound to a step of order one or the constraint, and the world."""
     world = table_world()
     filled = {"contacts": ("body_contact",), "built": {"bending": EFFECTS["bending"].build(world, {}, {})}}
-    thing = EFFECTS[name].build(world, KEYS.get(name, {}), filled)
+    thing = EFFECTS[name].build(world, EXAMPLES[name].keys, filled)
     if isinstance(thing, tuple):
         return thing[1], thing[0]
-    assert isinstance(thing, Energy), f"{name} is {thing}: give it something to do in KEYS"
-    contact = EFFECTS["body_contact"].build(world, KEYS["body_contact"], {})
-    crease = EFFECTS["rest_angle"].build(world, KEYS["rest_angle"], filled)
+    assert isinstance(thing, Energy), f"{name} is {thing}: give it an EXAMPLE with which it acts"
+    contact = EFFECTS["body_contact"].build(world, EXAMPLES["body_contact"].keys, {})
+    crease = EFFECTS["rest_angle"].build(world, EXAMPLES["rest_angle"].keys, filled)
     start = step(world, world.start())
     return thing.begin(replace(start, bound={"body_contact": contact, "rest_angle": crease.begin(start)})), world
 
@@ -84,7 +70,6 @@ every_energy = pytest.mark.parametrize("name", ENERGIES)
 def test_the_table_holds_energies_and_constraints():
     assert len(ENERGIES) >= 6
     assert CONSTRAINTS
-    assert set(KEYS) | set(EXTERNAL) <= set(EFFECTS)
 
 
 @every_energy
@@ -105,9 +90,10 @@ def test_hessian_is_the_derivative_of_the_gradient(name):
         assert hessian_error(energy, x) < 1e-6
 
 
-def test_few_energies_are_linear():
-    linear = [name for name in ENERGIES if not dense_hessian(made(name)[0], position(table_world())).any()]
-    assert linear == ["gravity"]
+@every_energy
+def test_only_a_linear_energy_has_a_zero_hessian(name):
+    energy, world = made(name)
+    assert dense_hessian(energy, position(world)).any() != EXAMPLES[name].linear
 
 
 @every_energy
@@ -156,7 +142,7 @@ def test_around_what_moves_is_the_same_but_for_a_constant(name):
     moving = np.zeros(len(x), bool)
     moving[[1, 2, 5]] = True
     y = x + 0.02 * moving[:, None] * np.random.default_rng(5).standard_normal(x.shape)
-    part = energy.around(moving, x)
+    part = restricted(energy, moving, x)
     scale = abs(energy.value(x)) + abs(energy.value(y))
     assert abs((part.value(y) - part.value(x)) - (energy.value(y) - energy.value(x))) <= 1e-13 * scale
     entries = np.flatnonzero(np.repeat(moving, 3))
@@ -172,7 +158,7 @@ def test_most_energies_leave_out_what_stands():
     smaller = [
         name
         for name, (energy, world) in ((name, made(name)) for name in ENERGIES)
-        if np.count_nonzero(energy.around(moving, position(world)).gradient(position(world)))
+        if np.count_nonzero(restricted(energy, moving, position(world)).gradient(position(world)))
         < np.count_nonzero(energy.gradient(position(world)))
     ]
     assert {"inertia", "membrane", "bending", "gravity", "fibres", "damping", "body_contact"} <= set(smaller)
@@ -190,7 +176,7 @@ def test_value_and_derivatives_leave_their_input_alone(name):
         assert np.abs(np.subtract(a, b)).max() <= 1e-13 * np.abs(a).max()
 
 
-@pytest.mark.parametrize("name", [name for name in ENERGIES if name not in EXTERNAL])
+@pytest.mark.parametrize("name", [name for name in ENERGIES if not EXAMPLES[name].external])
 class TestRigidMotion:
     """Cloth, bodies and everything moved as one."""
 
@@ -222,9 +208,10 @@ def test_body_rows_of_the_gradient_are_there_where_the_body_matters_and_only_the
     moved = x.copy()
     moved[world.n_cloth :] += [0.01, 0.02, 0.05]
     matters = energy.value(moved) != energy.value(x)
-    assert matters == (name in WITH_BODIES)
+    assert matters == EXAMPLES[name].with_bodies
     assert energy.gradient(x)[world.n_cloth :].any() == matters
-    assert np.isfinite(energy.minimum_gap(x)) == (name in CONTACTS)
+    assert isinstance(energy, ContactGap) == (name in CONTACTS)
+    assert not isinstance(energy, ContactGap) or np.isfinite(energy.minimum_gap(x))
 
 
 @pytest.mark.parametrize("name", CONSTRAINTS)

@@ -6,7 +6,8 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.build.scene_world import Built, build
-from clothsim.energies.base import Energy, Step
+from clothsim.energies.base import Energy
+from clothsim.energies.step import Step
 from clothsim.io.results import Run
 from clothsim.scene.fabrics import FABRICS
 from clothsim.scene.scene import Scene

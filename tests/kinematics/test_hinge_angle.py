@@ -5,7 +5,7 @@ import pytest
 from differences import dense_hessian, gradient_error, hessian_error, taylor_slopes
 from meshes import random_rotation
 
-from clothsim.energies.base import ElementHessian
+from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.hinge_kernels import angles
 from clothsim.jit import kernel
 from clothsim.kinematics import hinge_angle

@@ -6,8 +6,9 @@ from functools import cache, partial
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.energies.base import Constraint, Energy
+from clothsim.energies.base import Energy
 from clothsim.energies.bending import bending
+from clothsim.energies.constraint import Constraint
 from clothsim.energies.gravity import gravity
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane

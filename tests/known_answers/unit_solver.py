@@ -7,8 +7,11 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import ByElement, Constraint, Energy, Off, Prescribed, Step
+from clothsim.energies.base import Energy, Off
+from clothsim.energies.constraint import Constraint, Prescribed
+from clothsim.energies.hessians import ByElement
 from clothsim.energies.pins import pins
+from clothsim.energies.step import Step
 from clothsim.errors import ClothsimError
 from clothsim.mesh.world import World
 from clothsim.sim.state import first_state

@@ -6,7 +6,7 @@ from meshes import UNIT
 from solving import equilibrium
 
 from clothsim.contact.stiffness import barrier_stiffness
-from clothsim.energies.base import Step
+from clothsim.energies.step import Step
 from tests.known_answers.a5_contact import G, gap_ratio, resting, slope
 
 

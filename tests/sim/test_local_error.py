@@ -7,11 +7,11 @@ import pytest
 from meshes import cloth, irregular_grid, small_world
 from solving import integrator_of, run_of
 
-from clothsim.energies.base import Past
 from clothsim.energies.gravity import gravity
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.energies.pins import pins
+from clothsim.energies.step import Past
 from clothsim.mesh.world import make_world
 from clothsim.sim.integrators import Formula
 from clothsim.sim.local_error import STARTUP_FACTOR, VELOCITY_ERROR_FACTOR, step_error

@@ -7,8 +7,9 @@ import pytest
 from meshes import cloth, grid, small_world
 from solving import integrator_of, run_of
 
-from clothsim.energies.base import ElementHessian, Energy
+from clothsim.energies.base import Energy
 from clothsim.energies.gravity import gravity
+from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.energies.pins import pins

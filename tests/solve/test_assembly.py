@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from clothsim.energies.base import ElementHessian
 from clothsim.energies.diagonal import every_vertex
+from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.inertia import Inertia
 from clothsim.solve.linear_system import System
 from clothsim.solve.nonlinear_elimination import Patch

@@ -8,7 +8,7 @@ from meshes import deformed, grid, small_world
 from small_scenes import small_scene
 
 from clothsim.build.scene_world import build
-from clothsim.energies.base import ElementHessian
+from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.membrane import membrane
 from clothsim.errors import ClothsimError, InputError, MissingPackageError
 from clothsim.run.session import prepare

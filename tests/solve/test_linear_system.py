@@ -6,7 +6,7 @@ from small_scenes import EFFECTS, SHEET, small_scene
 
 from clothsim.build.scene_world import build
 from clothsim.contact.barrier import Barrier
-from clothsim.energies.base import ElementHessian
+from clothsim.energies.hessians import ElementHessian
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.run.session import prepare
 from clothsim.sim.state import first_state

@@ -9,9 +9,11 @@ from meshes import cloth, deformed, grid, small_world
 from solving import NOTHING, equilibrium, held, newton_of, solve
 
 from clothsim.contact.body_contact import body_contact
-from clothsim.energies.base import ElementHessian, Energy, Prescribed
+from clothsim.energies.base import Energy
 from clothsim.energies.bending import bending
+from clothsim.energies.constraint import Prescribed
 from clothsim.energies.gravity import gravity
+from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.mesh.body import make_body

@@ -7,8 +7,8 @@ import pytest
 from meshes import cloth, grid
 from solving import newton_of
 
-from clothsim.energies.base import Prescribed
 from clothsim.energies.bending import bending
+from clothsim.energies.constraint import Prescribed
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.mesh.world import make_world

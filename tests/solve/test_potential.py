@@ -8,10 +8,13 @@ from differences import gradient_error
 from meshes import deformed, small_world
 from solving import step_at
 
-from clothsim.energies.base import ElementHessian, Energy, Step
+from clothsim.energies.base import Energy
 from clothsim.energies.bending import bending
 from clothsim.energies.gravity import gravity
+from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.membrane import membrane
+from clothsim.energies.protocols import ContactGap, Idling, Lagged
+from clothsim.energies.step import Step
 from clothsim.solve.potential import Potential
 from clothsim.solve.timers import Timers
 
@@ -40,7 +43,7 @@ def test_a_value_that_is_refused_ends_the_sum():
 
 
 @dataclass(frozen=True)
-class Limited(Energy):
+class Limited(Energy, ContactGap):
     """Keeps a gap and limits steps; `told` is the gradient that it was given at `begin`."""
 
     limit: float
@@ -66,6 +69,9 @@ class Limited(Energy):
 
     def minimum_gap(self, x):
         return self.gap
+
+    def gap_change(self, x, dx):
+        return 0.0
 
 
 def test_no_energy_is_asked_beyond_what_those_before_it_allow(monkeypatch):
@@ -102,7 +108,7 @@ def test_what_begins_last_is_told_the_gradient_of_the_others_and_the_order_stays
 
 
 @dataclass(frozen=True)
-class Sleeper(Limited):
+class Sleeper(Limited, Idling, Lagged):
     """Idle until it is bound for another pass; of two passes, it acts in the second."""
 
     awake: bool = False
@@ -112,13 +118,13 @@ class Sleeper(Limited):
         return not self.awake
 
     @property
-    def passes(self):
+    def lag_iterations(self):
         return 2
 
     def begin(self, step: Step):
         return Sleeper(self.limit, self.gap)
 
-    def again(self, x):
+    def relag(self, x):
         return Sleeper(self.limit, self.gap, awake=True)
 
 
@@ -130,10 +136,10 @@ def test_what_is_idle_is_left_out_until_another_pass_wakes_it():
     assert list(bound.energies) == ["sleeper", *bound.acting]
     assert (bound.step_limit(x, x), bound.minimum_gap(x), len(bound.hessians(x))) == (1.0, np.inf, 3)
     assert not bound.lagging
-    assert bound.passes == 2
+    assert bound.lag_iterations == 2
     account = timers.effects["sleeper"]
     assert (account.steps, account.idle_steps, account.hessians) == (1, 1, 0)
-    woken = bound.again(x)
+    woken = bound.relag(x)
     assert list(woken.lagging) == ["sleeper"]
     assert (woken.step_limit(x, x), woken.minimum_gap(x), len(woken.hessians(x))) == (0.5, 0.2, 4)
     assert np.allclose(woken.gradient(x), bound.gradient(x) + 1, atol=1e-14)

@@ -5,7 +5,7 @@ import pytest
 from meshes import cloth, grid, small_world
 from scipy import sparse
 
-from clothsim.energies.base import AT_ONCE, ByElement, ElementHessian, LanesHessian, SquaresHessian
+from clothsim.energies.hessians import AT_ONCE, ByElement, ElementHessian, LanesHessian, LowRankHessian
 from clothsim.jit import LANES
 from clothsim.solve.sparsity import couplings, extended, make_pattern, times
 
@@ -38,7 +38,7 @@ def squares(elements, seed):
     rng = np.random.default_rng(seed)
     count = np.arange(len(elements)) % 4
     first = np.concatenate([np.cumsum(count[::-1])[::-1][1:], [0]])
-    return SquaresHessian(elements, first, count, rng.standard_normal((count.sum(), 3 * elements.shape[1])))
+    return LowRankHessian(elements, first, count, rng.standard_normal((count.sum(), 3 * elements.shape[1])))
 
 
 def lanes(elements, seed):
@@ -99,8 +99,8 @@ def test_a_sum_of_squares_is_that_of_its_sides():
     part = hessians()[5]
     assert 0 < (part.count > 1).sum() < (part.count > 0).sum() < len(part.count)
     for block, first, count in zip(part.blocks, part.first, part.count, strict=True):
-        sides = part.sides[first : first + count]
-        assert block == pytest.approx(sides.T @ sides, abs=1e-14)
+        factors = part.factors[first : first + count]
+        assert block == pytest.approx(factors.T @ factors, abs=1e-14)
     assert part.nnz == part.blocks.size
 
 

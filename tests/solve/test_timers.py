@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from meshes import small_world
 
-from clothsim.energies.base import Energy, LanesHessian
+from clothsim.energies.base import Energy
 from clothsim.energies.gravity import gravity
+from clothsim.energies.hessians import LanesHessian
 from clothsim.energies.membrane import membrane
 from clothsim.solve import timers as module
 from clothsim.solve.potential import Potential
