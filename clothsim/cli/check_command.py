@@ -149,11 +149,11 @@ def _intersections(judge: "Judge", frames: "Iterable[tuple[str, Floats]]", anywh
     for when, x in frames:
         for crossing in judge.crossings(x, cloth_cloth=True, limit=LIMIT):
             allowed = crossing.role == "cloth" and not judge.cloth_cloth
-            if allowed and crossing.who in met:
+            if allowed and crossing.summary in met:
                 continue
-            met |= {crossing.role, crossing.who}
+            met |= {crossing.role, crossing.summary}
             count = f"{len(crossing.pairs):,} pair{'' if len(crossing.pairs) == 1 else 's'} of triangles"
-            print(f"  {'' if allowed else 'error: '}{crossing.who} {when}, in {count}: {crossing.sentence}")
+            print(f"  {'' if allowed else 'error: '}{crossing.summary} {when}, in {count}: {crossing.sentence}")
             if allowed:
                 print("    self_contact is not on, so that is no error and later frames are not told")
             errors += not allowed

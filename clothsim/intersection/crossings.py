@@ -6,7 +6,7 @@ from itertools import combinations_with_replacement
 from typing import Protocol
 
 from clothsim.arrays import Floats, Ints
-from clothsim.intersection.intersecting_pairs import LIMIT, intersecting_pairs, places
+from clothsim.intersection.intersecting_pairs import LIMIT, intersecting_pairs, intersection_points
 
 
 class Part(Protocol):
@@ -37,10 +37,10 @@ class Crossing:
     second: str
     role: str
     pairs: Ints
-    place: Floats
+    position: Floats
 
     @property
-    def who(self) -> str:
+    def summary(self) -> str:
         """Both names: "cloth and ball intersect" or "cloth intersects itself"."""
         return f"{self.first} " + ("intersects itself" if self.first == self.second else f"and {self.second} intersect")
 
@@ -48,7 +48,7 @@ class Crossing:
     def sentence(self) -> str:
         """The first pair: "triangle 3 of cloth intersects triangle 17 of ball near (0.1, 0.2, 0.3) m"."""
         i, j = self.pairs[0]
-        at = ", ".join(f"{value:.4g}" for value in self.place)
+        at = ", ".join(f"{value:.4g}" for value in self.position)
         if self.first == self.second:
             return f"triangles {i} and {j} of {self.first} intersect near ({at}) m"
         return f"triangle {i} of {self.first} intersects triangle {j} of {self.second} near ({at}) m"
@@ -73,6 +73,6 @@ def crossings(
             continue
         pairs = intersecting_pairs(x, one.triangles, None if other is one else other.triangles, limit)
         if len(pairs):
-            place = places(x, one.triangles, other.triangles, pairs[:1])[0]
-            found.append(Crossing(one.name, other.name, other.role, pairs, place))
+            position = intersection_points(x, one.triangles, other.triangles, pairs[:1])[0]
+            found.append(Crossing(one.name, other.name, other.role, pairs, position))
     return tuple(found)

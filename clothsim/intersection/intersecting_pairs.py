@@ -30,7 +30,7 @@ def intersecting_pairs(positions: Floats, first: Ints, second: Ints | None = Non
     return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
 
-def places(positions: Floats, first: Ints, second: Ints, pairs: Ints) -> Floats:
+def intersection_points(positions: Floats, first: Ints, second: Ints, pairs: Ints) -> Floats:
     """A point near each intersection, (p, 3): the centre of what the boxes of its two triangles have in common."""
     one, two = positions[first[pairs[:, 0]]], positions[second[pairs[:, 1]]]
     low = np.maximum(one.min(axis=1), two.min(axis=1))

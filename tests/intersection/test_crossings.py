@@ -53,9 +53,9 @@ def test_triangles_are_counted_in_their_own_surface_and_the_place_is_near(scene)
     assert [j for _, j in peg.pairs] == [1] * len(peg.pairs)
     hit = [k for k, corners in enumerate(x[surfaces[0].triangles]) if inside([0.75, 0.2], corners)]
     assert peg.pairs[0, 0] == hit[0]
-    assert np.allclose(peg.place, [0.75, 0.2, 0], atol=0.06)
+    assert np.allclose(peg.position, [0.75, 0.2, 0], atol=0.06)
     assert peg.sentence == f"triangle {hit[0]} of sheet intersects triangle 1 of peg near (0.75, 0.2, 0) m"
-    assert peg.who == "sheet and peg intersect"
+    assert peg.summary == "sheet and peg intersect"
 
 
 def inside(point, corners):
@@ -66,7 +66,7 @@ def inside(point, corners):
 def test_a_cloth_with_itself_is_named_once(scene):
     surfaces, x = scene
     found = [crossing for crossing in crossings(x, surfaces, cloth_cloth=True) if crossing.first == crossing.second]
-    assert found[0].who == "banner intersects itself"
+    assert found[0].summary == "banner intersects itself"
     assert found[0].sentence.startswith("triangles 0 and 1 of banner intersect near (0.5, 0.5, ")
 
 

@@ -9,7 +9,7 @@ from meshes import grid, random_rotation
 from rational import intersect
 
 from clothsim import InputError
-from clothsim.intersection.intersecting_pairs import intersecting_pairs, places
+from clothsim.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from clothsim.mesh.generators.sheets import GENERATORS
 
 
@@ -105,7 +105,7 @@ def test_places_are_in_both_boxes_and_near_the_smaller_triangle():
     x, triangles = soup(2, 30)
     x[:3] *= 100
     pairs = intersecting_pairs(x, triangles)
-    where = places(x, triangles, triangles, pairs)
+    where = intersection_points(x, triangles, triangles, pairs)
     assert where.shape == (len(pairs), 3)
     for (i, j), place in zip(pairs, where, strict=True):
         for corners in (x[triangles[i]], x[triangles[j]]):
@@ -118,7 +118,7 @@ def test_nothing_to_test():
     none = np.zeros((0, 3), np.int64)
     for surfaces in ((none,), (triangles, none), (none, triangles)):
         assert intersecting_pairs(x, *surfaces).shape == (0, 2)
-    assert places(x, none, triangles, none[:, :2]).shape == (0, 3)
+    assert intersection_points(x, none, triangles, none[:, :2]).shape == (0, 3)
 
 
 @pytest.mark.parametrize(
