@@ -1,4 +1,4 @@
-"""Who intersects whom: the intersecting pairs of triangles of a scene by the names of its cloths and bodies."""
+"""Intersecting pairs of a scene's surfaces, by the names of its cloths and bodies."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from clothsim.arrays import Floats, Ints
 from clothsim.intersection.intersecting_pairs import LIMIT, intersecting_pairs, intersection_points
 
 
-class Part(Protocol):
+class Surface(Protocol):
     """A cloth or a body of a scene; `triangles (m, 3)` are rows of x."""
 
     @property
     def name(self) -> str:
-        """Its name, no other's."""
+        """Unique name in the scene."""
 
     @property
     def role(self) -> str:
@@ -22,15 +22,23 @@ class Part(Protocol):
 
     @property
     def triangles(self) -> Ints:
-        """Its triangles in rows of x, (m, 3)."""
+        """Triangles as rows of x, (m, 3)."""
 
 
 @dataclass(frozen=True)
 class Crossing:
-    """A cloth that intersects itself, another cloth or a body.
+    """Intersections of a cloth with itself, another cloth or a body.
 
-    first, second: their names; role: "cloth" or "body", the second's; pairs (p, 2): the triangles, counted in each
-    from 0; place (3,) [m]: near the first pair.
+    Attributes
+    ----------
+    first, second : str
+        Names of the two surfaces.
+    role : str
+        "cloth" or "body", of the second.
+    pairs : (p, 2) int array
+        The triangles of each surface, counted in it from 0.
+    position : (3,) array
+        A point near the first pair [m].
     """
 
     first: str
@@ -56,20 +64,37 @@ class Crossing:
 
 def crossings(
     x: Floats,
-    parts: Sequence[Part],
+    parts: Sequence[Surface],
     cloth_cloth: bool,
     excluded: Collection[frozenset[str]] = (),
     limit: int = LIMIT,
 ) -> tuple[Crossing, ...]:
-    """All that intersects in x (N, 3) [m]: cloths with bodies and, with `cloth_cloth`, with themselves and each other.
+    """All intersections of cloths with bodies and, with `cloth_cloth`, with themselves and each other.
 
-    Bodies are never judged among themselves. parts: cloths, then bodies; excluded: pairs of names (one name: with
-    itself) that are not judged; limit: the search ends with that many pairs of triangles of two parts.
+    Bodies are never checked against each other.
+
+    Parameters
+    ----------
+    x : (N, 3) array
+        Positions of all vertices [m].
+    parts : sequence of Surface
+        Cloths, then bodies.
+    cloth_cloth : bool
+        Check cloths against themselves and each other.
+    excluded : collection of frozenset of str
+        Pairs of names (one name: with itself) that are not checked.
+    limit : int
+        Number of triangle pairs of two surfaces at which their search ends.
+
+    Returns
+    -------
+    tuple of Crossing
+        One for each pair of surfaces that intersect.
     """
     found = []
     for one, other in combinations_with_replacement(parts, 2):
-        judged = one.role == "cloth" and (other.role == "body" or cloth_cloth)
-        if not judged or frozenset((one.name, other.name)) in excluded:
+        checked = one.role == "cloth" and (other.role == "body" or cloth_cloth)
+        if not checked or frozenset((one.name, other.name)) in excluded:
             continue
         pairs = intersecting_pairs(x, one.triangles, None if other is one else other.triangles, limit)
         if len(pairs):
