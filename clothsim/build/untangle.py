@@ -111,13 +111,13 @@ def _relax(world: World, x: Floats, beyond: Ints) -> None:
 
 def _refuse(x: Floats, cloth: Ints, body: Ints, own: Ints, with_body: Ints, beyond: Ints) -> None:
     """InputError: the start could not be freed, with a place."""
-    from clothsim.intersection.intersecting_pairs import places
+    from clothsim.intersection.intersecting_pairs import intersection_points
 
     if len(own) or len(with_body):
         other, pairs = (cloth, own) if len(own) else (body, with_body)
         what, place = (
             f"{len(own) + len(with_body)} pairs of triangles still intersect",
-            places(x, cloth, other, pairs)[0],
+            intersection_points(x, cloth, other, pairs)[0],
         )
     else:
         what = f"{len(beyond)} triangles still are stretched beyond {STRETCHES}"

@@ -28,7 +28,7 @@ def add_to(commands: Any) -> None:
     check = commands.add_parser("check", help="examine a mesh, a scene or a run", description=_DESCRIPTION)
     check.add_argument("target", type=Path, metavar="MESH|SCENE|DIR", help="a mesh file, a .toml, or a run")
     mesh = check.add_argument_group("for a mesh file, as in a scene")
-    mesh.add_argument("--body", action="store_true", help="judge it as a body: fewer faults matter")
+    mesh.add_argument("--body", action="store_true", help="check it as a body: fewer faults matter")
     mesh.add_argument("--scale", metavar="S", help="its numbers times S are metres")
     mesh.add_argument("--group", metavar="NAME", help="only this group of the file")
     mesh.add_argument("--component", metavar="N", help="only this piece, 0 the largest")
@@ -149,11 +149,11 @@ def _intersections(check: "IntersectionCheck", frames: "Iterable[tuple[str, Floa
     for when, x in frames:
         for crossing in check.crossings(x, cloth_cloth=True, limit=LIMIT):
             allowed = crossing.role == "cloth" and not check.cloth_cloth
-            if allowed and crossing.who in met:
+            if allowed and crossing.summary in met:
                 continue
-            met |= {crossing.role, crossing.who}
+            met |= {crossing.role, crossing.summary}
             count = f"{len(crossing.pairs):,} pair{'' if len(crossing.pairs) == 1 else 's'} of triangles"
-            print(f"  {'' if allowed else 'error: '}{crossing.who} {when}, in {count}: {crossing.sentence}")
+            print(f"  {'' if allowed else 'error: '}{crossing.summary} {when}, in {count}: {crossing.sentence}")
             if allowed:
                 print("    self_contact is not on, so that is no error and later frames are not told")
             errors += not allowed

@@ -67,7 +67,7 @@ def _lines(found: "Dressed") -> list[str]:
     import numpy as np
 
     from clothsim.fitting.penetration_report import worst_places
-    from clothsim.intersection.intersecting_pairs import places
+    from clothsim.intersection.intersecting_pairs import intersection_points
 
     counts, lines = found.counts, []
     n = len(found.garment.positions)
@@ -85,7 +85,7 @@ def _lines(found: "Dressed") -> list[str]:
         ("the garment and itself", found.self_pairs, own),
     ):
         if len(pairs):
-            place = places(np.concatenate([x, found.body.positions]), own, other, pairs[:1])[0]
+            place = intersection_points(np.concatenate([x, found.body.positions]), own, other, pairs[:1])[0]
             lines.append(f"error: {who} intersect in {len(pairs):,} pairs of triangles, the first near {_at(place)}")
         else:
             lines.append(f"{who} do not intersect")

@@ -79,7 +79,7 @@ def touch() -> None:
         def __init__(self) -> None:
             """Without a surface: nothing is searched."""
 
-        def near(self, x: "Floats") -> "Pairs":
+        def active(self, x: "Floats") -> "Pairs":
             elements = np.array([[3, 0, 1, 2], [0, 1, 3, 4]])
             return Pairs(elements, np.ones(2), np.array([0.0, 1.0]), np.arange(2), n_points=1)
 

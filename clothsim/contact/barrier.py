@@ -161,14 +161,14 @@ class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
         return {"pairs": searches.pairs, "ccd_calls": searches.ccd_calls, **searches.seconds}
 
     def _pairs(self, x: Floats) -> tuple[Ints, Floats, Floats, int, float, float]:
-        pairs = self.candidates.near(x)
+        pairs = self.candidates.active(x)
         return pairs.elements, pairs.weights, pairs.thresholds, pairs.n_points, self.offset, self.d_hat
 
     def _measured(self, x: Floats) -> Measured:
         """The poses at x: energy, gradient and Hessian are asked for at the same place, one after the other."""
         if self._last and equal(x, self._last[0].place):
             return self._last[0]
-        pairs = self.candidates.near(x)
+        pairs = self.candidates.active(x)
         poses, value = np.empty((len(pairs), kernels.POSE)), 0.0
         if len(pairs):
             value = kernels.measure(poses, x, *self._pairs(x))

@@ -58,9 +58,9 @@ class Candidates:
         self.searched = 0
         self.pairs = 0
         self.search = Search(surface)
-        self.forget()
+        self.clear()
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """Search anew at the next call."""
         self._way: tuple[Floats, Floats] | None = None
         self._pairs = NONE
@@ -69,7 +69,7 @@ class Candidates:
         self._near = NONE
         self._gap: float | None = None
 
-    def near(self, x: Floats) -> Pairs:
+    def active(self, x: Floats) -> Pairs:
         """The pairs closer than `limit` at x."""
         if self._near_at is not None and equal(x, self._near_at):
             return self._near
@@ -87,7 +87,7 @@ class Candidates:
 
     def minimum_gap(self, x: Floats) -> float:
         """The smallest distance of a pair less the offset [m] where it is below d_hat, else inf."""
-        near = self.near(x)
+        near = self.active(x)
         if self._gap is None:
             _, squared = near_pairs(x, near.elements, near.n_points, np.inf)
             self._gap = float(np.sqrt(squared.min(initial=np.inf))) - self.offset
@@ -97,14 +97,14 @@ class Candidates:
         """The largest |g(x + dx) - g(x)| / g(x) of the pairs near before or after; g: the distance less the offset."""
         change = 0.0
         for place in (x + dx, x):
-            near = self.near(place)
+            near = self.active(place)
             before, after = (np.sqrt(near_pairs(at, near.elements, near.n_points, np.inf)[1]) for at in (x, x + dx))
             change = max(change, float((np.abs(after - before) / (before - self.offset)).max(initial=0.0)))
         return change
 
     def closest_pair(self, x: Floats) -> Ints:
         """The rows (4,) of the closest pair below `limit`; empty where there is none."""
-        near = self.near(x)
+        near = self.active(x)
         if not len(near):
             return np.zeros(0, np.int64)
         _, squared = near_pairs(x, near.elements, near.n_points, np.inf)

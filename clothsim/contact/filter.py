@@ -43,7 +43,7 @@ def _gone(elements: Ints, e: int, n_points: int, gone: Floats) -> float:
 
 @kernel
 def may_be_near(elements: Ints, n_points: int, distances: Floats, gone: Floats, near: float, factor: float) -> Ints:
-    """The numbers of the pairs that were no further apart than `near` [m] and `factor` times what they have gone."""
+    """The numbers of the pairs that were no further apart than `active` [m] and `factor` times what they have gone."""
     numbers = np.empty(len(elements), np.int64)
     count = 0
     for e in range(len(elements)):
@@ -55,7 +55,7 @@ def may_be_near(elements: Ints, n_points: int, distances: Floats, gone: Floats, 
 
 @kernel
 def near_among(x: Floats, elements: Ints, n_points: int, distances: Floats, gone: Floats, near: float) -> Ints:
-    """The numbers of the pairs closer than `near` [m] at x (N, 3) [m].
+    """The numbers of the pairs closer than `active` [m] at x (N, 3) [m].
 
     distances (p,) [m]: those that the pairs had where each row of x was before it has gone so far, gone (N,) [m]. They
     tell of most pairs that they are near, or that they are not.
@@ -79,7 +79,7 @@ def near_among(x: Floats, elements: Ints, n_points: int, distances: Floats, gone
 def still_near(
     x: Floats, elements: Ints, n_points: int, distances: Floats, moved: np.ndarray, left: np.ndarray, near: float
 ) -> tuple[Ints, Floats]:
-    """The numbers of the pairs closer than `near` [m] of which no row has `left` (N,), and their distances [m].
+    """The numbers of the pairs closer than `active` [m] of which no row has `left` (N,), and their distances [m].
 
     Those in which a row has moved (N,) are measured anew at x (N, 3) [m].
     """

@@ -27,9 +27,9 @@ class IpctkCandidates(Candidates):
         self._count = int(surface.rows.max()) + 1
         super().__init__(surface, limit, reach)
 
-    def forget(self) -> None:
+    def clear(self) -> None:
         """As the numba cache's."""
-        super().forget()
+        super().clear()
         self._found = ipctk.Candidates()
         self._path: tuple[Floats, Floats] | None = None  # of the last search
         self._collisions_at: Floats | None = None
@@ -95,7 +95,7 @@ class IpctkBarrier(Barrier):
 
     def begin(self, step: Step) -> Self:
         """As the numba path's. ipctk sums in the order of its search: a resumed run must search where this one did."""
-        self.candidates.forget()
+        self.candidates.clear()
         return super().begin(step)
 
     def value(self, x: Floats) -> float:

@@ -11,7 +11,7 @@ from clothsim.contact.stiffness import default_d_hat
 from clothsim.contact.surface import ContactSurface
 from clothsim.energies.base import Energy
 from clothsim.errors import InputError
-from clothsim.intersection.intersecting_pairs import intersecting_pairs, places
+from clothsim.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from clothsim.mesh.world import World
 
 LAST_DIGITS = 64 * float(np.finfo(float).eps)
@@ -100,7 +100,7 @@ def _refuse_intersections(world: World, surface: ContactSurface, start: Floats) 
         return
     a, b = first[pairs[0, 0]], second[pairs[0, 1]]
     one, other = world.names[surface.labels[a[0]]], world.names[surface.labels[b[0]]]
-    at = ", ".join(f"{c:.4g}" for c in places(start, first, second, pairs[:1])[0] + world.origin)
+    at = ", ".join(f"{c:.4g}" for c in intersection_points(start, first, second, pairs[:1])[0] + world.origin)
     who = f"{one} intersects itself" if one == other else f"{one} intersects {other}"
     raise InputError(
         f"{who} at the start, in {len(pairs):,} pairs of triangles; the first is at ({at}) m.",

@@ -18,7 +18,7 @@ REACH = 3.0
 
 @dataclass(frozen=True)
 class CandidatesAround:
-    """The candidates of a whole surface, of which `near` gives those that a `moving` vertex ((N,) booleans) belongs to.
+    """The candidates of a whole surface, `active` gives those that a `moving` vertex ((N,) booleans) belongs to.
 
     start (N, 3) [m]: where all pairs of theirs are known that are closer than limit + 2 radius: while they stay within
     `radius` [m] of it, nothing is searched. Beyond it, the whole is asked.
@@ -41,10 +41,10 @@ class CandidatesAround:
         whole.seconds["candidates"] += perf_counter() - began
         return cls(whole, moving, np.flatnonzero(moving), x.copy(), radius, pairs)
 
-    def near(self, x: Floats) -> Pairs:
+    def active(self, x: Floats) -> Pairs:
         """The pairs closer than `limit` at x that can change."""
         if not self._holds(x):
-            near = self.whole.near(x)
+            near = self.whole.active(x)
             return near.at(np.flatnonzero(np.logical_or.reduce([self.moving.take(rows) for rows in near.elements.T])))
         numbers, _ = near_pairs(x, self.pairs.elements, self.pairs.n_points, self.whole.limit)
         return self.pairs.at(numbers)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.intersection.intersecting_pairs import intersecting_pairs, places
+from clothsim.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from transfer.signed_distance import BodySurface
 
 
@@ -58,7 +58,7 @@ def judged(garment: Floats, triangles: Ints, body: BodySurface) -> tuple[Counts,
     if within.count:
         place = garment[within.worst]
     elif len(with_body):
-        place = places(x, triangles, faces, with_body[:1])[0]
+        place = intersection_points(x, triangles, faces, with_body[:1])[0]
     elif len(own):
-        place = places(x, triangles, triangles, own[:1])[0]
+        place = intersection_points(x, triangles, triangles, own[:1])[0]
     return Counts(within.count, within.depth, len(with_body), len(own), place), with_body, own

@@ -1,1 +1,1 @@
-"""Floor 2: which triangles intersect, exactly. It judges contact, so it shares no code with it."""
+"""Exact triangle intersection tests. They check the contact code, so they have no code in common with it."""

@@ -1,6 +1,6 @@
-"""Which boxes overlap: a balanced tree of boxes, split at the median of the longest side.
+"""Balanced tree of axis-aligned boxes, split at the median of the longest side.
 
-Depth log2(m) whatever the sizes and places; memory O(m).
+Depth log2(m) whatever the sizes and positions; memory O(m).
 """
 
 import numpy as np
@@ -8,14 +8,14 @@ import numpy as np
 from clothsim.jit import part
 
 LEAF = 4
-"""About how many triangles share a leaf of the tree."""
+"""Approximate number of triangles in a leaf."""
 STACK = 64
-"""Nodes waiting in a search: one a level, and a level halves the number of triangles."""
+"""Capacity of the traversal stack: one node a level, and a level halves the number of triangles."""
 
 
 @part
 def boxes(x, triangles):
-    """The closed boxes of `triangles (m, 3)`: lower and upper corners, (m, 3) each."""
+    """Closed boxes of `triangles (m, 3)`: lower and upper corners, (m, 3) each."""
     lower, upper = np.empty((len(triangles), 3)), np.empty((len(triangles), 3))
     for t in range(len(triangles)):
         for k in range(3):
@@ -26,9 +26,10 @@ def boxes(x, triangles):
 
 @part
 def tree(lower, upper):
-    """The tree over boxes (m, 3): `order (m,)` of the boxes and the box of each node, nodes (2 leaves, 2, 3).
+    """Tree over boxes (m, 3): `order (m,)` of the boxes and the box of each node, nodes (2 leaves, 2, 3).
 
-    Node 1 is the root, 2 k and 2 k + 1 are the children of k, and the leaf numbered l holds `leaf_range` of order.
+    Node 1 is the root, 2 k and 2 k + 1 are the children of k, and leaf l holds the items of order from `_first_item(l)`
+    up to `_first_item(l + 1)`.
     """
     m = len(lower)
     leaves = 1
@@ -38,15 +39,15 @@ def tree(lower, upper):
     width = leaves
     while width > 1:
         for node in range(leaves // width):
-            start, middle = _share(m, leaves, node * width), _share(m, leaves, node * width + width // 2)
-            stop = _share(m, leaves, (node + 1) * width)
+            start, middle = _first_item(m, leaves, node * width), _first_item(m, leaves, node * width + width // 2)
+            stop = _first_item(m, leaves, (node + 1) * width)
             if start < middle < stop:
                 _split(lower, upper, order[start:stop], middle - start)
         width //= 2
     nodes = np.full((2 * leaves, 2, 3), np.inf)
     nodes[:, 1] = -np.inf
     for leaf in range(leaves):
-        for i in order[_share(m, leaves, leaf) : _share(m, leaves, leaf + 1)]:
+        for i in order[_first_item(m, leaves, leaf) : _first_item(m, leaves, leaf + 1)]:
             _enclose(nodes[leaves + leaf], lower[i], upper[i])
     for node in range(leaves - 1, 0, -1):
         for child in (2 * node, 2 * node + 1):
@@ -56,35 +57,35 @@ def tree(lower, upper):
 
 @part
 def overlapping(order, nodes, lower, upper, low, high, hits):
-    """Put the boxes that share a point with the box (low, high) into `hits`; returns how many."""
+    """Write the boxes that overlap the closed box (low, high) to `hits`; returns their number."""
     m, leaves = len(order), len(nodes) // 2
     stack = np.empty(STACK, np.int64)
-    stack[0], waiting, count = 1, 1, 0
-    while waiting:
-        waiting -= 1
-        node = stack[waiting]
-        if not _share_a_point(nodes[node, 0], nodes[node, 1], low, high):
+    stack[0], n_waiting, count = 1, 1, 0
+    while n_waiting:
+        n_waiting -= 1
+        node = stack[n_waiting]
+        if not _overlap(nodes[node, 0], nodes[node, 1], low, high):
             continue
         if node < leaves:
-            stack[waiting], stack[waiting + 1] = 2 * node, 2 * node + 1
-            waiting += 2
+            stack[n_waiting], stack[n_waiting + 1] = 2 * node, 2 * node + 1
+            n_waiting += 2
             continue
-        for i in order[_share(m, leaves, node - leaves) : _share(m, leaves, node - leaves + 1)]:
-            if _share_a_point(lower[i], upper[i], low, high):
+        for i in order[_first_item(m, leaves, node - leaves) : _first_item(m, leaves, node - leaves + 1)]:
+            if _overlap(lower[i], upper[i], low, high):
                 hits[count] = i
                 count += 1
     return count
 
 
 @part
-def _share(m, leaves, leaf):
-    """Where the share of a leaf begins, of m things dealt out evenly."""
+def _first_item(m, leaves, leaf):
+    """Index of a leaf's first item, with m items distributed evenly."""
     return m * leaf // leaves
 
 
 @part
 def _split(lower, upper, order, middle):
-    """Reorder so that the `middle` boxes with the lowest centres, along the longest side of all centres, come first."""
+    """Partition such that the `middle` lowest centres, along the longest side of the box of all centres, come first."""
     longest, axis = -1.0, 0
     for k in range(3):
         low, high = np.inf, -np.inf
@@ -101,7 +102,7 @@ def _split(lower, upper, order, middle):
 
 @part
 def _select(keys, order, middle):
-    """Sort so far that no key before `middle` is above one from there on (Hoare's quickselect)."""
+    """Partial sort: no key before `middle` is above one from there on (Hoare's quickselect)."""
     start, stop = 0, len(keys) - 1
     while start < stop:
         pivot = keys[(start + stop) // 2]
@@ -125,12 +126,14 @@ def _select(keys, order, middle):
 
 @part
 def _enclose(box, low, high):
+    """Extend a box to contain (low, high)."""
     for k in range(3):
         box[0, k], box[1, k] = min(box[0, k], low[k]), max(box[1, k], high[k])
 
 
 @part
-def _share_a_point(low, high, other_low, other_high):
+def _overlap(low, high, other_low, other_high):
+    """True where two closed boxes have a point in common."""
     return (
         (low[0] <= other_high[0] and other_low[0] <= high[0])
         and (low[1] <= other_high[1] and other_low[1] <= high[1])

@@ -1,7 +1,7 @@
-"""Exact sums of doubles: expansions (Shewchuk 1997, Adaptive precision floating-point arithmetic, section 2).
+"""Exact floating-point expansions (Shewchuk 1997, "Adaptive precision floating-point arithmetic", section 2).
 
 An expansion is a sum of doubles e[0] + ... + e[n - 1] that do not overlap, of growing magnitude and none of them zero:
-its sign is that of its last. All is exact while nothing over- or underflows, and needs IEEE doubles without fastmath.
+its sign is that of its last. All operations are exact without over- and underflow, in IEEE doubles without fastmath.
 """
 
 from clothsim.jit import part
@@ -36,7 +36,7 @@ def two_product(a, b):
 
 @part
 def grow(e, n, b):
-    """Add the double b to the expansion in e[:n]; returns the new n (Grow-Expansion, zeros left out)."""
+    """Add the double b to the expansion in e[:n]; returns the new n (Grow-Expansion, zeros dropped)."""
     m = 0
     for i in range(n):
         b, low = two_sum(b, e[i])

@@ -1,4 +1,4 @@
-"""The intersecting pairs of triangles of one or two surfaces, exact, and where they are."""
+"""Exact intersecting triangle pairs of one or two surfaces, and points near them."""
 
 import numpy as np
 
@@ -10,37 +10,79 @@ from clothsim.intersection.triangle_pair import triangles_intersect
 from clothsim.jit import kernel, part
 
 LIMIT = 1_000_000
+"""Default number of pairs at which a search ends."""
 
 
 def intersecting_pairs(positions: Floats, first: Ints, second: Ints | None = None, limit: int = LIMIT) -> Ints:
-    """The pairs (i, j) of triangles that intersect: `first[i]` and `second[j]`, (p, 2), sorted.
+    """Pairs of triangles that intersect, by exact predicates.
 
-    positions: (n, 3) in any one unit; first: (m, 3); second: (k, 3), or None: first with itself, i < j. Closed
-    triangles; those that share vertices intersect where they meet elsewhere (see `triangles`). limit: the search ends
-    with that many pairs; 1 answers "any?". InputError for bad arrays.
+    Triangles are closed. Those with common vertices intersect where they meet elsewhere (`triangle_pair`).
+
+    Parameters
+    ----------
+    positions : (n, 3) array
+        Vertex positions, in any one unit.
+    first : (m, 3) int array
+        Triangles of the first surface.
+    second : (k, 3) int array, optional
+        Triangles of the second surface; None: the first with itself, i < j.
+    limit : int
+        Number of pairs at which the search ends; 1 answers "any?".
+
+    Returns
+    -------
+    (p, 2) int array
+        `first[i]` and `second[j]`, sorted.
+
+    Raises
+    ------
+    InputError
+        Arrays with wrong shapes, non-finite entries or rows out of range; a limit below 1.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> x = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0], [1, 1, -1], [1, 1, 1], [9, 9, 0]])
+    >>> intersecting_pairs(x, np.array([[0, 1, 2]]), np.array([[3, 4, 5]]))
+    array([[0, 0]])
     """
     if limit < 1:
         raise InputError(f"limit must be at least 1, not {limit}.")
     x = as_points("positions", positions)
-    one = as_triangles("first", first, len(x))
-    two = one if second is None else as_triangles("second", second, len(x))
-    if not len(one) or not len(two):
+    first_rows = as_triangles("first", first, len(x))
+    second_rows = first_rows if second is None else as_triangles("second", second, len(x))
+    if not len(first_rows) or not len(second_rows):
         return np.zeros((0, 2), np.int64)
-    pairs = np.asarray(_pairs(scaled(x), one, two, second is None, limit), np.int64)
+    pairs = np.asarray(_pairs(scaled(x), first_rows, second_rows, second is None, limit), np.int64)
     return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
 
-def places(positions: Floats, first: Ints, second: Ints, pairs: Ints) -> Floats:
-    """A point near each intersection, (p, 3): the centre of what the boxes of its two triangles have in common."""
-    one, two = positions[first[pairs[:, 0]]], positions[second[pairs[:, 1]]]
-    low = np.maximum(one.min(axis=1), two.min(axis=1))
-    high = np.minimum(one.max(axis=1), two.max(axis=1))
+def intersection_points(positions: Floats, first: Ints, second: Ints, pairs: Ints) -> Floats:
+    """A point near each intersection: the centre of the overlap of the two triangles' boxes.
+
+    Parameters
+    ----------
+    positions : (n, 3) array
+        Vertex positions.
+    first, second : (m, 3), (k, 3) int array
+        Triangles of both surfaces.
+    pairs : (p, 2) int array
+        Pairs from `intersecting_pairs`.
+
+    Returns
+    -------
+    (p, 3) array
+        Points in the unit of the positions.
+    """
+    one, other = positions[first[pairs[:, 0]]], positions[second[pairs[:, 1]]]
+    low = np.maximum(one.min(axis=1), other.min(axis=1))
+    high = np.minimum(one.max(axis=1), other.max(axis=1))
     return np.asarray(0.5 * (low + high), np.float64)
 
 
 @kernel
-def _pairs(x, first, second, with_itself, limit):
-    """Triangle by triangle of `first`: a box search among `second`, then the exact test."""
+def _pairs(x, first, second, self_test, limit):
+    """Box query of each triangle of `first` among `second`, then the exact test."""
     lower, upper = boxes(x, second)
     order, nodes = tree(lower, upper)
     low, high = boxes(x, first)
@@ -49,11 +91,11 @@ def _pairs(x, first, second, with_itself, limit):
     for i in range(len(first)):
         s = (first[i, 0], first[i, 1], first[i, 2])
         for j in hits[: overlapping(order, nodes, lower, upper, low[i], high[i], hits)]:
-            if with_itself and j <= i:
+            if self_test and j <= i:
                 continue
             if triangles_intersect(x, s, (second[j, 0], second[j, 1], second[j, 2])):
                 if count == len(found):
-                    found = _twice_as_long(found)
+                    found = _doubled(found)
                 found[count, 0], found[count, 1] = i, j
                 count += 1
                 if count == limit:
@@ -62,8 +104,9 @@ def _pairs(x, first, second, with_itself, limit):
 
 
 @part
-def _twice_as_long(found):
-    longer = np.empty((2 * len(found), 2), np.int64)
+def _doubled(found):
+    """A copy with twice the capacity."""
+    copy = np.empty((2 * len(found), 2), np.int64)
     for k in range(len(found)):
-        longer[k, 0], longer[k, 1] = found[k]
-    return longer
+        copy[k, 0], copy[k, 1] = found[k]
+    return copy

@@ -1,7 +1,7 @@
-"""On which side: signs of determinants, exact. First in doubles with a bound on the error, then by expansions.
+"""Exact orientation predicates: a floating-point filter with an error bound, then expansions.
 
-Points are rows of x (n, 3). The signs are exact where the largest |x| is about 2^200 (`scaled` brings it there from
-any unit) and no coordinate but zero is below 2^-200, 1e-120 times the largest: nothing over- or underflows then.
+Points are rows of x (n, 3). The signs are exact where the largest |x| is about 2^200 (`scaled` scales any unit to it)
+and no coordinate but zero is below 2^-200, 1e-120 times the largest: nothing over- or underflows then.
 """
 
 import numpy as np
@@ -11,22 +11,24 @@ from clothsim.intersection.expansions import add_product2, add_product3
 from clothsim.jit import part
 
 EPSILON = 2.0**-53
+"""Unit round-off of a double."""
 BOUND_3D = (7.0 + 56.0 * EPSILON) * EPSILON
 BOUND_2D = (3.0 + 16.0 * EPSILON) * EPSILON
-"""Error over the sum of absolute terms of each determinant in doubles (Shewchuk 1997, figures 21 and 23)."""
+"""Error of each determinant in doubles over the sum of its absolute terms (Shewchuk 1997, figures 21 and 23)."""
 
 LARGEST_EXPONENT = 200
+"""Exponent of the largest scaled coordinate."""
 
 
 def scaled(x: Floats) -> Floats:
-    """x times the power of two that brings its largest coordinate to 2^200: exact, and no sign changes."""
+    """x times the power of two for which its largest coordinate is about 2^200: exact, and no sign changes."""
     largest = float(np.abs(x).max(initial=0.0))
     return np.ascontiguousarray(np.ldexp(x, LARGEST_EXPONENT - np.frexp(largest)[1]) if largest else x)
 
 
 @part
 def orient3d(x, a, b, c, d):
-    """Sign of det [a - d, b - d, c - d], -1, 0 or 1: 0 where the four points are in a plane."""
+    """Sign of det [a - d, b - d, c - d], -1, 0 or 1: 0 where the four points are coplanar."""
     adx, ady, adz = x[a, 0] - x[d, 0], x[a, 1] - x[d, 1], x[a, 2] - x[d, 2]
     bdx, bdy, bdz = x[b, 0] - x[d, 0], x[b, 1] - x[d, 1], x[b, 2] - x[d, 2]
     cdx, cdy, cdz = x[c, 0] - x[d, 0], x[c, 1] - x[d, 1], x[c, 2] - x[d, 2]
@@ -42,7 +44,7 @@ def orient3d(x, a, b, c, d):
 
 @part
 def orient2d(x, a, b, c, axis):
-    """Sign of det [a - c, b - c] in the projection along `axis` (0, 1, 2): 0 where the three are on a line there."""
+    """Sign of det [a - c, b - c] in the projection along `axis` (0, 1, 2): 0 where the three are collinear there."""
     i, j = (axis + 1) % 3, (axis + 2) % 3
     left = (x[a, i] - x[c, i]) * (x[b, j] - x[c, j])
     right = (x[a, j] - x[c, j]) * (x[b, i] - x[c, i])

@@ -1,7 +1,7 @@
-"""Quick and certain no: a direction along which two triangles lie apart, found in doubles with a bound on the error.
+"""Certain separation of two triangles: a separating direction found in doubles with an error bound.
 
-Neighbours in a flat sheet lie in one plane but for round-off, where every orient3d would need its exact digits. These
-tests settle nearly all of them first. A "no" here is proven; anything else goes to the exact test.
+Neighbours in a flat sheet are coplanar but for round-off, where every orient3d would need exact arithmetic. These tests
+settle nearly all of them first. A separation found here is proven; anything else goes to the exact test.
 """
 
 import numpy as np
@@ -12,32 +12,32 @@ from clothsim.jit import part
 ROUND_OFF = 8.0 * EPSILON
 """Error of a dot product of a vector with a difference of points, over the sum of its absolute terms; 4 would do."""
 UNDERFLOW = 1e-300
-"""More than underflow can add to that."""
+"""Bound on the error by underflow."""
 
 
 @part
-def apart(x, s, t):
+def separated(x, s, t):
     """True where triangles s and t (three rows of x each) certainly have no point in common.
 
-    Directions: between the centroids; then, for triangles in nearly one plane, across each edge within the plane.
+    Directions: between the centroids; then, for nearly coplanar triangles, perpendicular to each edge within the plane.
     """
-    if _apart_along(x, _minus(_sum(x, t), _sum(x, s)), s, t):
+    if _separated_along(x, _minus(_sum(x, t), _sum(x, s)), s, t):
         return True
     for triangle in (s, t):
         a, b, c = triangle
         normal = _cross(_edge(x, a, b), _edge(x, a, c))
         for edge in (_edge(x, a, b), _edge(x, b, c), _edge(x, c, a)):
             across = _cross(normal, edge)
-            if _apart_along(x, across, s, t) or _apart_along(x, across, t, s):
+            if _separated_along(x, across, s, t) or _separated_along(x, across, t, s):
                 return True
     return False
 
 
 @part
-def apart_but_for_corner(x, v, s, t):
+def separated_beyond_vertex(x, v, s, t):
     """True where triangles (v, s0, s1) and (v, t0, t1) certainly have only v in common.
 
-    Direction: between the two nearest of the unit vectors from v, one of each.
+    Direction: between the two closest of the unit vectors from v, one of each.
     """
     nearest, n = -np.inf, (0.0, 0.0, 0.0)
     for i in s:
@@ -47,39 +47,39 @@ def apart_but_for_corner(x, v, s, t):
             if cosine > nearest:
                 nearest, n = cosine, _minus(a, b)
     for i in s:
-        distance, error = _along(x, n, i, v)
+        distance, error = _projected(x, n, i, v)
         if not distance > error:
             return False
     for j in t:
-        distance, error = _along(x, n, j, v)
+        distance, error = _projected(x, n, j, v)
         if not distance < -error:
             return False
     return True
 
 
 @part
-def unfolded(x, a, b, c, d):
-    """True where triangles abc and abd certainly make more than a right angle: so do their normals, c and d apart."""
+def opened(x, a, b, c, d):
+    """True where triangles abc and abd certainly make more than a right angle: their normals do, c and d opposite."""
     e, u, w = _edge(x, a, b), _edge(x, a, c), _edge(x, a, d)
     lengths = _dot(e, e) * np.sqrt(_dot(u, u)) * np.sqrt(_dot(w, w))
     return _dot(_cross(e, u), _cross(e, w)) < -4.0 * ROUND_OFF * lengths - UNDERFLOW
 
 
 @part
-def _apart_along(x, n, s, t):
+def _separated_along(x, n, s, t):
     """True where n . s < n . t for all corners, by more than the error."""
     highest, lowest = -np.inf, np.inf
     for i in s:
-        distance, error = _along(x, n, i, s[0])
+        distance, error = _projected(x, n, i, s[0])
         highest = max(highest, distance + error)
     for j in t:
-        distance, error = _along(x, n, j, s[0])
+        distance, error = _projected(x, n, j, s[0])
         lowest = min(lowest, distance - error)
     return highest < lowest
 
 
 @part
-def _along(x, n, i, origin):
+def _projected(x, n, i, origin):
     """n . (x_i - x_origin) and a bound on its error."""
     p, q, r = n[0] * (x[i, 0] - x[origin, 0]), n[1] * (x[i, 1] - x[origin, 1]), n[2] * (x[i, 2] - x[origin, 2])
     return p + q + r, ROUND_OFF * (abs(p) + abs(q) + abs(r)) + UNDERFLOW
@@ -114,6 +114,6 @@ def _cross(u, v):
 
 @part
 def _unit(u):
-    """u / |u|; (0, 0, 0) for no length, along which nothing is apart."""
+    """u / |u|; (0, 0, 0) for zero length, along which nothing is separated."""
     length = np.sqrt(_dot(u, u))
     return (u[0] / length, u[1] / length, u[2] / length) if length > 0.0 else (0.0, 0.0, 0.0)

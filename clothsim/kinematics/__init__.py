@@ -1,1 +1,1 @@
-"""Floor 2: how a cloth is deformed: F and its stretches per triangle, frames per vertex ring, thickness."""
+"""Kinematics of triangulated cloth: deformation gradients, stretches, rotations, hinge angles, curvature, thickness."""

@@ -1,4 +1,4 @@
-"""The angle of a hinge, its gradient and its exact Hessian, for numba kernels.
+"""Hinge angle, its gradient and its exact Hessian, for numba kernels.
 
 The hinge a, b, c, d: edge a -> b, c opposite it in the first triangle, d in the second. With
 e = b - a, r = c - a, s = d - a and the normals n1 = e x r, n2 = s x e (not of unit length)
@@ -10,7 +10,7 @@ with the sign of `mesh.hinges.dihedral_angles`: positive where the cloth folds t
 Tamstorf & Grinspun 2013. Points are tuples of three floats: nothing is allocated.
 
 A hinge with a triangle that has no area to round-off (sine of the angle at its corner a below 1e-14) has no angle:
-it is told apart, and its gradient and Hessian are zero. Nothing is ever NaN for finite points.
+the direction is flagged as invalid, its gradient and Hessian are zero. Nothing is ever NaN for finite points.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ _NO_AREA = 1e-28
 
 @part
 def hinge_direction(a: Point, b: Point, c: Point, d: Point) -> tuple[float, float, bool]:
-    """The two numbers that theta [rad] is the arctan2 of, and whether there is an angle."""
+    """Both arguments of arctan2 for theta [rad], and whether the angle is defined."""
     e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
     n1, n2 = _cross(e, r), _cross(s, e)
     return -np.sqrt(_dot(e, e)) * _dot(n1, s), _dot(n1, n2), _area(e, r, n1) & _area(e, s, n2)
@@ -38,9 +38,9 @@ def hinge_direction(a: Point, b: Point, c: Point, d: Point) -> tuple[float, floa
 def hinge_angle_gradient(a: Point, b: Point, c: Point, d: Point) -> Points:
     """d theta / d (a, b, c, d), four vectors [1/m].
 
-    A corner moves the angle by its height over the edge, 1/|h| = |e|/|n|; the edge balances force and torque:
-    g_c = -|e| n1/|n1|^2,  g_d = -|e| n2/|n2|^2,  g_b = -(u g_c + w g_d),  g_a = -((1-u) g_c + (1-w) g_d),
-    where u = r.e/|e|^2 and w = s.e/|e|^2 are the places of c and d along the edge.
+    A displacement of a corner changes the angle by its height over the edge, 1/|h| = |e|/|n|; the edge balances force
+    and torque: g_c = -|e| n1/|n1|^2,  g_d = -|e| n2/|n2|^2,  g_b = -(u g_c + w g_d),  g_a = -((1-u) g_c + (1-w) g_d),
+    where u = r.e/|e|^2 and w = s.e/|e|^2 are the coordinates of c and d along the edge.
     """
     e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
     n1, n2 = _cross(e, r), _cross(s, e)
@@ -61,18 +61,19 @@ def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: f
     """first d2theta + second g g', g = d theta/d (a, b, c, d): the blocks aa, ab, ac, ad, bb, bc, bd, cc, cd, dd.
 
     Zeros for a hinge without an angle. In the frame of a triangle, t along the edge of length l, m from the edge to the
-    corner at height h, n the normal, a move of corner p changes the angle by g_p = -f_p n, f_c = 1/h, f_b = -u/h,
-    f_a = (u - 1)/h; it turns n by -y_p n' with y_p = f_p m + k_p t, k_b = -k_a = 1/l, k_c = 0. With n m' summed over
-    both triangles, which is symmetric,
+    corner at height h, n the normal, a displacement of corner p changes the angle by g_p = -f_p n, f_c = 1/h, f_b =
+    -u/h, f_a = (u - 1)/h; it turns n by -y_p n' with y_p = f_p m + k_p t, k_b = -k_a = 1/l, k_c = 0. With n m' summed
+    over both triangles, which is symmetric,
 
         pq = sum over both (f_q n y_p' + f_p y_q n') + k_p k_q sum over both (n m')
 
     and cd = 0. Each block is three rows.
     """
     e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
-    whole = _area(e, r, _cross(e, r)) & _area(e, s, _cross(s, e))
-    first, second = first if whole else 0.0, second if whole else 0.0
-    e, r, s = _or(whole, e, 1.0, 0.0), _or(whole, r, 0.0, 1.0), _or(whole, s, 0.0, -1.0)  # any hinge, times 0
+    valid = _area(e, r, _cross(e, r)) & _area(e, s, _cross(s, e))
+    first, second = first if valid else 0.0, second if valid else 0.0
+    # any regular hinge stands in for an invalid one: its blocks are multiplied by 0
+    e, r, s = _select(valid, e, 1.0, 0.0), _select(valid, r, 0.0, 1.0), _select(valid, s, 0.0, -1.0)
     n1, n2 = _cross(e, r), _cross(s, e)
     ee = _dot(e, e)
     length, size1, size2 = np.sqrt(ee), np.sqrt(_dot(n1, n1)), np.sqrt(_dot(n2, n2))
@@ -119,9 +120,9 @@ def hinge_hessian(a: Point, b: Point, c: Point, d: Point, first: float, second: 
 
 
 @part
-def _or(whole: bool, a: Point, x: float, y: float) -> Point:
-    """a, or (x, y, 0) where the hinge is not whole."""
-    return a[0] if whole else x, a[1] if whole else y, a[2] if whole else 0.0
+def _select(valid: bool, a: Point, x: float, y: float) -> Point:
+    """a, or (x, y, 0) where the hinge has no angle."""
+    return a[0] if valid else x, a[1] if valid else y, a[2] if valid else 0.0
 
 
 @part
@@ -154,7 +155,7 @@ def _sum(rows: Rows, others: Rows, factor: float) -> Rows:
 
 @part
 def _area(edge1: Point, edge2: Point, normal: Point) -> bool:
-    """Whether there is any."""
+    """True where a triangle has an area above round-off."""
     return _dot(normal, normal) > _NO_AREA * _dot(edge1, edge1) * _dot(edge2, edge2)
 
 

@@ -16,7 +16,7 @@ PINCH_RADIUS = 2.0
 
 @runtime_checkable
 class HasContactPairs(Protocol):
-    """What a contact energy tells of its near pairs: a cache `near(x)` of them, and their closest points."""
+    """What a contact energy tells of its near pairs: a cache `active(x)` of them, and their closest points."""
 
     candidates: Any
 
@@ -37,7 +37,7 @@ class ContactPair:
 
     first: Ints
     second: Ints
-    place: Floats
+    position: Floats
     gap: float
     pinch: int | None
 
@@ -53,9 +53,9 @@ def closest_contact_pair(world: World, energies: Iterable[Energy], x: Floats) ->
     objects = world.labels[rows[:, [0, 3]]]
     ends = x[world.edges]
     edge = float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
-    near = np.linalg.norm(places - places[best], axis=1) <= PINCH_RADIUS * edge
+    active = np.linalg.norm(places - places[best], axis=1) <= PINCH_RADIUS * edge
     elsewhere = ~np.isin(objects, objects[best])
-    closing = np.flatnonzero(near & elsewhere.any(axis=1))
+    closing = np.flatnonzero(active & elsewhere.any(axis=1))
     third = closing[distances[closing].argmin()] if len(closing) else None
     pinch = None if third is None else int(objects[third][elsewhere[third]][0])
     return ContactPair(pair[:split], pair[split:], places[best], float(distances[best]), pinch)
@@ -64,7 +64,7 @@ def closest_contact_pair(world: World, energies: Iterable[Energy], x: Floats) ->
 def _touches(energy: HasContactPairs, x: Floats) -> tuple[Ints, Ints, Floats, Floats]:
     """Its near pairs: rows (p, 4), how many of them are of the first simplex, place (p, 3) and distance (p,) [m]."""
     rows, weights, lines, _ = energy.normal_forces(x, energy.stiffness)
-    splits = np.where(np.arange(len(rows)) < energy.candidates.near(x).n_points, 1, 2)
+    splits = np.where(np.arange(len(rows)) < energy.candidates.active(x).n_points, 1, 2)
     on_first = np.where(np.arange(4) < splits[:, None], weights, 0.0)
     places = np.einsum("pk,pkc->pc", np.abs(on_first), x[rows]) - 0.5 * lines
     return rows, splits, places, np.linalg.norm(lines, axis=1)

@@ -80,8 +80,8 @@ def failure_of(
         element = " and ".join(_sides(world, constraints, pair))
     else:
         element = "" if end.row is None else vertex_name(world, constraints, end.row)
-    place = end.position if pair is None else pair.place
-    position = None if place is None else place + world.origin
+    position = end.position if pair is None else pair.position
+    position = None if position is None else position + world.origin
     if end.ending is Ending.BLOCKED:
         remedy = _unblock(world, _movers(world, constraints, result.x, target), pair)
     else:
@@ -91,12 +91,12 @@ def failure_of(
 
 def crossing_failure(world: World, found: "Crossing", state: State, dt: float) -> Failure:
     """The failure of a run in whose frame something intersects that contact should have kept apart."""
-    crossing = replace(found, place=found.place + world.origin)
+    crossing = replace(found, position=found.position + world.origin)
     i, j = crossing.pairs[0]
     element = f"triangle {i} of {crossing.first} and triangle {j} of {crossing.second}"
     remedy = "Contact should have prevented that: please report it with what `clothsim bundle` makes of the run."
     sentence = f"{crossing.sentence}."
-    return Failure("intersection", sentence, element, crossing.place, remedy, state.step, state.time, dt)
+    return Failure("intersection", sentence, element, crossing.position, remedy, state.step, state.time, dt)
 
 
 def told(world: World, constraints: Collection[Constraint], end: Outcome) -> str:
@@ -119,7 +119,7 @@ def _said(world: World, constraints: Collection[Constraint], end: Outcome, pair:
     row = -1 if end.row is None else end.row
     if end.ending is Ending.BLOCKED and row >= world.n_cloth and world.labels[row] >= 0:
         start = end.told(
-            _driver(world, constraints, row), pair.place + world.origin
+            _driver(world, constraints, row), pair.position + world.origin
         )  # of a body no vertex is more blocked than others
     else:
         start = told(world, constraints, end)

@@ -28,7 +28,7 @@ def described(pairs):
 
 def all_pairs(surface, x):
     """The pairs below d_hat from fresh candidates with a generous margin."""
-    return described(Candidates(surface, D_HAT, 1.0).near(x))
+    return described(Candidates(surface, D_HAT, 1.0).active(x))
 
 
 @pytest.mark.parametrize("kind", ["body", "self"])
@@ -43,7 +43,7 @@ def test_the_pairs_are_all_pairs_wherever_the_cache_comes_from(kind, reach):
         candidates.step_limit(x, dx)
         for fraction in (0.0, 1.0):
             y = x + fraction * dx
-            pairs = described(candidates.near(y))
+            pairs = described(candidates.active(y))
             assert pairs == all_pairs(surface, y)
             found += len(pairs)
         x = x + 0.3 * dx
@@ -73,7 +73,7 @@ def test_every_pair_of_primitives_is_looked_at():
         numbers, _ = near_pairs(x, elements, n_points, 0.15)
         brute = sorted(tuple(elements[k]) for k in numbers)
         assert len(brute) > 20
-        assert sorted(map(tuple, Candidates(surface, 0.15, 0.01).near(x).elements)) == brute
+        assert sorted(map(tuple, Candidates(surface, 0.15, 0.01).active(x).elements)) == brute
 
 
 def some_way(rng, surface, x, reach):
@@ -121,7 +121,7 @@ def test_after_any_ways_the_pairs_are_those_of_all_pairs(kind, seed):
         for share in (fraction, rng.random() * fraction, 1.0):
             y = x + share * dx
             for distance in (limit, limit + reach):
-                pairs = candidates.near(y) if distance == limit else candidates.within(y, distance)
+                pairs = candidates.active(y) if distance == limit else candidates.within(y, distance)
                 numbers, _ = near_pairs(y, elements, n_points, distance)
                 assert sorted(map(tuple, pairs.elements.tolist())) == sorted(map(tuple, elements[numbers].tolist()))
                 assert (np.diff(pairs.keys) > 0).all()
@@ -134,7 +134,7 @@ def test_what_the_list_knows_shortens_the_way_that_is_searched():
     """A vertex over the ball is about to touch; far from there another would go far: it is not searched for."""
     surface, x = body_surface(sheet_on_ball(0.32))
     candidates = Candidates(surface, 0.04, 0.02)
-    candidates.near(x)
+    candidates.active(x)
     cloth = surface.first.points
     over = cloth[np.linalg.norm(x[cloth, :2], axis=1).argmin()]
     corner = cloth[np.linalg.norm(x[cloth, :2], axis=1).argmax()]
@@ -163,9 +163,9 @@ def test_layers_that_come_together_from_both_sides_are_seen_in_time(apart):
     limit, reach = 0.02, 0.01
     surface, x, upper = layers_apart(limit + apart * reach)
     candidates = Candidates(surface, limit, reach)
-    assert not len(candidates.near(x))
+    assert not len(candidates.active(x))
     x[:, 2] += np.where(upper, -1.0, 1.0) * (0.5 * apart + 0.02) * reach
-    assert len(candidates.near(x)) >= 25
+    assert len(candidates.active(x)) >= 25
     assert candidates.builds == (1 if apart < 4.0 else 2)
 
 
@@ -174,12 +174,12 @@ def test_what_is_not_searched_for_has_stayed_near_its_place():
     limit, reach = 0.02, 0.01
     surface, x, upper = layers_apart(limit + 4.8 * reach)
     candidates = Candidates(surface, limit, reach)
-    candidates.near(x)
+    candidates.active(x)
     low, high = np.flatnonzero(~upper), np.flatnonzero(upper)
     x[low[:5], 2] += 2.5 * reach
     x[high[:5], 2] -= 2.5 * reach
     x[high[-1], 2] += 10.0 * reach
-    assert len(candidates.near(x)) >= 5
+    assert len(candidates.active(x)) >= 5
     assert candidates.searched == 50 + 11
 
 
@@ -187,7 +187,7 @@ def test_a_way_that_starts_elsewhere_is_searched_from_there():
     """A corner put over the lower layer, where no way has led, falls through, far from any way of its old place."""
     surface, x, upper = layers_apart(0.5)
     candidates = Candidates(surface, 0.002, 0.001)
-    candidates.near(x)
+    candidates.active(x)
     corner = np.flatnonzero(upper)[np.argmax(x[upper, 0] + x[upper, 1])]
     x[corner] = 0.1, 0.1, 0.03
     dx = np.zeros_like(x)
@@ -200,16 +200,16 @@ def test_a_way_that_starts_elsewhere_is_searched_from_there():
 def test_the_cache_is_used_and_forgotten():
     surface, x = surface_and_start("body")
     candidates = Candidates(surface, D_HAT, reach=0.05)
-    candidates.near(x)
-    candidates.near(x + 0.01)
-    candidates.near(x - 0.01)
+    candidates.active(x)
+    candidates.active(x + 0.01)
+    candidates.active(x - 0.01)
     assert candidates.builds == 1
-    candidates.near(x + 0.1)
+    candidates.active(x + 0.1)
     assert candidates.builds == 2
-    candidates.forget()
-    candidates.near(x + 0.1)
+    candidates.clear()
+    candidates.active(x + 0.1)
     assert candidates.builds == 3
-    assert candidates.pairs == len(candidates.near(x + 0.1))
+    assert candidates.pairs == len(candidates.active(x + 0.1))
 
 
 def test_the_step_limit_stops_before_the_first_touch():
@@ -305,7 +305,7 @@ def test_a_gap_that_only_the_step_makes_small_counts_too():
     closer = np.zeros_like(x)
     closer[layers[0], 2] = 0.5 * (x[layers[1], 2].mean() - x[layers[0], 2].mean())
     candidates = Candidates(surface, 0.7 * gap, gap)
-    assert not len(candidates.near(x))
+    assert not len(candidates.active(x))
     assert candidates.gap_change(x, closer) == pytest.approx(0.5, rel=1e-6)
 
 
@@ -316,7 +316,7 @@ def test_what_few_vertices_meet_is_found_by_searching_for_them_alone(kind, share
     surface, x = surface_and_start(kind)
     cloth, rng = surface.first.points, np.random.default_rng(4)
     candidates = Candidates(surface, D_HAT, 0.02)
-    candidates.near(x)
+    candidates.active(x)
     found, n_searches = set(), 8
     for _ in range(n_searches):
         dx = np.zeros_like(x)
@@ -326,8 +326,8 @@ def test_what_few_vertices_meet_is_found_by_searching_for_them_alone(kind, share
         fresh = Candidates(surface, D_HAT, 0.02)
         assert limit == fresh.step_limit(x, dx)
         for fraction in (0.0, 0.7 * limit, limit):
-            pairs = candidates.near(x + fraction * dx)
-            np.testing.assert_array_equal(pairs.elements, fresh.near(x + fraction * dx).elements)
+            pairs = candidates.active(x + fraction * dx)
+            np.testing.assert_array_equal(pairs.elements, fresh.active(x + fraction * dx).elements)
             found.add(len(pairs))
         x = x + 0.9 * limit * dx
     assert len(found) > 2
@@ -339,14 +339,14 @@ def test_what_few_vertices_meet_is_found_by_searching_for_them_alone(kind, share
 def test_what_is_no_number_leaves_nothing_behind(kind, bad):
     surface, x = surface_and_start(kind)
     candidates = Candidates(surface, D_HAT, D_HAT)
-    known = described(candidates.near(x))
+    known = described(candidates.active(x))
     for rows in (slice(None), slice(3, 4)):
         nowhere = x.copy()
         nowhere[rows] = bad
         with np.errstate(invalid="ignore"):
-            candidates.near(nowhere)
+            candidates.active(nowhere)
             candidates.step_limit(x, nowhere - x)
-        assert described(candidates.near(x)) == known
+        assert described(candidates.active(x)) == known
         falling = np.zeros_like(x)
         falling[surface.first.points[: len(surface.first.points) // 2], 2] = -1.0
         assert candidates.step_limit(x, falling) == Candidates(surface, D_HAT, D_HAT).step_limit(x, falling)
@@ -360,7 +360,7 @@ def test_a_step_limit_does_not_depend_on_where_the_base_lies():
     start[:, 2] = np.where(upper, 2.3 * m, 0.0)
     away = np.where(upper, m, -m)[:, None] * np.array([0.0, 0.0, 1.0])
     held = Candidates(surface, d_hat, 0.5 * d_hat)
-    held.near(start)
+    held.active(start)
     limit = held.step_limit(start + away, -2.0 * away)
     assert limit == Candidates(surface, d_hat, 0.5 * d_hat).step_limit(start + away, -2.0 * away)
     assert 4.3 * m - 4.0 * m * limit == pytest.approx(0.43 * m, rel=0.1)

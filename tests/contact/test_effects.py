@@ -112,7 +112,7 @@ def test_cloth_that_will_meet_is_expected_in_the_matrix():
     assert not len(energy.couplings(x, down))
     down[high, 2] = -0.055
     expected = energy.couplings(x, down)
-    assert np.array_equal(expected, energy.candidates.near(x + down).elements)
+    assert np.array_equal(expected, energy.candidates.active(x + down).elements)
     assert len(expected)
     down[high, 2] = -0.12  # and through: they are near on the way
     assert len(energy.couplings(x, down)) >= len(expected)

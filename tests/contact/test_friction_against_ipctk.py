@@ -30,7 +30,7 @@ MU, EPS_V, DT = 0.4, 0.05, 0.01
 
 def mollified(contact, x):
     """{rows} of the pairs of edges that the mollifier weakens."""
-    pairs = contact.candidates.near(x)
+    pairs = contact.candidates.active(x)
     edges = range(pairs.n_points, len(pairs))
     found = [k for k in edges if kernels.crossing(four_points(x, pairs.elements, k)) < pairs.thresholds[k]]
     return {tuple(pairs.elements[k]) for k in found}

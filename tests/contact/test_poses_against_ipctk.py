@@ -69,7 +69,7 @@ def test_the_pairs_closer_than_d_hat_are_all_that_ipctk_measures(name):
     pose = POSES[name]
     contact = pose.contact()
     expected = pairs_by_ipctk(contact.candidates.surface, pose.x, D_HAT)
-    found = contact.candidates.near(pose.x).elements.tolist()
+    found = contact.candidates.active(pose.x).elements.tolist()
     assert len(expected) > 5
     assert sorted(map(tuple, found)) == expected
 
@@ -79,7 +79,7 @@ def features(contact, x):
 
     Edges that are mollified stay pairs of edges, whichever of their points are closest.
     """
-    pairs, found = contact.candidates.near(x), {}
+    pairs, found = contact.candidates.active(x), {}
     for k, (rows, area) in enumerate(zip(pairs.elements, pairs.weights, strict=True)):
         split = 1 if k < pairs.n_points else 2
         points = four_points(x, pairs.elements, k)

@@ -71,7 +71,7 @@ def test_the_projected_blocks_of_mollified_pairs_are_their_exact_ones_clamped(po
         cut, whole = contact.hessian(pose.x), contact.hessian(pose.x, project=False)
         assert cut.elements is whole.elements  # so that their places in the matrix are looked up once
         blocks = cut.blocks
-        thresholds = contact.candidates.near(pose.x).thresholds
+        thresholds = contact.candidates.active(pose.x).thresholds
         for k in range(len(thresholds)):
             if crossing(four_points(pose.x, whole.elements, k)) < thresholds[k]:
                 difference = np.abs(blocks[k] - clamped_by_lapack(whole.blocks[k])).max()

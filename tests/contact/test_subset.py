@@ -27,9 +27,9 @@ def test_what_moves_meets_what_it_meets_in_the_whole(kind, size):
         limit = part.step_limit(x, dx)
         assert limit == pytest.approx(fresh.step_limit(x, dx), rel=1e-12)
         y = x + limit * dx
-        near = fresh.near(y)
+        near = fresh.active(y)
         wanted = near.elements[moving[near.elements].any(axis=1)]
-        np.testing.assert_array_equal(part.near(y).elements, wanted)
+        np.testing.assert_array_equal(part.active(y).elements, wanted)
         found, clipped = found + len(wanted), clipped + (limit < 1)
     assert found > 20
     assert clipped or size < 5
@@ -46,13 +46,13 @@ def test_what_was_out_of_reach_is_met_on_the_way(kind, gap):
     whole, fresh = (Candidates(surface, D_HAT, 0.005) for _ in range(2))
     part = CandidatesAround.of(whole, moving, x)
     assert len(middle)
-    assert not len(part.near(x))
+    assert not len(part.active(x))
     for down in (0.019, gap + 0.05):
         dx = -down * moving[:, None] * np.array([0.0, 0.0, 1.0])
         limit = part.step_limit(x, dx)
         assert limit == pytest.approx(fresh.step_limit(x, dx), rel=1e-12)
         y = x + limit * dx
-        found, wanted = part.near(y).elements, fresh.near(y).elements
+        found, wanted = part.active(y).elements, fresh.active(y).elements
         np.testing.assert_array_equal(found, wanted[moving[wanted].any(axis=1)])
         assert len(found) or (gap, down) == (0.12, 0.019)
     assert limit < 1

@@ -1,14 +1,14 @@
-"""The oracle: two triangles cut down to what they have in common, in rational numbers. Slow, plain, another way.
+"""Oracle in rational arithmetic: the common part of two triangles by clipping. Slow and independent of the package.
 
 A triangle, a segment and a point are each an intersection of half-spaces n . x >= c. One triangle's corners are clipped
-by the half-spaces of the other (Sutherland and Hodgman 1974): the corners of the intersection are left.
+by the half-spaces of the other (Sutherland and Hodgman 1974): the corners of the intersection remain.
 """
 
 from fractions import Fraction
 
 
 def intersect(x, s, t):
-    """Do triangles s and t (vertex numbers) have more in common than the hull of the vertices that they share?"""
+    """True where triangles s and t (vertex numbers) have more in common than the hull of their common vertices."""
     shared = sorted({int(i) for i in s} & {int(i) for i in t})
     if len(shared) == 3:
         return True
@@ -25,15 +25,15 @@ def point(row):
 
 
 def clip(polygon, spaces):
-    """The corners of a convex polygon (or segment, or point) that is cut by half-spaces."""
+    """The corners of a convex polygon (or segment, or point) clipped by half-spaces."""
     for n, c in spaces:
         heights = [dot(n, p) - c for p in polygon]
         left = []
         for k, (p, h) in enumerate(zip(polygon, heights, strict=True)):
             before, height_before = polygon[k - 1], heights[k - 1]
             if h * height_before < 0:
-                share = height_before / (height_before - h)
-                left.append(tuple(a + share * (b - a) for a, b in zip(before, p, strict=True)))
+                fraction = height_before / (height_before - h)
+                left.append(tuple(a + fraction * (b - a) for a, b in zip(before, p, strict=True)))
             if h >= 0:
                 left.append(p)
         polygon = left
@@ -45,18 +45,18 @@ def half_spaces(a, b, c):
     normal = cross(minus(b, a), minus(c, a))
     if any(normal):
         sides = [(cross(normal, minus(q, p)), p) for p, q in ((a, b), (b, c), (c, a))]
-        return [through(n, p) for n, p in [(normal, a), (minus((0, 0, 0), normal), a), *sides]]
+        return [half_space(n, p) for n, p in [(normal, a), (minus((0, 0, 0), normal), a), *sides]]
     start, end = max(((a, b), (b, c), (a, c)), key=lambda ends: dot(minus(*ends), minus(*ends)))
     along = minus(end, start)
     axes = [(1, 0, 0), (0, 1, 0), (0, 0, 1)]
     if not any(along):
-        return [through(n, a) for e in axes for n in (e, minus((0, 0, 0), e))]
+        return [half_space(n, a) for e in axes for n in (e, minus((0, 0, 0), e))]
     across = [cross(along, e) for e in axes]
-    walls = [through(n, start) for m in across for n in (m, minus((0, 0, 0), m))]
-    return [*walls, through(along, start), through(minus((0, 0, 0), along), end)]
+    walls = [half_space(n, start) for m in across for n in (m, minus((0, 0, 0), m))]
+    return [*walls, half_space(along, start), half_space(minus((0, 0, 0), along), end)]
 
 
-def through(n, p):
+def half_space(n, p):
     return n, dot(n, p)
 
 

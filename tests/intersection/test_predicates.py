@@ -1,4 +1,4 @@
-"""Signs against rational numbers, where doubles alone would get them wrong."""
+"""Signs of determinants against rational arithmetic, where doubles alone would get them wrong."""
 
 from fractions import Fraction
 

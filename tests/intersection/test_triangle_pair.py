@@ -1,4 +1,4 @@
-"""The exact test on cases made by hand, and against the rational oracle on points that hit every degenerate case."""
+"""Exact intersection test on cases made by hand, and against the rational oracle on degenerate lattice points."""
 
 from itertools import permutations
 
@@ -13,7 +13,7 @@ from clothsim.intersection import triangle_pair
 from clothsim.intersection.predicates import scaled
 from clothsim.jit import kernel
 
-triangles_intersect = kernel(triangle_pair.triangles_intersect)  # as the judge runs it: compiled
+triangles_intersect = kernel(triangle_pair.triangles_intersect)  # compiled, as in use
 
 T = [(0, 0, 0), (4, 0, 0), (0, 4, 0)]
 FREE = {
@@ -45,7 +45,7 @@ FREE = {
     "point beside, in the plane": ([(3, 3, 0)] * 3, False),
     "point above": ([(1, 1, 1)] * 3, False),
 }
-"""The corners of a second triangle without a common vertex."""
+"""Corners of a second triangle without a common vertex."""
 
 CORNER = {
     "a fan, flat": ([(-4, 0, 0), (0, -4, 0)], False),
@@ -65,7 +65,7 @@ CORNER = {
     "a segment from the corner's place": ([(0, 0, 0), (0, 0, 2)], False),
     "a segment in the plane from the corner's place": ([(0, 0, 0), (1, 1, 0)], True),
 }
-"""The corners of a second triangle beside the common one, T[0]."""
+"""Corners of a second triangle beside the common one, T[0]."""
 
 EDGE = {
     "flat": ((0, -4, 0), False),
@@ -76,7 +76,7 @@ EDGE = {
     "without area": ((2, 0, 0), False),
     "without area, beyond": ((9, 0, 0), False),
 }
-"""The third corner of a second triangle beside the common edge, T[0] T[1]."""
+"""Third corner of a second triangle beside the common edge, T[0] T[1]."""
 
 
 def poses(points):
@@ -89,48 +89,48 @@ def poses(points):
     yield points * 2.0**500
 
 
-def judge(x, s, t):
-    """All orders of vertices and arguments agree; the oracle too."""
+def checked(x, s, t):
+    """The answer, the same for all orders of vertices and arguments and by the oracle."""
     x = np.ascontiguousarray(x, np.float64)
     y = scaled(x)
-    verdicts = {triangles_intersect(y, a, t) for a in permutations(s)}
-    verdicts |= {triangles_intersect(y, b, s) for b in permutations(t)}
-    assert verdicts == {intersect(x, s, t)}
-    return verdicts.pop()
+    answers = {triangles_intersect(y, a, t) for a in permutations(s)}
+    answers |= {triangles_intersect(y, b, s) for b in permutations(t)}
+    assert answers == {intersect(x, s, t)}
+    return answers.pop()
 
 
 @pytest.mark.parametrize("name", FREE)
 def test_triangles_without_a_common_vertex(name):
     corners, meets = FREE[name]
     for x in poses([*T, *corners]):
-        assert judge(x, (0, 1, 2), (3, 4, 5)) is meets
+        assert checked(x, (0, 1, 2), (3, 4, 5)) is meets
 
 
 @pytest.mark.parametrize("name", CORNER)
 def test_triangles_with_a_common_vertex(name):
     corners, meets = CORNER[name]
     for x in poses([*T, *corners]):
-        assert judge(x, (0, 1, 2), (3, 0, 4)) is meets
+        assert checked(x, (0, 1, 2), (3, 0, 4)) is meets
 
 
 @pytest.mark.parametrize("name", EDGE)
 def test_triangles_with_a_common_edge(name):
     corner, meets = EDGE[name]
     for x in poses([*T, corner]):
-        assert judge(x, (0, 1, 2), (1, 0, 3)) is meets
+        assert checked(x, (0, 1, 2), (1, 0, 3)) is meets
 
 
 def test_the_same_three_vertices():
     x = np.random.default_rng(0).random((3, 3))
-    assert judge(x, (0, 1, 2), (2, 1, 0)) is True
+    assert checked(x, (0, 1, 2), (2, 1, 0)) is True
 
 
 @pytest.mark.parametrize("gap", [1e-12, 1e-15, 5e-16])
 def test_one_unit_in_the_last_place_decides(gap):
     """A cap of height `gap` above a face, and its tip just below."""
     above = [*T, (1, 1, gap), (3, 1, gap), (2, 1, 2 * gap)]
-    assert judge(above, (0, 1, 2), (3, 4, 5)) is False
-    assert judge([*above[:3], (1, 1, -gap), *above[4:]], (0, 1, 2), (3, 4, 5)) is True
+    assert checked(above, (0, 1, 2), (3, 4, 5)) is False
+    assert checked([*above[:3], (1, 1, -gap), *above[4:]], (0, 1, 2), (3, 4, 5)) is True
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -141,7 +141,7 @@ def test_a_cap_and_an_edge_that_passes_its_tip(seed):
         x = rng.standard_normal((6, 3))
         x[2] = 0.5 * (x[0] + x[1]) + 1e-12 * rng.standard_normal(3)
         x[3:] += x[2] - x[3:5].mean(axis=0) + 1e-12 * rng.standard_normal(3)
-        hits += judge(x, (0, 1, 2), (3, 4, 5))
+        hits += checked(x, (0, 1, 2), (3, 4, 5))
     assert 5 < hits < 55
 
 
@@ -149,14 +149,14 @@ def test_a_cap_and_an_edge_that_passes_its_tip(seed):
 def test_a_flat_sheet_turned_at_random(seed):
     """Rounded, its triangles lie in one plane but for the last digits, and where they touch it is they that decide."""
     rng = np.random.default_rng(seed)
-    verdicts = []
+    answers = []
     for offset in (0.0, 1e6):
         for _ in range(40):
             flat = np.column_stack([rng.integers(-2, 3, (5, 2)), np.zeros(5)])
             x = flat @ random_rotation(seed).T + offset
-            verdicts.append(judge(x, (0, 1, 2), (2, 3, 4)))
-            verdicts.append(judge(x, (0, 1, 2), (2, 1, 4)))
-    assert {True, False} == set(verdicts)
+            answers.append(checked(x, (0, 1, 2), (2, 3, 4)))
+            answers.append(checked(x, (0, 1, 2), (2, 1, 4)))
+    assert {True, False} == set(answers)
 
 
 lattice = some.lists(some.tuples(*[some.integers(-2, 2)] * 3), min_size=6, max_size=6)

@@ -1,4 +1,4 @@
-"""The plate patch test: the bending strains of quadratic surfaces are exact on any mesh, triangle by triangle."""
+"""Plate patch test: the bending strains of quadratic surfaces are exact on any mesh, triangle by triangle."""
 
 from dataclasses import replace
 
@@ -30,7 +30,7 @@ every_quadratic = pytest.mark.parametrize("curvature", QUADRATICS.values(), ids=
 
 
 def random_mesh(seed, n=120):
-    """Delaunay of points at random in the unit square, but none very close to another or to the border."""
+    """Delaunay triangulation of random points in the unit square with a minimum spacing."""
     rng = np.random.default_rng(seed)
     side = np.linspace(0, 1, 9)[:-1]
     points = np.array([p for s in side for p in ((s, 0), (1, s), (1 - s, 1), (0, 1 - s))])
@@ -55,7 +55,7 @@ every_mesh = pytest.mark.parametrize("name", ["right", "alternating", "crisscros
 
 
 def lifted(positions, curvature, size=SIZE):
-    """The flat mesh raised to w = size x'Cx/2."""
+    """The flat mesh displaced to w = size x'Cx/2."""
     x = positions.copy()
     x[:, 2] = size * np.einsum("vi,ij,vj->v", positions[:, :2], curvature, positions[:, :2]) / 2
     return x
@@ -73,7 +73,7 @@ def plate(curvature, nu):
     return (1 - nu) * (curvature**2).sum() + nu * np.trace(curvature) ** 2
 
 
-def deep_inside(world, rings=1):
+def interior_triangles(world, rings=1):
     """The triangles with `rings` rings of triangles between them and the border."""
     near = np.zeros(world.n_cloth, bool)
     near[border_vertices(world.triangles)] = True
@@ -85,10 +85,10 @@ def deep_inside(world, rings=1):
 @every_mesh
 @every_quadratic
 @pytest.mark.parametrize("nu", [0.0, 0.3, -0.5])
-def test_a_quadratic_surface_has_the_energy_of_the_plate_in_each_inner_triangle(name, curvature, nu):
+def test_quadratic_surface_has_the_plate_energy_in_each_interior_triangle(name, curvature, nu):
     positions, triangles = mesh(name)
     world = make_world([cloth(positions, triangles, replace(UNIT, poisson_ratio=nu))])
-    inner = deep_inside(world)
+    inner = interior_triangles(world)
     assert inner.sum() > 10
     found = densities(world, lifted(positions, curvature))
     assert found[inner] == pytest.approx(plate(curvature, nu), rel=1e-8)
@@ -96,8 +96,8 @@ def test_a_quadratic_surface_has_the_energy_of_the_plate_in_each_inner_triangle(
 
 @every_mesh
 @pytest.mark.parametrize("nu", [0.0, 0.3])
-def test_what_has_no_moment_across_the_border_is_exact_to_the_border(name, nu):
-    """So is the saddle on a rectangle."""
+def test_surface_without_border_moment_is_exact_up_to_the_border(name, nu):
+    """The saddle on a rectangle."""
     positions, triangles = mesh(name)
     world = make_world([cloth(positions, triangles, replace(UNIT, poisson_ratio=nu))])
     assert densities(world, lifted(positions, SADDLE)) == pytest.approx(2 * (1 - nu), rel=1e-8)
@@ -105,7 +105,7 @@ def test_what_has_no_moment_across_the_border_is_exact_to_the_border(name, nu):
 
 @every_mesh
 @pytest.mark.parametrize("nu", [0.3, -0.5])
-def test_a_strip_may_curve_across_as_its_material_wants(name, nu):
+def test_anticlastic_strip_is_exact_at_its_free_sides(name, nu):
     """k_yy = -nu k_xx has no moment across the sides y = 0, 1: D (1 - nu^2) there too, away from the ends."""
     positions, triangles = mesh(name)
     world = make_world([cloth(positions, triangles, replace(UNIT, poisson_ratio=nu))])
@@ -117,8 +117,8 @@ def test_a_strip_may_curve_across_as_its_material_wants(name, nu):
 
 
 @every_mesh
-def test_a_border_relaxes_until_it_has_no_moment(name):
-    """A cylinder costs less at the border than inside, and never more: its own direction is free there."""
+def test_free_border_lowers_the_energy_of_a_curved_sheet(name):
+    """A cylinder has less energy at the border than inside, never more: its direction of curvature is free there."""
     positions, triangles = mesh(name)
     world = make_world([cloth(positions, triangles)])
     found = densities(world, lifted(positions, np.eye(2)))
@@ -128,7 +128,7 @@ def test_a_border_relaxes_until_it_has_no_moment(name):
 
 @pytest.mark.parametrize("pinned", ["border", "band"])
 @pytest.mark.parametrize("seed", range(3))
-def test_a_clamp_shares_its_plane_with_the_sheet(pinned, seed):
+def test_sheet_is_tangent_to_a_clamp(pinned, seed):
     """w = x^2/2 beyond a clamp at x = 0 is exact up to the clamp, on both kinds of clamp; the band itself is flat."""
     positions, triangles = random_mesh(seed)
     if pinned == "band":  # a row of flat triangles behind x = 0, with no vertex of its own on the border y = 0, 1
@@ -153,8 +153,8 @@ def test_a_clamp_shares_its_plane_with_the_sheet(pinned, seed):
 
 
 @every_mesh
-def test_only_flat_is_free(name):
-    """Of all ways to lift the vertices only the three that stay flat cost nothing: no checkerboard, no loose corner."""
+def test_only_affine_deformations_have_zero_energy(name):
+    """Of all vertical displacements only the three affine ones have zero energy: no checkerboard, no loose corner."""
     world = make_world([cloth(*mesh(name))])
     strains = bending_strains(world, world.hinges).toarray()
     slopes = np.zeros((len(world.hinges.vertices), world.n_cloth))
@@ -167,7 +167,7 @@ def test_only_flat_is_free(name):
     assert singular[-4] > 1e-4 * singular[0]
 
 
-def test_a_turned_mesh_or_a_mirrored_pattern_changes_nothing():
+def test_invariance_under_rotation_and_mirrored_patterns():
     positions, triangles = random_mesh(2)
     pattern = positions[triangles][..., :2] * [-1.0, 1.0]
     plain, turned, mirrored = (

@@ -1,3 +1,5 @@
+"""Deformation gradients, area ratios and material frames."""
+
 import numpy as np
 import pytest
 from meshes import deformed, random_rotation, small_world
@@ -10,7 +12,7 @@ def gradients(world, x):
     return deformation_gradients(x, world.triangles, world.rest_shape_inverses)
 
 
-def test_it_carries_rest_edges_to_deformed_edges():
+def test_maps_rest_edges_to_deformed_edges():
     world = small_world(curved=True)
     x = deformed(world)
     F = gradients(world, x)
@@ -28,7 +30,7 @@ def test_an_affine_map_of_a_flat_sheet_gives_its_matrix_everywhere():
     np.testing.assert_allclose(F, A @ frames[:, :, :2], rtol=0, atol=1e-14)
 
 
-def test_twice_the_size_is_two_not_a_half():
+def test_uniform_scaling_by_two():
     world = small_world(curved=True)
     F = gradients(world, 2 * world.start())
     np.testing.assert_allclose(np.swapaxes(F, 1, 2) @ F, np.broadcast_to(4 * np.eye(2), (len(F), 2, 2)), atol=1e-13)
@@ -61,7 +63,7 @@ def test_frames_are_rotations_with_the_edges_of_the_material_plane():
     np.testing.assert_allclose(gradients(world, world.start()), frames[:, :, :2], rtol=0, atol=1e-14)
 
 
-def test_frames_turn_with_the_mesh():
+def test_frames_rotate_with_the_mesh():
     world = small_world(curved=True)
     R = random_rotation(2)
     before = reference_frames(world.start(), world.triangles)
@@ -71,5 +73,5 @@ def test_frames_turn_with_the_mesh():
 
 def test_a_triangle_without_area_has_no_frame():
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [2, 0, 0.0]])
-    with pytest.raises(InputError, match="triangle 1 has no area"):
+    with pytest.raises(InputError, match=r"triangle 1 .*2 such"):
         reference_frames(positions, np.array([[0, 1, 2], [0, 1, 3], [0, 0, 1]]))

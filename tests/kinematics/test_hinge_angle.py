@@ -1,4 +1,4 @@
-"""The hinge angle against the angle of the mesh floor, its derivatives against differences, and where it ends."""
+"""Hinge angle against `mesh.hinges.dihedral_angles`, its derivatives against differences, and degenerate hinges."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ HINGE = np.array([[0, 1, 2, 3]])
 
 
 class Angle:
-    """theta as if it were an energy, for the difference checker."""
+    """theta with the methods of an energy, for the difference checker."""
 
     def value(self, x):
         return float(angles(HINGE, x)[0])
@@ -32,7 +32,7 @@ class Angle:
 
 
 def fold(angle, seed=0):
-    """A hinge of unequal triangles, folded by `angle` and turned at random in space."""
+    """A hinge of unequal triangles, folded by `angle` and rotated at random in space."""
     corners = np.array([[0, 0, 0], [1.1, 0, 0], [0.3, 0.8, 0], [0.6, -0.9, 0]])
     c, s = np.cos(angle), np.sin(angle)
     corners[3] = [0.6, -0.9 * c, -0.9 * s]
@@ -40,7 +40,7 @@ def fold(angle, seed=0):
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, -1e-5, 0.4, -1.7, 3.0, np.pi - 1e-9, -np.pi + 1e-6])
-def test_angle_is_that_of_the_fold_and_of_the_mesh_floor(angle):
+def test_angle_of_a_fold_and_of_dihedral_angles(angle):
     x = fold(angle)
     assert abs(Angle().value(x) - angle) < 1e-15 + 1e-14 * abs(angle)
     assert abs(dihedral_angles(x, HINGE)[0] - angle) < 1e-14
@@ -62,7 +62,7 @@ def test_taylor_slopes(angle):
 
 
 @pytest.mark.parametrize("angle", [0.0, 1.3, -3.0])
-def test_rigid_motion_changes_nothing_and_hessian_is_symmetric(angle):
+def test_rigid_motion_invariance_and_symmetry(angle):
     x = fold(angle)
     gradient, hessian = Angle().gradient(x), dense_hessian(Angle(), x)
     assert np.abs(gradient.sum(axis=0)).max() < 1e-14 * np.abs(gradient).max()
@@ -76,7 +76,7 @@ def test_rigid_motion_changes_nothing_and_hessian_is_symmetric(angle):
 
 
 @pytest.mark.parametrize("height", [1e-3, 1e-5, 1e-8])
-def test_slivers_are_as_exact(height):
+def test_slivers_are_exact_to_their_condition(height):
     x = fold(0.7)
     foot = x[0] + 0.3 / 1.1 * (x[1] - x[0])
     x[2] = foot + height * (x[2] - foot)
@@ -87,7 +87,7 @@ def test_slivers_are_as_exact(height):
 
 
 @pytest.mark.parametrize("scale", [1e-60, 1e-3, 1.0, 1e60])
-def test_no_area_is_infinite_and_weightless_at_every_scale(scale):
+def test_degenerate_triangles_have_no_angle_and_zero_derivatives(scale):
     folded_away, point_edge, point = fold(0.7), fold(0.7), np.zeros((4, 3))
     folded_away[2] = 0.3 * folded_away[0] + 0.7 * folded_away[1]
     point_edge[1] = point_edge[0]

@@ -1,3 +1,5 @@
+"""Polar decomposition of 3x2 deformation gradients against the SVD and closed forms."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -6,12 +8,12 @@ from hypothesis.extra.numpy import arrays
 from meshes import deformed, random_rotation, small_world
 
 from clothsim.kinematics.deformation_gradient import area_ratios, deformation_gradients, reference_frames
-from clothsim.kinematics.stretch import decompose, principal_stretches, spatial_rotations
+from clothsim.kinematics.stretch import polar_decomposition, principal_stretches, spatial_rotations
 from clothsim.mesh.cloth import triangle_planes
 from clothsim.mesh.motion import rotation_matrix
 
 ULPS = 16
-"""How many round-offs of l1 an answer may be off; measured over 2e5 samples of each kind: l 5, R U - F 15."""
+"""Round-offs of l1 by which an answer may differ; measured over 2e5 samples of each kind: l 5, R U - F 15."""
 
 MEASURED_REFERENCE = np.array(
     [[0.759919, -0.015194, 6.38401], [0.767822, -0.0212492, 6.3669], [0.726977, -0.00749985, 6.38692]]
@@ -37,7 +39,7 @@ def area(corners):
 
 
 def samples(kind, count=2000, seed=0):
-    """Deformation gradients (count, 3, 2), tame and wild."""
+    """Deformation gradients (count, 3, 2), regular and degenerate."""
     rng = np.random.default_rng(seed)
     F = rng.standard_normal((count, 3, 2))
     powers = 10.0 ** rng.uniform(-12, 0, (count, 1))
@@ -74,7 +76,7 @@ KINDS = [
 @pytest.mark.parametrize("kind", KINDS)
 def test_decomposition_against_the_svd(kind, dtype):
     F = samples(kind).astype(dtype)
-    stretch = decompose(F)
+    stretch = polar_decomposition(F)
     fine = F.astype(np.float64)
     expected = np.linalg.svd(fine, compute_uv=False)
     size = expected[:, :1]
@@ -102,7 +104,7 @@ def test_decomposition_against_the_svd(kind, dtype):
 @settings(max_examples=100, deadline=None)
 @given(arrays(np.float64, (2, 3, 2), elements=st.floats(-1e3, 1e3)))
 def test_any_deformation_gradient(F):
-    stretch = decompose(F)
+    stretch = polar_decomposition(F)
     number = np.finfo(float)
     bound = 2 * ULPS * number.eps * np.abs(F).max(axis=(1, 2), keepdims=True) + number.tiny
     expected = np.linalg.svd(F, compute_uv=False)
@@ -113,18 +115,18 @@ def test_any_deformation_gradient(F):
     )
 
 
-def test_no_nan_where_float32_eigenvalues_give_one_in_half_of_the_rank_deficient_samples():
+def test_float32_is_never_nan_for_rank_deficient_gradients():
     F = samples("rank 1", count=20000).astype(np.float32)
     with np.errstate(invalid="ignore"):
         naive = np.sqrt(np.linalg.eigvalsh(transposed(F) @ F))
-    share = np.isnan(naive).any(axis=1).mean()
-    assert 0.3 < share < 0.7
+    fraction = np.isnan(naive).any(axis=1).mean()
+    assert 0.3 < fraction < 0.7
     assert np.isfinite(principal_stretches(F)).all()
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.float32])
-def test_a_thin_triangle_keeps_its_small_stretch(dtype):
-    """Squared in C, l2 = 1e-5 l1 would be lost in float32 (1e-10 is below its round-off)."""
+def test_small_stretch_of_a_thin_triangle_is_exact(dtype):
+    """Squared in C, l2 = 1e-5 l1 is below the round-off of float32 (1e-10)."""
     thin = np.array([[[1, 0], [0, 1e-5], [0, 0]]]) @ rotation_matrix(np.array([0, 0, 0.6]))[:2, :2]
     l1, l2 = principal_stretches(thin.astype(dtype))[0]
     assert abs(l1 - 1) < ULPS * np.finfo(dtype).eps
@@ -139,7 +141,7 @@ def test_the_measured_triangle():
     np.testing.assert_allclose([l1 * l2, area_ratios(F)[0]], ratio, rtol=1e-12)
 
 
-def test_the_measured_triangle_without_its_z_row_is_wrong():
+def test_measured_triangle_without_its_third_coordinate_differs():
     flat_reference, flat_deformed = MEASURED_REFERENCE * [1, 1, 0], MEASURED_DEFORMED * [1, 1, 0]
     l1, l2 = principal_stretches(triangle_gradients(flat_reference, flat_deformed))[0]
     assert (round(l1, 3), round(l2, 3)) == (1.054, 0.676)
@@ -150,23 +152,23 @@ def test_rigid_motion(degrees):
     world = small_world(curved=True)
     R = rotation_matrix(np.radians(degrees) * np.array([1.0, 2.0, -2.0]) / 3)
     F = deformation_gradients(world.start() @ R.T + [3, 2, 1], world.triangles, world.rest_shape_inverses)
-    stretch = decompose(F)
+    stretch = polar_decomposition(F)
     np.testing.assert_allclose(stretch.principal_stretches, 1, rtol=1e-13)
     np.testing.assert_allclose(stretch.U, np.broadcast_to(np.eye(2), stretch.U.shape), rtol=0, atol=1e-13)
     turned = spatial_rotations(stretch.R3, reference_frames(world.start(), world.triangles))
     np.testing.assert_allclose(turned, np.broadcast_to(R, turned.shape), rtol=0, atol=1e-13)
 
 
-def test_a_mirrored_sheet_is_turned_over_not_inverted():
+def test_mirrored_sheet_is_a_rotation_by_180_degrees():
     world = small_world()
     F = deformation_gradients(world.start() * [-1, 1, 1], world.triangles, world.rest_shape_inverses)
-    stretch = decompose(F)
+    stretch = polar_decomposition(F)
     np.testing.assert_allclose(stretch.principal_stretches, 1, rtol=1e-13)
     turned = spatial_rotations(stretch.R3, reference_frames(world.start(), world.triangles))
     np.testing.assert_allclose(turned, np.broadcast_to(np.diag([-1, 1, -1]), turned.shape), rtol=0, atol=1e-13)
 
 
-def test_a_doubled_triangle_gives_two():
+def test_uniform_scaling_by_two():
     world = small_world(curved=True)
     F = deformation_gradients(2 * world.start(), world.triangles, world.rest_shape_inverses)
     np.testing.assert_allclose(principal_stretches(F), 2, rtol=1e-13)
@@ -177,7 +179,7 @@ def test_known_stretches_directions_and_rotation():
     V = rotation_matrix(np.array([0, 0, angle]))[:2, :2]
     R3 = random_rotation(3)
     U = V @ np.diag([1.7, 0.6]) @ V.T
-    stretch = decompose((R3[:, :2] @ U)[None])
+    stretch = polar_decomposition((R3[:, :2] @ U)[None])
     np.testing.assert_allclose(stretch.principal_stretches[0], [1.7, 0.6], rtol=1e-14)
     np.testing.assert_allclose(stretch.directions[0], V, rtol=0, atol=1e-14)
     np.testing.assert_allclose(stretch.U[0], U, rtol=0, atol=1e-14)
@@ -185,11 +187,11 @@ def test_known_stretches_directions_and_rotation():
     np.testing.assert_allclose(stretch.spatial_directions[0], R3[:, :2] @ V, rtol=0, atol=1e-14)
 
 
-def test_a_rotation_in_space_changes_the_rotation_alone():
+def test_rotation_in_space_leaves_u_unchanged():
     world = small_world(curved=True)
     x, Q = deformed(world), random_rotation(9)
-    before = decompose(deformation_gradients(x, world.triangles, world.rest_shape_inverses))
-    after = decompose(deformation_gradients(x @ Q.T, world.triangles, world.rest_shape_inverses))
+    before = polar_decomposition(deformation_gradients(x, world.triangles, world.rest_shape_inverses))
+    after = polar_decomposition(deformation_gradients(x @ Q.T, world.triangles, world.rest_shape_inverses))
     np.testing.assert_allclose(after.U, before.U, rtol=0, atol=1e-13)
     np.testing.assert_allclose(after.R3, Q @ before.R3, rtol=0, atol=1e-13)
 
@@ -198,7 +200,7 @@ def test_simple_shear():
     """J = 1, l1 = 1/l2 = (g + sqrt(g^2 + 4))/2; C = [[1, g], [g, 1 + g^2]], so v1 stands at atan2(2 g, -g^2)/2."""
     g = 0.8
     F = np.array([[[1, g], [0, 1], [0, 0]]])
-    stretch = decompose(F)
+    stretch = polar_decomposition(F)
     l1 = (g + np.sqrt(g**2 + 4)) / 2
     np.testing.assert_allclose(stretch.principal_stretches[0], [l1, 1 / l1], rtol=1e-14)
     v1 = stretch.directions[0, :, 0]
@@ -207,4 +209,4 @@ def test_simple_shear():
 
 def test_whole_numbers_and_empty_meshes():
     np.testing.assert_allclose(principal_stretches(np.array([[[3, 0], [0, 4], [0, 0]]])), [[4, 3]])
-    assert decompose(np.zeros((0, 3, 2))).R3.shape == (0, 3, 3)
+    assert polar_decomposition(np.zeros((0, 3, 2))).R3.shape == (0, 3, 3)

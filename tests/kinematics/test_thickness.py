@@ -1,3 +1,5 @@
+"""Plane-stress thickness against Wright's omega function, published digits and limits."""
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -5,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.special import wrightomega
 
 from clothsim.errors import InputError
-from clothsim.kinematics.thickness import thickness_stretch
+from clothsim.kinematics.thickness import deformed_thickness, thickness_stretch
 
 STRAIN = 1e-6
 
@@ -36,7 +38,7 @@ def test_published_digits(l1, l3):
 
 @settings(max_examples=100, deadline=None)
 @given(st.floats(-20, 20), st.floats(-20, 20), st.floats(0, 0.5))
-def test_the_thickness_is_in_balance_and_depends_on_the_area_alone(log_l1, log_l2, nu):
+def test_thickness_satisfies_plane_stress_and_depends_on_the_area_only(log_l1, log_l2, nu):
     l1, l2 = np.exp([log_l1, log_l2])
     l3 = thickness_stretch(l1, l2, nu)
     assert residual(np.atleast_1d(l3), np.atleast_1d(l1 * l2), nu) < 1e-13
@@ -53,7 +55,7 @@ def test_small_strains(nu, strains):
     np.testing.assert_allclose(l3 - 1, -nu / (1 - nu) * (e1 + e2), rtol=0, atol=20 * STRAIN**2)
 
 
-def test_the_plane_stress_lam_would_be_30_percent_off():
+def test_plane_stress_lam_underestimates_thinning_by_30_percent():
     """lam/mu = 2 nu/(1 - nu) in place of 2 nu/(1 - 2 nu) is what the right equation gives at nu' = nu/(1 + nu)."""
     nu = 0.3
     wrong_nu = nu / (1 + nu)
@@ -63,7 +65,7 @@ def test_the_plane_stress_lam_would_be_30_percent_off():
     np.testing.assert_allclose(right, 3 / 7 * STRAIN, rtol=1e-5)
 
 
-def test_it_tends_to_incompressible():
+def test_limit_of_incompressibility():
     l1, l2 = np.array([0.6, 1.0, 1.3, 2.0]), np.array([0.9, 1.0, 0.8, 1.5])
     expected = thickness_stretch(l1, l2, 0.1, model="incompressible")
     np.testing.assert_array_equal(expected, np.exp(-np.log(l1) - np.log(l2)))
@@ -73,53 +75,61 @@ def test_it_tends_to_incompressible():
     np.testing.assert_allclose(thickness_stretch(l1, l2, 0.5), expected, rtol=4e-15)
 
 
-def test_no_poisson_effect_no_change():
+def test_zero_poisson_ratio_keeps_the_thickness():
     np.testing.assert_array_equal(thickness_stretch([0, 0.5, 2], [1, 1, 3], 0.0), 1)
 
 
-def test_a_poisson_ratio_per_triangle():
+def test_poisson_ratio_per_triangle():
     nu = np.array([0.0, 0.2, 0.5])
     together = thickness_stretch([1.2, 1.2, 1.2], 1.1, nu)
     np.testing.assert_array_equal(together, [thickness_stretch(1.2, 1.1, n) for n in nu])
     assert (np.diff(together) < 0).all()
 
 
+def test_deformed_thickness_is_rest_thickness_times_stretch():
+    stretches, nu = np.array([[1.2, 1.0], [1.1, 0.9], [1.0, 1.0]]), np.array([0.1, 0.3, 0.5])
+    rest = np.array([1e-3, 2e-3, 3e-3])
+    found = deformed_thickness(stretches, rest, nu)
+    np.testing.assert_array_equal(found, rest * thickness_stretch(*stretches.T, nu))
+    assert found[2] == rest[2]
+
+
 @pytest.mark.parametrize("nu", [0.01, 0.3, 0.5])
-def test_extremes_are_numbers(nu):
+def test_extreme_stretches(nu):
     assert thickness_stretch(0.0, 1.0, nu) == np.inf
     assert thickness_stretch(1e-150, 1e-150, nu) > 1
     assert 0 <= thickness_stretch(1e150, 1e150, nu) < 1
 
 
 @pytest.mark.parametrize("nu", [-1e-6, -0.2, -0.5, -0.95])
-def test_auxetic_sheets_thicken_when_pulled(nu):
+def test_auxetic_sheets_thicken_under_tension(nu):
     J = np.array([0.95, 1.0, 1.1, 2.0, 1e3])
     l3 = thickness_stretch(J, 1, nu)
     assert (residual(l3, J, nu) < 1e-14).all()
     assert (np.sign(l3 - 1) == np.sign(J - 1)).all()
 
 
-def test_an_auxetic_sheet_can_lose_its_balance():
+def test_compressed_auxetic_sheet_without_equilibrium_is_refused():
     """nu = -.5: mu3 (l3^2 - 1) - mu3/2 ln(J l3) has its minimum at l3 = 1/2, above 0 for ln J < ln 2 - 3/2."""
     limit = np.exp(np.log(2) - 1.5)
     np.testing.assert_allclose(thickness_stretch(limit * (1 + 1e-12), 1, -0.5), 0.5, atol=1e-5)
-    with pytest.raises(InputError, match=r"no thickness balances entry \[1\]"):
+    with pytest.raises(InputError, match=r"entry \[1\]"):
         thickness_stretch([1.0, limit * (1 - 1e-12)], 1, -0.5)
-    with pytest.raises(InputError, match="no thickness balances"):
+    with pytest.raises(InputError, match="poisson_ratio"):
         thickness_stretch(0.0, 1.0, -0.5)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "words"),
     [
-        (([1, -0.1], 1, 0.3), r"l1\[1\] must be at least 0, not -0.1"),
-        ((1, -1, 0.3), "l2 must be at least 0"),
-        ((1, np.nan, 0.3), "^l2 is nan"),
-        ((1, 1, 0.6), r"poisson_ratio must be in \(-1, 0.5\], not 0.6"),
-        ((1, 1, [0.2, -1]), r"poisson_ratio\[1\] must be in"),
-        ((1, 1, 0.3, "rubber"), "thickness model 'rubber' is not known. Take one of neo_hookean, incompressible"),
+        (([1, -0.1], 1, 0.3), r"l1\[1\] .*0.* -0.1"),
+        ((1, -1, 0.3), r"^l2 .*-1"),
+        ((1, np.nan, 0.3), r"^l2 .*nan"),
+        ((1, 1, 0.6), r"^poisson_ratio .*\(-1, 0.5\].* 0.6"),
+        ((1, 1, [0.2, -1]), r"^poisson_ratio\[1\]"),
+        ((1, 1, 0.3, "rubber"), r"'rubber'.*neo_hookean, incompressible"),
     ],
 )
-def test_bad_input_is_named(arguments, says):
-    with pytest.raises(InputError, match=says):
+def test_bad_input_is_named(arguments, words):
+    with pytest.raises(InputError, match=words):
         thickness_stretch(*arguments)

@@ -55,6 +55,6 @@ def test_cloth_can_be_tested_without_being_promised():
     check = intersection_check_of(world_surfaces(scene), {}, {})
     assert check.crossings(scene.start()) == ()
     found = check.crossings(scene.start(), cloth_cloth=True, limit=100)
-    assert [crossing.who for crossing in found] == ["sheet and flag intersect"]
+    assert [crossing.summary for crossing in found] == ["sheet and flag intersect"]
     assert len(found[0].pairs) > 1
     assert check.violations(found) == []

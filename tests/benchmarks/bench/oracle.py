@@ -67,9 +67,9 @@ def compared(case: Case, states: Path, repeats: int, heard: Callable[[str], None
     ways = recorded(session, settled(session, case, states))
     bound = [cast(Barrier, session.built.energies[name]) for name in CONTACTS]
     barriers = [replace(barrier, stiffness=1.0) for barrier in bound]
-    near = [[barrier.candidates.near(x).elements for barrier in barriers] for x, _ in ways]
+    active = [[barrier.candidates.active(x).elements for barrier in barriers] for x, _ in ways]
     n_cloth = session.built.world.n_cloth
-    pattern = extended(session.integrator.system.base, [rows for _, rows in near])
+    pattern = extended(session.integrator.system.base, [rows for _, rows in active])
     sides: dict[str, Side] = {"ours": Ours(barriers, pattern), "ipctk": Ipctk(barriers, n_cloth)}
     with _processor_time():
         for side in sides.values():
@@ -81,7 +81,7 @@ def compared(case: Case, states: Path, repeats: int, heard: Callable[[str], None
     each = {
         name: {part: median(turn[name][1][part] for turn in rounds) / len(ways) for part in PARTS} for name in sides
     }
-    pairs, own_pairs = max(sum(map(len, found)) for found in near), max(len(found[-1]) for found in near)
+    pairs, own_pairs = max(sum(map(len, found)) for found in active), max(len(found[-1]) for found in active)
     return Compared(n_cloth, len(ways), pairs, own_pairs, ours, each["ours"], each["ipctk"])
 
 

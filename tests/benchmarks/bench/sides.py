@@ -40,14 +40,14 @@ class Ours:
     def begin(self, x: Floats) -> None:
         """The step before has found what is near x."""
         for barrier in self.barriers:
-            barrier.candidates.forget()
-            barrier.candidates.near(x)
+            barrier.candidates.clear()
+            barrier.candidates.active(x)
 
     def take(self, x: Floats, dx: Floats, seconds: Seconds) -> float:
         """Pairs, sums, matrix, step; the contact's own receipt tells the CCD from the search for it."""
         clock = Clock(seconds)
         for barrier in self.barriers:
-            barrier.candidates.near(x)
+            barrier.candidates.active(x)
         clock.book("candidates")
         energy = sum(barrier.value(x) for barrier in self.barriers)
         for barrier in self.barriers:
