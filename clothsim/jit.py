@@ -4,15 +4,37 @@ A cold start is spent in the compiler, and half of that not on the loops: each f
 wrappers, and all wrappers of all that it calls are compiled again inside of it. So only kernels get one. A `part`
 stays a Python function for Python: it can be called, slowly, to look at it or to test it.
 
-What is compiled is kept beside the file of the kernel and serves until that file changes. It does not see a change of a
-part, of what is `inlined` or of a constant in another file: whoever edits one deletes the folders __pycache__.
+Machine code is cached in the user's cache folder, under a hash of all that it was compiled from (`kernel_cache`):
+whoever edits a kernel, a part or a constant has nothing to delete. NUMBA_CACHE_DIR chooses another folder.
 """
+
+from collections.abc import Callable
+from typing import Any
 
 from numba import njit
 from numba.extending import register_jitable
 
-kernel = njit(cache=True, error_model="numpy", no_cfunc_wrapper=True)
-"""A function that Python calls, with float64 C arrays, int64 and float: compiled once for each set of types, kept."""
+from clothsim.kernel_cache import KernelCache
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """A function that Python calls, with float64 C arrays, int64 and float: compiled once for each set of types.
+
+    Parameters
+    ----------
+    function : callable
+        Scalar code and loops, as numba compiles them.
+
+    Returns
+    -------
+    numba.core.dispatcher.Dispatcher
+        Compiled when it is called; the function itself where NUMBA_DISABLE_JIT is set.
+    """
+    compiled = njit(error_model="numpy", no_cfunc_wrapper=True)(function)
+    if compiled is not function:
+        compiled._cache = KernelCache(compiled)  # as cache=True does, with numba's own
+    return compiled
+
 
 part = register_jitable(error_model="numpy", no_cfunc_wrapper=True)
 """A function that kernels call. Compiled with them, never for a literal number: 1 is an int64 like any other."""

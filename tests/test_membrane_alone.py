@@ -85,7 +85,7 @@ def both(tmp_path_factory):
     """The run with the whole package, and with a copy in which the files of all other effects are deleted."""
     folder = tmp_path_factory.mktemp("alone")
     copy = folder / "copy" / "clothsim"
-    shutil.copytree(PACKAGE, copy)  # with the caches of numba, which know the sources by their times
+    shutil.copytree(PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
     for module in of_effects(FILES) - needed(*ALONE):
         (copy / FILES[module].relative_to(PACKAGE)).unlink()
     for name in ("whole", "pruned"):

@@ -34,9 +34,9 @@ def start() -> "subprocess.Popen[bytes] | None":
 def _compiled() -> bool:
     """Whether the kernel that takes longest is there, or has no place to be."""
     from clothsim.energies.membrane_kernels import fill
+    from clothsim.kernel_cache import can_store, is_cached
 
-    folder = fill.stats.cache_path
-    return not folder or any(Path(folder).glob("membrane_kernels.fill-*.nbi"))
+    return is_cached(fill) or not can_store()
 
 
 def compile_the_rest() -> None:

@@ -1,12 +1,11 @@
 """Pair loops of lagged friction: E = sum L f0(|u|), u = (I - n n') sum_i g_i (x_i - start_i), e: slip."""
 
 import numpy as np
-from numba import njit
 
-from clothsim.jit import kernel, natural
+from clothsim.jit import inlined, kernel, natural
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def _sliding(x, start, rows, g, n, u):
     """Fills u (3,) [m]; returns its length."""
     for k in range(3):
@@ -35,7 +34,7 @@ def value(x, start, elements, weights, normals, limits, e):
     return total
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def _per_length(y, e):
     """f0'(y) / y [1/m]: finite at 0."""
     return 1.0 / y if y >= e else (2.0 - y / e) / e

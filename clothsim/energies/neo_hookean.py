@@ -8,12 +8,13 @@ isotropic distortion energies", for three rows and two columns.) mu, lam [N/m] p
 """
 
 import numpy as np
-from numba import njit
+
+from clothsim.jit import inlined
 
 TWIST, FLIP, OUT_1, OUT_2 = 0, 1, 2, 3
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def density(mu, lam, e11, e12, e22, J):
     """psi [J/m2] from E = C - 1 and J; +inf where the triangle has no area.
 
@@ -29,20 +30,20 @@ def density(mu, lam, e11, e12, e22, J):
     return 0.5 * mu * (e11 + e22 - 2.0 * log_J) + 0.5 * lam * log_J * log_J
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def inverse_factor(mu, lam, J):
     """b = lam ln J - mu in the stress P = mu F + b F C^-1 [N/m]."""
     return lam * np.log(J) - mu
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def stretch_block(mu, lam, s1, s2):
     """psi_11, psi_12, psi_22 [N/m]: the Hessian over the two stretch modes w_i v_i'."""
     b = lam * np.log(s1 * s2) - mu
     return mu + (lam - b) / (s1 * s1), lam / (s1 * s2), mu + (lam - b) / (s2 * s2)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def other_modes(mu, lam, s1, s2):
     """The eigenvalues of twist, flip and the two out-of-plane modes [N/m], free of cancellation.
 

@@ -8,13 +8,13 @@ triangles. F = sum over vertices of x_v g_v', g_v (2,) the rates of a part's sha
 """
 
 import numpy as np
-from numba import njit
 
 from clothsim.energies.neo_hookean import density, inverse_factor
 from clothsim.energies.triangle_kernels import project_2x2
+from clothsim.jit import inlined, kernel
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@inlined
 def _deformation(x, vertices, rates, F):
     """F (3, 2); returns E = C - 1 as E11, E12, E22, and J."""
     F[:, :] = 0.0
@@ -30,7 +30,7 @@ def _deformation(x, vertices, rates, F):
     return e11, e12, e22, np.sqrt(max((1.0 + e11) * (1.0 + e22) - e12 * e12, 0.0))
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def value(x, elements, rates, weights, mu, lam):
     """E(x) [J]; +inf where a part has lost its area."""
     F = np.empty((3, 2))
@@ -43,7 +43,7 @@ def value(x, elements, rates, weights, mu, lam):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def gradient(x, elements, rates, weights, mu, lam):
     """dE/dx_v = sum of weight F S g_v, (N, 3) [N]."""
     out = np.zeros_like(x)
@@ -62,7 +62,7 @@ def gradient(x, elements, rates, weights, mu, lam):
     return out
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def hessian(x, elements, rates, weights, mu, lam, project):
     """Blocks (m, 12, 12) of d2E/dx2, the sum of all parts; with `project` of positive semi-definite ones."""
     blocks = np.zeros((len(elements), 12, 12))
@@ -74,7 +74,7 @@ def hessian(x, elements, rates, weights, mu, lam, project):
     return blocks
 
 
-@njit(cache=True, error_model="numpy")
+@kernel
 def _add(block, x, vertices, rates, weight, mu, lam, project, F, strain):
     """Adds the second derivatives of weight psi(F): S on the rates, and the tangent on the strains.
 

@@ -18,9 +18,9 @@ from clothsim.energies.base import Energy
 from clothsim.energies.protocols import restricted
 from clothsim.errors import InputError
 from clothsim.kinematics.deformation_gradient import deformation_gradients
-from clothsim.kinematics.kabsch_frames import ring_frames
-from clothsim.kinematics.stretch import Stretch, decompose
-from clothsim.kinematics.thickness import thickness_stretch
+from clothsim.kinematics.kabsch_frames import vertex_frames as kabsch_frames
+from clothsim.kinematics.stretch import PolarDecomposition, polar_decomposition
+from clothsim.kinematics.thickness import deformed_thickness
 from clothsim.kinematics.warp_weft import thread_axes
 from clothsim.mesh.topology import vertex_rings
 from clothsim.mesh.world import World
@@ -62,9 +62,9 @@ class Configuration:
         return thread_axes(self.world, np.zeros(len(self.world.triangles)))
 
     @cached_property
-    def stretch(self) -> Stretch:
+    def stretch(self) -> PolarDecomposition:
         """F = R U of each triangle."""
-        return decompose(self.F)
+        return polar_decomposition(self.F)
 
 
 @dataclass(frozen=True)
@@ -129,15 +129,15 @@ def compression(at: Configuration) -> Floats:
 
 def thickness(at: Configuration) -> Floats:
     """l3 times the fabric's thickness [m], (m,): l3 of the compressible Neo-Hookean sheet in plane stress."""
-    l1, l2 = at.stretch.principal_stretches.T
-    return thickness_stretch(l1, l2, at.world.per_triangle("poisson_ratio")) * at.world.per_triangle("thickness")
+    rest, nu = at.world.per_triangle("thickness"), at.world.per_triangle("poisson_ratio")
+    return deformed_thickness(at.stretch.principal_stretches, rest, nu)
 
 
 def vertex_frames(at: Configuration) -> Floats:
     """Kabsch rotation of each vertex ring from the rest positions, (n, 3, 3)."""
     world = at.world
     rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
-    return ring_frames(rest, at.x[: world.n_cloth], *vertex_rings(world.triangles, world.n_cloth)).rotations
+    return kabsch_frames(rest, at.x[: world.n_cloth], *vertex_rings(world.triangles, world.n_cloth)).rotations
 
 
 def stress(at: Configuration) -> Floats:

@@ -1,0 +1,110 @@
+"""The cache of one kernel, in the place where numba's dispatcher asks for one."""
+
+import functools
+import pickle
+from pathlib import Path
+from typing import Any
+
+from numba.core import config
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from clothsim.kernel_cache import storage
+from clothsim.kernel_cache.compiler import identity
+from clothsim.kernel_cache.descriptions import UnnameableError, digest_of_types
+from clothsim.kernel_cache.digest import digest
+
+LONGEST = 100
+"""Characters of a kernel's name in the names of its files; Windows limits a path to 260."""
+
+
+class KernelCache(NullCache):
+    """What a kernel was compiled to, for each set of types.
+
+    Parameters
+    ----------
+    kernel : numba.core.dispatcher.Dispatcher
+        It asks this cache before it compiles.
+    """
+
+    def __init__(self, kernel: Any) -> None:
+        self._kernel = kernel
+        self._name = f"{kernel.py_func.__module__}.{kernel.py_func.__qualname__}"
+        self._places: dict[Any, Path] = {}
+
+    @property
+    def cache_path(self) -> str | None:
+        """The folder of all kernels' caches; None where there is none."""
+        root = storage.root(config.CACHE_DIR)
+        return None if root is None else str(root)
+
+    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
+        """The machine code for these types, None where it has to be compiled."""
+        self._places.pop(sig, None)
+        try:
+            stem = self.stem(target_context)
+            place = None if stem is None else stem.with_name(f"{stem.name}-{digest_of_types(sig)}{storage.SUFFIX}")
+        except UnnameableError as error:
+            storage.warn_once(f"Each process compiles {self._name}: it uses {error}, which has no lasting description.")
+            return None
+        if place is None:
+            return None
+        self._places[sig] = place  # of the code as it is now, before it is compiled
+        _remove_unused_once(place.parents[1])
+        content = storage.read(place)
+        return None if content is None else _rebuilt(content, target_context)
+
+    def save_overload(self, sig: Any, data: CompileResult) -> None:
+        """Store the machine code for these types; not where it holds addresses of this process."""
+        place = self._places.pop(sig, None)
+        lasting = not data.library.has_dynamic_globals and all(loop.can_cache for loop in data.lifted)
+        if place is not None and lasting:
+            storage.write(place, dumps(data._reduce()))
+
+    def flush(self) -> None:
+        """Nothing: a name stands for one content."""
+
+    def stem(self, target_context: Any) -> Path | None:
+        """How the paths of this kernel's files begin; None where there is no folder to be chosen.
+
+        Raises
+        ------
+        UnnameableError
+            As `digest`.
+        """
+        root = storage.root(config.CACHE_DIR)
+        if root is None:
+            return None
+        code = digest(self._kernel, target_context)
+        name = self._name.replace("<", "").replace(">", "")  # of a function within another: not in Windows' names
+        return root / identity(target_context.codegen()) / f"{name[-LONGEST:]}-{code}"
+
+
+def is_cached(kernel: Any) -> bool:
+    """Whether the machine code of a kernel is on disk, for any types."""
+    if not hasattr(kernel, "targetctx"):  # NUMBA_DISABLE_JIT: a function of Python, nothing to compile
+        return True
+    try:
+        stem = kernel._cache.stem(kernel.targetctx)
+    except UnnameableError:
+        return False
+    return stem is not None and any(stem.parent.glob(f"{stem.name}-*{storage.SUFFIX}"))
+
+
+def can_store() -> bool:
+    """Whether there is a folder for machine code, and it can be written."""
+    root = storage.root(config.CACHE_DIR)
+    return root is not None and storage.can_write(root)
+
+
+def _rebuilt(content: bytes, target_context: Any) -> CompileResult | None:
+    try:
+        return CompileResult._rebuild(target_context, *pickle.loads(content))
+    except Exception:  # a damaged file raises whatever its bytes say: it is compiled and written again
+        return None
+
+
+@functools.cache
+def _remove_unused_once(root: Path) -> None:
+    storage.remove_unused(root)
