@@ -130,7 +130,7 @@ def compression(at: Configuration) -> Floats:
 def thickness(at: Configuration) -> Floats:
     """l3 times the fabric's thickness [m], (m,): l3 of the compressible Neo-Hookean sheet in plane stress."""
     rest, nu = at.world.per_triangle("thickness"), at.world.per_triangle("poisson_ratio")
-    return deformed_thickness(at.stretch.principal_stretches, rest, nu)
+    return deformed_thickness(np.asarray(at.stretch.principal_stretches, np.float64), rest, nu)
 
 
 def vertex_frames(at: Configuration) -> Floats:
