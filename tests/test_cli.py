@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import sys
 
 import numpy as np
 import pytest
@@ -105,6 +106,16 @@ def test_picture_and_movie_are_left(capsys, tmp_path, monkeypatch):
     assert (tmp_path / "free/picture.png").read_bytes().startswith(b"\x89PNG")
     assert list((tmp_path / "free").glob("movie.*"))
     assert "picture.png" in capsys.readouterr().out
+
+
+def test_a_movie_without_ffmpeg_is_a_gif(tmp_path, monkeypatch):
+    from clothsim.cli import render_command
+
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    small = {"size": (64, 64), "renderer": "ray"}
+    monkeypatch.setattr(render_command, "draw_movie", with_keywords(render_command.draw_movie, small))
+    assert main(["run", "free.toml", "--movie", "--no-picture", "--frames-per-second", "25", "--quiet"]) == 0
+    assert [file.name for file in (tmp_path / "free").glob("movie.*")] == ["movie.gif"]
 
 
 def test_a_picture_that_fails_is_told_and_leaves_the_run_completed(capsys, monkeypatch):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from clothsim.run.session import Session
     from clothsim.scene.scene import Scene
 
-PICTURE_NAME, MOVIE_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "failure.png"
+PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "movie.gif", "failure.png"
 
 _RUN = """\
 Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture of the last frame; where it failed,
@@ -46,7 +46,7 @@ def add_to(commands: Any) -> None:
     resume.set_defaults(handler=_resume)
     for command in (run, resume):
         command.add_argument("--no-picture", action="store_true", help=f"leave no {PICTURE_NAME} and no {FAILURE_NAME}")
-        command.add_argument("--movie", action="store_true", help=f"leave {MOVIE_NAME} too")
+        command.add_argument("--movie", action="store_true", help=f"leave {MOVIE_NAME} too, or {GIF_NAME}")
         command.add_argument("--dump-iterates", metavar="STEP", help="write the Newton iterates of that step, from 1")
         command.add_argument("--quiet", action="store_true", help="print the end only")
         command.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
@@ -154,7 +154,7 @@ def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> 
     from clothsim.cli.render_command import draw_failure, draw_frame, draw_movie, upright
     from clothsim.errors import ClothsimError
 
-    for name in (PICTURE_NAME, MOVIE_NAME, "movie.gif", FAILURE_NAME):
+    for name in (PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME):
         (run.directory / name).unlink(missing_ok=True)
     up, trouble = upright(run), []
     jobs: list[tuple[str, Callable[[], Any]]] = []
@@ -164,7 +164,12 @@ def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> 
             target, world = run.directory / FAILURE_NAME, session.built.world
             jobs.append((FAILURE_NAME, lambda: draw_failure(run, world, target, up)))
     if arguments.movie:
-        jobs.append((MOVIE_NAME, lambda: draw_movie(run, run.directory / MOVIE_NAME, up=up, quiet=arguments.quiet)))
+        from clothsim.render.movie import has_ffmpeg
+
+        film = MOVIE_NAME if has_ffmpeg() else GIF_NAME
+        if film == GIF_NAME:
+            trouble.append(f"{film}, not {MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")
+        jobs.append((film, lambda: draw_movie(run, run.directory / film, up=up, quiet=arguments.quiet)))
     for name, job in jobs:
         if not arguments.quiet:
             print(f"drawing {name}", file=sys.stderr, flush=True)

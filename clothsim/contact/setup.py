@@ -10,7 +10,7 @@ from clothsim.contact.candidates import Candidates
 from clothsim.contact.stiffness import default_d_hat
 from clothsim.contact.surface import ContactSurface
 from clothsim.energies.base import Energy
-from clothsim.errors import InputError
+from clothsim.errors import InputError, MissingPackageError
 from clothsim.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from clothsim.mesh.world import World
 
@@ -29,7 +29,9 @@ def contact_energy(
     stiffness: float | str,
     backend: str,
 ) -> Energy:
-    """The barrier of the effect `name` on `surface`. InputError where the start is not free of contact."""
+    """The barrier of the effect `name` on `surface`. InputError where the start is not free of contact,
+    MissingPackageError for the ipctk backend without ipctk.
+    """
     distance = _distance(name, world, d_hat)
     thickness = as_positive(f"effects.{name}.offset", offset, zero=True)
     adaptive = stiffness == "auto"
@@ -41,8 +43,13 @@ def contact_energy(
     candidates = Candidates(surface, distance + thickness, reach=0.7 * distance, offset=thickness)
     _refuse_touch(world, candidates, start, thickness)
     if backend == "ipctk":
-        from clothsim.contact.ipctk_barrier import IpctkBarrier, IpctkCandidates
-
+        try:
+            from clothsim.contact.ipctk_barrier import IpctkBarrier, IpctkCandidates
+        except ImportError as error:
+            raise MissingPackageError(
+                'contact.backend = "ipctk" needs ipctk, which is not installed.',
+                "Run: pip install 'clothsim[oracle]', or take contact.backend = \"numba\".",
+            ) from error
         if thickness or not surface.complete:
             key = "offset" if thickness else "exclude"
             raise InputError(f"effects.{name}.{key} does not work with ipctk.", 'Use contact.backend = "numba".')

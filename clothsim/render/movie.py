@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from clothsim.arrays import as_positive
-from clothsim.errors import InputError
+from clothsim.errors import InputError, MissingPackageError
 from clothsim.render.picture import Shot, expose, take_aim
 from clothsim.render.surface_look import Surface
 
@@ -28,31 +28,30 @@ def movie(
 ) -> str:
     """Write the frames to `path`, whose ending says what: .mp4 or .gif; returns one line that says what drew it.
 
-    Without ffmpeg an .mp4 becomes a .gif of the same name, and the line says so. GIF shows at most 50 frames a
-    second in steps of 10 ms. progress(done, total) is called after each frame; other arguments as in `picture.draw`.
-    samples: per pixel and direction, 1 is faster and rougher.
+    An .mp4 needs the extra `movies`: MissingPackageError without it. A .gif needs no more than Pillow; it shows at most
+    50 frames a second in steps of 10 ms. progress(done, total) is called after each frame; other arguments as in
+    `picture.draw`. samples: per pixel and direction, 1 is faster and rougher.
     """
     target = Path(path)
     if target.suffix.lower() not in (".mp4", ".gif"):
         raise InputError(f"A movie ends in .mp4 or .gif, not {target.name!r}.")
+    if target.suffix.lower() == ".mp4" and not has_ffmpeg():
+        raise MissingPackageError(
+            f"{target.name} needs ffmpeg, which is not installed.",
+            "Run: pip install 'clothsim[movies]', or end the name in .gif.",
+        )
     rate = as_positive("frames_per_second", frames_per_second)
     all_frames = frames if isinstance(frames, Sequence) else list(frames)
     even = (int(size[0]) // 2 * 2, int(size[1]) // 2 * 2)  # H.264 halves the colour's resolution
     shot = take_aim(
         all_frames, size=even, colour=colour, up=up, view=view, title=title, renderer=renderer, samples=samples
     )
-    note = shot.note
-    if target.suffix.lower() == ".mp4" and not _ffmpeg():
-        target = target.with_suffix(".gif")
-        note = (
-            f"{note} Written as {target.name}, as ffmpeg is missing; `pip install imageio[ffmpeg]` would give an MP4."
-        )
     pictures = _pictures(shot, all_frames, progress)
     if target.suffix.lower() == ".mp4":
         _write_mp4(target, pictures, rate, even)
     else:
         _write_gif(target, pictures, rate)
-    return note
+    return shot.note
 
 
 def _pictures(
@@ -63,7 +62,7 @@ def _pictures(
         progress(number + 1, len(frames))
 
 
-def _ffmpeg() -> bool:
+def has_ffmpeg() -> bool:
     """True where imageio-ffmpeg is installed and brings, or finds, the program."""
     try:
         import imageio_ffmpeg

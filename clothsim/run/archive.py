@@ -25,7 +25,11 @@ PICTURES = ("failure.png", "picture.png")
 TOP = (README_NAME, SCENE_NAME, VERSIONS_NAME, CHECKPOINT_NAME, RECORD_NAME, SUMMARY_NAME, *PICTURES)
 """All that an archive may hold beside FOLDER."""
 
-PACKAGES = ("clothsim", "numpy", "scipy", "numba", "h5py", "pypardiso", "scikit-sparse", "ipctk", "meshio", "trimesh")
+PACKAGES = (
+    *("clothsim", "numpy", "scipy", "numba", "h5py", "meshio", "trimesh"),
+    *("pypardiso", "mkl", "py-mkl-pardiso", "scikit-sparse", "ipctk"),
+)
+"""Distributions whose versions an archive states."""
 
 MOST_BYTES, MOST_FILES = 4 << 30, 100_000
 """What an archive may unpack to."""

@@ -116,5 +116,6 @@ def _tolerance(scene: Scene) -> tuple[float, str]:
 
 def _set_threads(threads: int) -> None:
     """Threads of ipctk, where a scene has loaded it; the linear solver is told when it is made."""
-    if "ipctk" in sys.modules:
-        sys.modules["ipctk"].set_num_threads(threads or os.cpu_count() or 1)
+    ipctk = sys.modules.get("ipctk")
+    if ipctk is not None:
+        ipctk.set_num_threads(threads or os.cpu_count() or 1)

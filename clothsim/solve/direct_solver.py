@@ -19,6 +19,8 @@ class LinearSolver(abc.ABC):
 
     name: str
     threads: int = 1
+    wanted_threads: int = 1
+    """Threads that it would take, were its library not sequential."""
 
     @abc.abstractmethod
     def __init__(self, pattern: Pattern, threads: int) -> None:

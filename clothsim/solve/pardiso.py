@@ -4,9 +4,6 @@ import ctypes
 import math
 import os
 import sys
-from functools import cache
-from importlib import metadata
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,13 +12,14 @@ from numpy.typing import NDArray
 from clothsim.arrays import Floats
 from clothsim.errors import ClothsimError
 from clothsim.solve.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
+from clothsim.solve.pardiso_library import load_library
 from clothsim.solve.sparsity import Pattern
 
 ONE_THREAD_BELOW = 4000
 """Vertices below which PARDISO gets one thread where the scene leaves it open: a small factorisation takes 5 ms on one,
 and on two now and then 50 ms, when the second must be woken (seen at 1,681 vertices; at 10,201 two take .55 of one)."""
 
-ANALYSIS, FACTORISATION, SOLUTION = 11, 22, 33
+ANALYSIS, FACTORISATION, SOLUTION, RELEASE = 11, 22, 33, -1
 SYMMETRIC_POSITIVE = 2
 NO_MEMORY, NOT_POSITIVE = -2, -4
 MAX_REFINEMENTS = 10
@@ -33,18 +31,19 @@ class Factor:
     """PARDISO for one sparsity in one precision: AMD ordering; phase 11 once, then 22 and 33."""
 
     def __init__(self, pattern: Pattern, threads: int, kind: type[np.floating]) -> None:
-        from pypardiso import PyPardisoSolver
-
-        _tell_where_mkl_is()
-        self._solver = PyPardisoSolver(mtype=SYMMETRIC_POSITIVE)
-        self._threads = threads
-        self._solver.set_iparm(1, 1)
-        self._solver.set_iparm(2, 0)  # minimum degree: 10 % faster than nested dissection at these sizes
-        self._solver.set_iparm(28, int(kind is np.float32))
+        self._library = load_library()
+        self.threads = threads if self._library.threaded else 1
+        integer = self._library.integer
+        self._handle = np.zeros(64, np.int64)
+        self._settings = np.zeros(64, integer)
+        self._settings[0] = 1  # all of them are given: zeros are no defaults
+        self._settings[1] = 0  # minimum degree: 10 % faster than nested dissection at these sizes
+        self._settings[27] = int(kind is np.float32)
+        self._permutation = np.zeros(1, integer)
         self._kind = kind
         self._pattern = pattern
         indptr, indices = pattern.scalar
-        self._indptr, self._indices = indptr + 1, indices + 1  # it counts from one
+        self._indptr, self._indices = (array.astype(integer) + 1 for array in (indptr, indices))  # it counts from one
         self._data: NDArray[Any] = np.zeros(len(indices), kind)
         self._data[indptr[:-1]] = 1.0
         self._no_side = np.zeros(3 * pattern.n_vertices, kind)
@@ -67,46 +66,49 @@ class Factor:
 
     def _arguments(self) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
         """What MKL is told before the phase and after it, always the same: made anew, it took .2 ms of each call."""
-        solver = self._solver
-        one, size, silent = (ctypes.byref(ctypes.c_int32(value)) for value in (1, len(self._no_side), 0))
+        one, kind, size, silent = map(self._integer, (1, SYMMETRIC_POSITIVE, len(self._no_side), 0))
         before = (
-            solver.pt.ctypes.data_as(ctypes.POINTER(solver._pt_type[0])),
+            _address(self._handle),
             one,  # as many factors as are kept
             one,  # the one that is used
-            ctypes.byref(ctypes.c_int32(solver.mtype)),
+            kind,
         )
         after = (
             size,
-            self._data.ctypes.data_as(ctypes.c_void_p),
-            _integers(self._indptr),
-            _integers(self._indices),
-            _integers(solver.perm),
+            _address(self._data),
+            _address(self._indptr),
+            _address(self._indices),
+            _address(self._permutation),
             one,  # right-hand sides
-            _integers(solver.iparm),
+            _address(self._settings),
             silent,
         )
         return before, after
 
+    def _integer(self, value: int) -> Any:
+        counts = ctypes.c_int64 if self._library.integer is np.int64 else ctypes.c_int32
+        return ctypes.byref(counts(value))
+
     def _call(self, phase: int, b: NDArray[Any]) -> NDArray[Any]:
-        x, error = np.empty_like(b), ctypes.c_int32(0)
-        self._solver.libmkl.MKL_Set_Num_Threads(self._threads)  # of the process: another factor may have set its own
+        x, error = np.empty_like(b), np.zeros(1, self._library.integer)
+        self._library.set_threads(self.threads)  # of the process: another factor may have set its own
         before, after = self._always
-        addresses = ctypes.c_void_p(b.ctypes.data), ctypes.c_void_p(x.ctypes.data)
-        self._solver._mkl_pardiso(*before, ctypes.byref(ctypes.c_int32(phase)), *after, *addresses, ctypes.byref(error))
-        if error.value == NOT_POSITIVE:
+        self._library.pardiso(*before, self._integer(phase), *after, _address(b), _address(x), _address(error))
+        code = int(error[0])
+        if code == NOT_POSITIVE:
             raise NotPositiveDefiniteError
-        if error.value:
-            raise _failure(error.value, len(b))
+        if code:
+            raise _failure(code, len(b))
         return x
 
     def close(self) -> None:
         """Give back MKL's memory; the factor is of no use after. The end of the process does it too."""
-        if not sys.is_finalizing() and hasattr(self, "_solver"):
-            self._solver.libmkl.MKL_Set_Num_Threads(self._threads)
-            self._solver.free_memory(everything=True)
+        if not sys.is_finalizing() and self._handle.any():
+            self._call(RELEASE, self._no_side)
+            self._handle[:] = 0
 
     def __del__(self) -> None:
-        if hasattr(self, "_solver"):  # not where pypardiso is missing
+        if hasattr(self, "_always"):  # not where the library is missing
             self.close()
 
 
@@ -116,8 +118,9 @@ class Pardiso(LinearSolver):
     name = "pardiso"
 
     def __init__(self, pattern: Pattern, threads: int) -> None:
-        self.threads = _threads(pattern, threads)
-        self._factor = Factor(pattern, self.threads, np.float64)
+        self.wanted_threads = _threads(pattern, threads)
+        self._factor = Factor(pattern, self.wanted_threads, np.float64)
+        self.threads = self._factor.threads
 
     def factorise(self, data: Floats) -> None:
         """Phase 22."""
@@ -140,9 +143,10 @@ class Mixed(LinearSolver):
     name = "mixed"
 
     def __init__(self, pattern: Pattern, threads: int) -> None:
-        self.threads = _threads(pattern, threads)
+        self.wanted_threads = _threads(pattern, threads)
         self._pattern = pattern
-        self._single = Factor(pattern, self.threads, np.float32)
+        self._single = Factor(pattern, self.wanted_threads, np.float32)
+        self.threads = self._single.threads
         self._double: Factor | None = None
         self.doubles = 0
         self.restart()
@@ -207,18 +211,5 @@ def _threads(pattern: Pattern, threads: int) -> int:
     return threads or (1 if pattern.n_vertices < ONE_THREAD_BELOW else os.cpu_count() or 1)
 
 
-def _integers(array: NDArray[np.int32]) -> Any:
-    return array.ctypes.data_as(ctypes.POINTER(ctypes.c_int32))
-
-
-@cache
-def _tell_where_mkl_is() -> None:
-    """Name MKL's library to pypardiso, which else searches every folder of the environment: seconds for each solver."""
-    try:
-        files = metadata.files("mkl") or []
-    except metadata.PackageNotFoundError:
-        return
-    for file in files:
-        if file.name.startswith(("libmkl_rt.so", "mkl_rt.")) and file.suffix != ".lib":
-            os.environ.setdefault("PYPARDISO_MKL_RT", str(Path(file.locate()).resolve()))
-            return
+def _address(array: NDArray[Any]) -> ctypes.c_void_p:
+    return ctypes.c_void_p(array.ctypes.data)

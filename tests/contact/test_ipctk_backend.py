@@ -1,5 +1,7 @@
 """`contact.backend = "ipctk"` from a scene file to the frames: it runs and is certified; both backends move alike."""
 
+import sys
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from clothsim import simulate
 from clothsim.build.scene_world import build
 from clothsim.contact.barrier import Barrier
 from clothsim.contact.ipctk_barrier import IpctkBarrier
+from clothsim.errors import MissingPackageError
 from clothsim.scene.toml_file import load_scene
 
 SCENES = {
@@ -94,3 +97,12 @@ def test_both_backends_move_alike(scene, tmp_path):
 def test_the_name_in_the_file_chooses_the_backend_of_every_contact(backend, kind, tmp_path):
     energies = build(scene_with(backend, "body", tmp_path)).energies
     assert {type(energies[name]) for name in ("body_contact", "self_contact")} == {kind}
+
+
+def test_without_ipctk_its_extra_is_named(monkeypatch, tmp_path):
+    monkeypatch.setitem(sys.modules, "ipctk", None)
+    monkeypatch.delitem(sys.modules, "clothsim.contact.ipctk_barrier")
+    with pytest.raises(MissingPackageError) as caught:
+        build(scene_with("ipctk", "body", tmp_path))
+    assert "contact.backend" in caught.value.sentence
+    assert "clothsim[oracle]" in caught.value.remedy

@@ -1,10 +1,11 @@
+import sys
+
 import numpy as np
 import pytest
 from PIL import Image
 from render_scenes import ball, sheet
 
-from clothsim.errors import InputError
-from clothsim.render import movie as movie_module
+from clothsim.errors import InputError, MissingPackageError
 from clothsim.render.movie import movie
 
 SETTINGS = {"size": (97, 72), "renderer": "ray", "samples": 1}
@@ -51,10 +52,13 @@ def test_an_mp4_has_every_frame(tmp_path):
     assert seconds == pytest.approx(0.5, abs=0.02)
 
 
-def test_without_ffmpeg_an_mp4_becomes_a_gif(tmp_path, monkeypatch):
-    monkeypatch.setattr(movie_module, "_ffmpeg", lambda: False)
-    note = movie(tmp_path / "run.mp4", falling(2), **SETTINGS)
-    assert "run.gif" in note
+def test_without_ffmpeg_an_mp4_names_its_extra_and_a_gif_is_written(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(MissingPackageError) as caught:
+        movie(tmp_path / "run.mp4", falling(2), **SETTINGS)
+    assert "clothsim[movies]" in caught.value.remedy
+    assert list(tmp_path.iterdir()) == []
+    movie(tmp_path / "run.gif", falling(2), **SETTINGS)
     with Image.open(tmp_path / "run.gif") as picture:
         assert picture.n_frames == 2
 

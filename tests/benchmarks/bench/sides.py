@@ -126,6 +126,7 @@ def loaded() -> Any:
     try:
         ipctk = import_module("ipctk")  # by name: of the package only contact imports it, and this measures it
     except ImportError as error:
-        raise InputError("--oracle measures ipctk, which is not installed.", "pip install ipctk") from error
+        remedy = "Run: pip install 'clothsim[oracle]'"
+        raise InputError("--oracle measures ipctk, which is not installed.", remedy) from error
     ipctk.set_num_threads(1)
     return ipctk
