@@ -90,7 +90,7 @@ def deformed_thickness(
     array([0.0004, 0.0005])
     """
     stretch = thickness_stretch(principal_stretches[:, 0], principal_stretches[:, 1], poisson_ratio, model)
-    return np.asarray(rest_thickness * stretch, np.float64)
+    return np.asarray(rest_thickness, np.float64) * stretch
 
 
 def _log_thickness(log_area: Floats, nu: Floats) -> Floats:
