@@ -128,15 +128,15 @@ class Barrier(Energy):
             return np.zeros((0, 4), np.int64)  # the vertices of bodies are not unknowns
         relative = dx - dx[self.candidates.surface.rows].mean(axis=0)
         length = np.linalg.norm(relative, axis=1, keepdims=True)
-        reach, max_pairs = PREDICTION_LENGTH, MAX_PREDICTED_PAIRS * len(self.candidates.surface.rows)
+        length_in_d_hat, max_pairs = PREDICTION_LENGTH, MAX_PREDICTED_PAIRS * len(self.candidates.surface.rows)
         while True:
-            prediction = reach * self.d_hat
+            prediction = length_in_d_hat * self.d_hat
             pairs, _ = self.candidates.search.pairs(
                 x, x + prediction / np.maximum(length, prediction) * relative, self.candidates.activation_distance
             )
-            if len(pairs) <= max_pairs or reach < 1.0:
+            if len(pairs) <= max_pairs or length_in_d_hat < 1.0:
                 return pairs.elements
-            reach *= 0.25
+            length_in_d_hat *= 0.25
 
     @property
     def remembers(self) -> float:
@@ -152,8 +152,8 @@ class Barrier(Energy):
         pairs = self._pairs(x)
         if not len(pairs[0]):
             return EMPTY_HESSIAN.elements, np.zeros((0, 4)), np.zeros((0, 3)), np.zeros(0)
-        weights, lines, slopes = kernels.normal_forces(x, *pairs, least_gap * self.d_hat)
-        return pairs[0], weights, lines, -stiffness * slopes
+        weights, differences, slopes = kernels.normal_forces(x, *pairs, least_gap * self.d_hat)
+        return pairs[0], weights, differences, -stiffness * slopes
 
     def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
         """Collision-free fraction of dx, at most `most`."""

@@ -102,10 +102,10 @@ def _add_tangent_factor(factors, at, g, r, t, c, slope):
     z = np.sqrt(dot(r, r) * (c[0] * c[0] + c[1] * c[1] + c[2] * c[2] + c[3] * c[3]))
     root = np.sqrt(z * z + 4.0 * size)
     scale = np.sqrt(-2.0 * slope / (z * root))
-    tangent_part, normal_scale = scale * z, 0.5 * scale * (z + root)
+    along_t, along_r = scale * z, 0.5 * scale * (z + root)
     for i in range(4):
         for p in range(3):
-            factors[at, 3 * i + p] = tangent_part * g[i] * t[p] + normal_scale * c[i] * r[p]
+            factors[at, 3 * i + p] = along_t * g[i] * t[p] + along_r * c[i] * r[p]
 
 
 @kernel
@@ -143,15 +143,8 @@ def _relative_block(blocks, at, factors, records, points, e, is_edges, threshold
     tangent_scale = -2.0 * m * slope
     _fill_distance_vectors(factors, relative(g), r, t, relative(c), u, relative(d))
     _fill_mollifier_vectors(factors, cross_squared_gradient(*edges(points)), dm, 2.0 * slope * dm, b * d2m)
-    _sum_outer_products(
-        blocks,
-        at,
-        factors,
-        4.0 * m * curvature,
-        tangent_scale * has_first,
-        tangent_scale * has_second,
-        2.0 * slope * dm,
-    )
+    first, second = tangent_scale * has_first, tangent_scale * has_second
+    _sum_outer_products(blocks, at, factors, 4.0 * m * curvature, first, second, 2.0 * slope * dm)
     _add_isotropic(blocks, at, relative(g), -tangent_scale)
     if dm > 0.0:
         _add_cross_squared_hessian(blocks, at, *edges(points), 4.0 * b * dm)
@@ -179,17 +172,14 @@ def _fill_mollifier_vectors(factors, gradient, dm, distance_scale, cross_scale):
 
 
 @part
-def _sum_outer_products(blocks, at, factors, normal_scale, tangent_scale, second_scale, distance_scale):
+def _sum_outer_products(blocks, at, factors, normal_scale, first_scale, second_scale, distance_scale):
     """Sum of the outer products of the vectors, without the isotropic part."""
     for i in range(9):
-        normal, first_tangent, has_second = (
-            normal_scale * factors[0, i],
-            tangent_scale * factors[1, i],
-            second_scale * factors[2, i],
-        )
+        normal = normal_scale * factors[0, i]
+        tangent1, tangent2 = first_scale * factors[1, i], second_scale * factors[2, i]
         cross, distance = factors[3, i], distance_scale * factors[0, i]
         for j in range(9):
-            of_distance = normal * factors[0, j] + first_tangent * factors[1, j] + has_second * factors[2, j]
+            of_distance = normal * factors[0, j] + tangent1 * factors[1, j] + tangent2 * factors[2, j]
             blocks[at, i, j] = of_distance + cross * factors[4, j] + distance * factors[3, j]
 
 

@@ -121,12 +121,8 @@ def evaluate(records, x, elements, weights, thresholds, n_points, offset, d_hat)
             records[e, i] = g[i]
         for k in range(3):
             records[e, DIFFERENCE + k] = r[k]
-        records[e, VALUE], records[e, FIRST], records[e, SECOND], records[e, CROSS_RATIO] = (
-            w * b,
-            w * first,
-            w * second,
-            1.0,
-        )
+        records[e, VALUE], records[e, FIRST], records[e, SECOND] = w * b, w * first, w * second
+        records[e, CROSS_RATIO] = 1.0
         if thresholds[e] > 0.0:
             ratio = min(cross_squared(points) / thresholds[e], 1.0)
             records[e, CROSS_RATIO] = ratio
@@ -145,12 +141,12 @@ def gradient(records, x, elements, thresholds):
         if records[e, CROSS_RATIO] < 1.0:
             m, dm, _ = mollifier(records[e, CROSS_RATIO], thresholds[e])
             du, dv = cross_squared_gradient(*edges(four_points(x, elements, e)))
-            mollified = records[e, VALUE] * dm
+            mollifier_slope = records[e, VALUE] * dm
             for k in range(3):
-                out[elements[e, 0], k] -= mollified * du[k]
-                out[elements[e, 1], k] += mollified * du[k]
-                out[elements[e, 2], k] -= mollified * dv[k]
-                out[elements[e, 3], k] += mollified * dv[k]
+                out[elements[e, 0], k] -= mollifier_slope * du[k]
+                out[elements[e, 1], k] += mollifier_slope * du[k]
+                out[elements[e, 2], k] -= mollifier_slope * dv[k]
+                out[elements[e, 3], k] += mollifier_slope * dv[k]
         slope = 2.0 * m * records[e, FIRST]
         for i in range(4):
             row = natural(elements[e, i])

@@ -235,6 +235,5 @@ class Candidates:
             return None
         outside = ~(self._displacements(before, after) <= self.skin)
         few = outside.sum() <= MAX_FRACTION_OUTSIDE * len(self.surface.first.points)
-        return (
-            outside if few and (self.surface.is_self_contact or not outside[self.surface.second.points].any()) else None
-        )
+        second_still = self.surface.is_self_contact or not outside[self.surface.second.points].any()
+        return outside if few and second_still else None

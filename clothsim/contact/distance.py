@@ -40,8 +40,8 @@ def closest_points(points, is_edges):
         s, t = edge_edge_closest(p, a, b, c)
         g = 1.0 - s, s, t - 1.0, -t
         e, f = minus(a, p), minus(c, b)
-        has_first, has_second = (a if g[0] == 0.0 else p), (c if g[2] == 0.0 else b)
-        difference = minus(has_first, has_second)
+        end, other_end = (a if g[0] == 0.0 else p), (c if g[2] == 0.0 else b)
+        difference = minus(end, other_end)
         if g[0] * g[1] != 0.0 and g[2] * g[3] != 0.0:
             return g, _component_along(cross(e, f), difference)
         if g[0] * g[1] != 0.0:

@@ -105,10 +105,10 @@ class Friction(Energy):
         found = [barrier.normal_forces(x, kappa, self.contacts.least_gap) for barrier, kappa in pairs]
         if not found:
             return self
-        elements, weights, lines, forces = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        elements, weights, differences, forces = (np.concatenate(parts) for parts in zip(*found, strict=True))
         limits = self.coefficients[self.labels[elements[:, 0]], self.labels[elements[:, 3]]] * forces
         sliding = limits > 0.0
-        normals = lines[sliding] / np.linalg.norm(lines[sliding], axis=1, keepdims=True)
+        normals = differences[sliding] / np.linalg.norm(differences[sliding], axis=1, keepdims=True)
         return replace(
             self, elements=elements[sliding], weights=weights[sliding], normals=normals, limits=limits[sliding]
         )

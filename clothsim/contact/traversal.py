@@ -24,10 +24,10 @@ def gather_queries(
     for side in range(6):
         bounds[side] = np.inf if side < 3 else -np.inf
     for k in range(WIDTH):
-        active = start + k < len(queried) and queried[start + k]
+        present = start + k < len(queried) and queried[start + k]
         for axis in range(3):
-            low = boxes[query_node, axis, k] - inflation if active else np.nan
-            high = boxes[query_node, 3 + axis, k] + inflation if active else np.nan
+            low = boxes[query_node, axis, k] - inflation if present else np.nan
+            high = boxes[query_node, 3 + axis, k] + inflation if present else np.nan
             queries[k, axis], queries[k, 3 + axis] = low, high
             bounds[axis] = low if low < bounds[axis] else bounds[axis]
             bounds[3 + axis] = high if high > bounds[3 + axis] else bounds[3 + axis]
