@@ -27,7 +27,7 @@ def sheet_on_ball(height=0.34):
 
 
 def two_sheets(gap=0.03, cells=4):
-    """Two equal sheets, one over the other: every edge has a parallel partner."""
+    """Two equal sheets, one above the other: every edge has a parallel partner."""
     return make_world([sheet(0.0, "low", cells), sheet(gap, "high", cells)])
 
 
@@ -39,8 +39,8 @@ def self_surface(world):
     return cloth_surface(world), world.start()
 
 
-def jittered(x, rows, size, seed=0):
-    """x with the first `rows` moved at random."""
+def jittered(x, rows, amplitude, seed=0):
+    """x with random displacements of the first `rows`."""
     y = x.copy()
-    y[:rows] += size * np.random.default_rng(seed).standard_normal((rows, 3))
+    y[:rows] += amplitude * np.random.default_rng(seed).standard_normal((rows, 3))
     return y

@@ -1,1 +1,1 @@
-"""Floor 4: what keeps surfaces apart. The only folder that imports ipctk."""
+"""Contact: barrier, friction, candidate search, continuous collision detection. Only this folder imports ipctk."""

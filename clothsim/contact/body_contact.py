@@ -1,4 +1,4 @@
-"""The effect `body_contact`: cloth and bodies never intersect."""
+"""The effect `body_contact`: intersection-free contact of cloths with bodies."""
 
 from collections.abc import Sequence
 
@@ -20,10 +20,30 @@ def body_contact(
 ) -> Energy | Off:
     """Log-barrier contact between every cloth and every body.
 
-    d_hat [m]: the distance at which contact begins to push, "auto": a tenth of the median cloth edge; offset [m]: the
-    distance that is kept free beside it (a thickness of contact, apart from the fabric's own); stiffness [Pa]: "auto":
-    set anew at each step from the loads; exclude: pairs of names that do not touch. InputError names a cloth that
-    starts in contact with a body.
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies.
+    d_hat : float or "auto"
+        Gap below which contact forces act [m]; "auto": a tenth of the median cloth edge.
+    offset : float
+        Distance that is kept free in addition [m] (a contact thickness, independent of the fabric's own).
+    stiffness : float or "auto"
+        Barrier stiffness [Pa]; "auto": adapted to the loads at each step.
+    exclude : sequence of [name, name]
+        Pairs of objects that do not touch.
+    backend : {"auto", "numba", "ipctk"}
+        Implementation.
+
+    Returns
+    -------
+    Energy or Off
+        Off where there is no body or every pair is excluded.
+
+    Raises
+    ------
+    InputError
+        A key is out of range, or a cloth starts in contact with a body.
     """
     if not world.bodies:
         return Off("the scene has no body")

@@ -1,111 +1,144 @@
-"""Which elements of two trees may meet on a way: those whose boxes overlap, less those that the way keeps apart.
+"""Broad phase: element pairs of two trees that may come close on a linear path, culled by separating directions.
 
-Overlap is closed: boxes that touch overlap. Which pairs are found depends on the elements alone, their order on the
-trees. Four boxes walk through the other tree as one, to the fours that they meet; there box is compared with box. Most
-pairs found so are neighbours in one cloth: they are told apart at once, and never listed.
+Overlap is closed: boxes that touch overlap. The pairs found depend on the elements alone, their order on the trees. The
+four boxes of a node traverse the other tree together, down to the leaf nodes they overlap; there box is compared with
+box. Most overlapping pairs are neighbours in one cloth: those are rejected at once and never listed.
 """
 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.contact.bvh import FOUR, BoxTree
-from clothsim.contact.culling import ROUNDING, are_kept_apart, corners, distance_if_near, rows_of, share_a_vertex
-from clothsim.contact.simd_boxes import that_overlap
-from clothsim.contact.traversal import DEPTH, fours_met, gathered
+from clothsim.contact.bvh import WIDTH, BoxTree
+from clothsim.contact.culling import (
+    ROUND_OFF_FACTOR,
+    distance_unless_separated,
+    have_common_vertex,
+    relative_vertices,
+    separated_by_centroids,
+    vertex_rows,
+)
+from clothsim.contact.simd_boxes import overlap_mask
+from clothsim.contact.traversal import STACK_SIZE, gather_queries, overlapped_nodes
 from clothsim.jit import kernel, part
 
-Met = tuple[Ints, Ints, Floats]
-"""The first and the second of each pair, and how far apart they are [m], (p,) each."""
+FoundPairs = tuple[Ints, Ints, Floats]
+"""First and second element of each pair and their distance [m], (p,) each."""
 
 
-def that_may_meet(
+def candidate_pairs(
     first: BoxTree,
     second: BoxTree,
-    grown: float,
+    inflation: float,
     labels: Ints,
     allowed: np.ndarray,
     before: Floats,
     after: Floats,
     distance: float,
-    of: np.ndarray | None = None,
-    but: np.ndarray | None = None,
-) -> Met:
-    """Elements i of the one, with boxes grown by `grown` [m] on each side, and j of the other tree that may meet.
+    only: np.ndarray | None = None,
+    without: np.ndarray | None = None,
+) -> FoundPairs:
+    """Elements i of the first and j of the second tree that may come close on a linear path.
 
-    Points and triangles, triangles and points, or edges; of one and the same tree, i < j. The boxes overlap, and the
-    elements may come nearer than `distance` [m] on the way before -> after (N, 3) [m]; labels (N,), allowed (L, L):
-    which objects may touch. Pairs that share a vertex are left out. of (N,): only those i that hang on one of these
-    rows of x, or such j in one and the same tree; but (N,): none of those j.
+    Points and triangles, triangles and points, or edges; in one and the same tree, i < j. Pairs with a common vertex
+    are excluded.
+
+    Parameters
+    ----------
+    first, second : BoxTree
+        Trees over the elements; the same object for pairs within one tree.
+    inflation : float
+        Enlargement of the boxes of the first tree on each side [m].
+    labels : (N,) int array
+        Object of each row of x.
+    allowed : (L, L) bool array
+        Pairs of objects that may touch.
+    before, after : (N, 3) array
+        Ends of the path [m].
+    distance : float
+        Distance below which the elements must come somewhere on the path [m].
+    only : (N,) bool array, optional
+        Only elements i incident to one of these rows (in one and the same tree: or such j).
+    without : (N,) bool array, optional
+        No elements j incident to one of these rows.
+
+    Returns
+    -------
+    FoundPairs
+        i, j and the distance at the start of the path [m].
     """
-    itself, whole = first is second, of is None and but is None
+    self_query, unrestricted = first is second, only is None and without is None
     if first.elements.shape[1] == 3:
         allowed = np.ascontiguousarray(allowed.T)
-    way = labels, allowed, before, after, distance
-    turned = whole and len(second.order) < len(first.order)  # what is asked, walks: let the fewer
-    mine, theirs = (second, first) if turned else (first, second)
-    asked = np.ones(len(mine.order), bool) if of is None else mine.hanging(of)
-    left_out = asked  # of one and the same tree: a pair of two that are asked is met twice
-    if not itself:
-        left_out = np.zeros(len(theirs.order), bool) if but is None else theirs.hanging(but)
-    ours = mine.boxes, mine.elements, mine.order, asked
-    other = theirs.boxes, theirs.elements, theirs.order, left_out, theirs.starts
-    points_second = (first.elements.shape[1] == 3) != turned
-    found = _that_may_meet(*ours, *other, grown, itself, itself and whole, points_second, *way)
-    return (found[1], found[0], found[2]) if turned else found
+    conditions = labels, allowed, before, after, distance
+    second_first = unrestricted and len(second.order) < len(first.order)  # the smaller tree queries the larger one
+    query_tree, target_tree = (second, first) if second_first else (first, second)
+    queried = np.ones(len(query_tree.order), bool) if only is None else query_tree.incident(only)
+    skipped = queried  # in one and the same tree a pair of two queried elements would be found twice
+    if not self_query:
+        skipped = np.zeros(len(target_tree.order), bool) if without is None else target_tree.incident(without)
+    query_arrays = query_tree.boxes, query_tree.elements, query_tree.order, queried
+    other = target_tree.boxes, target_tree.elements, target_tree.order, skipped, target_tree.starts
+    points_second = (first.elements.shape[1] == 3) != second_first
+    after_query = self_query and unrestricted
+    found = _candidate_pairs(*query_arrays, *other, inflation, self_query, after_query, points_second, *conditions)
+    return (found[1], found[0], found[2]) if second_first else found
 
 
 @kernel
-def _that_may_meet(
+def _candidate_pairs(
     boxes_a: Floats,
     elements_a: Ints,
     order_a: Ints,
-    asked: np.ndarray,
+    queried: np.ndarray,
     boxes: Floats,
     elements: Ints,
     order: Ints,
-    left_out: np.ndarray,
+    skipped: np.ndarray,
     starts: Ints,
-    grown: float,
-    itself: bool,
-    later: bool,
-    turned: bool,
+    inflation: float,
+    self_query: bool,
+    after_query: bool,
+    second_first: bool,
     labels: Ints,
     allowed: np.ndarray,
     before: Floats,
     after: Floats,
     distance: float,
 ) -> tuple[Ints, Ints, Floats]:
-    """The elements of two trees; asked (m,): which i, by their places in the leaves; left_out: which j.
+    """Compiled part of `candidate_pairs`; queried (m,): elements i, by their leaves; skipped: elements j.
 
-    itself: of a tree with itself, the smaller first, and j is left out only where it comes before i; later: all are
-    asked, and only j from the four of i on is looked at; turned: j comes before i in a pair's rows.
+    self_query: a tree with itself, the smaller index first, and j is skipped only where it comes before i; after_query:
+    all are queried, and only leaves j from the node of i on are visited; second_first: j comes before i in a pair's
+    rows.
     """
-    is_edges, squared = elements.shape[1] == 2, (distance * ROUNDING) ** 2
-    group, whole, stack = np.empty((FOUR, 6)), np.empty(6), np.empty(DEPTH, np.int64)
-    met, near = np.empty(starts[1] + FOUR, np.int64), np.empty(FOUR * FOUR * (starts[1] + 1), np.int64)
+    is_edges, distance_squared = elements.shape[1] == 2, (distance * ROUND_OFF_FACTOR) ** 2
+    queries, bounds, stack = np.empty((WIDTH, 6)), np.empty(6), np.empty(STACK_SIZE, np.int64)
+    hit_nodes, overlaps = np.empty(starts[1] + WIDTH, np.int64), np.empty(WIDTH * WIDTH * (starts[1] + 1), np.int64)
     found, distances, count = np.empty(1024, np.int64), np.empty(1024), 0
-    for four in range((len(asked) + FOUR - 1) // FOUR):
-        if not gathered(four, boxes_a, asked, grown, group, whole):
+    for node in range((len(queried) + WIDTH - 1) // WIDTH):
+        if not gather_queries(node, boxes_a, queried, inflation, queries, bounds):
             continue
-        n_met = fours_met(whole, four, boxes, starts, later, stack, met)
-        n_near = _overlapping(four, group, boxes, met, n_met, near)
-        n_near = _strangers(near, n_near, elements_a, elements, left_out, itself, turned, is_edges)
-        if count + n_near > len(found):
-            size = 2 * (count + n_near)
-            found, distances = _longer(found, count, size), _longer(distances, count, size)
-        for n in range(n_near):
-            i, j = near[n] >> 32, near[n] & 0xFFFFFFFF
+        n_hits = overlapped_nodes(bounds, node, boxes, starts, after_query, stack, hit_nodes)
+        n_overlaps = _overlapping_boxes(node, queries, boxes, hit_nodes, n_hits, overlaps)
+        n_overlaps = _non_incident_pairs(
+            overlaps, n_overlaps, elements_a, elements, skipped, self_query, second_first, is_edges
+        )
+        if count + n_overlaps > len(found):
+            size = 2 * (count + n_overlaps)
+            found, distances = _enlarged(found, count, size), _enlarged(distances, count, size)
+        for n in range(n_overlaps):
+            i, j = overlaps[n] >> 32, overlaps[n] & 0xFFFFFFFF
             one, other = order_a[i], order[j]
-            swapped = itself and other < one
-            rows = _rows(elements_a, i, elements, j, is_edges, swapped != turned)
+            swapped = self_query and other < one
+            rows = _pair_rows(elements_a, i, elements, j, is_edges, swapped != second_first)
             if not allowed[labels[rows[0]], labels[rows[3]]]:
                 continue
-            x, y = corners(before, rows), corners(after, rows)
-            if are_kept_apart(x, y, is_edges, squared):
+            x, y = relative_vertices(before, rows), relative_vertices(after, rows)
+            if separated_by_centroids(x, y, is_edges, distance_squared):
                 continue
-            apart = distance_if_near(x, y, is_edges, squared)
-            if apart >= 0.0:
-                found[count], distances[count] = other << 32 | one if swapped else one << 32 | other, apart
+            separation = distance_unless_separated(x, y, is_edges, distance_squared)
+            if separation >= 0.0:
+                found[count], distances[count] = other << 32 | one if swapped else one << 32 | other, separation
                 count += 1
     first, second = np.empty(count, np.int64), np.empty(count, np.int64)
     for k in range(count):
@@ -114,46 +147,46 @@ def _that_may_meet(
 
 
 @part
-def _overlapping(four: int, group: Floats, boxes: Floats, met: Ints, n_met: int, near: Ints) -> int:
-    """Write the places in the leaves of boxes of the group and of fours met that overlap, i << 32 | j; how many."""
+def _overlapping_boxes(node: int, queries: Floats, boxes: Floats, hit_nodes: Ints, n_hits: int, overlaps: Ints) -> int:
+    """Write the leaf pairs of queries and boxes in the hit nodes that overlap, i << 32 | j; returns their number."""
     count = 0
-    for m in range(n_met):
-        other = met[m]
-        for k in range(FOUR):
-            a, b, c, d, e, f = group[k, 0], group[k, 1], group[k, 2], group[k, 3], group[k, 4], group[k, 5]
-            hits = that_overlap(boxes, other, a, b, c, d, e, f)
-            pair = (FOUR * four + k) << 32 | FOUR * other
-            for j in range(FOUR):  # all that is looked at is written, and counts if it overlaps: no branch to foresee
-                near[count] = pair | j
-                count += hits >> j & 1
+    for m in range(n_hits):
+        other = hit_nodes[m]
+        for k in range(WIDTH):
+            a, b, c, d, e, f = queries[k, 0], queries[k, 1], queries[k, 2], queries[k, 3], queries[k, 4], queries[k, 5]
+            mask = overlap_mask(boxes, other, a, b, c, d, e, f)
+            pair = (WIDTH * node + k) << 32 | WIDTH * other
+            for j in range(WIDTH):  # branch-free: all four are written, only overlaps advance the counter
+                overlaps[count] = pair | j
+                count += mask >> j & 1
     return count
 
 
 @part
-def _strangers(
-    near: Ints, n: int, a: Ints, b: Ints, left_out: np.ndarray, itself: bool, turned: bool, is_edges: bool
+def _non_incident_pairs(
+    overlaps: Ints, n: int, a: Ints, b: Ints, skipped: np.ndarray, self_query: bool, second_first: bool, is_edges: bool
 ) -> int:
-    """Keep of the n pairs of places those that share no vertex, and with no j that is left out; how many they are."""
+    """Keep the leaf pairs without a common vertex and without a skipped j; returns their number."""
     count = 0
     for k in range(n):
-        pair = near[k]
+        pair = overlaps[k]
         i, j = pair >> 32, pair & 0xFFFFFFFF
-        drop = left_out[j] & ((not itself) | (j <= i))
-        near[count] = pair
-        count += not (drop | share_a_vertex(_rows(a, i, b, j, is_edges, turned), is_edges))
+        excluded = skipped[j] & ((not self_query) | (j <= i))
+        overlaps[count] = pair
+        count += not (excluded | have_common_vertex(_pair_rows(a, i, b, j, is_edges, second_first), is_edges))
     return count
 
 
 @part
-def _rows(a: Ints, i: int, b: Ints, j: int, is_edges: bool, turned: bool) -> tuple[int, int, int, int]:
-    """The rows of x of the elements i of a and j of b, those of b first if turned."""
-    return rows_of(b, j, a, i, is_edges) if turned else rows_of(a, i, b, j, is_edges)
+def _pair_rows(a: Ints, i: int, b: Ints, j: int, is_edges: bool, second_first: bool) -> tuple[int, int, int, int]:
+    """Rows of x of the elements i of a and j of b, those of b first if second_first."""
+    return vertex_rows(b, j, a, i, is_edges) if second_first else vertex_rows(a, i, b, j, is_edges)
 
 
 @part
-def _longer(found: np.ndarray, used: int, size: int) -> np.ndarray:
+def _enlarged(found: np.ndarray, used: int, size: int) -> np.ndarray:
     """A copy of the used part in a longer array."""
-    longer = np.empty(size, found.dtype)
-    for k in range(used):  # number by number: assigning a slice takes 1.5 s more to compile, for its error message
-        longer[k] = found[k]
-    return longer
+    enlarged = np.empty(size, found.dtype)
+    for k in range(used):  # element by element: a slice assignment takes 1.5 s more to compile, for its error message
+        enlarged[k] = found[k]
+    return enlarged

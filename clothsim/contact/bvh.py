@@ -1,9 +1,10 @@
-"""A hierarchy of axis-aligned boxes: built once for many elements, and set anew for those of them that move.
+"""4-wide bounding volume hierarchy of axis-aligned boxes: built once, refitted for the elements that have moved.
 
-The boxes are sorted along a Hilbert curve through their centres and packed four by four, the boxes round each four
+The boxes are sorted along a Hilbert curve through their centres and packed four by four, the boxes enclosing each four
 likewise, up to a last four (Kamel & Faloutsos 1993, "On packing R-trees"; along a Morton curve, which jumps, two fifths
-more boxes of fours meet). The shape depends on the number of boxes only, so nothing degenerates where boxes coincide,
-and a refit is one sweep. Four boxes lie side by side, corner by corner: one vector instruction compares with all four.
+more node boxes overlap). The shape depends on the number of boxes only, so coincident boxes degenerate nothing, and a
+refit is one sweep. A node stores its four boxes side by side, bound by bound: one vector instruction compares with all
+four.
 """
 
 from dataclasses import dataclass
@@ -14,47 +15,56 @@ from clothsim.arrays import Floats, Ints
 from clothsim.contact.closest_points import Point
 from clothsim.jit import kernel, part
 
-FOUR = 4
-"""Boxes side by side."""
+WIDTH = 4
+"""Boxes of a node."""
 
 _CELLS = 2**21
-"""Cells along the longest side, for the curve: 3 x 21 bits fit one integer."""
+"""Cells along the longest side for the curve: 3 x 21 bits fit one integer."""
 
 
 @dataclass(frozen=True)
 class BoxTree:
-    """A packed tree over the boxes of m elements, each of which encloses its element on a straight way.
+    """Packed tree over the boxes of m elements, each of which encloses its element on a linear path.
 
-    order (m,): the elements as the leaves hold them; elements (m, k): their rows of x in that order; boxes (g, 6, 4):
-    lower and upper corners [m] of four boxes each, first those of the elements, then level by level those that enclose
-    a four of the level below; starts (levels + 1,): where each level starts, the last of which is one four; hangs
-    (N + 1,), places (m k,): places[hangs[i]:hangs[i + 1]] are the leaves' places of what hangs on row i of x. Where a
-    four has no box there is NaN, which overlaps nothing.
+    Attributes
+    ----------
+    order : (m,) int array
+        The elements in the order of the leaves.
+    elements : (m, k) int array
+        Their rows of x in that order.
+    boxes : (g, 6, 4) array
+        Nodes: lower and upper corners [m] of four boxes each, first those of the elements, then level by level those
+        that enclose a node of the level below. NaN where a node has no box, which overlaps nothing.
+    starts : (levels + 1,) int array
+        First node of each level, the last of which is one node.
+    incident_starts, incident_leaves : (N + 1,), (m k,) int array
+        incident_leaves[incident_starts[i]:incident_starts[i + 1]] are the leaves of the elements incident to row i of
+        x.
     """
 
     order: Ints
     elements: Ints
     boxes: Floats
     starts: Ints
-    hangs: Ints
-    places: Ints
+    incident_starts: Ints
+    incident_leaves: Ints
 
-    def hanging(self, rows: np.ndarray) -> np.ndarray:
-        """Which elements, by their places in the leaves (m,), hang on one of these rows of x (N,)."""
-        return _hanging(self.hangs, self.places, rows, len(self.order))
+    def incident(self, rows: np.ndarray) -> np.ndarray:
+        """Mask (m,) over the leaves: elements incident to one of these rows of x (N,)."""
+        return _incident(self.incident_starts, self.incident_leaves, rows, len(self.order))
 
 
 def build_tree(elements: Ints, before: Floats, after: Floats) -> BoxTree:
-    """A tree over elements (m, k), rows of before and after (N, 3) [m], where their ways begin and end; m may be 0."""
+    """Tree over elements (m, k), rows of `before` and `after` (N, 3) [m], the ends of their paths; m may be 0."""
     order = np.argsort(_hilbert_codes(elements, before, after), kind="stable")
-    sizes = [max(1, -(-len(order) // FOUR))]
+    sizes = [max(1, -(-len(order) // WIDTH))]
     while sizes[-1] > 1:
-        sizes.append(-(-sizes[-1] // FOUR))
+        sizes.append(-(-sizes[-1] // WIDTH))
     rows = elements[order].ravel()
     tree = BoxTree(
         order,
         elements[order],
-        np.full((sum(sizes), 6, FOUR), np.nan),
+        np.full((sum(sizes), 6, WIDTH), np.nan),
         np.concatenate([[0], np.cumsum(sizes)]),
         np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=len(before)))]),
         np.argsort(rows, kind="stable") // elements.shape[1],
@@ -64,46 +74,47 @@ def build_tree(elements: Ints, before: Floats, after: Floats) -> BoxTree:
 
 
 def refit(tree: BoxTree, before: Floats, after: Floats, moved: np.ndarray) -> None:
-    """Set the boxes in the tree anew of all elements with a row that has `moved` (N,): right for any boxes."""
-    stale = tree.hanging(moved)
+    """Update the boxes of all elements with a row that has `moved` (N,), and those that enclose them."""
+    stale = tree.incident(moved)
     if stale.any():
         _refit(tree.elements, stale, tree.boxes, tree.starts, before, after)
 
 
 @kernel
-def _hanging(hangs: Ints, places: Ints, rows: np.ndarray, m: int) -> np.ndarray:
-    hanging = np.zeros(m, np.bool_)
+def _incident(incident_starts: Ints, incident_leaves: Ints, rows: np.ndarray, m: int) -> np.ndarray:
+    """As `BoxTree.incident`."""
+    incident = np.zeros(m, np.bool_)
     for i in range(len(rows)):
         if rows[i]:
-            for k in range(hangs[i], hangs[i + 1]):
-                hanging[places[k]] = True
-    return hanging
+            for k in range(incident_starts[i], incident_starts[i + 1]):
+                incident[incident_leaves[k]] = True
+    return incident
 
 
 @kernel
 def _refit(elements: Ints, stale: np.ndarray, boxes: Floats, starts: Ints, before: Floats, after: Floats) -> None:
-    """The boxes of the stale elements (m,), then upwards what lies round these."""
-    fresh = np.zeros(len(boxes), np.bool_)
+    """Update the boxes of the stale elements (m,), then upwards the boxes that enclose them."""
+    updated = np.zeros(len(boxes), np.bool_)
     for e in range(len(elements)):
         if stale[e]:
-            four, k = e // FOUR, e % FOUR
-            fresh[four] = True
+            node, k = e // WIDTH, e % WIDTH
+            updated[node] = True
             (
-                (boxes[four, 0, k], boxes[four, 1, k], boxes[four, 2, k]),
-                (boxes[four, 3, k], boxes[four, 4, k], boxes[four, 5, k]),
+                (boxes[node, 0, k], boxes[node, 1, k], boxes[node, 2, k]),
+                (boxes[node, 3, k], boxes[node, 4, k], boxes[node, 5, k]),
             ) = _box(elements, e, before, after)
     for level in range(len(starts) - 2):
-        for four in range(starts[level], starts[level + 1]):
-            if fresh[four]:
-                place = four - starts[level]
-                above = starts[level + 1] + place // FOUR
-                _enclose(boxes, four, above, place % FOUR)
-                fresh[above] = True
+        for node in range(starts[level], starts[level + 1]):
+            if updated[node]:
+                index = node - starts[level]
+                parent = starts[level + 1] + index // WIDTH
+                _enclose(boxes, node, parent, index % WIDTH)
+                updated[parent] = True
 
 
 @part
 def _box(elements: Ints, e: int, before: Floats, after: Floats) -> tuple[Point, Point]:
-    """The corners of the box round an element on the way before -> after."""
+    """Corners of the box around an element on the path before -> after."""
     a = b = c = np.inf
     d = f = g = -np.inf
     for k in range(elements.shape[1]):
@@ -115,19 +126,19 @@ def _box(elements: Ints, e: int, before: Floats, after: Floats) -> tuple[Point, 
 
 
 @part
-def _enclose(boxes: Floats, four: int, above: int, place: int) -> None:
-    """Let the box at a place of the four `above` enclose a four: what is no number is passed over."""
+def _enclose(boxes: Floats, node: int, parent: int, index: int) -> None:
+    """Let the box `index` of the node `parent` enclose a node; NaN is ignored."""
     for axis in range(3):
         low, high = np.inf, -np.inf
-        for k in range(FOUR):
-            low = boxes[four, axis, k] if boxes[four, axis, k] < low else low
-            high = boxes[four, 3 + axis, k] if boxes[four, 3 + axis, k] > high else high
-        boxes[above, axis, place], boxes[above, 3 + axis, place] = low, high
+        for k in range(WIDTH):
+            low = boxes[node, axis, k] if boxes[node, axis, k] < low else low
+            high = boxes[node, 3 + axis, k] if boxes[node, 3 + axis, k] > high else high
+        boxes[parent, axis, index], boxes[parent, 3 + axis, index] = low, high
 
 
 @kernel
 def _hilbert_codes(elements: Ints, before: Floats, after: Floats) -> Ints:
-    """Places of the boxes' centres along the Hilbert curve (m,)."""
+    """Positions of the boxes' centres along the Hilbert curve (m,)."""
     m = len(elements)
     codes, centres, cell = np.zeros(m, np.int64), np.empty((m, 3)), np.empty(3, np.int64)
     for e in range(m):
@@ -144,15 +155,15 @@ def _hilbert_codes(elements: Ints, before: Floats, after: Floats) -> Ints:
         return codes
     for e in range(m):
         for axis in range(3):
-            share = (centres[e, axis] - least[axis]) / extent
-            cell[axis] = np.int64(min(share * _CELLS, _CELLS - 1.0)) if share >= 0.0 else 0
-        codes[e] = _along_the_curve(cell)
+            fraction = (centres[e, axis] - least[axis]) / extent
+            cell[axis] = np.int64(min(fraction * _CELLS, _CELLS - 1.0)) if fraction >= 0.0 else 0
+        codes[e] = _hilbert_index(cell)
     return codes
 
 
 @part
-def _along_the_curve(cell: Ints) -> int:
-    """The place of a cell (3,) along the curve; overwrites it (Skilling 2004, "Programming the Hilbert curve")."""
+def _hilbert_index(cell: Ints) -> int:
+    """Position of a cell (3,) along the curve; overwrites it (Skilling 2004, "Programming the Hilbert curve")."""
     bit, flips = _CELLS // 2, 0
     while bit > 1:
         for axis in range(3):
@@ -169,11 +180,11 @@ def _along_the_curve(cell: Ints) -> int:
     while bit > 1:
         flips ^= (bit - 1) if cell[2] & bit else 0
         bit //= 2
-    return _spread(cell[0] ^ flips) << 2 | _spread(cell[1] ^ flips) << 1 | _spread(cell[2] ^ flips)
+    return _spaced_bits(cell[0] ^ flips) << 2 | _spaced_bits(cell[1] ^ flips) << 1 | _spaced_bits(cell[2] ^ flips)
 
 
 @part
-def _spread(bits: int) -> int:
+def _spaced_bits(bits: int) -> int:
     """The 21 lowest bits with two zeros between neighbours."""
     bits = (bits | bits << 32) & 0x1F00000000FFFF
     bits = (bits | bits << 16) & 0x1F0000FF0000FF

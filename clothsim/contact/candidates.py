@@ -1,11 +1,12 @@
-"""Pairs that could touch: found for a straight way with a margin, and held until some vertex leaves it.
+"""Contact candidates: a Verlet list of pairs with a skin, extended to linear paths.
 
-The list is that of a base, a place of all vertices, from which some, since the last search, may go a way: it holds
-every pair that is closer than limit + 4 reach on it. Of a place that is no further than m from the base, or from one
-and the same share of the way, it so holds every pair that is closer than limit + 4 reach - 2 m. What lies further off
-is searched for: where most vertices do, all pairs anew; where few do (a buckle that grows), only what hangs on them.
-They are taken out of the list, their new way is searched against all others where the base has them, and what is found
-is put in. So the base is no place that was ever taken, but one of which the list is complete.
+The list belongs to reference positions of all vertices and, since the last search, to a linear path of some of them: it
+holds every pair that is closer than activation_distance + 4 skin on it. For positions no further than m from the
+reference, or from the point of the path at one common fraction, it therefore holds every pair closer than
+activation_distance + 4 skin - 2 m. Beyond that the list is updated: where most vertices have left the skin, all pairs
+are searched; where few have (a growing buckle), only the pairs incident to them. Those are removed from the list, the
+new path of the vertices is searched against the reference positions of all others, and the pairs found are merged. So
+the reference is no configuration that ever occurred, only one for which the list is complete.
 """
 
 from time import perf_counter
@@ -13,204 +14,226 @@ from time import perf_counter
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.contact.barrier_kernels import near_pairs
-from clothsim.contact.ccd import CLOSE, edge_edge_limit, point_triangle_limit
+from clothsim.contact.barrier_kernels import pairs_within
+from clothsim.contact.ccd import TOLERANCE, edge_edge_limit, point_triangle_limit
 from clothsim.contact.filter import (
-    displaced,
-    keeps_to,
-    may_be_near,
-    near_among,
-    place_on_way,
-    share_of_way,
-    still_near,
+    active_among,
+    displacement_norms,
+    follows_path,
+    pairs_possibly_within,
+    path_fraction,
+    point_on_path,
+    retained_pairs,
 )
-from clothsim.contact.pair_list import NONE, Pairs, together
+from clothsim.contact.pair_list import NO_PAIRS, Pairs, merged
 from clothsim.contact.search import Search
 from clothsim.contact.surface import ContactSurface
 from clothsim.indexing import equal
 
-FEW = 0.25
-"""Share of the vertices that may have left the base for a search of theirs alone: two such cost as one of all."""
+MAX_FRACTION_OUTSIDE = 0.25
+"""Fraction of the vertices outside the skin up to which only theirs are searched: two such searches cost one of all."""
 
-AWAY = 1e-3
-"""Share of `reach` within which a place lies on a way: x + t dx is rounded."""
+PATH_TOLERANCE = 1e-3
+"""Fraction of the skin within which positions lie on a path: x + t dx is rounded."""
 
 SLACK = 0.9
-"""Share of a distance that one step may use up (the conservative rescaling of additive CCD, Li et al. 2021)."""
+"""Fraction of a distance that one step may use up (the conservative rescaling of additive CCD, Li et al. 2021)."""
 
 
 class Candidates:
-    """A cache over one surface; what it returns does not depend on what it holds. It also keeps count of its work.
+    """Cache of contact candidates of one surface; the results do not depend on its content.
 
-    limit [m]: the pairs needed are those closer (d_hat and offset); reach [m]: a list is of pairs closer than limit + 4
-    reach, and a vertex that goes further than it from the base may be searched for anew; offset [m]: the distance that
-    no pair goes below.
+    Parameters
+    ----------
+    surface : ContactSurface
+        The primitives that may touch.
+    activation_distance : float
+        offset + d_hat: the active set holds the pairs closer than this [m].
+    skin : float
+        The list holds pairs closer than activation_distance + 4 skin; a vertex further than the skin from its reference
+        position may be searched again [m].
+    offset : float
+        Distance that no pair goes below [m].
     """
 
-    def __init__(self, surface: ContactSurface, limit: float, reach: float, offset: float = 0.0) -> None:
+    def __init__(self, surface: ContactSurface, activation_distance: float, skin: float, offset: float = 0.0) -> None:
         self.surface = surface
-        self.limit = limit
-        self.reach = reach
+        self.activation_distance = activation_distance
+        self.skin = skin
         self.offset = offset
         self.seconds = {"candidates": 0.0, "CCD": 0.0}
         self.ccd_calls = 0
         self.builds = 0
-        self.searched = 0
+        self.searched_vertices = 0
         self.pairs = 0
         self.search = Search(surface)
         self.clear()
 
+    @property
+    def d_hat(self) -> float:
+        """Range of the barrier beyond the offset [m]."""
+        return self.activation_distance - self.offset
+
     def clear(self) -> None:
-        """Search anew at the next call."""
-        self._way: tuple[Floats, Floats] | None = None
-        self._pairs = NONE
+        """Search again at the next call."""
+        self._path: tuple[Floats, Floats] | None = None
+        self._pairs = NO_PAIRS
         self._distances = np.zeros(0)
-        self._near_at: Floats | None = None
-        self._near = NONE
+        self._active_at: Floats | None = None
+        self._active = NO_PAIRS
         self._gap: float | None = None
 
     def active(self, x: Floats) -> Pairs:
-        """The pairs closer than `limit` at x."""
-        if self._near_at is not None and equal(x, self._near_at):
-            return self._near
+        """Active set at x: the pairs closer than the activation distance."""
+        if self._active_at is not None and equal(x, self._active_at):
+            return self._active
         start = perf_counter()
-        self._near, self._near_at, self._gap = self.within(x, self.limit), x.copy(), None
-        self.pairs = len(self._near)
+        self._active, self._active_at, self._gap = self.within(x, self.activation_distance), x.copy(), None
+        self.pairs = len(self._active)
         self.seconds["candidates"] += perf_counter() - start
-        return self._near
+        return self._active
 
     def within(self, x: Floats, distance: float) -> Pairs:
-        """The pairs that are closer than `distance` [m] at x, at most limit + reach."""
-        gone = self._hold(x, x, distance)
+        """Pairs closer than `distance` [m] at x, at most activation_distance + skin."""
+        displacement = self._ensure_covers(x, x, distance)
         pairs = self._pairs
-        return pairs.at(near_among(x, pairs.elements, pairs.n_points, self._distances, gone, distance))
+        return pairs.subset(active_among(x, pairs.elements, pairs.n_points, self._distances, displacement, distance))
 
     def minimum_gap(self, x: Floats) -> float:
-        """The smallest distance of a pair less the offset [m] where it is below d_hat, else inf."""
-        near = self.active(x)
+        """Smallest distance of an active pair less the offset [m]; inf where no pair is active."""
+        active = self.active(x)
         if self._gap is None:
-            _, squared = near_pairs(x, near.elements, near.n_points, np.inf)
-            self._gap = float(np.sqrt(squared.min(initial=np.inf))) - self.offset
+            _, distances_squared = pairs_within(x, active.elements, active.n_points, np.inf)
+            self._gap = float(np.sqrt(distances_squared.min(initial=np.inf))) - self.offset
         return self._gap
 
     def gap_change(self, x: Floats, dx: Floats) -> float:
-        """The largest |g(x + dx) - g(x)| / g(x) of the pairs near before or after; g: the distance less the offset."""
+        """Largest |g(x + dx) - g(x)| / g(x) of the pairs active before or after; g: the distance less the offset."""
         change = 0.0
-        for place in (x + dx, x):
-            near = self.active(place)
-            before, after = (np.sqrt(near_pairs(at, near.elements, near.n_points, np.inf)[1]) for at in (x, x + dx))
+        for positions in (x + dx, x):
+            active = self.active(positions)
+            before, after = (
+                np.sqrt(pairs_within(at, active.elements, active.n_points, np.inf)[1]) for at in (x, x + dx)
+            )
             change = max(change, float((np.abs(after - before) / (before - self.offset)).max(initial=0.0)))
         return change
 
     def closest_pair(self, x: Floats) -> Ints:
-        """The rows (4,) of the closest pair below `limit`; empty where there is none."""
-        near = self.active(x)
-        if not len(near):
+        """Rows (4,) of the closest active pair; empty where there is none."""
+        active = self.active(x)
+        if not len(active):
             return np.zeros(0, np.int64)
-        _, squared = near_pairs(x, near.elements, near.n_points, np.inf)
-        return near.elements[int(squared.argmin())]
+        _, distances_squared = pairs_within(x, active.elements, active.n_points, np.inf)
+        return active.elements[int(distances_squared.argmin())]
 
     def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
-        """The fraction of dx, at most `most`, that is free of collision, by additive CCD over straight paths.
+        """Collision-free fraction of dx, at most `most`, by additive CCD over linear paths.
 
-        What is in the list tells how far the search for the rest has to look. 0 where a place is no number.
+        The listed pairs bound the path that is searched for the others. 0 where x + dx is not finite.
         """
-        start, of_ccd = perf_counter(), self.seconds["CCD"]
-        known, gone, after, whole = self._pairs, None, x + most * dx, most
+        start, ccd_seconds = perf_counter(), self.seconds["CCD"]
+        listed, displacement, after, requested = self._pairs, None, x + most * dx, most
         if not np.isfinite(after).all():
             return 0.0
-        if self._way is not None:
-            gone = self._gone(x, after)
-            most = self._free_of_known(gone, x, dx, most)
-        if most < whole:
-            gone, after = None, x + most * dx
-        gone = self._hold(x, after, self.limit, gone)
-        if self._pairs is not known:
-            most = self._free_of_known(gone, x, dx, most)
-        self.seconds["candidates"] += perf_counter() - start - (self.seconds["CCD"] - of_ccd)
+        if self._path is not None:
+            displacement = self._displacements(x, after)
+            most = self._limit_of_listed(displacement, x, dx, most)
+        if most < requested:
+            displacement, after = None, x + most * dx
+        displacement = self._ensure_covers(x, after, self.activation_distance, displacement)
+        if self._pairs is not listed:
+            most = self._limit_of_listed(displacement, x, dx, most)
+        self.seconds["candidates"] += perf_counter() - start - (self.seconds["CCD"] - ccd_seconds)
         return most
 
-    def _free_of_known(self, gone: Floats, x: Floats, dx: Floats, most: float) -> float:
-        return self.free(self._pairs.at(self._may_reach_their_floor(gone)), x, dx, most)
+    def _limit_of_listed(self, displacement: Floats, x: Floats, dx: Floats, most: float) -> float:
+        """Collision-free fraction over the listed pairs."""
+        return self.collision_free_fraction(self._pairs.subset(self._may_reach_floor(displacement)), x, dx, most)
 
-    def free(self, pairs: Pairs, x: Floats, dx: Floats, most: float = 1.0) -> float:
-        """The fraction of dx, at most `most`, on which none of these pairs collides."""
+    def collision_free_fraction(self, pairs: Pairs, x: Floats, dx: Floats, most: float = 1.0) -> float:
+        """Fraction of dx, at most `most`, on which none of these pairs collides."""
         start = perf_counter()
         points, edges = pairs.elements[: pairs.n_points], pairs.elements[pairs.n_points :]
-        keep = self.offset, SLACK, self.limit - self.offset
-        fraction = point_triangle_limit(x, dx, points, *keep, most)
-        fraction = edge_edge_limit(x, dx, edges, *keep, fraction)
+        ccd_settings = self.offset, SLACK, self.d_hat
+        fraction = point_triangle_limit(x, dx, points, *ccd_settings, most)
+        fraction = edge_edge_limit(x, dx, edges, *ccd_settings, fraction)
         self.ccd_calls += 1
         self.seconds["CCD"] += perf_counter() - start
         return float(fraction)
 
-    def _may_reach_their_floor(self, gone: Floats) -> Ints:
-        """The numbers of the pairs that the CCD may stop, if no row of x goes further from the base than `gone`.
+    def _may_reach_floor(self, displacement: Floats) -> Ints:
+        """Indices of the pairs that the CCD may stop, if no row of x moves further than `displacement`.
 
-        Such a pair is d + gone away at most when the way begins, d in the base, and comes down to its floor or CLOSE
-        above: d - gone <= offset + left (d + gone - offset).
+        With d the distance at the reference, such a pair is at most d + displacement apart at the start of the path,
+        and descends to its floor or TOLERANCE above: d - displacement <= offset + remainder (d + displacement -
+        offset).
         """
-        left = 1.0 - SLACK * (1.0 - 2.0 * CLOSE)
-        factor = (1.0 + left) / (1.0 - left)
+        remainder = 1.0 - SLACK * (1.0 - 2.0 * TOLERANCE)
+        factor = (1.0 + remainder) / (1.0 - remainder)
         pairs = self._pairs
-        return may_be_near(pairs.elements, pairs.n_points, self._distances, gone, self.offset, factor)
+        return pairs_possibly_within(pairs.elements, pairs.n_points, self._distances, displacement, self.offset, factor)
 
-    def _hold(self, before: Floats, after: Floats, distance: float, gone: Floats | None = None) -> Floats:
-        """Let the list hold every pair that comes closer than `distance` <= limit + reach [m] on a way.
+    def _ensure_covers(
+        self, before: Floats, after: Floats, distance: float, displacement: Floats | None = None
+    ) -> Floats:
+        """Update the list unless it holds all pairs closer than `distance` <= activation_distance + skin on a path.
 
-        Returns how far each row of x then goes from the base (N,) [m]; gone: the same for the base as it is.
+        Returns the displacement of each row of x from the reference (N,) [m]; displacement: the same for the present
+        reference.
         """
-        room = 0.5 * (self.limit + 4.0 * self.reach - distance)
-        if self._way is not None:
-            gone = self._gone(before, after) if gone is None else gone
-            if gone.max(initial=0.0) <= room or self._keeps_to_way(before, after, room):
-                return gone
-        self._search_way(before, after)
-        return self._gone(before, after)
+        margin = 0.5 * (self.activation_distance + 4.0 * self.skin - distance)
+        if self._path is not None:
+            displacement = self._displacements(before, after) if displacement is None else displacement
+            if displacement.max(initial=0.0) <= margin or self._follows_path(before, after, margin):
+                return displacement
+        self._update_list(before, after)
+        return self._displacements(before, after)
 
-    def _gone(self, before: Floats, after: Floats) -> Floats:
-        assert self._way is not None
-        return displaced(before, after, self._way[0], self.surface.rows)
+    def _displacements(self, before: Floats, after: Floats) -> Floats:
+        """Largest distance of each row of x from the reference on a path (N,) [m]."""
+        assert self._path is not None
+        return displacement_norms(before, after, self._path[0], self.surface.rows)
 
-    def _keeps_to_way(self, before: Floats, after: Floats, room: float) -> bool:
-        """Whether no row is further than `room` [m] from the way that the list is of, gone by all at one pace."""
-        assert self._way is not None
-        places = (before,) if after is before else (after, before)
-        return all(keeps_to(x, *self._way, self.surface.rows, room) for x in places)
+    def _follows_path(self, before: Floats, after: Floats, margin: float) -> bool:
+        """True where all rows stay within `margin` [m] of the listed path at one common fraction."""
+        assert self._path is not None
+        positions = (before,) if after is before else (after, before)
+        return all(follows_path(x, *self._path, self.surface.rows, margin) for x in positions)
 
-    def _search_way(self, before: Floats, after: Floats) -> None:
-        """The list of a way: what hangs on rows of x that leave the base is searched for, the rest is known."""
+    def _update_list(self, before: Floats, after: Floats) -> None:
+        """Search the pairs incident to rows that leave the skin on a path, or all pairs; the rest is cached."""
         self.builds += 1
-        distance = self.limit + (4.0 + 2.0 * AWAY) * self.reach
-        settled = self._settle(before)
-        left = self._left(before, after)
-        if left is None:
-            self._way = before.copy(), after.copy()
-            self._pairs, self._distances = self.search.pairs(*self._way, distance)
-            self.searched += len(self.surface.rows)
+        distance = self.activation_distance + (4.0 + 2.0 * PATH_TOLERANCE) * self.skin
+        moved = self._move_reference(before)
+        outside = self._outside_skin(before, after)
+        if outside is None:
+            self._path = before.copy(), after.copy()
+            self._pairs, self._distances = self.search.pairs(*self._path, distance)
+            self.searched_vertices += len(self.surface.rows)
             return
-        assert self._way is not None
-        self.searched += int(left.sum())
-        numbers, distances = still_near(
-            self._way[0], self._pairs.elements, self._pairs.n_points, self._distances, settled, left, distance
+        assert self._path is not None
+        self.searched_vertices += int(outside.sum())
+        indices, distances = retained_pairs(
+            self._path[0], self._pairs.elements, self._pairs.n_points, self._distances, moved, outside, distance
         )
-        start = np.where(left[:, None], before, self._way[0])
-        self._way = start, np.where(left[:, None], after, start)
-        found, far = self.search.pairs(*self._way, distance, left)
-        self._pairs, self._distances = together(self._pairs, numbers, distances, found, far)
+        start = np.where(outside[:, None], before, self._path[0])
+        self._path = start, np.where(outside[:, None], after, start)
+        found, found_distances = self.search.pairs(*self._path, distance, outside)
+        self._pairs, self._distances = merged(self._pairs, indices, distances, found, found_distances)
 
-    def _settle(self, x: Floats) -> np.ndarray:
-        """Move the base along the way to where it is closest to x: the list holds there. Which rows moved (N,)."""
-        if self._way is None:
+    def _move_reference(self, x: Floats) -> np.ndarray:
+        """Move the reference along its path to the point closest to x; returns the rows that moved (N,)."""
+        if self._path is None:
             return np.zeros(len(x), bool)
-        place, moved = place_on_way(*self._way, share_of_way(x, *self._way, self.surface.rows))
-        self._way = place, place
+        positions, moved = point_on_path(*self._path, path_fraction(x, *self._path, self.surface.rows))
+        self._path = positions, positions
         return moved
 
-    def _left(self, before: Floats, after: Floats) -> np.ndarray | None:
-        """Which rows of x leave the base on a way, (N,); None where all are to be searched."""
-        if self._way is None:
+    def _outside_skin(self, before: Floats, after: Floats) -> np.ndarray | None:
+        """Rows of x that leave the skin on a path, (N,); None where all pairs are to be searched."""
+        if self._path is None:
             return None
-        left = ~(self._gone(before, after) <= self.reach)
-        few = left.sum() <= FEW * len(self.surface.first.points)
-        return left if few and (self.surface.itself or not left[self.surface.second.points].any()) else None
+        outside = ~(self._displacements(before, after) <= self.skin)
+        few = outside.sum() <= MAX_FRACTION_OUTSIDE * len(self.surface.first.points)
+        second_still = self.surface.is_self_contact or not outside[self.surface.second.points].any()
+        return outside if few and second_still else None

@@ -1,139 +1,148 @@
-"""Which pairs of a list may count: told by the distances they once had, and how far their vertices have gone since."""
+"""Verlet list: cached distance against accumulated displacement."""
 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.contact.barrier_kernels import apart
-from clothsim.contact.culling import ROUNDING
-from clothsim.contact.distance import squared_distance
+from clothsim.contact.barrier_kernels import boxes_apart
+from clothsim.contact.culling import ROUND_OFF_FACTOR
+from clothsim.contact.distance import distance_squared
 from clothsim.indexing import four_points
 from clothsim.jit import kernel, natural, part
 
 
 @kernel
-def displaced(before: Floats, after: Floats, at: Floats, rows: Ints) -> Floats:
-    """How far each of these rows of x is from `at` where a way begins or ends, the farther of the two, (N,) [m].
+def displacement_norms(before: Floats, after: Floats, reference: Floats, rows: Ints) -> Floats:
+    """Distance of each of `rows` of x from its reference position, the larger at both ends of a path, (N,) [m].
 
-    before, after, at (N, 3) [m]. 0 for all other rows, inf for what is no number.
+    before, after, reference (N, 3) [m]. 0 for all other rows, inf for non-finite positions.
     """
-    gone = np.zeros(len(at))
+    displacement = np.zeros(len(reference))
     for row in rows:
         i = natural(row)
-        squared = max(_off(before, at, i), _off(after, at, i))
-        gone[i] = np.sqrt(squared)
-    return gone
+        norm_squared = max(_offset_squared(before, reference, i), _offset_squared(after, reference, i))
+        displacement[i] = np.sqrt(norm_squared)
+    return displacement
 
 
 @part
-def _off(x: Floats, at: Floats, i: int) -> float:
-    """The squared distance [m2] of a row from where it was."""
-    a, b, c = x[i, 0] - at[i, 0], x[i, 1] - at[i, 1], x[i, 2] - at[i, 2]
-    squared = a * a + b * b + c * c
-    return squared if squared >= 0.0 else np.inf
+def _offset_squared(x: Floats, reference: Floats, i: int) -> float:
+    """Squared distance [m2] of a row from its reference position; inf where it is not finite."""
+    a, b, c = x[i, 0] - reference[i, 0], x[i, 1] - reference[i, 1], x[i, 2] - reference[i, 2]
+    norm_squared = a * a + b * b + c * c
+    return norm_squared if norm_squared >= 0.0 else np.inf
 
 
 @part
-def _gone(elements: Ints, e: int, n_points: int, gone: Floats) -> float:
-    """How much nearer the two of a pair may have come, if each row of x has gone so far (N,)."""
-    a, b, c, d = gone[elements[e, 0]], gone[elements[e, 1]], gone[elements[e, 2]], gone[elements[e, 3]]
+def _approach_bound(elements: Ints, e: int, n_points: int, displacement: Floats) -> float:
+    """Bound on the decrease of a pair's distance for these displacements (N,) of the rows of x."""
+    a, b, c, d = (
+        displacement[elements[e, 0]],
+        displacement[elements[e, 1]],
+        displacement[elements[e, 2]],
+        displacement[elements[e, 3]],
+    )
     if e < n_points:
         return a + max(b, c, d)
     return max(a, b) + max(c, d)
 
 
 @kernel
-def may_be_near(elements: Ints, n_points: int, distances: Floats, gone: Floats, near: float, factor: float) -> Ints:
-    """The numbers of the pairs that were no further apart than `active` [m] and `factor` times what they have gone."""
-    numbers = np.empty(len(elements), np.int64)
+def pairs_possibly_within(
+    elements: Ints, n_points: int, distances: Floats, displacement: Floats, limit: float, factor: float
+) -> Ints:
+    """Indices of the pairs with a cached distance of at most limit [m] + factor times their approach bound."""
+    indices = np.empty(len(elements), np.int64)
     count = 0
     for e in range(len(elements)):
-        if distances[e] <= near + factor * _gone(elements, e, n_points, gone):
-            numbers[count] = e
+        if distances[e] <= limit + factor * _approach_bound(elements, e, n_points, displacement):
+            indices[count] = e
             count += 1
-    return numbers[:count].copy()
+    return indices[:count].copy()
 
 
 @kernel
-def near_among(x: Floats, elements: Ints, n_points: int, distances: Floats, gone: Floats, near: float) -> Ints:
-    """The numbers of the pairs closer than `active` [m] at x (N, 3) [m].
+def active_among(
+    x: Floats, elements: Ints, n_points: int, distances: Floats, displacement: Floats, limit: float
+) -> Ints:
+    """Indices of the pairs closer than `limit` [m] at x (N, 3) [m].
 
-    distances (p,) [m]: those that the pairs had where each row of x was before it has gone so far, gone (N,) [m]. They
-    tell of most pairs that they are near, or that they are not.
+    distances (p,) [m] are cached at reference positions from which each row of x has since moved by `displacement` (N,)
+    [m]: most pairs are decided by them, only the others are measured.
     """
-    numbers = np.empty(len(elements), np.int64)
+    indices = np.empty(len(elements), np.int64)
     count = 0
     for e in range(len(elements)):
-        change = _gone(elements, e, n_points, gone)
-        if distances[e] > ROUNDING * (near + change):
+        change = _approach_bound(elements, e, n_points, displacement)
+        if distances[e] > ROUND_OFF_FACTOR * (limit + change):
             continue
-        if not ROUNDING * (distances[e] + change) < near:
+        if not ROUND_OFF_FACTOR * (distances[e] + change) < limit:
             points, is_edges = four_points(x, elements, e), e >= n_points
-            if apart(points, is_edges, near) or not squared_distance(points, is_edges) < near * near:
+            if boxes_apart(points, is_edges, limit) or not distance_squared(points, is_edges) < limit * limit:
                 continue
-        numbers[count] = e
+        indices[count] = e
         count += 1
-    return numbers[:count].copy()
+    return indices[:count].copy()
 
 
 @kernel
-def still_near(
-    x: Floats, elements: Ints, n_points: int, distances: Floats, moved: np.ndarray, left: np.ndarray, near: float
+def retained_pairs(
+    x: Floats, elements: Ints, n_points: int, distances: Floats, moved: np.ndarray, outside: np.ndarray, limit: float
 ) -> tuple[Ints, Floats]:
-    """The numbers of the pairs closer than `active` [m] of which no row has `left` (N,), and their distances [m].
+    """Indices of the pairs closer than `limit` [m] without a row `outside` (N,) the skin, and their distances [m].
 
-    Those in which a row has moved (N,) are measured anew at x (N, 3) [m].
+    Pairs with a row that has moved (N,) are measured at x (N, 3) [m].
     """
-    numbers, measured = np.empty(len(elements), np.int64), np.empty(len(elements))
+    indices, measured = np.empty(len(elements), np.int64), np.empty(len(elements))
     count = 0
     for e in range(len(elements)):
-        gone = has_moved = False
+        excluded = has_moved = False
         for k in range(4):
             i = natural(elements[e, k])
-            gone |= left[i]
+            excluded |= outside[i]
             has_moved |= moved[i]
-        if gone:
+        if excluded:
             continue
-        distance = np.sqrt(squared_distance(four_points(x, elements, e), e >= n_points)) if has_moved else distances[e]
-        if distance <= near:
-            numbers[count], measured[count] = e, distance
+        distance = np.sqrt(distance_squared(four_points(x, elements, e), e >= n_points)) if has_moved else distances[e]
+        if distance <= limit:
+            indices[count], measured[count] = e, distance
             count += 1
-    return numbers[:count].copy(), measured[:count].copy()
+    return indices[:count].copy(), measured[:count].copy()
 
 
 @kernel
-def share_of_way(x: Floats, start: Floats, end: Floats, rows: Ints) -> float:
-    """The share of the way start -> end (N, 3) [m] at which these rows of x are closest to it, in [0, 1]."""
-    length = along = 0.0
+def path_fraction(x: Floats, start: Floats, end: Floats, rows: Ints) -> float:
+    """Fraction in [0, 1] of the path start -> end (N, 3) [m] at which these rows of x are closest to it."""
+    length = projection = 0.0
     for i in rows:
         for k in range(3):
             length += (end[i, k] - start[i, k]) ** 2
-            along += (x[i, k] - start[i, k]) * (end[i, k] - start[i, k])
-    return min(max(along / length, 0.0), 1.0) if length > 0.0 else 0.0
+            projection += (x[i, k] - start[i, k]) * (end[i, k] - start[i, k])
+    return min(max(projection / length, 0.0), 1.0) if length > 0.0 else 0.0
 
 
 @kernel
-def keeps_to(x: Floats, start: Floats, end: Floats, rows: Ints, room: float) -> bool:
-    """Whether no row of x is further than `room` [m] from where all have gone one and the same share of start -> end.
+def follows_path(x: Floats, start: Floats, end: Floats, rows: Ints, margin: float) -> bool:
+    """True where all rows of x are within `margin` [m] of a linear path at one common fraction.
 
-    x, start, end (N, 3) [m]; rows (n,): those that count. False for what is no number.
+    x, start, end (N, 3) [m]; rows (n,): the rows that count. False for non-finite positions.
     """
-    share = share_of_way(x, start, end, rows)
+    fraction = path_fraction(x, start, end, rows)
     for i in rows:
-        off = 0.0
+        offset_squared = 0.0
         for k in range(3):
-            off += (x[i, k] - start[i, k] - share * (end[i, k] - start[i, k])) ** 2
-        if not off <= room * room:
+            offset_squared += (x[i, k] - start[i, k] - fraction * (end[i, k] - start[i, k])) ** 2
+        if not offset_squared <= margin * margin:
             return False
     return True
 
 
 @kernel
-def place_on_way(start: Floats, end: Floats, share: float) -> tuple[Floats, np.ndarray]:
-    """Where all are at this share of their ways (N, 3) [m], and which rows have moved (N,)."""
-    place, moved = start.copy(), np.zeros(len(start), np.bool_)
+def point_on_path(start: Floats, end: Floats, fraction: float) -> tuple[Floats, np.ndarray]:
+    """Positions (N, 3) [m] at this fraction of the path, and the rows that differ from the start (N,)."""
+    positions, moved = start.copy(), np.zeros(len(start), np.bool_)
     for i in range(len(start)):
         for k in range(3):
             if start[i, k] != end[i, k]:
-                place[i, k] += share * (end[i, k] - start[i, k])
-                moved[i] |= share != 0.0
-    return place, moved
+                positions[i, k] += fraction * (end[i, k] - start[i, k])
+                moved[i] |= fraction != 0.0
+    return positions, moved

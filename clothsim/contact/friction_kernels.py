@@ -1,4 +1,7 @@
-"""Pair loops of lagged friction: E = sum L f0(|u|), u = (I - n n') sum_i g_i (x_i - start_i), e: slip."""
+"""Pair loops of lagged friction: E = sum L f0(|u|), u = (I - n n') sum_i g_i (x_i - start_i).
+
+L = mu F, e = eps_v dt: the displacement below which a contact counts as sticking.
+"""
 
 import numpy as np
 
@@ -7,20 +10,20 @@ from clothsim.jit import inlined, kernel, natural
 
 @inlined
 def _sliding(x, start, rows, g, n, u):
-    """Fills u (3,) [m]; returns its length."""
+    """Tangential displacement u (3,) [m] of a pair; returns its length."""
     for k in range(3):
         u[k] = 0.0
     for i in range(4):
         row = natural(rows[i])
         for k in range(3):
             u[k] += g[i] * (x[row, k] - start[row, k])
-    along = squared = 0.0
+    normal_part = norm_squared = 0.0
     for k in range(3):
-        along += u[k] * n[k]
+        normal_part += u[k] * n[k]
     for k in range(3):
-        u[k] -= along * n[k]
-        squared += u[k] * u[k]
-    return np.sqrt(squared)
+        u[k] -= normal_part * n[k]
+        norm_squared += u[k] * u[k]
+    return np.sqrt(norm_squared)
 
 
 @kernel
@@ -29,20 +32,20 @@ def value(x, start, elements, weights, normals, limits, e):
     u = np.empty(3)
     total = 0.0
     for p in range(len(elements)):
-        y = _sliding(x, start, elements[p], weights[p], normals[p], u)
-        total += limits[p] * (y if y >= e else y * y / e - y**3 / (3.0 * e * e) + e / 3.0)
+        length = _sliding(x, start, elements[p], weights[p], normals[p], u)
+        total += limits[p] * (length if length >= e else length * length / e - length**3 / (3.0 * e * e) + e / 3.0)
     return total
 
 
 @inlined
-def _per_length(y, e):
+def _per_length(length, e):
     """f0'(y) / y [1/m]: finite at 0."""
-    return 1.0 / y if y >= e else (2.0 - y / e) / e
+    return 1.0 / length if length >= e else (2.0 - length / e) / e
 
 
 @kernel
 def gradient(x, start, elements, weights, normals, limits, e):
-    """L f0'/|u| g_i u, (N, 3) [N]."""
+    """Sum of L f0'/|u| g_i u, (N, 3) [N]."""
     out = np.zeros_like(x)
     u = np.empty(3)
     for p in range(len(elements)):
@@ -60,14 +63,14 @@ def hessian(x, start, elements, weights, normals, limits, e):
     blocks = np.empty((len(elements), 12, 12))
     u, block = np.empty(3), np.empty((3, 3))
     for p in range(len(elements)):
-        y = _sliding(x, start, elements[p], weights[p], normals[p], u)
-        across = _per_length(y, e)
-        along = 0.0 if y >= e else 2.0 * (1.0 - y / e) / e
+        length = _sliding(x, start, elements[p], weights[p], normals[p], u)
+        tangent_scale = _per_length(length, e)
+        normal_part = 0.0 if length >= e else 2.0 * (1.0 - length / e) / e
         for k in range(3):
             for q in range(3):
-                block[k, q] = across * ((1.0 if k == q else 0.0) - normals[p, k] * normals[p, q])
-                if y > 0.0:
-                    block[k, q] += (along - across) * u[k] * u[q] / (y * y)
+                block[k, q] = tangent_scale * ((1.0 if k == q else 0.0) - normals[p, k] * normals[p, q])
+                if length > 0.0:
+                    block[k, q] += (normal_part - tangent_scale) * u[k] * u[q] / (length * length)
         for i in range(4):
             for k in range(3):
                 for j in range(4):

@@ -1,4 +1,4 @@
-"""The same barrier by ipctk (`contact.backend = "ipctk"`): the oracle of the numba path, and its stand-in."""
+"""ipctk backend of the barrier (`contact.backend = "ipctk"`): the oracle of the numba path and an alternative to it."""
 
 from dataclasses import dataclass
 from time import perf_counter
@@ -11,78 +11,80 @@ from scipy import sparse
 from clothsim.arrays import Floats
 from clothsim.contact.barrier import Barrier
 from clothsim.contact.candidates import SLACK, Candidates
-from clothsim.contact.filter import keeps_to
+from clothsim.contact.filter import follows_path
 from clothsim.contact.surface import ContactSurface
 from clothsim.energies.step import Step
 
-SEPARATION = 1e-6
-"""Share of d_hat below which no step brings a pair: ipctk's additive CCD takes millions of steps at round-off."""
+MIN_SEPARATION = 1e-6
+"""Fraction of d_hat below which no step brings a pair: ipctk's additive CCD takes millions of steps at round-off."""
 
 
 class IpctkCandidates(Candidates):
-    """The cache with ipctk's broad phase, collision sets and additive CCD; `limit` is d_hat, the offset 0."""
+    """Candidate cache with ipctk's broad phase, collision sets and additive CCD; without offset."""
 
-    def __init__(self, surface: ContactSurface, limit: float, reach: float) -> None:
+    def __init__(self, surface: ContactSurface, d_hat: float, skin: float) -> None:
         self.mesh = collision_mesh(surface)
         self._count = int(surface.rows.max()) + 1
-        super().__init__(surface, limit, reach)
+        super().__init__(surface, d_hat, skin)
 
     def clear(self) -> None:
-        """As the numba cache's."""
+        """Search again at the next call."""
         super().clear()
-        self._found = ipctk.Candidates()
-        self._path: tuple[Floats, Floats] | None = None  # of the last search
+        self._ipctk_candidates = ipctk.Candidates()
+        self._ipctk_path: tuple[Floats, Floats] | None = None  # of the last search
         self._collisions_at: Floats | None = None
         self._collisions = ipctk.NormalCollisions()
 
     def rows_of(self, x: Floats) -> Floats:
-        """The rows that ipctk knows, in the column-major order that it takes."""
+        """Rows of x that ipctk knows, in the column-major order that it takes."""
         return np.asfortranarray(x[: self._count])
 
     def collisions(self, x: Floats) -> ipctk.NormalCollisions:
-        """The pairs closer than d_hat at x, weighted by area."""
+        """Collisions of the active pairs at x, weighted by area."""
         if self._collisions_at is not None and np.array_equal(x, self._collisions_at):
             return self._collisions
         start = perf_counter()
-        self._cover(x, x)
+        self._ensure_ipctk_covers(x, x)
         collisions = ipctk.NormalCollisions()
         collisions.use_area_weighting = True
-        collisions.build(self._found, self.mesh, self.rows_of(x), self.limit)
+        collisions.build(self._ipctk_candidates, self.mesh, self.rows_of(x), self.d_hat)
         self._collisions, self._collisions_at = collisions, x.copy()
         self.pairs = len(collisions)
-        self._least = np.inf
+        self._minimum_distance = np.inf
         if self.pairs:  # ipctk returns the squared distance
-            self._least = float(np.sqrt(collisions.compute_minimum_distance(self.mesh, self.rows_of(x))))
+            self._minimum_distance = float(np.sqrt(collisions.compute_minimum_distance(self.mesh, self.rows_of(x))))
         self.seconds["candidates"] += perf_counter() - start
         return collisions
 
     def minimum_gap(self, x: Floats) -> float:
-        """The smallest distance of a pair [m] where it is below d_hat, else inf."""
+        """Smallest distance of an active pair [m]; inf where no pair is active."""
         self.collisions(x)
-        return self._least
+        return self._minimum_distance
 
     def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
-        """The fraction of dx, at most `most`, that is free of collision; keeps SEPARATION d_hat or half the gap."""
-        separation = min(SEPARATION * self.limit, 0.5 * self.minimum_gap(x))
+        """Collision-free fraction of dx, at most `most`; keeps MIN_SEPARATION d_hat or half the gap."""
+        separation = min(MIN_SEPARATION * self.d_hat, 0.5 * self.minimum_gap(x))
         start = perf_counter()
-        self._cover(x, x + dx)
+        self._ensure_ipctk_covers(x, x + dx)
         searched = perf_counter()
         ccd = ipctk.AdditiveCCD(conservative_rescaling=SLACK)
-        ways = self.rows_of(x), self.rows_of(x + dx)
-        fraction = self._found.compute_collision_free_stepsize(self.mesh, *ways, separation, ccd)
+        paths = self.rows_of(x), self.rows_of(x + dx)
+        fraction = self._ipctk_candidates.compute_collision_free_stepsize(self.mesh, *paths, separation, ccd)
         self.ccd_calls += 1
         self.seconds["candidates"] += searched - start
         self.seconds["CCD"] += perf_counter() - searched
         return min(most, float(fraction))
 
-    def _cover(self, before: Floats, after: Floats) -> None:
-        """Let ipctk's candidates hold every pair that comes closer than d_hat on a way: by its last search if near."""
+    def _ensure_ipctk_covers(self, before: Floats, after: Floats) -> None:
+        """Search again unless ipctk's candidates hold every pair closer than d_hat on a path."""
         rows = self.surface.rows
-        if self._path is not None and all(keeps_to(x, *self._path, rows, self.reach) for x in (before, after)):
+        if self._ipctk_path is not None and all(
+            follows_path(x, *self._ipctk_path, rows, self.skin) for x in (before, after)
+        ):
             return
-        self._found, self._path = ipctk.Candidates(), (before.copy(), after.copy())
-        inflation = 0.5 * self.limit + 2.0 * self.reach
-        self._found.build(self.mesh, self.rows_of(before), self.rows_of(after), inflation, ipctk.LBVH())
+        self._ipctk_candidates, self._ipctk_path = ipctk.Candidates(), (before.copy(), after.copy())
+        inflation = 0.5 * self.d_hat + 2.0 * self.skin
+        self._ipctk_candidates.build(self.mesh, self.rows_of(before), self.rows_of(after), inflation, ipctk.LBVH())
         self.builds += 1
 
 
@@ -94,7 +96,7 @@ class IpctkBarrier(Barrier):
     exact_in_newton = False
 
     def begin(self, step: Step) -> Self:
-        """As the numba path's. ipctk sums in the order of its search: a resumed run must search where this one did."""
+        """As `Barrier.begin`; clears the cache, as ipctk sums in its search order and a resumed run must repeat it."""
         self.candidates.clear()
         return super().begin(step)
 
@@ -133,19 +135,19 @@ class IpctkBarrier(Barrier):
 
 
 def collision_mesh(surface: ContactSurface) -> ipctk.CollisionMesh:
-    """The surface as ipctk takes it: all rows up to the last that collides. It knows no pairs of names to leave out."""
+    """The surface as an ipctk mesh: all rows up to the last that collides. Excluded pairs of objects are ignored."""
     count = int(surface.rows.max()) + 1
-    groups = (surface.first,) if surface.itself else (surface.first, surface.second)
+    groups = (surface.first,) if surface.is_self_contact else (surface.first, surface.second)
     edges = np.concatenate([group.edges for group in groups])
     rest = surface.rest_positions[:count]
-    mesh = ipctk.CollisionMesh(*(np.asfortranarray(each) for each in (rest, edges, surface.triangles)))
-    if not surface.itself:
-        mesh.can_collide = ipctk.make_vertex_patches_filter(_sides(surface, count))
+    mesh = ipctk.CollisionMesh(*(np.asfortranarray(array) for array in (rest, edges, surface.triangles)))
+    if not surface.is_self_contact:
+        mesh.can_collide = ipctk.make_vertex_patches_filter(_group_labels(surface, count))
     return mesh
 
 
-def _sides(surface: ContactSurface, count: int) -> np.ndarray:
+def _group_labels(surface: ContactSurface, count: int) -> np.ndarray:
     """0 for the rows of the first group, 1 for those of the second."""
-    sides = np.zeros(count, np.int32)
-    sides[surface.second.points] = 1
-    return sides
+    group_labels = np.zeros(count, np.int32)
+    group_labels[surface.second.points] = 1
+    return group_labels

@@ -1,16 +1,16 @@
-"""Pairs in the order of their first, then their second."""
+"""Lexicographic order of index pairs by counting sort."""
 
 import numpy as np
 
 from clothsim.arrays import Ints
 from clothsim.jit import kernel, part
 
-_FEW = 32
-"""Numbers that insertion sorts fastest."""
+INSERTION_SIZE = 32
+"""Length up to which insertion sort is fastest."""
 
 
-def in_order(first: Ints, second: Ints) -> Ints:
-    """The order (p,) of pairs by the first, then the second: what the tree was built from no longer shows in it."""
+def lexicographic_order(first: Ints, second: Ints) -> Ints:
+    """Order (p,) of pairs by the first index, then the second: the result does not depend on the shape of a tree."""
     n = int(first.max(initial=-1)) + 1
     if 8 * len(first) < n:
         return np.lexsort((second, first))
@@ -19,36 +19,36 @@ def in_order(first: Ints, second: Ints) -> Ints:
 
 @part
 def _sort(values: Ints, start: int, end: int) -> None:
-    """Sort values[start:end] in place: Shell's sort, which for up to _FEW numbers is insertion."""
+    """Sort values[start:end] in place: Shell sort, which up to INSERTION_SIZE is insertion sort."""
     gap = 1
-    while gap * _FEW < end - start:
+    while gap * INSERTION_SIZE < end - start:
         gap = 3 * gap + 1
     while gap > 0:
         for k in range(start + gap, end):
-            value, place = values[k], k
-            while place >= start + gap and values[place - gap] > value:
-                values[place] = values[place - gap]
-                place -= gap
-            values[place] = value
+            value, slot = values[k], k
+            while slot >= start + gap and values[slot - gap] > value:
+                values[slot] = values[slot - gap]
+                slot -= gap
+            values[slot] = value
         gap //= 3
 
 
 @kernel
 def _order(first: Ints, second: Ints, n: int) -> Ints:
-    """The order of pairs by first, all below n, then second."""
-    places = np.zeros(n + 1, np.int64)  # of the next pair of i; in the end of the first of i + 1
+    """Order of pairs by first, all below n, then second."""
+    slots = np.zeros(n + 1, np.int64)  # of the next pair of i; at the end, of the first pair of i + 1
     for i in first:
-        places[i + 1] += 1
+        slots[i + 1] += 1
     for i in range(n):
-        places[i + 1] += places[i]
+        slots[i + 1] += slots[i]
     order = np.empty(len(first), np.int64)
     for k in range(len(first)):
-        order[places[first[k]]] = second[k] << 32 | k
-        places[first[k]] += 1
+        order[slots[first[k]]] = second[k] << 32 | k
+        slots[first[k]] += 1
     start = 0
     for i in range(n):
-        _sort(order, start, places[i])
-        start = places[i]
+        _sort(order, start, slots[i])
+        start = slots[i]
     for k in range(len(order)):
         order[k] &= 0xFFFFFFFF
     return order

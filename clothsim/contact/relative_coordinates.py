@@ -1,34 +1,34 @@
-"""Coordinates of a pair that know no translation, for numba kernels.
+"""Translation-free coordinates of a pair, for numba kernels.
 
-What moves with a pair costs nothing, so of its 12 coordinates x_i 9 count: (x1 - x0) / sqrt 2, (x3 - x2) / sqrt 2 and
-(x0 + x1 - x2 - x3) / 2, which are orthonormal: eigenvalues are the same in both.
+A common translation of a pair has no energy, so 9 of its 12 coordinates x_i suffice: (x1 - x0) / sqrt 2, (x3 - x2) /
+sqrt 2 and (x0 + x1 - x2 - x3) / 2, which are orthonormal: eigenvalues are the same in both.
 """
 
 import numpy as np
 
 from clothsim.jit import part
 
-ROOT = float(np.sqrt(0.5))
+SQRT_HALF = float(np.sqrt(0.5))
 
 
 @part
 def relative(g):
-    """What has a part at each of the four vertices, as its three parts in these coordinates."""
-    return ROOT * (g[1] - g[0]), ROOT * (g[3] - g[2]), 0.5 * (g[0] + g[1] - g[2] - g[3])
+    """Three components in these coordinates of a quantity with a component at each of the four vertices."""
+    return SQRT_HALF * (g[1] - g[0]), SQRT_HALF * (g[3] - g[2]), 0.5 * (g[0] + g[1] - g[2] - g[3])
 
 
 @part
 def absolute(y):
-    """The other way."""
-    first, second, between = ROOT * y[0], ROOT * y[1], 0.5 * y[2]
+    """Inverse of `relative` for quantities without a common translation."""
+    first, second, between = SQRT_HALF * y[0], SQRT_HALF * y[1], 0.5 * y[2]
     return between - first, between + first, -between - second, second - between
 
 
 @part
 def absolute_block(block, at, out, to):
-    """out[to] = the matrix block[at] (9, 9) over all coordinates, (12, 12).
+    """out[to] = the matrix block[at] (9, 9) in all 12 coordinates.
 
-    Of a size that the compiler does not know: unrolled it would take several times as long to compile.
+    The size is not a compile-time constant: unrolled it would take several times as long to compile.
     """
     size = block.shape[1] // 3
     for p in range(size):

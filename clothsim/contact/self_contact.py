@@ -1,4 +1,4 @@
-"""The effect `self_contact`: cloth intersects neither itself nor other cloth."""
+"""The effect `self_contact`: intersection-free contact of cloth with itself and other cloth."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -23,11 +23,30 @@ def self_contact(
     exclude: Sequence[Sequence[str]] = (),
     backend: str = "auto",
 ) -> Energy | Off:
-    """Log-barrier contact of every cloth with itself and with every other; keys as for `body_contact`.
+    """Log-barrier contact of every cloth with itself and with every other cloth.
 
-    A pair of one and the same name in `exclude` lets that cloth pass through itself. "auto" also keeps d_hat below
-    half of the smallest gap between parts of a cloth at rest that share no vertex, down to a tenth: slivers would else
-    push one another apart.
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies.
+    d_hat : float or "auto"
+        Gap below which contact forces act [m]; "auto": a tenth of the median cloth edge, but at most half of the
+        smallest rest gap of parts of a cloth without a common vertex, down to a tenth of that: slivers would else repel
+        one another.
+    offset, stiffness, backend
+        As for `body_contact`.
+    exclude : sequence of [name, name]
+        Pairs of objects that do not touch; a pair of one and the same name lets that cloth pass through itself.
+
+    Returns
+    -------
+    Energy or Off
+        Off where every pair is excluded.
+
+    Raises
+    ------
+    InputError
+        A key is out of range, or cloth starts in contact with cloth.
     """
     surface = cloth_surface(world, excluded_pairs("self_contact", world, exclude))
     if not surface.allowed.any():
@@ -38,11 +57,11 @@ def self_contact(
 
 
 def _below_rest_gaps(world: World, surface: ContactSurface) -> float:
-    """A tenth of the median edge, or half of the smallest gap at rest of parts of one cloth where that is less."""
-    usual = default_d_hat(edge_lengths(world))
-    one_by_one = replace(surface, allowed=surface.allowed & np.eye(len(surface.allowed), dtype=bool))
-    gap = Candidates(one_by_one, usual, reach=0.0).minimum_gap(surface.rest_positions)
-    return usual if gap > usual else max(0.5 * gap, 0.1 * usual)
+    """A tenth of the median edge, or half of the smallest rest gap of parts of one cloth where that is less [m]."""
+    default = default_d_hat(edge_lengths(world))
+    within_one_cloth = replace(surface, allowed=surface.allowed & np.eye(len(surface.allowed), dtype=bool))
+    gap = Candidates(within_one_cloth, default, skin=0.0).minimum_gap(surface.rest_positions)
+    return default if gap > default else max(0.5 * gap, 0.1 * default)
 
 
 EXAMPLE = Example(

@@ -1,4 +1,4 @@
-"""What the contact effects share: their scales, pairs that are left out, and a start that must be free of contact."""
+"""Setup of the contact effects: scales, excluded pairs, and the refusal of a start in contact."""
 
 from collections.abc import Sequence
 
@@ -14,8 +14,8 @@ from clothsim.errors import InputError, MissingPackageError
 from clothsim.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from clothsim.mesh.world import World
 
-LAST_DIGITS = 64 * float(np.finfo(float).eps)
-"""Share of the largest coordinate below which a gap at the start is round-off."""
+CONTACT_ROUND_OFF = 64 * float(np.finfo(float).eps)
+"""Fraction of the largest coordinate below which a gap at the start is round-off."""
 
 BACKENDS = ("auto", "numba", "ipctk")
 
@@ -29,19 +29,41 @@ def contact_energy(
     stiffness: float | str,
     backend: str,
 ) -> Energy:
-    """The barrier of the effect `name` on `surface`. InputError where the start is not free of contact,
-    MissingPackageError for the ipctk backend without ipctk.
+    """Barrier of the effect `name` on `surface`.
+
+    Parameters
+    ----------
+    name : str
+        Effect, for messages.
+    world : World
+        Cloths and bodies at the start.
+    surface : ContactSurface
+        Primitives that may touch.
+    d_hat, offset, stiffness, backend
+        Keys of the effect, unchecked.
+
+    Returns
+    -------
+    Barrier
+        With the chosen backend.
+
+    Raises
+    ------
+    InputError
+        A key is out of range, or surfaces intersect or touch at the start.
+    MissingPackageError
+        The ipctk backend without ipctk.
     """
-    distance = _distance(name, world, d_hat)
-    thickness = as_positive(f"effects.{name}.offset", offset, zero=True)
+    d_hat = _resolved_d_hat(name, world, d_hat)
+    offset = as_positive(f"effects.{name}.offset", offset, zero=True)
     adaptive = stiffness == "auto"
     kappa = 1.0 if adaptive else as_positive(f"effects.{name}.stiffness", stiffness)  # type: ignore[arg-type]
     if backend not in BACKENDS:
         raise InputError(f"contact.backend is {backend!r}.", f"Known: {', '.join(BACKENDS)}.")
     start = world.start()
     _refuse_intersections(world, surface, start)
-    candidates = Candidates(surface, distance + thickness, reach=0.7 * distance, offset=thickness)
-    _refuse_touch(world, candidates, start, thickness)
+    candidates = Candidates(surface, d_hat + offset, skin=0.7 * d_hat, offset=offset)
+    _refuse_initial_contact(world, candidates, start, offset)
     if backend == "ipctk":
         try:
             from clothsim.contact.ipctk_barrier import IpctkBarrier, IpctkCandidates
@@ -50,27 +72,27 @@ def contact_energy(
                 'contact.backend = "ipctk" needs ipctk, which is not installed.',
                 "Run: pip install 'clothsim[oracle]', or take contact.backend = \"numba\".",
             ) from error
-        if thickness or not surface.complete:
-            key = "offset" if thickness else "exclude"
+        if offset or not surface.complete:
+            key = "offset" if offset else "exclude"
             raise InputError(f"effects.{name}.{key} does not work with ipctk.", 'Use contact.backend = "numba".')
-        searches = IpctkCandidates(surface, distance, reach=distance)
-        return IpctkBarrier(searches, distance, 0.0, world.vertex_areas, world.masses, kappa, adaptive)
-    return Barrier(candidates, distance, thickness, world.vertex_areas, world.masses, kappa, adaptive)
+        candidates = IpctkCandidates(surface, d_hat, skin=d_hat)
+        return IpctkBarrier(candidates, d_hat, 0.0, world.vertex_areas, world.masses, kappa, adaptive)
+    return Barrier(candidates, d_hat, offset, world.vertex_areas, world.masses, kappa, adaptive)
 
 
-def _distance(name: str, world: World, d_hat: float | str) -> float:
-    """d_hat [m]: "auto" from the mesh, else as given. InputError for one beyond which everything touches everything."""
-    usual = default_d_hat(edge_lengths(world))
+def _resolved_d_hat(name: str, world: World, d_hat: float | str) -> float:
+    """d_hat [m]: "auto" from the mesh, else as given. InputError for one as large as the cloth."""
+    default = default_d_hat(edge_lengths(world))
     if d_hat == "auto":
-        return usual
-    given = as_positive(f"effects.{name}.d_hat", d_hat)  # type: ignore[arg-type]
+        return default
+    value = as_positive(f"effects.{name}.d_hat", d_hat)  # type: ignore[arg-type]
     size = float(np.ptp(world.start()[: world.n_cloth], axis=0).max())
-    if given >= size:
+    if value >= size:
         raise InputError(
-            f"effects.{name}.d_hat is {given:g} m, and the whole cloth is {size:.3g} m long.",
-            f"It is the gap where contact begins to push: {usual:g} m would suit the mesh.",
+            f"effects.{name}.d_hat is {value:g} m, and the whole cloth is {size:.3g} m long.",
+            f"d_hat is the gap below which contact forces act: {default:g} m suits the mesh.",
         )
-    return given
+    return value
 
 
 def edge_lengths(world: World) -> Floats:
@@ -79,28 +101,28 @@ def edge_lengths(world: World) -> Floats:
 
 
 def excluded_pairs(name: str, world: World, exclude: Sequence[Sequence[str]]) -> np.ndarray:
-    """The pairs of names as an (L, L) table over the world's objects. InputError for a name that is not there."""
+    """Excluded pairs of names as an (L, L) mask over the world's objects. InputError for an unknown name."""
     table = np.zeros((len(world.names),) * 2, bool)
     if isinstance(exclude, str) or not isinstance(exclude, Sequence):
         raise InputError(f"effects.{name}.exclude must be a list of pairs of names, not {exclude!r}.")
     for number, pair in enumerate(exclude):
         if isinstance(pair, str) or not isinstance(pair, Sequence) or len(pair) != 2:
             raise InputError(f"effects.{name}.exclude[{number}] must be two names, not {pair!r}.")
-        unknown = [each for each in pair if each not in world.names]
+        unknown = [object_name for object_name in pair if object_name not in world.names]
         if unknown:
             raise InputError(
-                f"effects.{name}.exclude[{number}]: nothing is called {unknown[0]!r}.",
-                f"There are: {', '.join(world.names)}.",
+                f"effects.{name}.exclude[{number}]: unknown object {unknown[0]!r}.",
+                f"Choose from: {', '.join(world.names)}.",
             )
-        a, b = (world.names.index(each) for each in pair)
+        a, b = (world.names.index(object_name) for object_name in pair)
         table[a, b] = table[b, a] = True
     return table
 
 
 def _refuse_intersections(world: World, surface: ContactSurface, start: Floats) -> None:
-    """InputError where surfaces that may touch cross at the start: the first pair of objects and its first place."""
+    """InputError where surfaces that may touch intersect at the start: names the first pair of objects and a point."""
     first, second = surface.first.triangles, surface.second.triangles
-    pairs = intersecting_pairs(start, first, None if surface.itself else second)
+    pairs = intersecting_pairs(start, first, None if surface.is_self_contact else second)
     labels = surface.labels[first[pairs[:, 0], 0]], surface.labels[second[pairs[:, 1], 0]]
     pairs = pairs[surface.allowed[labels]]
     if not len(pairs):
@@ -108,23 +130,23 @@ def _refuse_intersections(world: World, surface: ContactSurface, start: Floats) 
     a, b = first[pairs[0, 0]], second[pairs[0, 1]]
     one, other = world.names[surface.labels[a[0]]], world.names[surface.labels[b[0]]]
     at = ", ".join(f"{c:.4g}" for c in intersection_points(start, first, second, pairs[:1])[0] + world.origin)
-    who = f"{one} intersects itself" if one == other else f"{one} intersects {other}"
+    statement = f"{one} intersects itself" if one == other else f"{one} intersects {other}"
     raise InputError(
-        f"{who} at the start, in {len(pairs):,} pairs of triangles; the first is at ({at}) m.",
-        "Move the cloth out (position, rotation_degrees), or leave the pair out with exclude.",
+        f"{statement} at the start, in {len(pairs):,} pairs of triangles; the first is at ({at}) m.",
+        "Move the cloth out (position, rotation_degrees), or exclude the pair (exclude).",
     )
 
 
-def _refuse_touch(world: World, candidates: Candidates, start: Floats, offset: float) -> None:
-    """InputError where the start is at contact to the last digits, or closer than the offset: names the pair."""
+def _refuse_initial_contact(world: World, candidates: Candidates, start: Floats, offset: float) -> None:
+    """InputError where the gap at the start is round-off, or below the offset: names the pair."""
     gap = candidates.minimum_gap(start)
-    if gap > LAST_DIGITS * float(np.abs(start).max(initial=0.0)):
+    if gap > CONTACT_ROUND_OFF * float(np.abs(start).max(initial=0.0)):
         return
     rows = candidates.closest_pair(start)
     one, other = (world.names[candidates.surface.labels[row]] for row in (rows[0], rows[-1]))
     at = ", ".join(f"{c:.4g}" for c in start[rows[0]] + world.origin)
-    less = f", less than the offset of {offset:g} m" if offset else ", which is contact to the last digits"
+    less = f", less than the offset of {offset:g} m" if offset else ", which is contact to round-off"
     raise InputError(
         f"{one} starts {gap + offset:.3g} m from {other} at ({at}) m{less}.",
-        "Start it further away." if not offset else "Start it further away, or choose a smaller offset.",
+        "Move it further away." if not offset else "Move it further away, or choose a smaller offset.",
     )

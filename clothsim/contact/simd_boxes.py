@@ -1,4 +1,7 @@
-"""One box against four that lie side by side, by vector instructions: a compiler left alone compares one by one."""
+"""SIMD overlap test of one box against the four boxes of a BVH node.
+
+Written as vector instructions: LLVM's own vectoriser leaves the comparisons scalar.
+"""
 
 from typing import Any
 
@@ -6,32 +9,32 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from clothsim.contact.bvh import FOUR
+from clothsim.contact.bvh import WIDTH
 
-_FLOATS = ir.VectorType(ir.DoubleType(), FOUR)
-_SAME = ir.Constant(ir.VectorType(ir.IntType(32), FOUR), [0] * FOUR)
+_FLOATS = ir.VectorType(ir.DoubleType(), WIDTH)
+_SAME = ir.Constant(ir.VectorType(ir.IntType(32), WIDTH), [0] * WIDTH)
 
 
 @intrinsic
-def that_overlap(context: Any, boxes: Any, four: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
-    """Which boxes of a four in `boxes` (g, 6, 4) overlap the one with the corners (a, b, c) and (d, e, f).
+def overlap_mask(context: Any, boxes: Any, node: Any, a: Any, b: Any, c: Any, d: Any, e: Any, f: Any) -> Any:
+    """Bit mask of the boxes of a node in `boxes` (g, 6, 4) that overlap the box (a, b, c), (d, e, f).
 
-    An integer with bit k for box k. Overlap is closed; NaN overlaps nothing. four: its number, not negative.
+    Bit k is for box k. Overlap is closed; NaN overlaps nothing. node: its index, not negative.
     """
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         array = context.make_array(signature.args[0])(context, builder, args[0])
-        start = builder.mul(args[1], ir.Constant(ir.IntType(64), 6 * FOUR))
-        overlap = ir.Constant(ir.VectorType(ir.IntType(1), FOUR), [1] * FOUR)
+        start = builder.mul(args[1], ir.Constant(ir.IntType(64), 6 * WIDTH))
+        overlap = ir.Constant(ir.VectorType(ir.IntType(1), WIDTH), [1] * WIDTH)
         for side in range(6):
-            place = builder.add(start, ir.Constant(ir.IntType(64), side * FOUR))
-            theirs = builder.load(builder.bitcast(builder.gep(array.data, [place]), _FLOATS.as_pointer()), align=8)
+            address = builder.add(start, ir.Constant(ir.IntType(64), side * WIDTH))
+            stored = builder.load(builder.bitcast(builder.gep(array.data, [address]), _FLOATS.as_pointer()), align=8)
             opposite = args[2 + (side + 3) % 6]
             nothing = ir.Constant(_FLOATS, ir.Undefined)
             one = builder.insert_element(nothing, opposite, ir.Constant(ir.IntType(32), 0))
-            mine = builder.shuffle_vector(one, nothing, _SAME)
-            low, high = (theirs, mine) if side < 3 else (mine, theirs)
+            query = builder.shuffle_vector(one, nothing, _SAME)
+            low, high = (stored, query) if side < 3 else (query, stored)
             overlap = builder.and_(overlap, builder.fcmp_ordered("<=", low, high))
-        return builder.zext(builder.bitcast(overlap, ir.IntType(FOUR)), ir.IntType(64))
+        return builder.zext(builder.bitcast(overlap, ir.IntType(WIDTH)), ir.IntType(64))
 
     return types.int64(boxes, types.int64, *6 * [types.float64]), generate

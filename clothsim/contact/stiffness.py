@@ -1,4 +1,4 @@
-"""The scales of contact, chosen from the scene: d_hat from the mesh, the barrier stiffness from loads and masses."""
+"""Contact scales: d_hat from the mesh, barrier stiffness from loads and masses."""
 
 import numpy as np
 
@@ -15,13 +15,25 @@ def default_d_hat(edge_lengths: Floats) -> float:
 def barrier_stiffness(
     pressure: float, area_density: float, speed: float, d_hat: float, dt: float, contact_time_scale: float
 ) -> float:
-    """kappa [Pa] for a step, from the state at its start alone; the largest of three pressures.
+    """Barrier stiffness kappa [Pa] for a step, from the state at its start alone: the largest of three pressures.
 
-    pressure [Pa]: what contact must carry now, the most that the other forces put on the area of a touching vertex:
-    kappa = pressure puts its gap at about half of d_hat (F/(kappa w) = 3.85 at .53, for w = A/4). rho_A d_hat / T^2, T
-    = contact_time_scale [s]: what moves the cloth through d_hat in that time; softer, the barrier would let it sink
-    further. rho_A v times 1 / T, or v / d_hat where that is more: what stops the fastest vertex, of those that are yet
-    to touch, in T or within d_hat; but never more than 1 / dt, which stops it in one step.
+    Parameters
+    ----------
+    pressure : float
+        The pressure that contact must balance now [Pa], the largest force of the other energies on a vertex in contact
+        over its area: kappa = pressure puts its gap at about half of d_hat (F/(kappa w) = 3.85 at .53, for w = A/4).
+    area_density : float
+        rho_A [kg/m2].
+    speed : float
+        Approach speed v of the fastest vertex [m/s]; rho_A v times 1 / T, or v / d_hat where that is more, stops it in
+        T or within d_hat; but never more than 1 / dt, which stops it in one step.
+    d_hat : float
+        Range of the barrier [m].
+    dt : float
+        Time step [s].
+    contact_time_scale : float
+        Contact time scale T [s]; rho_A d_hat / T^2 moves the cloth through d_hat in that time: a softer barrier would
+        let it sink before it responds.
     """
     rate = min(1 / dt, max(1 / contact_time_scale, speed / d_hat))
     return max(pressure, area_density * speed * rate, area_density * d_hat / contact_time_scale**2)

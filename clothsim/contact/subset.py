@@ -1,4 +1,4 @@
-"""The pairs around a few vertices that move while all others stand."""
+"""Candidates incident to a few moving vertices while all others stand still."""
 
 from dataclasses import dataclass
 from time import perf_counter
@@ -7,21 +7,21 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.contact.barrier_kernels import near_pairs
+from clothsim.contact.barrier_kernels import pairs_within
 from clothsim.contact.candidates import Candidates
-from clothsim.contact.filter import keeps_to
+from clothsim.contact.filter import follows_path
 from clothsim.contact.search import Pairs
 
-REACH = 3.0
-"""How far they may go on one list, in `reach` of the whole surface."""
+RADIUS_IN_SKINS = 3.0
+"""Radius of validity of one list, in skins of the whole surface's list."""
 
 
 @dataclass(frozen=True)
-class CandidatesAround:
-    """The candidates of a whole surface, `active` gives those that a `moving` vertex ((N,) booleans) belongs to.
+class CandidateSubset:
+    """The candidates of a whole surface that are incident to a `moving` vertex ((N,) booleans).
 
-    start (N, 3) [m]: where all pairs of theirs are known that are closer than limit + 2 radius: while they stay within
-    `radius` [m] of it, nothing is searched. Beyond it, the whole is asked.
+    pairs holds all of them closer than activation_distance + 2 radius at start (N, 3) [m]: while the moving rows stay
+    within `radius` [m] of it, nothing is searched. Beyond it, the whole surface's candidates are used.
     """
 
     whole: Candidates
@@ -32,33 +32,35 @@ class CandidatesAround:
     pairs: Pairs
 
     @classmethod
-    def of(cls, whole: Candidates, moving: np.ndarray, x: Floats) -> Self:
-        """Those around x (N, 3) [m]."""
-        began, radius = perf_counter(), REACH * whole.reach
-        mine = np.zeros_like(moving)
-        mine[whole.surface.first.points] = moving[whole.surface.first.points]
-        pairs, _ = whole.search.pairs(x, x, whole.limit + 2.0 * radius, mine)
-        whole.seconds["candidates"] += perf_counter() - began
+    def restrict(cls, whole: Candidates, moving: np.ndarray, x: Floats) -> Self:
+        """The candidates incident to `moving` vertices, listed at x (N, 3) [m]."""
+        start_time, radius = perf_counter(), RADIUS_IN_SKINS * whole.skin
+        moving_points = np.zeros_like(moving)
+        moving_points[whole.surface.first.points] = moving[whole.surface.first.points]
+        pairs, _ = whole.search.pairs(x, x, whole.activation_distance + 2.0 * radius, moving_points)
+        whole.seconds["candidates"] += perf_counter() - start_time
         return cls(whole, moving, np.flatnonzero(moving), x.copy(), radius, pairs)
 
     def active(self, x: Floats) -> Pairs:
-        """The pairs closer than `limit` at x that can change."""
-        if not self._holds(x):
-            near = self.whole.active(x)
-            return near.at(np.flatnonzero(np.logical_or.reduce([self.moving.take(rows) for rows in near.elements.T])))
-        numbers, _ = near_pairs(x, self.pairs.elements, self.pairs.n_points, self.whole.limit)
-        return self.pairs.at(numbers)
+        """Active pairs at x that can change."""
+        if not self._covers(x):
+            active = self.whole.active(x)
+            return active.subset(
+                np.flatnonzero(np.logical_or.reduce([self.moving.take(rows) for rows in active.elements.T]))
+            )
+        indices, _ = pairs_within(x, self.pairs.elements, self.pairs.n_points, self.whole.activation_distance)
+        return self.pairs.subset(indices)
 
     def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
-        """The fraction of dx, which moves them alone and counts up to `most`, that is free of collision."""
-        if not (self._holds(x) and self._holds(x + dx)):
+        """Collision-free fraction of dx, which displaces the moving vertices alone, at most `most`."""
+        if not (self._covers(x) and self._covers(x + dx)):
             return self.whole.step_limit(x, dx, most)
-        return self.whole.free(self.pairs, x, dx, most)
+        return self.whole.collision_free_fraction(self.pairs, x, dx, most)
 
-    def _holds(self, x: Floats) -> bool:
-        """Whether all of them are within `radius` of where the list was made."""
-        return keeps_to(x, self.start, self.start, self.rows, self.radius)
+    def _covers(self, x: Floats) -> bool:
+        """True where all moving rows are within `radius` of the start."""
+        return follows_path(x, self.start, self.start, self.rows, self.radius)
 
     def __getattr__(self, name: str) -> Any:
-        """All else is asked of the whole."""
+        """All other attributes are those of the whole."""
         return getattr(self.whole, name)

@@ -1,4 +1,4 @@
-"""The numba barrier against ipctk on the same poses: energy, gradient, Hessian, collision set, gap, step."""
+"""Barrier against ipctk: energy, gradient, Hessian, gap and step limit."""
 
 import ipctk
 import numpy as np
@@ -14,7 +14,7 @@ D_HAT = 0.06
 
 
 def folded():
-    """A sheet folded over itself: neighbours across the fold, and the two halves, are near."""
+    """A sheet folded over itself: neighbours across the fold, and the two halves, are close."""
     one = sheet()
     x = one.positions.copy()
     far = x[:, 0] > 0
@@ -22,8 +22,8 @@ def folded():
     return make_world([one]), x
 
 
-def poses():
-    """Builder, world and x: sheet on a ball, parallel sheets, a sheet folded over; exact and jittered."""
+def configurations():
+    """Builder, world and x: sheet on a ball, parallel sheets, a folded sheet; exact and jittered."""
     ball = sheet_on_ball()
     yield "ball", body_contact, ball, ball.start()
     yield "ball, all but exact", body_contact, ball, jittered(ball.start(), ball.n_cloth, 1e-7)
@@ -39,8 +39,10 @@ def poses():
         yield f"folded {seed}", self_contact, world, jittered(x, world.n_cloth, 0.004, seed)
 
 
-@pytest.mark.parametrize(("builder", "world", "x"), [p[1:] for p in poses()], ids=[p[0] for p in poses()])
-def test_energy_gradient_hessian_gap_and_set_are_those_of_ipctk(builder, world, x):
+@pytest.mark.parametrize(
+    ("builder", "world", "x"), [p[1:] for p in configurations()], ids=[p[0] for p in configurations()]
+)
+def test_energy_gradient_hessian_and_gap_against_ipctk(builder, world, x):
     mine = builder(world, d_hat=D_HAT, stiffness=3.0)
     oracle = builder(world, d_hat=D_HAT, stiffness=3.0, backend="ipctk")
     energy = oracle.value(x)
@@ -56,8 +58,10 @@ def test_energy_gradient_hessian_gap_and_set_are_those_of_ipctk(builder, world, 
     assert mine.minimum_gap(x) == pytest.approx(oracle.minimum_gap(x), rel=1e-10)
 
 
-@pytest.mark.parametrize(("builder", "world", "x"), [p[1:] for p in poses()], ids=[p[0] for p in poses()])
-def test_the_step_is_no_longer_than_that_of_tight_inclusion(builder, world, x):
+@pytest.mark.parametrize(
+    ("builder", "world", "x"), [p[1:] for p in configurations()], ids=[p[0] for p in configurations()]
+)
+def test_step_limit_is_at_most_that_of_tight_inclusion(builder, world, x):
     mine = builder(world, d_hat=D_HAT)
     oracle = builder(world, d_hat=D_HAT, backend="ipctk").candidates
     rng = np.random.default_rng(1)
@@ -65,18 +69,20 @@ def test_the_step_is_no_longer_than_that_of_tight_inclusion(builder, world, x):
     for size in (0.01, 0.1, 1.0):
         dx = size * rng.standard_normal(x.shape)
         found = ipctk.Candidates()
-        ways = oracle.rows_of(x), oracle.rows_of(x + dx)
-        found.build(oracle.mesh, *ways, 0.0, ipctk.LBVH())
+        paths = oracle.rows_of(x), oracle.rows_of(x + dx)
+        found.build(oracle.mesh, *paths, 0.0, ipctk.LBVH())
         tight = ipctk.TightInclusionCCD(tolerance=1e-9, max_iterations=100_000_000, conservative_rescaling=1.0)
-        true = found.compute_collision_free_stepsize(oracle.mesh, *ways, 0.0, tight)
+        impact = found.compute_collision_free_stepsize(oracle.mesh, *paths, 0.0, tight)
         limit = mine.step_limit(x, dx)
-        assert 0.0 < limit <= true * (1 + 1e-6)
-        shortened += true < 1.0
+        assert 0.0 < limit <= impact * (1 + 1e-6)
+        shortened += impact < 1.0
     assert shortened
 
 
-@pytest.mark.parametrize(("builder", "world", "x"), [p[1:] for p in poses()], ids=[p[0] for p in poses()])
-def test_the_projected_hessian_is_positive_and_above_the_exact_one(builder, world, x):
+@pytest.mark.parametrize(
+    ("builder", "world", "x"), [p[1:] for p in configurations()], ids=[p[0] for p in configurations()]
+)
+def test_projected_hessian_is_positive_and_above_the_exact_one(builder, world, x):
     contact = builder(world, d_hat=D_HAT, stiffness=3.0)
     projected = contact.hessian(x, True).blocks
     exact = contact.hessian(x, False).blocks

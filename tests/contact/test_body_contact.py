@@ -1,4 +1,4 @@
-"""The effect body_contact: what it chooses, what it refuses, and the barrier at both ends of its range."""
+"""The effect body_contact: defaults, refusals, and the barrier at both ends of its range."""
 
 from dataclasses import replace
 
@@ -23,13 +23,13 @@ def world_at(height, cells=4):
     return make_world([sheet], [make_body("ball", *GENERATORS["sphere"](radius=0.3, subdivisions=2))])
 
 
-def test_without_a_body_it_is_off():
+def test_off_without_a_body():
     assert body_contact(small_world()) == Off("the scene has no body")
 
 
 @pytest.mark.parametrize("height", [0.0, 0.25, -0.2])
-def test_a_cloth_that_starts_in_a_body_is_refused_in_one_sentence(height):
-    with pytest.raises(InputError, match="cloth intersects ball at the start") as refusal:
+def test_start_that_intersects_a_body_is_refused(height):
+    with pytest.raises(InputError, match=r"cloth .* ball") as refusal:
         body_contact(world_at(height))
     assert refusal.value.remedy
 
@@ -37,11 +37,11 @@ def test_a_cloth_that_starts_in_a_body_is_refused_in_one_sentence(height):
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"d_hat": 0}, "body_contact.d_hat must be above 0"),
-        ({"d_hat": -1.0}, "body_contact.d_hat must be above 0"),
-        ({"d_hat": "wide"}, "body_contact.d_hat must be a number, not 'wide'"),
-        ({"stiffness": 0.0}, "body_contact.stiffness must be above 0"),
-        ({"stiffness": float("nan")}, "body_contact.stiffness must be above 0"),
+        ({"d_hat": 0}, r"body_contact\.d_hat .* 0"),
+        ({"d_hat": -1.0}, r"body_contact\.d_hat .* -1"),
+        ({"d_hat": "wide"}, r"body_contact\.d_hat .*'wide'"),
+        ({"stiffness": 0.0}, r"body_contact\.stiffness .* 0"),
+        ({"stiffness": float("nan")}, r"body_contact\.stiffness .*nan"),
     ],
 )
 def test_bad_numbers_are_refused_by_name(keys, words):
@@ -49,15 +49,16 @@ def test_bad_numbers_are_refused_by_name(keys, words):
         body_contact(world_at(0.5), **keys)
 
 
-def test_d_hat_is_a_tenth_of_the_median_edge_and_is_told():
+def test_default_d_hat_and_stiffness():
     contact = body_contact(world_at(0.5))
     assert contact.d_hat == 0.025
     assert "d_hat = 0.025 m" in contact.defaults_used()[0]
-    assert "set anew" in contact.defaults_used()[0]
+    assert contact.adaptive
     fixed = body_contact(world_at(0.5), d_hat=0.01, stiffness=30.0)
     assert (fixed.d_hat, fixed.stiffness) == (0.01, 30.0)
     assert fixed.begin(step_at(world_at(0.5).start())) is fixed
     assert "30 Pa" in fixed.defaults_used()[0]
+    assert not fixed.adaptive
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
@@ -66,7 +67,7 @@ def test_d_hat_scales_with_the_mesh(scale):
     assert default_d_hat(lengths) == pytest.approx(0.1 * scale, rel=1e-12)
 
 
-def test_beyond_d_hat_there_is_nothing():
+def test_zero_beyond_d_hat():
     world = world_at(0.3 + 0.026)
     contact = body_contact(world, d_hat=0.025, stiffness=100.0)
     x = world.start()
@@ -77,7 +78,7 @@ def test_beyond_d_hat_there_is_nothing():
     assert contact.counts()["pairs"] == 0
 
 
-def test_within_d_hat_it_pushes_apart_and_more_the_closer():
+def test_repulsion_grows_as_the_gap_shrinks():
     values, gaps = [], []
     for gap in (0.02, 0.01, 0.001, 1e-5):
         world = world_at(0.3 + gap)
@@ -93,7 +94,7 @@ def test_within_d_hat_it_pushes_apart_and_more_the_closer():
     assert gaps == pytest.approx([0.02, 0.01, 0.001, 1e-5], rel=1e-9)
 
 
-def test_contact_is_infinite():
+def test_energy_is_infinite_in_contact():
     world = world_at(0.31)
     contact = body_contact(world, d_hat=0.025, stiffness=100.0)
     x = world.start()
@@ -115,8 +116,8 @@ def test_the_stiffness_of_a_step_depends_on_that_step_alone():
     assert first.begin(replace(step, dt=0.1)).stiffness < first.stiffness
 
 
-def test_what_is_known_of_a_place_is_not_taken_for_another():
-    """x changed in place between two calls: energy, gradient, Hessian and gap are those of fresh contact."""
+def test_cache_notices_positions_changed_in_place():
+    """x changed in place between two calls: energy, gradient, Hessian and gap are those of new contact."""
     world = world_at(0.31)
     contact = body_contact(world, d_hat=0.025, stiffness=100.0)
     x = world.start()
@@ -130,7 +131,7 @@ def test_what_is_known_of_a_place_is_not_taken_for_another():
     assert np.array_equal(contact.hessian(x).blocks, fresh.hessian(x).blocks)
 
 
-def test_a_step_begins_with_the_pairs_that_the_one_before_has_found():
+def test_pair_list_is_kept_across_steps():
     world = world_at(0.31)
     contact = body_contact(world, d_hat=0.025)
     x = world.start()
@@ -149,7 +150,7 @@ def test_the_stiffness_is_the_largest_of_three_pressures():
 
 
 def test_the_stiffness_stops_growing_as_dt_goes_to_zero():
-    """A fast vertex is stopped within d_hat; a slow one in the time in which contact answers."""
+    """A fast vertex is stopped within d_hat; a slow one within the contact time scale."""
     settings = {"pressure": 0.0, "area_density": 0.2, "d_hat": 1e-3, "contact_time_scale": 0.01}
     fast = [barrier_stiffness(**settings, speed=2.0, dt=dt) for dt in (1e-2, 1e-3, 1e-4, 1e-5)]
     assert fast[0] < fast[1] < fast[2] == fast[3] == pytest.approx(0.2 * 2.0**2 / 1e-3)
@@ -157,21 +158,23 @@ def test_the_stiffness_stops_growing_as_dt_goes_to_zero():
     assert slow[0] == slow[1] == pytest.approx(0.2 * 1e-3 / 0.01**2)
 
 
-def test_what_leaves_contact_makes_it_no_stiffer():
+def test_separating_velocities_do_not_raise_the_stiffness():
     world = world_at(0.31)
     contact = body_contact(world, d_hat=0.025)
     x = world.start()
     away = -contact.gradient(x)[: world.n_cloth]
-    touching = np.linalg.norm(away, axis=1) > 0
+    in_contact = np.linalg.norm(away, axis=1) > 0
     velocities = np.zeros_like(x)
-    velocities[: world.n_cloth][touching] = 50.0 * away[touching] / np.linalg.norm(away[touching], axis=1)[:, None]
+    velocities[: world.n_cloth][in_contact] = (
+        50.0 * away[in_contact] / np.linalg.norm(away[in_contact], axis=1)[:, None]
+    )
     leaving, still, coming = (contact.begin(step_at(x, k * velocities, dt=0.01)).stiffness for k in (1, 0, -1))
-    assert touching.any()
+    assert in_contact.any()
     assert leaving == still < coming
 
 
 def height_of_the_bounce(dt, folder):
-    """How high a sheet flies that starts at an eighth of d_hat above a slab [m]."""
+    """Rebound height of a sheet that starts at an eighth of d_hat above a slab [m]."""
     scene = clothsim.Scene(
         cloth={"mesh": "rectangle", "size": [0.3, 0.3], "cells": [4, 4], "position": [0, 0, 0.0505]},
         body={"mesh": "slab", "size": [1, 1, 0.1]},
@@ -183,15 +186,15 @@ def height_of_the_bounce(dt, folder):
     return max(run.positions(k)[:, 2].max() for k in range(6)) - 0.0505
 
 
-def test_a_start_inside_d_hat_is_not_shot_off_the_faster_the_finer_dt(tmp_path):
-    """The way flown is bounded: with a stiffness that goes with 1 / dt^2 it is six times as long at half the dt."""
+def test_rebound_from_inside_d_hat_is_bounded_as_dt_shrinks(tmp_path):
+    """With a stiffness that goes with 1 / dt^2 the rebound would be six times as high at half the dt."""
     coarse, fine = (height_of_the_bounce(dt, tmp_path) for dt in (0.0025, 0.00125))
     assert fine < 2 * coarse
 
 
 @pytest.mark.parametrize("gap", [1e-3, 1e-4, 1e-6, 1e-9, 1e-12])
-def test_a_start_close_to_contact_converges_to_balance_and_not_to_a_short_step(gap, tmp_path):
-    """Near contact Newton's step is as short as the gap: only the residual tells balance from that."""
+def test_start_close_to_contact_converges_to_equilibrium(gap, tmp_path):
+    """Near contact Newton's step is as short as the gap: only the residual distinguishes equilibrium from that."""
     scene = clothsim.Scene(
         cloth={"mesh": "rectangle", "size": [0.2, 0.2], "cells": [3, 3], "position": [0, 0, 0.05 + gap]},
         body={"mesh": "slab", "size": [1, 1, 0.1]},
@@ -205,11 +208,11 @@ def test_a_start_close_to_contact_converges_to_balance_and_not_to_a_short_step(g
     assert run.summary["certificate"]["residual"] < 0.1 * weight
 
 
-def test_a_start_that_touches_is_refused(tmp_path):
+def test_start_in_contact_is_refused(tmp_path):
     scene = clothsim.Scene(
         cloth={"mesh": "rectangle", "size": [0.2, 0.2], "cells": [3, 3], "position": [0, 0, 0.05]},
         body={"mesh": "slab", "size": [1, 1, 0.1]},
         effects={"inertia": {}, "membrane": {}, "gravity": {}, "body_contact": {"d_hat": 5e-3}},
     )
-    with pytest.raises(InputError, match="cloth intersects body at the start"):
+    with pytest.raises(InputError, match=r"cloth .* body"):
         clothsim.simulate(scene, tmp_path)

@@ -1,13 +1,13 @@
-"""The cache of pairs never changes what is found; a step limit never lets anything through."""
+"""Candidate cache: results independent of its content, and step limits without collisions."""
 
 import numpy as np
 import pytest
 from contacts import body_surface, jittered, self_surface, sheet_on_ball, two_sheets
 
-from clothsim.contact.barrier_kernels import near_pairs
+from clothsim.contact.barrier_kernels import pairs_within
 from clothsim.contact.candidates import Candidates
 from clothsim.contact.ccd import edge_edge_limit, point_triangle_limit
-from clothsim.contact.filter import keeps_to
+from clothsim.contact.filter import follows_path
 from clothsim.intersection.intersecting_pairs import intersecting_pairs
 
 D_HAT = 0.05
@@ -18,7 +18,7 @@ def surface_and_start(kind, height=0.34):
 
 
 def crosses(surface, x):
-    second = None if surface.itself else surface.second.triangles
+    second = None if surface.is_self_contact else surface.second.triangles
     return len(intersecting_pairs(x, surface.first.triangles, second)) > 0
 
 
@@ -27,17 +27,17 @@ def described(pairs):
 
 
 def all_pairs(surface, x):
-    """The pairs below d_hat from fresh candidates with a generous margin."""
+    """Active pairs of new candidates with a generous skin."""
     return described(Candidates(surface, D_HAT, 1.0).active(x))
 
 
 @pytest.mark.parametrize("kind", ["body", "self"])
-@pytest.mark.parametrize("reach", [1e-9, 0.01, 0.1])
-def test_the_pairs_are_all_pairs_wherever_the_cache_comes_from(kind, reach):
+@pytest.mark.parametrize("skin", [1e-9, 0.01, 0.1])
+def test_active_pairs_do_not_depend_on_the_cache(kind, skin):
     surface, x = surface_and_start(kind)
-    candidates = Candidates(surface, D_HAT, reach)
+    candidates = Candidates(surface, D_HAT, skin)
     rng = np.random.default_rng(0)
-    found = 0
+    n_found = 0
     for _ in range(5):
         dx = 0.02 * rng.standard_normal(x.shape)
         candidates.step_limit(x, dx)
@@ -45,40 +45,40 @@ def test_the_pairs_are_all_pairs_wherever_the_cache_comes_from(kind, reach):
             y = x + fraction * dx
             pairs = described(candidates.active(y))
             assert pairs == all_pairs(surface, y)
-            found += len(pairs)
+            n_found += len(pairs)
         x = x + 0.3 * dx
-    assert found > 20
+    assert n_found > 20
 
 
 def every_pair(surface):
-    """Rows (p, 4) of all pairs that share no vertex, points with triangles first, and how many of those."""
+    """Rows (p, 4) of all pairs without a common vertex, point-triangle pairs first, and the number of those."""
     first, second = surface.first, surface.second
-    sides = [(first, second)] if surface.itself else [(first, second), (second, first)]
+    sides = [(first, second)] if surface.is_self_contact else [(first, second), (second, first)]
     points = [(p, *t) for a, b in sides for p in a.points for t in b.triangles if p not in t]
     edges = [
         (*e, *f)
         for i, e in enumerate(first.edges)
         for j, f in enumerate(second.edges)
-        if not set(e) & set(f) and (not surface.itself or i < j)
+        if not set(e) & set(f) and (not surface.is_self_contact or i < j)
     ]
     return np.array(points + edges), len(points)
 
 
-def test_every_pair_of_primitives_is_looked_at():
-    """Against brute force over all point-triangle and edge-edge pairs."""
+def test_active_pairs_against_brute_force():
+    """Against all point-triangle and edge-edge pairs."""
     for kind in ("body", "self"):
         surface, x = surface_and_start(kind)
         x = jittered(x, len(surface.first.points), 0.01)
         elements, n_points = every_pair(surface)
-        numbers, _ = near_pairs(x, elements, n_points, 0.15)
-        brute = sorted(tuple(elements[k]) for k in numbers)
-        assert len(brute) > 20
-        assert sorted(map(tuple, Candidates(surface, 0.15, 0.01).active(x).elements)) == brute
+        numbers, _ = pairs_within(x, elements, n_points, 0.15)
+        expected = sorted(tuple(elements[k]) for k in numbers)
+        assert len(expected) > 20
+        assert sorted(map(tuple, Candidates(surface, 0.15, 0.01).active(x).elements)) == expected
 
 
-def some_way(rng, surface, x, reach):
-    """A way of few or many vertices, small or long, in common or each its own; at times of the body, or of nobody."""
-    size = reach * 10.0 ** rng.uniform(-2.0, 1.5)
+def random_displacement(rng, surface, x, skin):
+    """Displacement of few or many vertices, small or large, common or individual; sometimes of the body, or of none."""
+    size = skin * 10.0 ** rng.uniform(-2.0, 1.5)
     dx = size * rng.standard_normal(x.shape)
     kind = rng.integers(5)
     if kind < 2:
@@ -87,26 +87,26 @@ def some_way(rng, surface, x, reach):
         dx = size * rng.standard_normal(3) + 0.1 * dx
     elif kind == 3:
         dx *= 10.0 ** rng.uniform(-3, 0, (len(x), 1))
-    if not surface.itself and rng.random() < 0.7:
+    if not surface.is_self_contact and rng.random() < 0.7:
         dx[surface.second.points] = 0.0
     return dx
 
 
 @pytest.mark.parametrize("kind", ["body", "self"])
 @pytest.mark.parametrize("seed", range(8))
-def test_after_any_ways_the_pairs_are_those_of_all_pairs(kind, seed):
-    """Steps taken or not, in part, places that come again, searches elsewhere between: each list against all pairs."""
+def test_active_pairs_and_step_limits_after_random_paths(kind, seed):
+    """Steps taken fully or in part, repeated positions, searches elsewhere: each list against brute force."""
     surface, x = body_surface(sheet_on_ball(0.32)) if kind == "body" else self_surface(two_sheets())
     elements, n_points = every_pair(surface)
     rng = np.random.default_rng(seed)
-    offset, reach = (0.0, 0.02) if seed % 2 else (0.01, 0.008)
+    offset, skin = (0.0, 0.02) if seed % 2 else (0.01, 0.008)
     limit = 0.04 + offset
-    candidates, places, found = Candidates(surface, limit, reach, offset), [x], 0
+    candidates, positions, n_found = Candidates(surface, limit, skin, offset), [x], 0
     for _ in range(14):
-        x = places[-1] if rng.random() < 0.8 else places[rng.integers(len(places))]
+        x = positions[-1] if rng.random() < 0.8 else positions[rng.integers(len(positions))]
         if rng.random() < 0.3:
-            x = x + some_way(rng, surface, x, reach)
-        dx = some_way(rng, surface, x, reach)
+            x = x + random_displacement(rng, surface, x, skin)
+        dx = random_displacement(rng, surface, x, skin)
         if rng.random() < 0.1:
             dx[rng.integers(len(x))] = rng.choice([np.nan, np.inf])
         most = 1.0 if rng.random() < 0.6 else rng.random()
@@ -118,20 +118,20 @@ def test_after_any_ways_the_pairs_are_those_of_all_pairs(kind, seed):
         keep = offset, 0.9, limit - offset
         least = point_triangle_limit(x, dx, elements[:n_points], *keep, most)
         assert fraction == edge_edge_limit(x, dx, elements[n_points:], *keep, least)
-        for share in (fraction, rng.random() * fraction, 1.0):
-            y = x + share * dx
-            for distance in (limit, limit + reach):
+        for portion in (fraction, rng.random() * fraction, 1.0):
+            y = x + portion * dx
+            for distance in (limit, limit + skin):
                 pairs = candidates.active(y) if distance == limit else candidates.within(y, distance)
-                numbers, _ = near_pairs(y, elements, n_points, distance)
+                numbers, _ = pairs_within(y, elements, n_points, distance)
                 assert sorted(map(tuple, pairs.elements.tolist())) == sorted(map(tuple, elements[numbers].tolist()))
                 assert (np.diff(pairs.keys) > 0).all()
-                found += len(numbers)
-        places.append(x + fraction * dx)
-    assert found > 100
+                n_found += len(numbers)
+        positions.append(x + fraction * dx)
+    assert n_found > 100
 
 
-def test_what_the_list_knows_shortens_the_way_that_is_searched():
-    """A vertex over the ball is about to touch; far from there another would go far: it is not searched for."""
+def test_listed_pairs_bound_the_searched_path():
+    """A vertex above the ball is close to contact; another far away, with a long displacement, is not searched."""
     surface, x = body_surface(sheet_on_ball(0.32))
     candidates = Candidates(surface, 0.04, 0.02)
     candidates.active(x)
@@ -150,7 +150,7 @@ def test_what_the_list_knows_shortens_the_way_that_is_searched():
 
 
 def layers_apart(distance):
-    """Two layers this far apart, their rows, and a candidate search in which they count below 0.02."""
+    """Two layers at this distance with an activation distance of 0.02, the positions, and the upper rows."""
     surface, x = self_surface(two_sheets(cells=4))
     upper = surface.labels == surface.labels[-1]
     x[:, 2] = np.where(upper, distance, 0.0)
@@ -158,33 +158,35 @@ def layers_apart(distance):
 
 
 @pytest.mark.parametrize("apart", [1.5, 2.5, 3.5, 3.95, 4.05, 4.5, 6.0])
-def test_layers_that_come_together_from_both_sides_are_seen_in_time(apart):
-    """From limit + `apart` reach each goes half of that, and a little further: neither list nor filter may miss it."""
-    limit, reach = 0.02, 0.01
-    surface, x, upper = layers_apart(limit + apart * reach)
-    candidates = Candidates(surface, limit, reach)
+def test_layers_approaching_from_both_sides_are_found(apart):
+    """From activation distance + `apart` skins each layer moves a little more than half: neither list nor filter may
+    miss it.
+    """
+    limit, skin = 0.02, 0.01
+    surface, x, upper = layers_apart(limit + apart * skin)
+    candidates = Candidates(surface, limit, skin)
     assert not len(candidates.active(x))
-    x[:, 2] += np.where(upper, -1.0, 1.0) * (0.5 * apart + 0.02) * reach
+    x[:, 2] += np.where(upper, -1.0, 1.0) * (0.5 * apart + 0.02) * skin
     assert len(candidates.active(x)) >= 25
     assert candidates.builds == (1 if apart < 4.0 else 2)
 
 
-def test_what_is_not_searched_for_has_stayed_near_its_place():
-    """Few vertices of both layers meet halfway while another goes far, for which alone the list is made anew."""
-    limit, reach = 0.02, 0.01
-    surface, x, upper = layers_apart(limit + 4.8 * reach)
-    candidates = Candidates(surface, limit, reach)
+def test_rows_that_are_not_searched_stay_within_the_skin():
+    """Few vertices of both layers meet halfway while another moves far: only rows outside the skin are searched."""
+    limit, skin = 0.02, 0.01
+    surface, x, upper = layers_apart(limit + 4.8 * skin)
+    candidates = Candidates(surface, limit, skin)
     candidates.active(x)
     low, high = np.flatnonzero(~upper), np.flatnonzero(upper)
-    x[low[:5], 2] += 2.5 * reach
-    x[high[:5], 2] -= 2.5 * reach
-    x[high[-1], 2] += 10.0 * reach
+    x[low[:5], 2] += 2.5 * skin
+    x[high[:5], 2] -= 2.5 * skin
+    x[high[-1], 2] += 10.0 * skin
     assert len(candidates.active(x)) >= 5
-    assert candidates.searched == 50 + 11
+    assert candidates.searched_vertices == 50 + 11
 
 
-def test_a_way_that_starts_elsewhere_is_searched_from_there():
-    """A corner put over the lower layer, where no way has led, falls through, far from any way of its old place."""
+def test_path_that_starts_off_the_listed_one_is_searched():
+    """A corner placed over the lower layer, off any listed path, falls through it."""
     surface, x, upper = layers_apart(0.5)
     candidates = Candidates(surface, 0.002, 0.001)
     candidates.active(x)
@@ -197,9 +199,9 @@ def test_a_way_that_starts_elsewhere_is_searched_from_there():
     assert limit == Candidates(surface, 0.002, 0.001).step_limit(x, dx)
 
 
-def test_the_cache_is_used_and_forgotten():
+def test_cache_is_used_and_cleared():
     surface, x = surface_and_start("body")
-    candidates = Candidates(surface, D_HAT, reach=0.05)
+    candidates = Candidates(surface, D_HAT, skin=0.05)
     candidates.active(x)
     candidates.active(x + 0.01)
     candidates.active(x - 0.01)
@@ -212,7 +214,7 @@ def test_the_cache_is_used_and_forgotten():
     assert candidates.pairs == len(candidates.active(x + 0.1))
 
 
-def test_the_step_limit_stops_before_the_first_touch():
+def test_step_limit_stops_before_the_first_contact():
     surface, x = surface_and_start("body", height=0.4)
     dx = np.zeros_like(x)
     dx[surface.first.points, 2] = -0.5
@@ -237,7 +239,7 @@ def test_no_step_within_its_limit_intersects(kind, seed):
         assert not crosses(surface, x + fraction * dx)
 
 
-def test_a_free_step_is_not_limited():
+def test_separating_step_is_not_limited():
     surface, x = surface_and_start("body")
     dx = np.zeros_like(x)
     dx[surface.first.points, 2] = 7.0
@@ -263,29 +265,29 @@ def test_the_offset_is_kept_free():
     assert candidates.minimum_gap(x + limit * dx) > 0
 
 
-def test_a_place_is_on_a_way_where_all_have_gone_one_share_of_it():
+def test_follows_path_measures_the_offset_at_one_common_fraction():
     start, end = np.zeros((3, 3)), np.array([[2.0, 0, 0], [0, 0, 0], [0, 1, 0]])
     rows = np.arange(3)
 
-    def room_of(x, start, end):
+    def margin_of(x, start, end):
         """The least room in which x keeps to the way."""
-        rooms = np.linspace(0.0, 2.0, 2001)
-        return rooms[np.argmax([keeps_to(x, start, end, rows, room) for room in rooms])]
+        margins = np.linspace(0.0, 2.0, 2001)
+        return margins[np.argmax([follows_path(x, start, end, rows, margin) for margin in margins])]
 
     halfway = 0.5 * end + np.array([[0, 0.3, 0], [0, 0, 0.2], [0, 0, 0.1]])
-    assert room_of(halfway, start, end) == pytest.approx(0.3, abs=1e-3)
-    each_its_own = np.array([[2.0, 0, 0], [0, 0, 0], [0, 0, 0]])  # the first arrived, the third stayed
-    assert room_of(each_its_own, start, end) == pytest.approx(0.8, abs=1e-3)  # at the share .8, the third is .8 behind
-    assert room_of(start + 0.1, start, start) == pytest.approx(0.1 * np.sqrt(3), abs=1e-3)
-    nowhere = halfway.copy()
-    nowhere[0] = np.nan
-    assert not keeps_to(nowhere, start, end, rows, np.inf)
-    assert not keeps_to(nowhere, start, start, rows, np.inf)
-    assert keeps_to(nowhere, start, end, rows[1:], 1.0)
+    assert margin_of(halfway, start, end) == pytest.approx(0.3, abs=1e-3)
+    uneven = np.array([[2.0, 0, 0], [0, 0, 0], [0, 0, 0]])  # the first arrived, the third stayed
+    assert margin_of(uneven, start, end) == pytest.approx(0.8, abs=1e-3)  # at the share .8, the third is .8 behind
+    assert margin_of(start + 0.1, start, start) == pytest.approx(0.1 * np.sqrt(3), abs=1e-3)
+    invalid = halfway.copy()
+    invalid[0] = np.nan
+    assert not follows_path(invalid, start, end, rows, np.inf)
+    assert not follows_path(invalid, start, start, rows, np.inf)
+    assert follows_path(invalid, start, end, rows[1:], 1.0)
 
 
-def test_the_change_of_a_gap_is_seen_pair_by_pair():
-    """Two layers that move as one keep their gap; a tenth of the way to the other layer is a tenth of the gap."""
+def test_gap_change_is_the_largest_relative_change_of_a_pair():
+    """Layers in common motion keep their gap; a tenth of the displacement to contact is a tenth of the gap."""
     surface, x = surface_and_start("self")
     layers = np.array_split(surface.first.points, 2)
     gap = np.abs(x[layers[0], 2].mean() - x[layers[1], 2].mean())
@@ -298,7 +300,7 @@ def test_the_change_of_a_gap_is_seen_pair_by_pair():
     assert candidates.gap_change(x, closer) == pytest.approx(0.1, rel=1e-6)
 
 
-def test_a_gap_that_only_the_step_makes_small_counts_too():
+def test_gap_change_includes_pairs_active_only_after_the_step():
     surface, x = surface_and_start("self")
     layers = np.array_split(surface.first.points, 2)
     gap = np.abs(x[layers[0], 2].mean() - x[layers[1], 2].mean())
@@ -310,17 +312,17 @@ def test_a_gap_that_only_the_step_makes_small_counts_too():
 
 
 @pytest.mark.parametrize("kind", ["body", "self"])
-@pytest.mark.parametrize("share", [0.06, 0.15])
-def test_what_few_vertices_meet_is_found_by_searching_for_them_alone(kind, share):
-    """Some vertices go further than the reach, and again: the same pairs in the same order as from a new search."""
+@pytest.mark.parametrize("portion", [0.06, 0.15])
+def test_partial_search_equals_a_full_search(kind, portion):
+    """Some vertices leave the skin, repeatedly: the same pairs in the same order as from a new search."""
     surface, x = surface_and_start(kind)
     cloth, rng = surface.first.points, np.random.default_rng(4)
     candidates = Candidates(surface, D_HAT, 0.02)
     candidates.active(x)
-    found, n_searches = set(), 8
+    n_found, n_searches = set(), 8
     for _ in range(n_searches):
         dx = np.zeros_like(x)
-        some = rng.choice(cloth, max(1, int(share * len(cloth))), replace=False)
+        some = rng.choice(cloth, max(1, int(portion * len(cloth))), replace=False)
         dx[some] = 0.06 * rng.standard_normal((len(some), 3))
         limit = candidates.step_limit(x, dx)
         fresh = Candidates(surface, D_HAT, 0.02)
@@ -328,39 +330,39 @@ def test_what_few_vertices_meet_is_found_by_searching_for_them_alone(kind, share
         for fraction in (0.0, 0.7 * limit, limit):
             pairs = candidates.active(x + fraction * dx)
             np.testing.assert_array_equal(pairs.elements, fresh.active(x + fraction * dx).elements)
-            found.add(len(pairs))
+            n_found.add(len(pairs))
         x = x + 0.9 * limit * dx
-    assert len(found) > 2
-    assert candidates.searched < (0.4 if share < 0.1 else 0.7) * n_searches * len(surface.rows)
+    assert len(n_found) > 2
+    assert candidates.searched_vertices < (0.4 if portion < 0.1 else 0.7) * n_searches * len(surface.rows)
 
 
 @pytest.mark.parametrize("kind", ["body", "self"])
 @pytest.mark.parametrize("bad", [np.nan, np.inf])
-def test_what_is_no_number_leaves_nothing_behind(kind, bad):
+def test_non_finite_positions_do_not_corrupt_the_cache(kind, bad):
     surface, x = surface_and_start(kind)
     candidates = Candidates(surface, D_HAT, D_HAT)
     known = described(candidates.active(x))
     for rows in (slice(None), slice(3, 4)):
-        nowhere = x.copy()
-        nowhere[rows] = bad
+        invalid = x.copy()
+        invalid[rows] = bad
         with np.errstate(invalid="ignore"):
-            candidates.active(nowhere)
-            candidates.step_limit(x, nowhere - x)
+            candidates.active(invalid)
+            candidates.step_limit(x, invalid - x)
         assert described(candidates.active(x)) == known
         falling = np.zeros_like(x)
         falling[surface.first.points[: len(surface.first.points) // 2], 2] = -1.0
         assert candidates.step_limit(x, falling) == Candidates(surface, D_HAT, D_HAT).step_limit(x, falling)
 
 
-def test_a_step_limit_does_not_depend_on_where_the_base_lies():
-    """Two layers that have moved apart since the base and now meet: the floor is a tenth of the gap that they have."""
+def test_step_limit_does_not_depend_on_the_reference_positions():
+    """Two layers that have moved apart since the search and now meet: the floor is a tenth of their present gap."""
     surface, start = self_surface(two_sheets())
     d_hat, m = 0.1, 0.02
     upper = surface.labels == surface.labels[-1]
     start[:, 2] = np.where(upper, 2.3 * m, 0.0)
     away = np.where(upper, m, -m)[:, None] * np.array([0.0, 0.0, 1.0])
-    held = Candidates(surface, d_hat, 0.5 * d_hat)
-    held.active(start)
-    limit = held.step_limit(start + away, -2.0 * away)
+    cached = Candidates(surface, d_hat, 0.5 * d_hat)
+    cached.active(start)
+    limit = cached.step_limit(start + away, -2.0 * away)
     assert limit == Candidates(surface, d_hat, 0.5 * d_hat).step_limit(start + away, -2.0 * away)
     assert 4.3 * m - 4.0 * m * limit == pytest.approx(0.43 * m, rel=0.1)

@@ -1,21 +1,21 @@
-"""The fraction of a motion that contact allows: against sampled distances, ipctk's CCD, and motions known by hand."""
+"""Collision-free fraction against sampled distances, ipctk's CCD, and motions known by hand."""
 
 import ipctk
 import numpy as np
 import pytest
 
-from clothsim.contact.ccd import CLOSE, edge_edge_limit, point_triangle_limit
+from clothsim.contact.ccd import TOLERANCE, edge_edge_limit, point_triangle_limit
 
 SLACK = 0.9
 POINT_TRIANGLE, EDGE_EDGE = 1, 2
-"""How many of a pair's four points are the first body."""
+"""Number of a pair's four points in the first body."""
 TRIANGLE = [(0.0, 0.0, 0.0), (1e-2, 0.0, 0.0), (0.0, 1e-2, 0.0)]
 
 
-def fraction(split, points, motion, offset=0.0, slack=SLACK, near=np.inf, limit=1.0):
+def fraction(split, points, motion, offset=0.0, slack=SLACK, d_hat=np.inf, limit=1.0):
     step_limit = point_triangle_limit if split == POINT_TRIANGLE else edge_edge_limit
     pair = np.array([[0, 1, 2, 3]])
-    return step_limit(np.array(points, float), np.array(motion, float), pair, offset, slack, near, limit)
+    return step_limit(np.array(points, float), np.array(motion, float), pair, offset, slack, d_hat, limit)
 
 
 def distance(split, points):
@@ -48,15 +48,15 @@ def random_pairs(split, gap, count, rng):
 @pytest.mark.parametrize(
     ("gap", "size"), [(0.1, 3.0), (1e-3, 1e-2), (1e-3, 1.0), (1e-6, 1e-2), (1e-9, 1e-2), (1e-12, 1e-2)]
 )
-@pytest.mark.parametrize("share", [0.0, 0.5])
-def test_the_fraction_is_safe_and_ends_at_the_floor(split, gap, size, share):
-    """Never below the floor on the way, and stopped only where at most CLOSE of the usable gap is left."""
+@pytest.mark.parametrize("portion", [0.0, 0.5])
+def test_fraction_is_safe_and_ends_at_the_floor(split, gap, size, portion):
+    """Never below the floor on the path, and limited only where at most TOLERANCE of the usable gap is left."""
     rng = np.random.default_rng(4)
     stopped = 0
     for points in random_pairs(split, gap, 100, rng):
         motion = size * rng.normal(size=(4, 3))
         start = distance(split, points)
-        offset = share * start
+        offset = portion * start
         usable = SLACK * (start - offset)
         round_off = 1e-3 * gap if gap < 1e-9 else 1e-6 * gap
         t = fraction(split, points, motion, offset)
@@ -65,13 +65,13 @@ def test_the_fraction_is_safe_and_ends_at_the_floor(split, gap, size, share):
             assert distance(split, points + s * motion) >= start - usable - round_off
         if t < 1.0:
             stopped += 1
-            assert distance(split, points + t * motion) <= start - (1 - CLOSE) * usable + round_off
+            assert distance(split, points + t * motion) <= start - (1 - TOLERANCE) * usable + round_off
     assert 10 < stopped < 90
 
 
 @pytest.mark.parametrize("split", [POINT_TRIANGLE, EDGE_EDGE])
 @pytest.mark.parametrize(("gap", "size"), [(0.3, 1.0), (1e-3, 1e-2)])
-def test_never_past_the_impact_that_ipctk_finds_and_as_far_as_its_additive_ccd(split, gap, size):
+def test_fraction_against_tight_inclusion_and_additive_ccd_of_ipctk(split, gap, size):
     rng = np.random.default_rng(6)
     exact = ipctk.TightInclusionCCD(conservative_rescaling=1.0)
     additive = ipctk.AdditiveCCD(conservative_rescaling=SLACK)
@@ -90,26 +90,26 @@ def test_never_past_the_impact_that_ipctk_finds_and_as_far_as_its_additive_ccd(s
 
 @pytest.mark.parametrize("gap", [1.0, 1e-3, 1e-6, 1e-12])
 @pytest.mark.parametrize("overshoot", [1.0, 10.0, 1e6])
-def test_head_on_ends_where_the_slack_is_used_up(gap, overshoot):
+def test_head_on_approach_ends_at_the_slack(gap, overshoot):
     still = np.zeros((3, 3))
     points = [(3e-3, 3e-3, gap), *TRIANGLE]
-    way = [(0.0, 0.0, -overshoot * gap), *still]
-    assert fraction(POINT_TRIANGLE, points, way) == pytest.approx(SLACK / overshoot, rel=1e-9)
+    motion = [(0.0, 0.0, -overshoot * gap), *still]
+    assert fraction(POINT_TRIANGLE, points, motion) == pytest.approx(SLACK / overshoot, rel=1e-9)
     crossed = [(-1e-2, 0.0, gap), (1e-2, 0.0, gap), (0.0, -1e-2, 0.0), (0.0, 1e-2, 0.0)]
-    assert fraction(EDGE_EDGE, crossed, [way[0]] * 2 + [(0.0, 0.0, 0.0)] * 2) == pytest.approx(
+    assert fraction(EDGE_EDGE, crossed, [motion[0]] * 2 + [(0.0, 0.0, 0.0)] * 2) == pytest.approx(
         SLACK / overshoot, rel=1e-9
     )
 
 
 def test_the_offset_is_kept_and_the_limit_passed_on():
     points = [(3e-3, 3e-3, 1e-3), *TRIANGLE]
-    way = np.zeros((4, 3))
-    way[0, 2] = -2e-3
+    motion = np.zeros((4, 3))
+    motion[0, 2] = -2e-3
     # from 1 mm down to 0.4 mm + 0.1 * 0.6 mm
-    assert fraction(POINT_TRIANGLE, points, way, offset=4e-4) == pytest.approx(0.54 / 2)
-    assert fraction(POINT_TRIANGLE, points, way, limit=0.2) == 0.2
-    assert fraction(POINT_TRIANGLE, points, way, limit=0.0) == 0.0
-    assert fraction(POINT_TRIANGLE, points, -way) == 1.0
+    assert fraction(POINT_TRIANGLE, points, motion, offset=4e-4) == pytest.approx(0.54 / 2)
+    assert fraction(POINT_TRIANGLE, points, motion, limit=0.2) == 0.2
+    assert fraction(POINT_TRIANGLE, points, motion, limit=0.0) == 0.0
+    assert fraction(POINT_TRIANGLE, points, -motion) == 1.0
 
 
 @pytest.mark.parametrize("split", [POINT_TRIANGLE, EDGE_EDGE])
@@ -126,7 +126,7 @@ def test_the_least_of_many_pairs_in_any_order(split):
 
 
 @pytest.mark.parametrize("gap", [1e-3, 1e-12])
-def test_a_slide_along_a_face_or_a_parallel_edge_is_free(gap):
+def test_slide_along_a_face_or_a_parallel_edge_is_not_limited(gap):
     slide = np.zeros((4, 3))
     slide[0, :2] = 1.0, 0.5  # from above the triangle over its edge and far off
     assert fraction(POINT_TRIANGLE, [(1e-3, 1e-3, gap), *TRIANGLE], slide) == 1.0
@@ -135,7 +135,7 @@ def test_a_slide_along_a_face_or_a_parallel_edge_is_free(gap):
 
 
 @pytest.mark.parametrize("gap", [1e-3, 1e-12])
-def test_a_coplanar_approach_stops_at_the_edge_and_a_coplanar_slide_does_not(gap):
+def test_coplanar_approach_stops_and_coplanar_slide_does_not(gap):
     points = [(3e-3, -gap, 0.0), *TRIANGLE]
     still = [(0.0, 0.0, 0.0)] * 3
     assert fraction(POINT_TRIANGLE, points, [(0.0, 2 * gap, 0.0), *still]) == pytest.approx(SLACK / 2, rel=1e-9)
@@ -145,7 +145,7 @@ def test_a_coplanar_approach_stops_at_the_edge_and_a_coplanar_slide_does_not(gap
     assert fraction(EDGE_EDGE, edges, [(4 * gap, 0.0, 0.0)] * 2 + still[:2]) == pytest.approx(SLACK / 4, rel=1e-5)
 
 
-def test_a_grazing_pass_is_free_just_above_the_floor_and_stops_just_below():
+def test_grazing_pass_is_limited_only_below_the_floor():
     """A point passes the vertex a, 1 away at the start, at the least distance `closest`."""
     still = [(0.0, 0.0, 0.0)] * 3
     beside = [(0.0, 0.0, 0.0), (-1e-2, -1e-2, 0.0), (-1e-2, 1e-2, 0.0)]
@@ -157,7 +157,7 @@ def test_a_grazing_pass_is_free_just_above_the_floor_and_stops_just_below():
 
 
 @pytest.mark.parametrize("gap", [1e-3, 1e-12])
-def test_a_tilt_about_the_closest_point_keeps_most_of_its_way(gap):
+def test_tilt_about_the_closest_point_is_not_limited(gap):
     """The far vertices of the triangle move by 1e-2, the distance to its plane by gap / 2 of first order."""
     points = [(0.0, 0.0, gap), (-1e-2, -1e-2, 0.0), (1e-2, -1e-2, 0.0), (0.0, 2e-2, 0.0)]
     tilt = [(0.0, 0.0, 0.0), (0.0, 0.0, -1e-2), (0.0, 0.0, 1e-2), (0.0, 0.0, 0.0)]
@@ -182,7 +182,7 @@ def test_parallel_edges_that_twist_stop_in_proportion_to_their_gap(gap):
 
 
 @pytest.mark.parametrize("split", [POINT_TRIANGLE, EDGE_EDGE])
-def test_no_relative_motion_goes_to_the_limit_even_in_touch(split):
+def test_common_motion_is_not_limited_even_in_contact(split):
     points = random_pairs(split, 1e-12, 1, np.random.default_rng(9))[0]
     for common in (np.zeros(3), np.array([100.0, -3.0, 1e-7])):
         assert fraction(split, points, np.tile(common, (4, 1)), limit=0.8) == 0.8
@@ -190,7 +190,7 @@ def test_no_relative_motion_goes_to_the_limit_even_in_touch(split):
 
 
 @pytest.mark.parametrize("split", [POINT_TRIANGLE, EDGE_EDGE])
-def test_a_moving_pair_at_or_below_the_offset_gets_no_step(split):
+def test_moving_pair_at_or_below_the_offset_has_fraction_zero(split):
     points = random_pairs(split, 1e-3, 1, np.random.default_rng(10))[0]
     motion = np.random.default_rng(11).normal(size=(4, 3))
     assert fraction(split, points, motion, offset=2e-3) == 0.0
@@ -210,7 +210,7 @@ def test_fast_motions_of_a_hundred_metres():
 
 
 @pytest.mark.parametrize("split", [POINT_TRIANGLE, EDGE_EDGE])
-def test_neither_scale_nor_place_matters(split):
+def test_invariance_under_scale_and_translation(split):
     rng = np.random.default_rng(12)
     for points in np.round(random_pairs(split, 0.1, 30, rng) * 2**10) / 2**10:  # exact also at 1e6 m
         motion = rng.normal(size=(4, 3))
@@ -237,30 +237,32 @@ def test_degenerate_features_are_safe_and_stop_at_the_floor(split, kind):
         sampled = [distance(split, points + s * motion) for s in np.linspace(0.0, t, 50)]
         assert min(sampled) >= (1 - SLACK) * start * (1 - 1e-6)
         if t < 1.0:
-            assert sampled[-1] <= (1 - SLACK * (1 - CLOSE)) * start * (1 + 1e-6)
+            assert sampled[-1] <= (1 - SLACK * (1 - TOLERANCE)) * start * (1 + 1e-6)
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.1])
-def test_from_far_away_a_pair_may_come_as_near_as_from_where_something_acts(offset):
-    """A point 5 above a triangle falls by 4.5 of it: .5 are left, a tenth of the way, but more than a tenth of .2."""
+def test_distant_pair_may_descend_to_the_floor_of_d_hat(offset):
+    """A point 5 above a triangle moves by 4.5 of it: .5 are left, a tenth of the gap, but more than a tenth of d_hat =
+    .2.
+    """
     points = [(0.2, 0.2, 5.0 + offset), (0, 0, 0), (1, 0, 0), (0, 1, 0)]
     motion = [(0, 0, -4.6), (0, 0, 0), (0, 0, 0), (0, 0, 0)]
     assert fraction(POINT_TRIANGLE, points, motion, offset) == pytest.approx(4.5 / 4.6, rel=1e-2)
-    assert fraction(POINT_TRIANGLE, points, motion, offset, near=0.2) == 1.0
+    assert fraction(POINT_TRIANGLE, points, motion, offset, d_hat=0.2) == 1.0
     motion[0] = (0, 0, -6.0)
-    left = 5.0 - 6.0 * fraction(POINT_TRIANGLE, points, motion, offset, near=0.2)
-    assert 0.02 * (1 - 1e-9) <= left <= 0.02 + 5.0 * CLOSE
+    left = 5.0 - 6.0 * fraction(POINT_TRIANGLE, points, motion, offset, d_hat=0.2)
+    assert 0.02 * (1 - 1e-9) <= left <= 0.02 + 5.0 * TOLERANCE
     points[0] = (0.2, 0.2, 0.1 + offset)  # nearer than that, nothing changes
-    both = (fraction(POINT_TRIANGLE, points, motion, offset, near=near) for near in (0.2, np.inf))
+    both = (fraction(POINT_TRIANGLE, points, motion, offset, d_hat=d_hat) for d_hat in (0.2, np.inf))
     assert len(set(both)) == 1
 
 
 @pytest.mark.parametrize("split", [POINT_TRIANGLE, EDGE_EDGE])
-def test_what_starts_beyond_its_way_is_stopped_by_the_offset(split):
-    """A gap of .3 and a way of .25: the boxes stay apart, and the offset of .1 is met."""
+def test_pair_beyond_its_displacement_is_stopped_by_the_offset(split):
+    """A gap of .3 and a displacement of .25: the boxes stay apart, and the offset of .1 is reached."""
     first = [(0.2, 0.2, 0.3)] if split == POINT_TRIANGLE else [(0.2, -1, 0.3), (0.2, 1, 0.3)]
     points = [*first, (0, 0, 0), (1, 0, 0), (0, 1, 0)][:4]
     motion = [(0, 0, -0.25) if k < split else (0, 0, 0) for k in range(4)]
-    left = 0.3 - 0.25 * fraction(split, points, motion, offset=0.1, near=0.01)
+    left = 0.3 - 0.25 * fraction(split, points, motion, offset=0.1, d_hat=0.01)
     assert 0.1 < left < 0.1 + 0.01
-    assert fraction(split, points, motion, offset=0.04, near=0.01) == 1.0
+    assert fraction(split, points, motion, offset=0.04, d_hat=0.01) == 1.0

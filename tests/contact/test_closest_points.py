@@ -1,4 +1,4 @@
-"""Closest points against ipctk, and by the condition that only the closest points of convex bodies meet."""
+"""Closest points against ipctk, and by the optimality condition of the distance of convex bodies."""
 
 import ipctk
 import numpy as np
@@ -16,7 +16,7 @@ EDGE_CODES = {(0, 0): 0, (0, 1): 1, (1, 0): 2, (1, 1): 3, (-1, 0): 4, (-1, 1): 5
 
 
 def closest_vector(points, split):
-    """Weights of the four points and the vector between the closest points; `split` of them are the first body."""
+    """Weights of the four points and the difference of the closest points; `split` of them are the first body."""
     a, b, c, d = (tuple(point) for point in points)
     if split == 1:
         u, v, w = point_triangle_closest(a, b, c, d)
@@ -32,7 +32,7 @@ def closest_vector(points, split):
 
 
 def assert_closest(points, split, tolerance=1e-14):
-    """No point of either body is nearer along the vector r between the closest points: |r|^2 <= r . (y - z)."""
+    """Optimality: no point of either body is nearer along the difference r of closest points, |r|^2 <= r . (y - z)."""
     _, r = closest_vector(points, split)
     size = np.ptp(points, axis=0).max()
     separation = min(r @ (y - z) for y in points[:split] for z in points[split:])
@@ -40,8 +40,8 @@ def assert_closest(points, split, tolerance=1e-14):
     assert r @ r - separation <= tolerance * size**2
 
 
-def poses(kind, count, rng):
-    """(count, 4, 3) random poses of one kind, for both kinds of pairs."""
+def configurations(kind, count, rng):
+    """(count, 4, 3) random pairs of one kind, for point-triangle and edge-edge."""
     points = rng.uniform(-1.0, 1.0, (count, 4, 3))
     if kind == "near":
         points[:, 0] = points[:, 1:].mean(axis=1) + 0.1 * points[:, 0]
@@ -81,30 +81,30 @@ KINDS = (
 
 @pytest.mark.parametrize("split", [1, 2])
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_points_are_the_closest(kind, split):
-    for points in poses(kind, 300, np.random.default_rng(3)):
+def test_optimality_condition(kind, split):
+    for points in configurations(kind, 300, np.random.default_rng(3)):
         assert_closest(points, split)
         assert_closest(1e-9 * points, split)
 
 
 @pytest.mark.parametrize("kind", ["random", "near", "coplanar", "parallel"])
-def test_distances_are_those_of_ipctk(kind):
-    for points in poses(kind, 500, np.random.default_rng(5)):
+def test_distances_against_ipctk(kind):
+    for points in configurations(kind, 500, np.random.default_rng(5)):
         _, r = closest_vector(points, 1)
         assert r @ r == pytest.approx(ipctk.point_triangle_distance(*points), rel=1e-9, abs=1e-14)
         _, r = closest_vector(points, 2)
         assert r @ r == pytest.approx(ipctk.edge_edge_distance(*points), rel=1e-9, abs=1e-14)
 
 
-def test_regions_are_those_of_ipctk():
-    met = set()
-    for points in poses("random", 1500, np.random.default_rng(7)):
+def test_regions_against_ipctk():
+    regions = set()
+    for points in configurations("random", 1500, np.random.default_rng(7)):
         region = point_triangle_region(*point_triangle_closest(*map(tuple, points)))
         assert region == int(ipctk.point_triangle_distance_type(*points))
         edges = EDGE_CODES[edge_edge_region(*edge_edge_closest(*map(tuple, points)))]
         assert edges == int(ipctk.edge_edge_distance_type(*points))
-        met |= {("triangle", region), ("edges", edges)}
-    assert len(met) == 16
+        regions |= {("triangle", region), ("edges", edges)}
+    assert len(regions) == 16
 
 
 def test_a_point_over_each_feature_of_a_triangle():

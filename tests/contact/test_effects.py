@@ -1,4 +1,4 @@
-"""The contact effects as a scene names them: keys, refusals, what they choose, the offset that they keep."""
+"""The contact effects as a scene names them: keys, refusals, defaults, and the offset."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from solving import integrator_of, run_of, step_at
 
 import clothsim
 from clothsim.contact import barrier
-from clothsim.contact.barrier import MOST_FORESEEN
+from clothsim.contact.barrier import MAX_PREDICTED_PAIRS
 from clothsim.contact.body_contact import body_contact
 from clothsim.contact.friction import friction
 from clothsim.contact.self_contact import self_contact
@@ -27,14 +27,14 @@ from clothsim.mesh.world import make_world
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"d_hat": -1.0}, "d_hat must be above 0"),
-        ({"offset": -1.0}, "offset must be at least 0"),
-        ({"stiffness": 0.0}, "stiffness must be above 0"),
-        ({"exclude": "sheet"}, "exclude must be a list of pairs"),
-        ({"exclude": [["sheet"]]}, r"exclude\[0\] must be two names"),
-        ({"exclude": [["sheet", "moon"]]}, "nothing is called 'moon'"),
-        ({"backend": "cuda"}, "contact.backend is 'cuda'"),
-        ({"backend": "ipctk", "offset": 1e-3}, "offset does not work with ipctk"),
+        ({"d_hat": -1.0}, r"contact\.d_hat .*-1"),
+        ({"offset": -1.0}, r"contact\.offset .*-1"),
+        ({"stiffness": 0.0}, r"contact\.stiffness .* 0"),
+        ({"exclude": "sheet"}, r"contact\.exclude .*'sheet'"),
+        ({"exclude": [["sheet"]]}, r"contact\.exclude\[0\] .*\['sheet'\]"),
+        ({"exclude": [["sheet", "moon"]]}, r"exclude\[0\].*'moon'.*sheet, ball"),
+        ({"backend": "cuda"}, r"contact\.backend .*'cuda'.*numba"),
+        ({"backend": "ipctk", "offset": 1e-3}, r"contact\.offset .*ipctk"),
     ],
 )
 def test_bad_keys_are_refused_by_name(builder, keys, words):
@@ -45,11 +45,11 @@ def test_bad_keys_are_refused_by_name(builder, keys, words):
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"coefficient": -0.1}, "coefficient must be at least 0"),
-        ({"eps_v": 0}, "eps_v must be above 0"),
-        ({"iterations": 0}, "iterations must be a whole number of at least 1"),
-        ({"pairs": [["sheet", "moon", 0.1]]}, "nothing is called 'moon'"),
-        ({"pairs": [["sheet", "ball"]]}, "two names and a coefficient"),
+        ({"coefficient": -0.1}, r"friction\.coefficient .*-0\.1"),
+        ({"eps_v": 0}, r"friction\.eps_v .* 0"),
+        ({"iterations": 0}, r"friction\.iterations .* 0"),
+        ({"pairs": [["sheet", "moon", 0.1]]}, r"pairs\[0\].*'moon'.*sheet, ball"),
+        ({"pairs": [["sheet", "ball"]]}, r"pairs\[0\] .*\['sheet', 'ball'\]"),
     ],
 )
 def test_bad_keys_of_friction_are_refused_by_name(keys, words):
@@ -57,7 +57,7 @@ def test_bad_keys_of_friction_are_refused_by_name(keys, words):
         friction(sheet_on_ball(), contacts=("body_contact",), **keys)
 
 
-def test_what_has_nothing_to_do_is_off_with_a_reason():
+def test_effects_without_a_pair_are_off_with_a_reason():
     world = sheet_on_ball()
     assert friction(world) == Off("the scene has no contact")
     assert friction(world, coefficient=0.0, contacts=("body_contact",)) == Off("every coefficient is 0")
@@ -74,22 +74,22 @@ def test_a_coefficient_for_each_pair_of_names():
     assert np.array_equal(made.coefficients, expected)
 
 
-def test_cloth_that_meets_cloth_at_the_start_is_named():
+def test_intersecting_cloths_are_refused_by_name():
     crossed = make_world([sheet(0.0), sheet(0.0, "other")])
-    with pytest.raises(InputError, match="sheet intersects other at the start"):
+    with pytest.raises(InputError, match=r"^sheet .* other"):
         self_contact(crossed)
     assert self_contact(crossed, exclude=[["sheet", "other"]]).value(crossed.start()) >= 0.0
 
 
-def test_a_start_within_the_offset_is_refused():
+def test_start_within_the_offset_is_refused():
     world = two_sheets(gap=0.01)
-    with pytest.raises(InputError, match=r"less than the offset of 0\.02 m"):
+    with pytest.raises(InputError, match=r"0\.01 m .*0\.02 m"):
         self_contact(world, d_hat=0.01, offset=0.02)
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.02])
-def test_a_falling_sheet_stays_above_the_offset_of_a_held_one(offset):
-    """Between sheets: the gap is counted from the offset, and the distance never less."""
+def test_falling_sheet_stays_above_the_offset_of_a_pinned_one(offset):
+    """Between sheets: the gap is the distance less the offset, and never negative."""
     world = two_sheets(gap=0.06, cells=3)
     low = np.arange(world.cloth_slices[0].start, world.cloth_slices[0].stop)
     world, held = pins(world, select=low.tolist())
@@ -105,7 +105,7 @@ def test_a_falling_sheet_stays_above_the_offset_of_a_held_one(offset):
     assert min(report.minimum_gap for report in reports) > 0
 
 
-def test_cloth_that_will_meet_is_expected_in_the_matrix():
+def test_couplings_predict_the_active_pairs():
     world = two_sheets(gap=0.06, cells=3)
     energy, x = self_contact(world, d_hat=0.01), world.start()
     down, high = np.zeros_like(x), world.cloth_slices[1]
@@ -120,7 +120,7 @@ def test_cloth_that_will_meet_is_expected_in_the_matrix():
     assert not len(body_contact(world).couplings(world.start(), -world.start()))  # a body's vertices are no unknowns
 
 
-def test_what_is_foreseen_is_how_cloth_goes_toward_cloth_and_no_long_way():
+def test_couplings_ignore_common_and_long_displacements():
     world = two_sheets(gap=0.06, cells=3)
     energy, x = self_contact(world, d_hat=0.01), world.start()
     down, high = np.zeros_like(x), world.cloth_slices[1]
@@ -133,18 +133,18 @@ def test_what_is_foreseen_is_how_cloth_goes_toward_cloth_and_no_long_way():
     assert not len(energy.couplings(x, 400.0 * down))
 
 
-def test_of_layers_that_close_upon_one_another_the_next_is_foreseen_and_not_all(monkeypatch):
+def test_couplings_of_many_closing_layers_are_bounded(monkeypatch):
     world = make_world([sheet(0.05 * k, f"sheet {k}", 8) for k in range(12)], [])
     energy, x = self_contact(world, d_hat=0.01), world.start()
     down = -x * np.array([0.0, 0.0, 0.9])
     few = energy.couplings(x, down)
-    assert len(few) <= MOST_FORESEEN * len(x)
-    monkeypatch.setattr(barrier, "MOST_FORESEEN", np.inf)
-    assert len(energy.couplings(x, down)) > 2 * MOST_FORESEEN * len(x)
+    assert len(few) <= MAX_PREDICTED_PAIRS * len(x)
+    monkeypatch.setattr(barrier, "MAX_PREDICTED_PAIRS", np.inf)
+    assert len(energy.couplings(x, down)) > 2 * MAX_PREDICTED_PAIRS * len(x)
 
 
-def test_auto_keeps_self_contact_below_what_slivers_leave_between_them():
-    """200 x 10 mm cells: a tenth of the median edge is more than the slivers are high."""
+def test_default_d_hat_is_below_the_rest_gaps_of_slivers():
+    """200 x 10 mm cells: a tenth of the median edge is more than the slivers' height."""
     positions, triangles = grid(2, 40, 0.4, 0.4)
     world = make_world([cloth(positions, triangles)])
     contact = self_contact(world)
@@ -152,7 +152,7 @@ def test_auto_keeps_self_contact_below_what_slivers_leave_between_them():
     assert contact.d_hat < 0.01
 
 
-def test_friction_takes_the_forces_of_the_stiffness_that_made_the_gaps():
+def test_friction_uses_the_stiffness_of_the_previous_step():
     world = sheet_on_ball()
     contact = body_contact(world, d_hat=0.06, stiffness=7.0)
     made = friction(world, contacts=("body_contact",))
@@ -163,7 +163,7 @@ def test_friction_takes_the_forces_of_the_stiffness_that_made_the_gaps():
     assert before == pytest.approx(own * 2.0 / 7.0, rel=1e-12)
 
 
-def test_the_pairs_of_friction_are_in_the_receipt(tmp_path):
+def test_pairs_of_friction_are_counted_in_the_summary(tmp_path):
     scene = clothsim.Scene(
         cloth={"mesh": "rectangle", "size": [0.2, 0.2], "cells": [3, 3], "position": [0, 0, 0.0525]},
         body={"mesh": "slab", "size": [1, 1, 0.1]},

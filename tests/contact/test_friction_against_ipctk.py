@@ -1,11 +1,11 @@
 """Friction against ipctk's tangential collisions: the same pairs, normal forces, energy, gradient and Hessian.
 
 ipctk leaves out edges that its mollifier weakens (nearly parallel ones, by the rest lengths); here they slide with the
-force that the mollifier leaves them. Where such edges touch, the sets differ by exactly those pairs: then the pairs
-are taken out of ours, and what is left is compared.
+force that the mollifier leaves them. Where such edges touch, the sets differ by exactly those pairs: they are removed
+from ours before the comparison.
 
-A vertex over the inside of a needle is the one place where the bounds are not met, and there ipctk is at fault: it
-solves normal equations for the closest point, which squares their condition. Exact arithmetic is the judge of that one.
+A vertex over the interior of a needle is the one case outside the bounds, and there ipctk is at fault: it solves normal
+equations for the closest point, which squares their condition. Exact arithmetic decides that one.
 """
 
 from dataclasses import replace
@@ -29,23 +29,23 @@ MU, EPS_V, DT = 0.4, 0.05, 0.01
 
 
 def mollified(contact, x):
-    """{rows} of the pairs of edges that the mollifier weakens."""
+    """{rows} of the edge-edge pairs that the mollifier weakens."""
     pairs = contact.candidates.active(x)
     edges = range(pairs.n_points, len(pairs))
-    found = [k for k in edges if kernels.crossing(four_points(x, pairs.elements, k)) < pairs.thresholds[k]]
+    found = [k for k in edges if kernels.cross_squared(four_points(x, pairs.elements, k)) < pairs.thresholds[k]]
     return {tuple(pairs.elements[k]) for k in found}
 
 
 def lagged(pose):
-    """Our friction with the forces at the pose, without mollified edges; and how many were left out."""
+    """Friction with the forces at the pose, without mollified edges; and the number of those."""
     contact = pose.contact()
     made = friction(pose.world, coefficient=MU, eps_v=EPS_V, contacts=("contact",))
     step = replace(step_at(pose.x, dt=DT), time=1.0, bound={"contact": contact})
     bound = made.begin(step)
     weak = mollified(contact, pose.x)
-    kept = np.array([tuple(rows) not in weak for rows in bound.elements])
-    parts = {name: getattr(bound, name)[kept] for name in ("elements", "weights", "normals", "limits")}
-    return replace(bound, **parts), int((~kept).sum())
+    others = np.array([tuple(rows) not in weak for rows in bound.elements])
+    parts = {name: getattr(bound, name)[others] for name in ("elements", "weights", "normals", "limits")}
+    return replace(bound, **parts), int((~others).sum())
 
 
 class Oracle:
@@ -68,8 +68,8 @@ class Oracle:
 
 
 @pytest.mark.parametrize("name", [name for name in POSES if name != OVER_NEEDLES])
-def test_energy_gradient_and_hessian_of_friction_are_those_of_ipctk(name):
-    """Of slides that stick and of slides that slip, both in one displacement."""
+def test_energy_gradient_and_hessian_against_ipctk(name):
+    """Sticking and slipping contacts, both in one displacement."""
     pose = POSES[name]
     mine, _ = lagged(pose)
     oracle = Oracle(pose)
@@ -95,7 +95,7 @@ def error(found, exact):
     return max(abs(float(Fraction(float(one)) - true)) for one, true in zip(found, exact, strict=True))
 
 
-def test_over_needles_our_closest_points_are_exact_and_those_of_ipctk_are_not():
+def test_closest_points_over_needles_against_exact_arithmetic():
     pose = POSES[OVER_NEEDLES]
     mine, oracle = lagged(pose)[0], Oracle(pose)
     faces = oracle.candidates.mesh.faces
@@ -117,7 +117,7 @@ def test_over_needles_our_closest_points_are_exact_and_those_of_ipctk_are_not():
     assert worst[1] > 1e3 * worst[0]
 
 
-def test_with_and_without_mollified_edges_is_met():
+def test_configurations_with_and_without_mollified_edges():
     left_out = {name: lagged(pose)[1] for name, pose in POSES.items()}
     assert left_out["edges nearly parallel, two cloths"] > 50
     assert sum(count == 0 for count in left_out.values()) > 5

@@ -1,4 +1,4 @@
-"""`contact.backend = "ipctk"` from a scene file to the frames: it runs and is certified; both backends move alike."""
+"""`contact.backend = "ipctk"` from a scene file to the frames: certified runs, the same motion as by numba."""
 
 import sys
 
@@ -75,7 +75,7 @@ def scene_with(backend, name, folder):
 
 
 @pytest.mark.parametrize("scene", SCENES)
-def test_both_backends_move_alike(scene, tmp_path):
+def test_both_backends_give_the_same_motion(scene, tmp_path):
     backends = "numba", "ipctk"
     runs = {backend: simulate(scene_with(backend, scene, tmp_path), tmp_path / backend) for backend in backends}
     effect = "body_contact" if scene == "body" else "self_contact"
@@ -94,7 +94,7 @@ def test_both_backends_move_alike(scene, tmp_path):
 
 
 @pytest.mark.parametrize(("backend", "kind"), [("auto", Barrier), ("numba", Barrier), ("ipctk", IpctkBarrier)])
-def test_the_name_in_the_file_chooses_the_backend_of_every_contact(backend, kind, tmp_path):
+def test_backend_key_applies_to_every_contact_effect(backend, kind, tmp_path):
     energies = build(scene_with(backend, "body", tmp_path)).energies
     assert {type(energies[name]) for name in ("body_contact", "self_contact")} == {kind}
 

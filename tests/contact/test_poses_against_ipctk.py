@@ -1,4 +1,4 @@
-"""Contact at random and at hard poses against ipctk: the set of pairs, their regions, gap, energy and derivatives."""
+"""Contact in random and hard configurations against ipctk: active set, regions, gap, energy and derivatives."""
 
 import ipctk
 import numpy as np
@@ -17,7 +17,7 @@ GENERAL = [name for name, pose in POSES.items() if not pose.tie]
 
 
 @pytest.mark.parametrize("name", POSES)
-def test_energy_gradient_and_gap_are_those_of_ipctk(name):
+def test_energy_gradient_and_gap_against_ipctk(name):
     pose = POSES[name]
     mine, oracle = pose.contact(), pose.contact(backend="ipctk")
     energy, gradient = oracle.value(pose.x), oracle.gradient(pose.x)
@@ -33,35 +33,36 @@ def assert_same_hessian(pose, x):
 
 
 @pytest.mark.parametrize("name", GENERAL)
-def test_the_hessian_is_that_of_ipctk(name):
+def test_hessian_against_ipctk(name):
     assert_same_hessian(POSES[name], POSES[name].x)
 
 
 @pytest.mark.parametrize("name", TIES)
-def test_at_a_tie_the_hessian_is_that_of_ipctk_on_either_side(name):
+def test_hessian_on_either_side_of_a_tie(name):
     """On the border of two regions the second derivative jumps, and each backend may take either side."""
     for seed in range(3):
         assert_same_hessian(POSES[name], jittered(POSES[name].x, len(POSES[name].x), 1e-7, seed))
 
 
-def pairs_by_ipctk(surface, x, limit):
-    """Every point-triangle and edge-edge pair closer than `limit` by ipctk's distances, without a broad phase."""
+def pairs_by_ipctk(surface, x, activation_distance):
+    """Every point-triangle and edge-edge pair within the activation distance by ipctk, without a broad phase."""
     first, second = surface.first, surface.second
-    sides = [(first, second)] if surface.itself else [(first, second), (second, first)]
-    every = [(p, *t) for a, b in sides for p in a.points for t in b.triangles if p not in t]
-    count = len(every)
-    every += [
+    groups = [(first, second)] if surface.is_self_contact else [(first, second), (second, first)]
+    all_pairs = [(p, *t) for a, b in groups for p in a.points for t in b.triangles if p not in t]
+    count = len(all_pairs)
+    all_pairs += [
         (*e, *f)
         for i, e in enumerate(first.edges)
-        for f in second.edges[i + 1 if surface.itself else 0 :]
+        for f in second.edges[i + 1 if surface.is_self_contact else 0 :]
         if not set(e) & set(f)
     ]
-    near = [
+    close_pairs = [
         tuple(map(int, rows))
-        for k, rows in enumerate(every)
-        if (ipctk.point_triangle_distance if k < count else ipctk.edge_edge_distance)(*x[list(rows)]) < limit**2
+        for k, rows in enumerate(all_pairs)
+        if (ipctk.point_triangle_distance if k < count else ipctk.edge_edge_distance)(*x[list(rows)])
+        < activation_distance**2
     ]
-    return sorted(near)
+    return sorted(close_pairs)
 
 
 @pytest.mark.parametrize("name", POSES)
@@ -75,7 +76,7 @@ def test_the_pairs_closer_than_d_hat_are_all_that_ipctk_measures(name):
 
 
 def features(contact, x):
-    """{the two features that hold the closest points: area}: pairs of one place joined, as ipctk joins them.
+    """{the two features that hold the closest points: area}: pairs at the same features merged, as ipctk does.
 
     Edges that are mollified stay pairs of edges, whichever of their points are closest.
     """
@@ -84,9 +85,9 @@ def features(contact, x):
         split = 1 if k < pairs.n_points else 2
         points = four_points(x, pairs.elements, k)
         g = np.array(closest_points(points, split == 2)[0])
-        whole = split == 2 and kernels.crossing(points) < pairs.thresholds[k]
-        held = np.ones(4, bool) if whole else g != 0.0
-        key = frozenset(frozenset(rows[part][held[part]].tolist()) for part in (slice(split), slice(split, None)))
+        mollified = split == 2 and kernels.cross_squared(points) < pairs.thresholds[k]
+        used = np.ones(4, bool) if mollified else g != 0.0
+        key = frozenset(frozenset(rows[part][used[part]].tolist()) for part in (slice(split), slice(split, None)))
         found[key] = found.get(key, 0.0) + area
     return found
 
@@ -110,7 +111,7 @@ def features_of_ipctk(contact, x):
 
 
 @pytest.mark.parametrize("name", GENERAL)
-def test_the_regions_of_the_pairs_and_their_areas_are_those_of_ipctk(name):
+def test_regions_and_areas_against_ipctk(name):
     pose = POSES[name]
     expected = features_of_ipctk(pose.contact(backend="ipctk"), pose.x)
     found = features(pose.contact(), pose.x)
@@ -119,7 +120,7 @@ def test_the_regions_of_the_pairs_and_their_areas_are_those_of_ipctk(name):
     assert areas[:, 0] == pytest.approx(areas[:, 1], rel=1e-12)
 
 
-def test_every_kind_of_collision_is_met():
+def test_every_kind_of_collision_occurs():
     met = {
         tuple(sorted(map(len, key)))
         for name in GENERAL

@@ -1,18 +1,18 @@
-"""What is positive of a block against LAPACK's eigenvalues, and the pairs whose blocks are cut so."""
+"""PSD projection against LAPACK's eigenvalues, alone and in the barrier's Hessian."""
 
 import numpy as np
 import pytest
 from contact_poses import adversarial, at_random
 
 from clothsim.contact.barrier_hessian import exact, projected
-from clothsim.contact.barrier_kernels import POSE, crossing, measure
-from clothsim.contact.psd_projection import TOGETHER, positive_squares
+from clothsim.contact.barrier_kernels import RECORD_SIZE, cross_squared, evaluate
+from clothsim.contact.psd_projection import BATCH, positive_factors
 from clothsim.contact.relative_coordinates import absolute, relative
 from clothsim.energies.hessians import LowRankHessian
 from clothsim.indexing import four_points
 
-COUNT = TOGETHER + 18
-"""Blocks of a kind: one group, and a part of another."""
+COUNT = BATCH + 18
+"""Blocks of a kind: one full batch, and a part of another."""
 KINDS = {
     "general": lambda rng: rng.normal(size=(9, 9)),
     "a square": lambda rng: np.outer(*[rng.normal(size=9)] * 2),
@@ -31,22 +31,22 @@ def clamped_by_lapack(block):
 
 
 def positive(blocks):
-    """The positive parts as blocks (m, 12, 12), found from row 3 on in reverse order."""
-    numbers = np.arange(len(blocks))[::-1].copy()
-    sides, (first, count) = np.full((9 * len(blocks) + 3, 12), np.nan), np.zeros((2, len(blocks)), np.int64)
-    end = positive_squares(blocks, numbers, sides, 3, first, count)
+    """The positive parts as blocks (m, 12, 12), written from row 3 on in reverse order."""
+    indices = np.arange(len(blocks))[::-1].copy()
+    factors, (first, count) = np.full((9 * len(blocks) + 3, 12), np.nan), np.zeros((2, len(blocks)), np.int64)
+    end = positive_factors(blocks, indices, factors, 3, first, count)
     assert end == 3 + count.sum()
-    return LowRankHessian(np.zeros((len(blocks), 4), np.int64), first, count, sides).blocks[::-1]
+    return LowRankHessian(np.zeros((len(blocks), 4), np.int64), first, count, factors).blocks[::-1]
 
 
-def test_the_coordinates_are_orthonormal_and_know_no_translation():
+def test_coordinates_are_orthonormal_and_translation_free():
     assert pytest.approx(np.eye(9), abs=1e-15) == TO_RELATIVE @ TO_RELATIVE.T
     assert np.abs(TO_RELATIVE @ np.tile(np.eye(3), (4, 1))).max() < 1e-15
     assert absolute(relative((1.0, -2.0, 3.0, -2.0))) == pytest.approx((1.0, -2.0, 3.0, -2.0))
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_positive_part_is_that_of_lapack(kind):
+def test_positive_part_against_lapack(kind):
     rng = np.random.default_rng(3)
     blocks = np.stack([KINDS[kind](rng) for _ in range(COUNT)])
     blocks = blocks + blocks.transpose(0, 2, 1)
@@ -55,7 +55,7 @@ def test_the_positive_part_is_that_of_lapack(kind):
     assert positive(blocks) == pytest.approx(expected, abs=2e-14 * size)
 
 
-def test_what_is_not_a_number_stays_so_and_leaves_its_neighbours_alone():
+def test_non_finite_blocks_propagate_and_do_not_affect_others():
     blocks = np.tile(np.eye(9), (3, 1, 1))
     blocks[1] = np.nan
     found = positive(blocks)
@@ -64,25 +64,29 @@ def test_what_is_not_a_number_stays_so_and_leaves_its_neighbours_alone():
 
 
 @pytest.mark.parametrize("poses", [adversarial, at_random])
-def test_the_projected_blocks_of_mollified_pairs_are_their_exact_ones_clamped(poses):
+def test_projected_blocks_of_mollified_pairs_against_lapack(poses):
     clamped = 0
     for name, pose in poses().items():
         contact = pose.contact()
-        cut, whole = contact.hessian(pose.x), contact.hessian(pose.x, project=False)
-        assert cut.elements is whole.elements  # so that their places in the matrix are looked up once
-        blocks = cut.blocks
+        projected_hessian, exact_hessian = contact.hessian(pose.x), contact.hessian(pose.x, project=False)
+        assert (
+            projected_hessian.elements is exact_hessian.elements
+        )  # so that their places in the matrix are looked up once
+        blocks = projected_hessian.blocks
         thresholds = contact.candidates.active(pose.x).thresholds
         for k in range(len(thresholds)):
-            if crossing(four_points(pose.x, whole.elements, k)) < thresholds[k]:
-                difference = np.abs(blocks[k] - clamped_by_lapack(whole.blocks[k])).max()
-                assert difference <= 1e-13 * np.abs(whole.blocks[k]).max(), name
-                clamped += np.linalg.eigvalsh(whole.blocks[k])[0] < -1e-3 * np.abs(whole.blocks[k]).max()
+            if cross_squared(four_points(pose.x, exact_hessian.elements, k)) < thresholds[k]:
+                difference = np.abs(blocks[k] - clamped_by_lapack(exact_hessian.blocks[k])).max()
+                assert difference <= 1e-13 * np.abs(exact_hessian.blocks[k]).max(), name
+                clamped += (
+                    np.linalg.eigvalsh(exact_hessian.blocks[k])[0] < -1e-3 * np.abs(exact_hessian.blocks[k]).max()
+                )
     assert clamped > 10
 
 
-def test_a_pair_beyond_the_reach_of_the_barrier_has_a_block_of_zeros():
+def test_block_of_a_pair_beyond_d_hat_is_zero():
     x = np.array([[0.2, 0.3, 0.5], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    elements, poses = np.tile(np.arange(4), (2, 1)), np.full((2, POSE), np.nan)
-    assert measure(poses, x, elements, np.ones(2), np.zeros(2), 2, 0.0, 0.4) == 0.0
+    elements, poses = np.tile(np.arange(4), (2, 1)), np.full((2, RECORD_SIZE), np.nan)
+    assert evaluate(poses, x, elements, np.ones(2), np.zeros(2), 2, 0.0, 0.4) == 0.0
     for derived in (projected, exact):
         assert np.array_equal(derived(poses, x, elements, np.zeros(2), 2, 1.0).blocks, np.zeros((2, 12, 12)))

@@ -1,4 +1,4 @@
-"""Who may touch whom, and the areas that pairs stand for."""
+"""Contact surfaces: pairs of objects that may touch, and the areas of the pairs."""
 
 from dataclasses import replace
 
@@ -12,21 +12,21 @@ from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 
 
-def test_cloth_meets_bodies_only_and_bodies_never_each_other():
+def test_allowed_pairs_of_objects():
     world = make_world([sheet(0.0), sheet(1.0, "other")], [ball(), ball((5, 0, 0), "second")])
     surface = cloth_body_surface(world)
     expected = np.zeros((4, 4), bool)
     expected[:2, 2:] = expected[2:, :2] = True
     assert (surface.allowed == expected).all()
     assert surface.complete
-    assert not surface.itself
-    itself = cloth_surface(world)
-    assert itself.allowed[:2, :2].all()
-    assert itself.allowed.sum() == 4
-    assert itself.itself
+    assert not surface.is_self_contact
+    is_self_contact = cloth_surface(world)
+    assert is_self_contact.allowed[:2, :2].all()
+    assert is_self_contact.allowed.sum() == 4
+    assert is_self_contact.is_self_contact
 
 
-def test_excluded_pairs_are_left_out():
+def test_excluded_pairs_are_not_allowed():
     world = make_world([sheet(0.0), sheet(1.0, "other")], [ball()])
     excluded = np.zeros((3, 3), bool)
     excluded[0, 1] = excluded[1, 0] = excluded[0, 2] = excluded[2, 0] = True
@@ -45,7 +45,7 @@ def test_only_cloth_and_body_rows_collide_and_ghosts_do_not():
     assert (cloth_surface(with_ghosts).rows == np.arange(world.n_cloth)).all()
 
 
-def test_areas_are_those_of_ipctk():
+def test_areas_against_ipctk():
     world = make_world([sheet(1.0)], [ball()])
     surface = cloth_body_surface(world)
     edges = np.concatenate([surface.first.edges, surface.second.edges])
@@ -54,8 +54,8 @@ def test_areas_are_those_of_ipctk():
     assert np.allclose(surface.edge_areas(edges), mesh.edge_areas, rtol=1e-12)
 
 
-def test_a_coarse_body_weighs_no_more_than_the_cloth():
-    """Vertex areas of a large slab are brought down to the cloth's triangles."""
+def test_areas_of_a_coarse_body_are_scaled_to_the_cloth():
+    """Vertex areas of a large slab are scaled down to the cloth's triangles."""
     size = 100.0
     corners = size * np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
     world = make_world([sheet(1.0)], [make_body("slab", corners, np.array([[0, 1, 2], [0, 2, 3]]))])
