@@ -1,4 +1,4 @@
-"""E(x) = sum of energies, bound to a step."""
+"""Incremental potential E(x): the sum of the energies, bound to a step."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -16,9 +16,17 @@ from clothsim.solve.timers import Timers
 
 @dataclass(frozen=True)
 class Potential:
-    """The named energies of a scene and the ledger that counts their calls.
+    """Sum of named energies, timed call by call.
 
-    Those that are idle in this step keep their place but are not called: what the others give has the same bits.
+    Energies that are idle in a step keep their position in the sum but are not called; the sum of the others has the
+    same bits.
+
+    Parameters
+    ----------
+    energies : mapping
+        Energies by name, in the order of summation.
+    timers : Timers
+        Timers and counters of their calls.
     """
 
     energies: Mapping[str, Energy]
@@ -27,7 +35,7 @@ class Potential:
     _gradients: Memo[Floats] = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     def begin(self, step: Step) -> Self:
-        """Bound to the step: first the energies that stand alone, then those that need the others' gradient."""
+        """Bind to a step: first the energies that stand alone, then those that need the others' gradient."""
         bound: dict[str, Energy] = {}
         gradient = np.zeros_like(step.positions)
         slower = 1.0 if step.answers_in is None else step.past.dt / step.answers_in
@@ -37,8 +45,8 @@ class Potential:
                     bound[name] = energy.begin(step)
                     if bound[name].idle:
                         continue
-                    pull = bound[name].gradient(step.positions)
-                    gradient += slower * pull if energy.incremental else pull  # momentum m v / dt in contact's own time
+                    part = bound[name].gradient(step.positions)
+                    gradient += slower * part if energy.incremental else part  # momentum over contact's time scale
         for name, energy in self.energies.items():
             if energy.begins_last:
                 with self.timers.effect(name, ""):
@@ -52,12 +60,12 @@ class Potential:
 
     @cached_property
     def acting(self) -> Mapping[str, Energy]:
-        """The energies that have something to do in this step."""
+        """Energies that are not idle in this step."""
         return {name: energy for name, energy in self.energies.items() if not energy.idle}
 
     @property
     def lagging(self) -> Mapping[str, Energy]:
-        """Those of them for which a step is solved more than once."""
+        """Acting energies for which a step is solved more than once (lagged friction)."""
         return {name: energy for name, energy in self.acting.items() if energy.passes > 1}
 
     @property
@@ -78,11 +86,11 @@ class Potential:
         return replace(self, energies={name: energy.around(moving, x) for name, energy in self.energies.items()})
 
     def value(self, x: Floats) -> float:
-        """E(x) [J]; +inf where any energy refuses x."""
+        """Return E(x) [J]; +inf where an energy is not defined at x."""
         return sum(self.values(x))
 
     def values(self, x: Floats) -> tuple[float, ...]:
-        """The energies one by one [J]; they end at the first that refuses x, with +inf."""
+        """Return the energies one by one [J]; they end at the first that is not defined at x, with +inf."""
         return self._values.at(x, self._evaluated)
 
     def _evaluated(self, x: Floats) -> tuple[float, ...]:
@@ -95,7 +103,7 @@ class Potential:
         return tuple(values)
 
     def gradient(self, x: Floats) -> Floats:
-        """dE/dx, (N, 3) [N]."""
+        """Return dE/dx, (N, 3) [N]."""
         return self._gradients.at(x, self._derived).copy()
 
     def _derived(self, x: Floats) -> Floats:
@@ -106,15 +114,15 @@ class Potential:
         return total
 
     def hessians(self, x: Floats) -> "list[ByElement | sparse.csr_array]":
-        """The projected Hessian of each energy that acts [N/m], in the order of the energies."""
+        """Return the projected Hessian of each acting energy [N/m], in their order."""
         return [self._hessian(name, x, True) for name in self.acting]
 
     def exact_hessians(
         self, x: Floats, projected: "list[ByElement | sparse.csr_array] | None" = None
     ) -> "list[ByElement | sparse.csr_array]":
-        """The exact Hessian of each energy that acts [N/m], or the projected one where that serves (friction).
+        """Return the exact Hessian of each acting energy [N/m], or the projected one for Newton (friction).
 
-        projected: what `hessians` gave at x, if it is known.
+        projected: the result of `hessians` at x, if it is known.
         """
         known = projected or [None] * len(self.acting)
         return [
@@ -126,23 +134,23 @@ class Potential:
         with self.timers.effect(name, "hessians") as account:
             hessian = self.energies[name].hessian(x, project)
             account.hessian_nonzeros = int(hessian.nnz)
-        return replace(hessian, fill=self._booked(name, hessian.fill)) if isinstance(hessian, LanesHessian) else hessian
+        return replace(hessian, fill=self._timed(name, hessian.fill)) if isinstance(hessian, LanesHessian) else hessian
 
-    def _booked(self, name: str, fill: Callable[[Floats, int], None]) -> Callable[[Floats, int], None]:
-        """`fill` of a Hessian, on the account of its energy."""
+    def _timed(self, name: str, fill: Callable[[Floats, int], None]) -> Callable[[Floats, int], None]:
+        """`fill` of a Hessian, timed as work of its energy."""
 
-        def booked(lanes: Floats, first: int) -> None:
+        def timed(lanes: Floats, first: int) -> None:
             with self.timers.effect(name, ""):
                 fill(lanes, first)
 
-        return booked
+        return timed
 
     def couplings(self, x: Floats, dx: Floats) -> list[Ints]:
-        """Rows (m, k) that contact may couple on the way x -> x + dx, energy by energy; none where there is none."""
+        """Return rows (m, k) that contact may couple along x -> x + dx, energy by energy."""
         return list(self._of_those_with("couplings", x, dx))
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
-        """The smallest of the energies' step limits, in [0, 1]: each is told what those before it allow."""
+        """Return the smallest step limit of the energies, in [0, 1]; each starts from the limit of those before it."""
         limit = 1.0
         for name, energy in self._with_own("step_limit"):
             with self.timers.effect(name, ""):
@@ -150,19 +158,19 @@ class Potential:
         return limit
 
     def minimum_gap(self, x: Floats) -> float:
-        """The smallest distance that any energy keeps [m], inf where none keeps one."""
+        """Return the smallest gap of all contact energies [m], inf without contact."""
         return min(self._of_those_with("minimum_gap", x), default=np.inf)
 
     def gap_change(self, x: Floats, dx: Floats) -> float:
-        """The largest share by which the step changes a distance that any energy keeps."""
+        """Return the largest relative change of a gap by the step dx."""
         return max(self._of_those_with("gap_change", x, dx), default=0.0)
 
     def _of_those_with(self, method: str, *where: Floats) -> Iterator[Any]:
-        """What the acting energies that have a `method` of their own answer, each on its account."""
+        """Results of the acting energies that override `method`, each timed."""
         for name, energy in self._with_own(method):
             with self.timers.effect(name, ""):
-                answer = getattr(energy, method)(*where)
-            yield answer
+                result = getattr(energy, method)(*where)
+            yield result
 
     def _with_own(self, method: str) -> Iterator[tuple[str, Energy]]:
         for name, energy in self.acting.items():
@@ -170,18 +178,18 @@ class Potential:
                 yield name, energy
 
     def memory(self) -> dict[str, float | Floats]:
-        """What the energies remember of the step, of those that remember something."""
+        """Return what the energies carry over to the next step, of those that carry over anything."""
         kept = {name: energy.remembers for name, energy in self.energies.items()}
         return {name: memory for name, memory in kept.items() if np.isfinite(memory).all()}
 
     def effect_counters(self) -> dict[str, dict[str, Any]]:
-        """The receipt of each effect: the fields of `EffectCounters`."""
+        """Return the counters of each effect: {name: fields of `EffectCounters`}."""
         effect_counters = {}
         for name, energy in self.energies.items():
             account = asdict(self.timers.effects[name])
             for key, count in energy.counts().items():
                 if key == "pairs":
-                    account[key] = count or account[key]  # what is lagged is known to the bound energy alone
+                    account[key] = count or account[key]  # only the bound energy knows its lagged pairs
                 elif key in account:
                     account[key] += count
                 else:
