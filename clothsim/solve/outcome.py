@@ -26,11 +26,6 @@ class Ending(Enum):
     NOT_FINITE = "The gradient or the Hessian is not finite at {who}, at {place}."
     SINGULAR = "The Newton matrix is not positive definite, and shifting its diagonal did not help."
 
-    @property
-    def cause(self) -> str:
-        """Return the end as a short phrase: "iteration limit"."""
-        return self.name.lower().replace("_", " ")
-
 
 @dataclass(frozen=True)
 class Outcome:
@@ -61,9 +56,9 @@ class Outcome:
     @property
     def sentence(self) -> str:
         """Message with the vertex named by its row of x."""
-        return self.told(f"vertex {self.row}")
+        return self.describe(f"vertex {self.row}")
 
-    def told(self, who: str, position: Floats | None = None) -> str:
+    def describe(self, who: str, position: Floats | None = None) -> str:
         """Return the message about `who`, at `position (3,)` [m] if given, else at that of the row."""
         where = self.position if position is None else position
         return self.ending.value.format(who=who, place="" if where is None else place_text(where), **self.numbers)

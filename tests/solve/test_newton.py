@@ -293,7 +293,7 @@ def test_every_sentence_can_be_filled(ending):
     assert "{" not in filled.sentence
     assert filled.sentence.endswith(".")
     assert ("vertex 4" in filled.sentence) == ("(12, 13, 14) m" in filled.sentence) == ("{who}" in ending.value)
-    assert filled.told("knee of trousers") == filled.sentence.replace("vertex 4", "knee of trousers")
+    assert filled.describe("knee of trousers") == filled.sentence.replace("vertex 4", "knee of trousers")
     assert filled.converged == (ending is Ending.CONVERGED)
 
 
