@@ -190,7 +190,7 @@ def test_check_lists_all_faults_of_a_mesh_at_once(capsys, tmp_path):
     out = capsys.readouterr().out
     assert "given twice: triangle 1." in out
     assert "in no triangle: vertex 4." in out
-    assert "wound against their neighbours" in out
+    assert "winding inconsistent" in out
     assert out.endswith("3 errors.\n")
     assert main(["check", "bad.obj", "--body"]) == 0
     assert "3 warnings." in capsys.readouterr().out
