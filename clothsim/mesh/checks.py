@@ -185,9 +185,7 @@ def _examine_numbers(points: Floats, raw: Floats, findings: _Findings) -> None:
     rows = _distinct(faces, np.flatnonzero(sound & ~repeated), findings)
     measurable = rows[np.all(finite[faces[rows]], axis=1)]
     flat = measurable[flat_triangles(points, faces[measurable])]
-    findings.add_if_any(
-        "no area", "no area (collinear or coincident corners)", "triangle", flat, "Remove or repair."
-    )
+    findings.add_if_any("no area", "no area (collinear or coincident corners)", "triangle", flat, "Remove or repair.")
     if len(rows):
         whole_around = np.ones(len(points), bool)  # a fan without one of its triangles would look like a bow-tie
         whole_around[faces[(~sound | repeated)[:, None] & in_range]] = False
