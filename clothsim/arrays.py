@@ -1,4 +1,4 @@
-"""Shape and dtype checks at the borders of the package; each error names the array and the offending index."""
+"""Checks of shape, type and finiteness at the borders of the package; each error names the array and the index."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,12 +10,16 @@ Ints = NDArray[np.int64]
 
 
 def as_finite(name: str, values: ArrayLike) -> Floats:
-    """`values` as a finite float64 array of any shape; InputError names the first bad index."""
+    """Return `values` as a finite float64 array of any shape; InputError names the first bad index."""
     return _finite(name, _as_floats(name, values))
 
 
 def as_vector(name: str, values: ArrayLike, length: int = 3) -> Floats:
-    """`values` as a finite float64 vector of `length`; InputError names it otherwise."""
+    """Return `values` as a finite float64 vector of `length`; InputError names it otherwise.
+
+    >>> as_vector("wind", [1, 0, 0])
+    array([1., 0., 0.])
+    """
     vector = _as_floats(name, values)
     if vector.shape != (length,):
         raise InputError(f"{name} must be {length} numbers, not an array of shape {vector.shape}.")
@@ -23,7 +27,7 @@ def as_vector(name: str, values: ArrayLike, length: int = 3) -> Floats:
 
 
 def as_points(name: str, values: ArrayLike, dimension: int = 3) -> Floats:
-    """`values` as a finite, C-contiguous (n, dimension) float64 array; InputError names the first bad row."""
+    """Return `values` as a finite, C-contiguous (n, dimension) float64 array; InputError names the first bad row."""
     points = _as_floats(name, values)
     if points.ndim != 2 or points.shape[1] != dimension:
         raise InputError(f"{name} must have shape (n, {dimension}), not {points.shape}.")
@@ -31,7 +35,7 @@ def as_points(name: str, values: ArrayLike, dimension: int = 3) -> Floats:
 
 
 def as_triangles(name: str, values: ArrayLike, n_vertices: int) -> Ints:
-    """`values` as an (m, 3) int64 array whose entries lie in 0..n_vertices-1; InputError names the first bad row."""
+    """Return `values` as (m, 3) int64 with entries in 0..n_vertices-1; InputError names the first bad row."""
     try:
         raw = np.asarray(values)
         triangles = np.ascontiguousarray(raw, dtype=np.int64)
@@ -49,7 +53,7 @@ def as_triangles(name: str, values: ArrayLike, n_vertices: int) -> Ints:
 
 
 def as_number(name: str, value: float) -> float:
-    """`value` as a float: no text, no truth value, nothing too large for a float."""
+    """Return `value` as a float; InputError for text, a truth value, or an integer too large for a float."""
     try:
         if isinstance(value, str | bytes | bool):
             raise TypeError
@@ -57,11 +61,11 @@ def as_number(name: str, value: float) -> float:
     except (ValueError, TypeError) as error:
         raise InputError(f"{name} must be a number, not {value!r}.") from error
     except OverflowError as error:
-        raise InputError(f"{name} must be a number that a float can hold.") from error
+        raise InputError(f"{name} is too large for a float.") from error
 
 
 def as_positive(name: str, value: float, zero: bool = False) -> float:
-    """`value` as a finite float above zero (or at zero, where `zero` allows it)."""
+    """Return `value` as a finite float above zero (or at zero, where `zero` is True); InputError otherwise."""
     number = as_number(name, value)
     if not np.isfinite(number) or number < 0 or (number == 0 and not zero):
         raise InputError(f"{name} must be {'at least' if zero else 'above'} 0, not {value!r}.")
@@ -69,7 +73,7 @@ def as_positive(name: str, value: float, zero: bool = False) -> float:
 
 
 def as_count(name: str, value: int) -> int:
-    """A whole number of at least 1; InputError otherwise."""
+    """Return a whole number of at least 1; InputError otherwise."""
     if isinstance(value, bool) or not isinstance(value, int) or value < 1:
         raise InputError(f"{name} must be a whole number of at least 1, not {value!r}.")
     return value

@@ -1,11 +1,19 @@
-"""The errors a user sees: one sentence that says what is wrong and where, and what to do about it."""
+"""Errors for the user: one sentence with the fault and its location, and a remedy."""
 
 LONGEST = 400
-"""Letters of a line; what stands in the middle of a longer one (a value as long as its file) is left out."""
+"""Bound on the length of a line; the middle of a longer one (a value as long as its file) is left out."""
 
 
 class ClothsimError(Exception):
-    """An error with a remedy. The command line prints it as two short lines and exits with code 2."""
+    """Error with a remedy. The command line prints it as two short lines and exits with code 2.
+
+    Parameters
+    ----------
+    sentence : str
+        The fault, with names, indices and numbers.
+    remedy : str
+        A change that avoids it; may be empty.
+    """
 
     def __init__(self, sentence: str, remedy: str = "") -> None:
         self.sentence = _readable(sentence)
@@ -14,15 +22,15 @@ class ClothsimError(Exception):
 
 
 class InputError(ClothsimError):
-    """A scene, a mesh or an array that cannot be simulated as given."""
+    """Scene, mesh or array that cannot be simulated as given."""
 
 
 class MissingPackageError(ClothsimError):
-    """An optional package that this job needs is not installed."""
+    """Optional package that is needed but not installed."""
 
 
 def _readable(text: str) -> str:
-    """`text` without what a terminal would obey, its lines of bounded length."""
+    """`text` without control characters, its lines of bounded length."""
     lines = ("".join(c if c.isprintable() else ascii(c)[1:-1] for c in _cut(line)) for line in text.split("\n"))
     return "\n".join(lines)
 

@@ -1,4 +1,4 @@
-"""Rows of arrays: those that are wanted, as points for kernels, and whether all are the same."""
+"""Rows of arrays: selection without copies, points for kernels, comparison."""
 
 from typing import TypeAlias
 
@@ -6,24 +6,24 @@ from clothsim.arrays import Floats, Ints
 from clothsim.jit import kernel, natural, part
 
 Rows: TypeAlias = slice | Ints
-"""What an array is indexed with: where none is left out between those that are wanted, nothing is gathered."""
+"""Index of rows: a slice where they are contiguous, so that nothing is copied."""
 
 
 def as_rows(rows: Ints) -> Rows:
-    """The same rows (k,), which ascend, as a slice where they follow one another."""
+    """Return the same rows (k,), ascending, as a slice where they are contiguous."""
     if len(rows) and rows[-1] - rows[0] + 1 == len(rows):
         return slice(int(rows[0]), int(rows[-1]) + 1)
     return rows
 
 
 def taken(x: Floats, rows: Rows) -> Floats:
-    """These rows of x: a view of it where they are a slice. `take` costs a quarter of what indexing does."""
+    """Return these rows of x: a view for a slice, else a copy. `take` costs a quarter of what indexing does."""
     return x[rows] if isinstance(rows, slice) else x.take(rows, axis=0)
 
 
 @part
 def four_points(x, elements, e):
-    """The points of the four vertices of row e of `elements (m, 4)`, each a tuple of three floats."""
+    """Points of the four vertices of row e of `elements (m, 4)`, each a tuple of three floats."""
     return (
         _point(x, natural(elements[e, 0])),
         _point(x, natural(elements[e, 1])),
@@ -39,7 +39,7 @@ def _point(x, row):
 
 @kernel
 def equal(x: Floats, y: Floats) -> bool:
-    """Whether two arrays (N, 3) are the same, told at the first difference; NaN equals nothing."""
+    """Return whether two arrays (n, 3) are equal, up to the first difference; NaN equals nothing."""
     if len(x) != len(y):
         return False
     i = 0

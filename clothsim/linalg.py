@@ -1,6 +1,6 @@
 """Small dense linear algebra on stacks of matrices: 2x2 eigenpairs, Kabsch rotations, 3D affine fits, PSD projection.
 
-Plain NumPy, for diagnostics, pictures and what is bound once a step; the energies have their own kernels.
+Plain NumPy, for outputs, pictures and data bound once a step; the energies have their own kernels.
 """
 
 import numpy as np
@@ -10,25 +10,26 @@ from clothsim.arrays import Floats, Ints, as_finite
 from clothsim.errors import InputError
 
 LINE_TOLERANCE = 1e-12
-"""Points count as collinear where the second singular value of H = P'Q is below this share of the first: where
-(height over the line / length)^2 is, in exact coordinates."""
+"""Points are collinear where the second singular value of H = P'Q is below this fraction of the first: where
+(height over the line / length)^2 is, in exact coordinates.
+"""
 
 FLAT_TOLERANCE = 1e-10
-"""Points count as flat where they rise above their plane by less than this share of their extent."""
+"""Points are coplanar where they rise above their plane by less than this fraction of their extent."""
 
-_NOISE = 8.0  # round-off of one coordinate, in ulps of the largest, that a rank decision must not see
+_NOISE = 8.0  # round-off of one coordinate, in ulps of the largest, below which a singular value counts as 0
 
 
 def dot(a: NDArray[np.floating], b: NDArray[np.floating]) -> float:
-    """Sum of the products of two arrays of one shape, on one thread.
+    """Return the inner product of two arrays of one shape, on one thread.
 
-    BLAS wakes its threads for 10,000 numbers: .6 ms on a busy machine where this takes .01, and other bits by chance.
+    BLAS starts its threads for 10,000 numbers: .6 ms on a busy machine where this takes .01, and other bits by chance.
     """
     return float(np.einsum("i,i", a.ravel(), b.ravel()))
 
 
 def cross_matrices(vectors: NDArray[np.floating]) -> Floats:
-    """[a]x with [a]x b = a x b, (..., 3, 3), of `vectors (..., 3)`."""
+    """Return [a]x with [a]x b = a x b, (..., 3, 3), of `vectors (..., 3)`."""
     matrices = np.zeros((*vectors.shape, 3))
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         matrices[..., j, i], matrices[..., i, j] = vectors[..., k], -vectors[..., k]
@@ -36,11 +37,12 @@ def cross_matrices(vectors: NDArray[np.floating]) -> Floats:
 
 
 def eigen_2x2(matrices: NDArray[np.floating], semidefinite: bool = False) -> tuple[NDArray, NDArray]:
-    """Eigenvalues (..., 2), the larger first, and eigenvectors (..., 2, 2) as columns of symmetric 2x2 matrices.
+    """Return eigenvalues (..., 2), the larger first, and eigenvectors (..., 2, 2), as columns, of symmetric matrices.
 
     [[a, b], [b, c]]: values (a + c)/2 +- hypot((a - c)/2, b), first vector (cos t, sin t), t = atan2(2 b, a - c)/2,
-    second vector its left normal: the columns are a rotation. No division: equal eigenvalues, rank 1 and 0 are clean.
-    Errors are round-off of the larger value; `semidefinite` clamps the values at 0 (for C = F'F). Keeps the dtype.
+    second vector its left normal: the columns are a rotation. There is no division, so equal eigenvalues and ranks 1
+    and 0 are handled. Errors are round-off of the larger value; `semidefinite` clamps the values at 0 (for C = F'F).
+    Keeps the dtype.
     """
     a, b, c = matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1]
     half = a.dtype.type(0.5)
@@ -53,11 +55,22 @@ def eigen_2x2(matrices: NDArray[np.floating], semidefinite: bool = False) -> tup
 
 
 def kabsch(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, NDArray[np.bool_]]:
-    """The rotations R that best carry `reference (..., k, 3)` to `deformed (..., k, 3)`, both centred first.
+    """Fit rotations R that map `reference` to `deformed`, both centred first (Kabsch 1976).
 
-    min_R sum |R p_i - q_i|^2 (Kabsch 1976): H = P'Q = A S B', R = B diag(1, 1, sign det(B A')) A'.
-    Returns R (..., 3, 3) and `determined (...)`: False where the best rotation is not unique, as for collinear or
-    coincident points (s2 + d s3 = 0); R is then one of the best. Flat rings are determined, mirrored ones too.
+    min_R sum |R p_i - q_i|^2: H = P'Q = A S B', R = B diag(1, 1, sign det(B A')) A'.
+
+    Parameters
+    ----------
+    reference, deformed : (..., k, 3) array_like
+        Points [m].
+
+    Returns
+    -------
+    rotations : (..., 3, 3) float64
+        R.
+    determined : (...) bool
+        False where the best rotation is not unique, as for collinear or coincident points (s2 + d s3 = 0); R is then
+        one of the best. Planar rings are determined, mirrored ones too.
     """
     P, Q, noise = _centred_pair(reference, deformed)
     A, s, Bt = np.linalg.svd(np.swapaxes(P, -1, -2) @ Q)
@@ -70,11 +83,22 @@ def kabsch(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, NDArray[n
 
 
 def fit_gradient(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, Ints]:
-    """The 3D deformation gradients F that fit `deformed (..., k, 3)` to `reference (..., k, 3)`, both centred first.
+    """Fit 3D deformation gradients F that map `reference` to `deformed`, both centred first.
 
     min_F sum |F p_i - q_i|^2: F = Q' P (P'P)^-1, computed as Q' pinv(P'), so that no condition number is squared.
-    Returns F (..., 3, 3) and the rank (...) of the reference points. 3: F is the fit. 2 (flat): F is right in the
-    plane of the reference and maps its normal to 0. 1 (line): right along the line only.
+
+    Parameters
+    ----------
+    reference, deformed : (..., k, 3) array_like
+        Points [m].
+
+    Returns
+    -------
+    gradients : (..., 3, 3) float64
+        F.
+    rank : (...) int64
+        Rank of the reference points. 3: F is the fit. 2 (coplanar): F is right in the plane of the reference and maps
+        its normal to 0. 1 (collinear): right along the line only.
     """
     P, Q, noise = _centred_pair(reference, deformed)
     A, s, Bt = np.linalg.svd(P, full_matrices=False)
@@ -85,10 +109,10 @@ def fit_gradient(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, Int
 
 
 def project_psd(blocks: ArrayLike) -> Floats:
-    """The nearest positive semi-definite blocks (m, k, k) in the Frobenius norm: negative eigenvalues set to 0.
+    """Return the nearest positive semi-definite blocks (m, k, k) in the Frobenius norm: negative eigenvalues set to 0.
 
-    Reads the lower triangles. Blocks without a negative eigenvalue come back bit for bit; of the others the
-    eigenvalues are >= 0 to round-off of the largest. Higham, Linear Algebra Appl. 103 (1988), theorem 2.1.
+    Reads the lower triangles. Blocks without a negative eigenvalue come back bit for bit; of the others the eigenvalues
+    are >= 0 to round-off of the largest. Higham, Linear Algebra Appl. 103 (1988), theorem 2.1.
     """
     matrices = as_finite("blocks", blocks)
     values, vectors = np.linalg.eigh(matrices)
@@ -100,7 +124,7 @@ def project_psd(blocks: ArrayLike) -> Floats:
 
 
 def _centred_pair(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, Floats, tuple[Floats, Floats]]:
-    """Both point sets less their means, and the round-off that their coordinates carry (...) [as the coordinates]."""
+    """Both point sets minus their means, and the round-off of their coordinates (...) [as the coordinates]."""
     dtypes = np.asarray(reference).dtype, np.asarray(deformed).dtype
     points = as_finite("reference", reference), as_finite("deformed", deformed)
     shape = points[0].shape

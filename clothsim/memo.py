@@ -1,4 +1,4 @@
-"""What was found at the last places: a line search asks again for what it knows."""
+"""Memo of a function of positions: a line search evaluates it again at the same points."""
 
 from collections import deque
 from collections.abc import Callable
@@ -8,22 +8,30 @@ from clothsim.arrays import Floats
 from clothsim.indexing import equal
 
 CAPACITY = 2
-"""Where a step begins and where it ends."""
+"""The start and the end of a step."""
 
-What = TypeVar("What")
+Result = TypeVar("Result")
 
 
-class Memo(Generic[What]):
-    """The answers of a function of x alone, for the last PLACES at which it was asked."""
+class Memo(Generic[Result]):
+    """Results of one function of x alone, for the last CAPACITY arguments."""
 
     def __init__(self) -> None:
-        self._known: deque[tuple[Floats, What]] = deque(maxlen=CAPACITY)
+        self._cached: deque[tuple[Floats, Result]] = deque(maxlen=CAPACITY)
 
-    def at(self, x: Floats, find: Callable[[Floats], What]) -> What:
-        """find(x), or what that was: to compare two places takes a hundredth of an energy."""
-        for place, known in self._known:
-            if equal(place, x):
-                return known
-        found = find(x)
-        self._known.append((x.copy(), found))
-        return found
+    def at(self, x: Floats, compute: Callable[[Floats], Result]) -> Result:
+        """Return compute(x), cached.
+
+        Parameters
+        ----------
+        x : (n, 3) float64
+            Compared by value; a comparison takes a hundredth of the time of an energy.
+        compute : callable
+            The function; the same one at each call.
+        """
+        for argument, result in self._cached:
+            if equal(argument, x):
+                return result
+        result = compute(x)
+        self._cached.append((x.copy(), result))
+        return result

@@ -1,10 +1,17 @@
-"""A table of text with aligned columns."""
+"""Text table with aligned columns."""
 
 from collections.abc import Sequence
 
 
 def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Lines of columns two spaces apart: text to the left, columns of numbers (and blanks) to the right."""
+    """Format a table, columns two spaces apart: text to the left, numbers (and blanks) to the right.
+
+    >>> print(text_table(["name", "ms"], [["solve", "12"], ["assembly", "3"]]))
+    name      ms
+    ------------
+    solve     12
+    assembly   3
+    """
     columns = list(zip(header, *rows, strict=True))
     widths = [max(len(cell) for cell in column) for column in columns]
     right = [any(cell for cell in column[1:]) and all(_number(cell) for cell in column[1:]) for column in columns]
@@ -19,6 +26,6 @@ def text_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _number(cell: str) -> bool:
-    """True for a number, with thousands separated or with a percent sign, and for nothing."""
+    """True for a number, with thousands separated or with a percent sign, and for an empty cell."""
     text = cell.replace(",", "").rstrip("% ").strip()
     return not text or text == "-" or text.replace(".", "", 1).replace("e-", "", 1).replace("-", "", 1).isdigit()

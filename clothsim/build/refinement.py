@@ -45,8 +45,8 @@ def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
 
 def cells_of(keys: Mapping[str, Any]) -> list[int] | int:
     """The cells of a [cloth] table, its generator's own where it gives none. InputError where it has none."""
-    mesh = str(keys.get("mesh"))
-    parameters = inspect.signature(GENERATORS[mesh]).parameters if mesh in GENERATORS else {}
+    mesh = keys.get("mesh")
+    parameters = inspect.signature(GENERATORS[mesh]).parameters if isinstance(mesh, str) and mesh in GENERATORS else {}
     if "cells" not in parameters:
         kind = f"generated {mesh}" if mesh in GENERATORS else "file"
         raise InputError(f"the mesh {mesh!r} is a {kind} without cells", "Only rectangle, disk and tube have cells.")

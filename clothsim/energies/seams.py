@@ -171,7 +171,7 @@ def _seam(
     first, second = (_line(f"{name}.{key}", world, keys[key]) for key in ("from", "to"))
     flip, bends = (as_flag(f"{name}.{key}", keys.get(key, usual)) for key, usual in (("flip", False), ("bends", True)))
     if flip:
-        second = Line(second.vertices[::-1], 1 - second.places[::-1])
+        second = Line(second.vertices[::-1], 1 - second.parameters[::-1])
     start, end = (as_positive(f"{name}.{key}", keys.get(key, at), zero=True) for key, at in (("start", 0), ("end", 1)))
     if end <= start:
         raise InputError(f"{name} pulls from {start:g} s to {end:g} s.", "Its end comes after its start.")

@@ -1,1 +1,1 @@
-"""Floor 1: cloths, bodies and the world they make; topology, generators and the mesh doctor."""
+"""Floor 1: cloths, bodies and the world that they form; topology, generators and mesh checks."""

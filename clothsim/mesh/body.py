@@ -1,4 +1,4 @@
-"""A body that cloth collides with: a mesh and a prescribed motion."""
+"""Collision body: a triangle mesh with a prescribed motion."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,19 @@ from clothsim.mesh.motion import FrameMotion, Motion, rigid_motion
 
 @dataclass(frozen=True)
 class Body:
-    """A closed or open surface that is never simulated: `positions (n, 3)` at time 0 [m], `triangles (m, 3)`."""
+    """Closed or open surface that is never simulated.
+
+    Parameters
+    ----------
+    name : str
+        Name in the scene.
+    positions : (n, 3) float64
+        Vertices at time 0 [m].
+    triangles : (m, 3) int64
+        Vertex indices.
+    motion : Motion
+        Prescribed motion.
+    """
 
     name: str
     positions: Floats
@@ -17,12 +29,18 @@ class Body:
     motion: Motion
 
     def at(self, time: float) -> Floats:
-        """The vertices at `time` [s], (n, 3) [m]."""
+        """Return the vertices at `time` [s], (n, 3) [m]."""
         return self.motion.apply(self.positions, time)
 
 
 def make_body(name: str, positions: Floats, triangles: Ints, motion: Motion | None = None) -> Body:
-    """A body, checked; without a motion it stands still. InputError names the first bad vertex or triangle."""
+    """Make a body from checked arrays; without a motion it stands still.
+
+    Raises
+    ------
+    InputError
+        Naming the first bad vertex or triangle.
+    """
     points = as_points(f"{name} positions", positions)
     faces = as_triangles(f"{name} triangles", triangles, len(points))
     if isinstance(motion, FrameMotion) and motion.displacements.shape[1:] != points.shape:

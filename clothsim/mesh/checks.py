@@ -1,4 +1,4 @@
-"""The mesh doctor: all that is wrong with a mesh, found in one pass, each fault with its place and a remedy."""
+"""Mesh checks: all faults of a triangle mesh in one pass, each with its indices and a remedy."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -18,18 +18,28 @@ Flags = NDArray[np.bool_]
 
 BAD_INDICES = ("index not whole", "negative index", "index out of range")
 BODY_ERRORS = ("shape", "empty", "not finite", *BAD_INDICES, "repeated corner", "no area")
-"""The kinds that no mesh may have. Real bodies have the others, so for a body those are warnings."""
+"""Kinds of fault that no mesh may have. Real bodies have the others, so for a body those are warnings."""
 OF_SEAMS = ("fin", "bow-tie")
-"""The kinds that sewing makes: where panels lie in three layers, and where seams end in one vertex."""
+"""Kinds that sewing produces: where panels lie in three layers, and where seams end in one vertex."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One kind of fault and everywhere it occurs.
+    """One kind of fault and its occurrences.
 
-    kind: one of BODY_ERRORS, or "duplicate", "flipped duplicate", "isolated vertex", "soup", "fin", "bow-tie",
-    "mixed winding", "one-sided", "coincident", "seam"; indices: the vertices or triangles (k,) that `sentence` speaks
-    of, for a fin its edges (k, 2), for "shape" and "empty" none.
+    Parameters
+    ----------
+    severity : str
+        "error" or "warning".
+    kind : str
+        One of BODY_ERRORS, or "duplicate", "flipped duplicate", "isolated vertex", "soup", "fin", "bow-tie", "mixed
+        winding", "one-sided", "coincident", "seam".
+    sentence : str
+        Message with the first indices.
+    remedy : str
+        Message.
+    indices : (k,) int64
+        Vertices or triangles; edges (k, 2) for a fin; empty for "shape" and "empty".
     """
 
     severity: Severity
@@ -41,46 +51,71 @@ class Finding:
 
 @dataclass(frozen=True)
 class Report:
-    """What the doctor found in the mesh `name`."""
+    """Findings of a check of the mesh `name`."""
 
     name: str
     findings: tuple[Finding, ...]
 
     @property
     def errors(self) -> tuple[Finding, ...]:
-        """The findings that no simulation may start with."""
+        """Findings that a simulation cannot start with."""
         return tuple(finding for finding in self.findings if finding.severity == "error")
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """The findings that a user should know."""
+        """Findings that it can start with."""
         return tuple(finding for finding in self.findings if finding.severity == "warning")
 
 
 def examine(name: str, positions: ArrayLike, triangles: ArrayLike, role: Role = "cloth") -> Report:
-    """All that is wrong with raw arrays `positions` (n, 3) [m] and `triangles` (m, 3); never raises for their content.
+    """Check raw arrays for all faults; their content raises no error.
 
-    For a cloth every finding is an error but a "seam" (border vertices at one place that no triangle joins: panels not
-    sewn); for a sewn cloth, whose borders were welded, those of OF_SEAMS are none either; for a body only BODY_ERRORS
-    are. A triangle with a bad index or a repeated corner is left out of the later
-    tests, and so is a duplicate, so that one fault is not reported as three.
+    For a cloth every finding is an error but a "seam" (border vertices at one position that no triangle joins: panels
+    not sewn); for a sewn cloth, whose borders were welded, those of OF_SEAMS are warnings too; for a body only
+    BODY_ERRORS are errors. A triangle with a bad index or a repeated corner is left out of the later checks, and so is
+    a duplicate, so that one fault is not reported as three.
+
+    Parameters
+    ----------
+    name : str
+        Name in the messages.
+    positions : (n, 3) array_like
+        Vertices [m].
+    triangles : (m, 3) array_like
+        Vertex indices.
+    role : str
+        "cloth", "sewn cloth" or "body".
+
+    Returns
+    -------
+    Report
+        Its `findings`, split into `errors` and `warnings`.
+
+    Examples
+    --------
+    >>> [finding.kind for finding in examine("sheet", [[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]]).errors]
+    ['no area']
     """
-    notes = _Notes(role)
-    points, faces = notes.table("positions", positions), notes.table("triangles", triangles)
+    findings = _Findings(role)
+    points, faces = findings.table("positions", positions), findings.table("triangles", triangles)
     if points is not None and faces is not None:
-        _examine_numbers(points, faces, notes)
-    return Report(name, tuple(notes.findings))
+        _examine_numbers(points, faces, findings)
+    return Report(name, tuple(findings.entries))
 
 
 def refuse(report: Report) -> None:
-    """Raise InputError if the report holds errors: one line for each, then the remedies."""
+    """Raise InputError where the report has errors: one line for each, then the remedies."""
     if report.errors:
         lines = [f"{report.name}: {finding.sentence}" for finding in report.errors]
         raise InputError("\n".join(lines), " ".join(dict.fromkeys(finding.remedy for finding in report.errors)))
 
 
-def some(what: str, indices: Ints) -> str:
-    """The first five of `indices` in words: 'triangles 3, 8 and 12', 'vertices 0, 1, 2, 3, 4 ... (57 in all)'."""
+def index_text(what: str, indices: Ints) -> str:
+    """Format the first five of `indices`.
+
+    >>> index_text("vertex", np.array([3, 8, 12]))
+    'vertices 3, 8 and 12'
+    """
     plural = {"vertex": "vertices"}.get(what, f"{what}s")
     words = ["-".join(str(i) for i in np.atleast_1d(index)) for index in indices[:5]]
     if len(indices) == 1:
@@ -90,32 +125,32 @@ def some(what: str, indices: Ints) -> str:
     return f"{plural} {', '.join(words[:-1])} and {words[-1]}"
 
 
-class _Notes:
-    """The findings while they are collected."""
+class _Findings:
+    """Findings collected so far."""
 
     def __init__(self, role: Role) -> None:
         self.role = role
-        self.findings: list[Finding] = []
+        self.entries: list[Finding] = []
 
     def add(self, kind: str, sentence: str, remedy: str, indices: Ints | None = None) -> None:
         harmless = kind == "seam" or (self.role == "body" and kind not in BODY_ERRORS)
         harmless |= self.role == "sewn cloth" and kind in OF_SEAMS
         where = np.zeros(0, np.int64) if indices is None else indices
-        self.findings.append(Finding("warning" if harmless else "error", kind, sentence, remedy, where))
+        self.entries.append(Finding("warning" if harmless else "error", kind, sentence, remedy, where))
 
-    def add_some(self, kind: str, says: str, what: str, indices: Ints, remedy: str) -> None:
-        """A finding about some vertices, triangles or edges; nothing where there are none."""
+    def add_if_any(self, kind: str, says: str, what: str, indices: Ints, remedy: str) -> None:
+        """Add a finding about vertices, triangles or edges where there are any."""
         if len(indices):
-            self.add(kind, f"{says}: {some(what, indices)}.", remedy, indices)
+            self.add(kind, f"{says}: {index_text(what, indices)}.", remedy, indices)
 
     def table(self, name: str, values: ArrayLike) -> Floats | None:
-        """`values` as a table (n, 3) of float64; None, and a finding, where they are none or have no rows."""
+        """`values` as a table (n, 3) of float64; else None and a finding."""
         try:
             if np.iscomplexobj(values):
                 raise TypeError("complex numbers")
             table = np.asarray(values, dtype=np.float64)
         except (ValueError, TypeError, OverflowError) as error:
-            self.add("shape", f"{name} is no table of numbers ({error}).", "Give three numbers in each row.")
+            self.add("shape", f"{name} is not an array of numbers ({error}).", "Give three numbers in each row.")
             return None
         if table.size == 0:
             self.add("empty", f"{name} is empty.", "A mesh needs at least one triangle.")
@@ -126,76 +161,85 @@ class _Notes:
         return table
 
 
-def _examine_numbers(points: Floats, raw: Floats, notes: _Notes) -> None:
+def _examine_numbers(points: Floats, raw: Floats, findings: _Findings) -> None:
     finite: Flags = np.all(np.isfinite(points), axis=1)
-    notes.add_some(
+    findings.add_if_any(
         "not finite", "not finite (NaN or infinite)", "vertex", np.flatnonzero(~finite), "Correct the coordinates."
     )
     whole: Flags = np.equal(raw, np.trunc(np.where(np.isfinite(raw), raw, 0.5)))
     negative, beyond = whole & (raw < 0), whole & (raw >= len(points))
     for kind, bad in zip(BAD_INDICES, (~whole, negative, beyond), strict=True):
         rows = np.flatnonzero(bad.any(axis=1))
-        notes.add_some(kind, f"{kind} (vertices are 0..{len(points) - 1})", "triangle", rows, "Correct the index.")
+        findings.add_if_any(kind, f"{kind} (vertices are 0..{len(points) - 1})", "triangle", rows, "Correct the index.")
     in_range = whole & ~negative & ~beyond
     faces = np.where(in_range, raw, 0).astype(np.int64)
     sound: Flags = np.all(in_range, axis=1)
     repeated: Flags = sound & np.any(np.equal(faces, np.roll(faces, 1, axis=1)), axis=1)
-    notes.add_some(
+    findings.add_if_any(
         "repeated corner", "the same vertex twice", "triangle", np.flatnonzero(repeated), "Remove the triangle."
     )
     used = np.zeros(len(points), bool)
     used[faces[in_range]] = True
     remedy = "Remove it, or read one part of the file (component = 0)."
-    notes.add_some("isolated vertex", "in no triangle", "vertex", np.flatnonzero(~used), remedy)
-    rows = _distinct(faces, np.flatnonzero(sound & ~repeated), notes)
+    findings.add_if_any("isolated vertex", "in no triangle", "vertex", np.flatnonzero(~used), remedy)
+    rows = _distinct(faces, np.flatnonzero(sound & ~repeated), findings)
     measurable = rows[np.all(finite[faces[rows]], axis=1)]
     flat = measurable[flat_triangles(points, faces[measurable])]
-    notes.add_some("no area", "no area (corners collinear or at one place)", "triangle", flat, "Remove or repair it.")
+    findings.add_if_any("no area", "no area (collinear or coincident corners)", "triangle", flat, "Remove or repair.")
     if len(rows):
-        whole_around = np.ones(len(points), bool)  # a triangle left out of a fan would look like a bow-tie
+        whole_around = np.ones(len(points), bool)  # a fan without one of its triangles would look like a bow-tie
         whole_around[faces[(~sound | repeated)[:, None] & in_range]] = False
-        _examine_surface(points, faces, rows, finite & used, whole_around=whole_around, notes=notes)
+        _examine_surface(points, faces, rows, finite & used, whole_around=whole_around, findings=findings)
 
 
-def _distinct(faces: Ints, rows: Ints, notes: _Notes) -> Ints:
+def _distinct(faces: Ints, rows: Ints, findings: _Findings) -> Ints:
     """Those of `rows` that repeat no earlier one."""
     same, flipped = duplicates(faces[rows])
-    notes.add_some("duplicate", "given twice", "triangle", rows[same], "Remove the repetition.")
+    findings.add_if_any("duplicate", "given twice", "triangle", rows[same], "Remove the repetition.")
     says = "given twice with opposite winding"
-    notes.add_some("flipped duplicate", says, "triangle", rows[flipped], "Remove one of the two.")
+    findings.add_if_any("flipped duplicate", says, "triangle", rows[flipped], "Remove one of the two.")
     return np.delete(rows, np.concatenate([same, flipped]))
 
 
 def _examine_surface(
-    points: Floats, faces: Ints, rows: Ints, placed: Flags, *, whole_around: Flags, notes: _Notes
+    points: Floats, faces: Ints, rows: Ints, placed: Flags, *, whole_around: Flags, findings: _Findings
 ) -> None:
-    """How the triangles `rows` hang together; vertices `placed`: used, finite; `whole_around`: no triangle left out."""
+    """Check the connectivity of the triangles `rows`.
+
+    placed: vertices that are used and finite; whole_around: vertices none of whose triangles was left out.
+    """
     triangles = faces[rows]
     if len(rows) > 1 and np.bincount(triangles.ravel()).max() == 1:
-        remedy = "Merge the vertices at one place (clothsim.mesh.weld.merge_coincident)."
-        notes.add("soup", f"a soup: none of its {len(rows)} triangles shares a vertex with another.", remedy, rows)
+        remedy = "Merge coincident vertices (clothsim.mesh.weld.merge_coincident)."
+        findings.add(
+            "soup", f"a triangle soup: none of its {len(rows)} triangles shares a vertex with another.", remedy, rows
+        )
         return
     joined = joined_half_edges(triangles)
     fins = fin_edges(triangles, joined)
-    layers = "a seam of three layers or more" if notes.role == "sewn cloth" else "three or more triangles at one edge"
-    notes.add_some("fin", layers, "edge", fins, "Remove the extra triangles.")
+    layers = (
+        "a seam of three layers or more"
+        if findings.role == "sewn cloth"
+        else "non-manifold: three or more triangles at one edge"
+    )
+    findings.add_if_any("fin", layers, "edge", fins, "Remove the extra triangles.")
     ties = bow_tie_vertices(triangles, joined, len(points))
-    says = "pieces that touch only in a vertex"
-    notes.add_some("bow-tie", says, "vertex", ties[whole_around[ties]], "Give each piece its own vertex.")
+    says = "non-manifold: pieces that touch only in a vertex"
+    findings.add_if_any("bow-tie", says, "vertex", ties[whole_around[ties]], "Give each piece its own vertex.")
     turned, one_sided = turned_triangles(triangles, joined)
-    says = "wound against their neighbours"
-    notes.add_some("mixed winding", says, "triangle", rows[turned], "Swap two corners of each.")
-    says = "in a surface with one side only (a Moebius strip)"
-    notes.add_some("one-sided", says, "triangle", rows[one_sided], "Cut it open.")
+    says = "winding inconsistent with the neighbours"
+    findings.add_if_any("mixed winding", says, "triangle", rows[turned], "Swap two corners of each.")
+    says = "in a non-orientable surface (a Moebius strip)"
+    findings.add_if_any("one-sided", says, "triangle", rows[one_sided], "Cut it open.")
     single = np.ones(triangles.size, bool)
     single[joined[0]] = single[joined[1]] = False
     border = np.zeros(len(points), bool)
     border[half_edges(triangles)[single]] = True
-    _examine_places(points, triangles, border, placed, notes)
+    _examine_coincidence(points, triangles, border, placed, findings)
 
 
-def _examine_places(points: Floats, triangles: Ints, border: Flags, placed: Flags, notes: _Notes) -> None:
-    """Vertices at one place: harmless where two borders meet, an error inside a surface or within a triangle."""
+def _examine_coincidence(points: Floats, triangles: Ints, border: Flags, placed: Flags, findings: _Findings) -> None:
+    """Check vertices at one position: admissible where two borders meet, an error inside a surface or triangle."""
     vertices = np.flatnonzero(placed)
     if not len(vertices):
         return
@@ -208,6 +252,6 @@ def _examine_places(points: Floats, triangles: Ints, border: Flags, placed: Flag
     inside[corner_groups[alike]] = True
     together = placed & (size > 1)
     says, seam = "coincident inside the surface", "coincident on borders (panels not sewn)"
-    notes.add_some("coincident", says, "vertex", np.flatnonzero(together & inside[group]), "Merge or move them.")
+    findings.add_if_any("coincident", says, "vertex", np.flatnonzero(together & inside[group]), "Merge or move them.")
     remedy = "Sew them with weld = (a small distance in m), or leave them open."
-    notes.add_some("seam", seam, "vertex", np.flatnonzero(together & ~inside[group]), remedy)
+    findings.add_if_any("seam", seam, "vertex", np.flatnonzero(together & ~inside[group]), remedy)

@@ -1,11 +1,11 @@
-"""Clamps: pins that also hold the rest direction of the cloth at their edge.
+"""Clamped edges: pins that also fix the rest direction of the cloth, by ghost triangles behind the edge.
 
-A pinned edge lets the cloth turn about it like a piano hinge. A clamp adds the missing neighbour: behind every border
-edge whose two ends are pinned stands a ghost triangle, the mirror image of the border triangle in its own plane at the
-start. The hinge between them is at rest when the cloth leaves the edge in that plane.
+A pinned edge lets the cloth rotate about it freely. A clamp adds the missing neighbour: behind every border edge whose
+two ends are pinned lies a ghost triangle, the mirror image of the border triangle in its own plane at the start. The
+hinge between them is at rest when the cloth leaves the edge in that plane.
 
-An ordinary hinge gathers the bending of half a cell on either side. At a clamp one of those halves does not bend, so
-the hinge is twice as stiff. The same holds where whole triangles are pinned, for the hinges between those and the rest.
+An ordinary hinge lumps the bending of half a cell on either side. At a clamp one of those halves does not bend, so the
+hinge is twice as stiff. The same holds where whole triangles are pinned, for the hinges between those and the rest.
 Without the factor the clamp is half a cell too far back and the result is first order in the mesh size (VALIDATION A3).
 """
 
@@ -22,10 +22,27 @@ from clothsim.mesh.world import World
 
 
 def clamped(world: World, groups: Sequence[Ints]) -> tuple[World, tuple[Ints, ...]]:
-    """`world` with the pinned `groups` clamped, and for each group the rows of x of its ghosts, to be moved with it.
+    """Add ghost triangles for clamped pin groups.
 
-    groups: the pinned cloth vertices of each group (world numbers); an edge is clamped where both its ends are in the
-    same group. An empty group has no ghosts. InputError where a group has nothing to clamp: no border edge or triangle.
+    Parameters
+    ----------
+    world : World
+        World without the clamps.
+    groups : sequence of (k,) int64
+        Pinned cloth vertices of each group (world numbers); an edge is clamped where both its ends are in the same
+        group.
+
+    Returns
+    -------
+    world : World
+        The world with ghosts and their hinges.
+    ghosts : tuple of (g,) int64
+        Rows of x of the ghosts of each group, which move with it; none for an empty group.
+
+    Raises
+    ------
+    InputError
+        Where a group has neither a border edge nor a triangle to clamp.
     """
     rows: list[Ints] = []
     for number, group in enumerate(groups):
@@ -42,7 +59,7 @@ def clamped(world: World, groups: Sequence[Ints]) -> tuple[World, tuple[Ints, ..
 
 
 def _clamp_group(world: World, group: Ints) -> World:
-    """The world with one group clamped; the same world where that adds or changes nothing."""
+    """World with one group clamped; the same object where that adds or changes nothing."""
     pinned = np.zeros(world.n_vertices, bool)
     pinned[group] = True
     line = _clamp_lines(world.hinges, pinned)
@@ -59,13 +76,13 @@ def _clamp_group(world: World, group: Ints) -> World:
 
 
 def _clamp_lines(hinges: Hinges, pinned: np.ndarray) -> np.ndarray:
-    """The hinges between a triangle with all corners pinned and one with a free corner, (h,) bool."""
+    """Hinges between a triangle with all corners pinned and one with a free corner, (h,) bool."""
     held = pinned[hinges.vertices]
     return held[:, 0] & held[:, 1] & (held[:, 2] != held[:, 3])
 
 
 def _ghost_hinges(world: World, cloth_number: int, pinned: np.ndarray, first_ghost: int) -> tuple[Hinges, Floats]:
-    """The hinges about the pinned border edges of one cloth, and their ghosts (g, 3) [m], rows first_ghost... of x."""
+    """Hinges about the pinned border edges of one cloth, and their ghosts (g, 3) [m], rows first_ghost... of x."""
     cloth, offset = world.cloths[cloth_number], world.cloth_slices[cloth_number].start
     edges, half = border_edges(cloth.triangles)
     triangles, opposite = half // 3, cloth.triangles.ravel()[half // 3 * 3 + (half + 2) % 3]

@@ -1,4 +1,4 @@
-"""A cloth: where its vertices start, and the shape in which its material is at rest."""
+"""Cloth: start positions, and the rest shape of its material."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,11 +14,26 @@ from clothsim.mesh.fabric import Fabric
 class Cloth:
     """One sheet of one fabric.
 
-    positions: (n, 3) start positions [m]; triangles: (m, 3);
-    material_coordinates: (m, 3, 2) the corners of each triangle at rest in its own plane [m];
-    rest_positions: (n, 3) [m], the shape whose hinge angles are at rest (for a flat pattern: see `flat`);
-    flat: True where the rest shape is the flat pattern, so every rest angle is zero; velocity: (3,) at the start [m/s];
-    groups: the triangles of each panel that the mesh names.
+    Parameters
+    ----------
+    name : str
+        Name in the scene.
+    positions : (n, 3) float64
+        Start positions [m].
+    triangles : (m, 3) int64
+        Vertex indices.
+    material_coordinates : (m, 3, 2) float64
+        Corners of each triangle at rest in its own plane [m].
+    rest_positions : (n, 3) float64
+        Shape whose hinge angles are the rest angles [m] (for a flat pattern: see `flat`).
+    flat : bool
+        True where the rest shape is a flat pattern, so that every rest angle is zero.
+    fabric : Fabric
+        Material.
+    velocity : (3,) float64
+        Velocity at the start [m/s].
+    groups : mapping
+        Triangles of each panel that the mesh names.
     """
 
     name: str
@@ -42,10 +57,25 @@ def make_cloth(
     velocity: Floats | tuple[float, float, float] = (0.0, 0.0, 0.0),
     groups: Mapping[str, Ints] | None = None,
 ) -> Cloth:
-    """A cloth whose material is at rest in `rest_positions`, or in `material_coordinates (m, 3, 2)` where given [m].
+    """Make a cloth from checked arrays.
 
-    `positions` is where it starts (default: the rest positions). InputError names the first bad vertex or triangle,
-    also a triangle whose rest shape has no area.
+    Parameters
+    ----------
+    name, fabric, velocity, groups
+        See `Cloth`.
+    rest_positions : (n, 3) array_like
+        Rest shape [m].
+    triangles : (m, 3) array_like
+        Vertex indices.
+    positions : (n, 3) array_like, optional
+        Start positions [m]; default: the rest positions.
+    material_coordinates : (m, 3, 2) array_like, optional
+        Flat rest shape of each triangle [m], in place of that of the rest positions.
+
+    Raises
+    ------
+    InputError
+        Naming the first bad vertex or triangle, also one whose rest shape has no area.
     """
     rest = as_points(f"{name} rest_positions", rest_positions)
     faces = as_triangles(f"{name} triangles", triangles, len(rest))
@@ -61,7 +91,7 @@ def make_cloth(
 
 
 def triangle_planes(rest_positions: Floats, triangles: Ints) -> Floats:
-    """The corners of each triangle in its own frame (m, 3, 2) [m]: t1 = e1/|e1|, n = e1 x e2/|.|, t2 = n x t1."""
+    """Return the corners of triangles in their own frames (m, 3, 2) [m]: t1 = e1/|e1|, n = e1 x e2/|.|, t2 = n x t1."""
     corners = rest_positions[triangles]
     edge1, edge2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     length = np.linalg.norm(edge1, axis=1)

@@ -1,4 +1,4 @@
-"""Triangles without area or given twice, and vertices at one place; whole arrays at once."""
+"""Degenerate and duplicate triangles, and coincident vertices, in whole arrays."""
 
 import numpy as np
 
@@ -6,10 +6,11 @@ from clothsim.arrays import Floats, Ints
 
 
 def flat_triangles(positions: Floats, triangles: Ints) -> Ints:
-    """The triangles without area: needles of zero length and collinear corners, (k,).
+    """Find the triangles without area, (k,): needles of zero length and collinear corners.
 
-    |e1 x e2| <= 1e-14 L^2 + 4 ulp(|x|) L with L the longest edge: no absolute length, so mm and km are judged alike,
-    and far from the origin a triangle that is only round-off is flat. Slivers of aspect 1e7 are sound.
+    |e1 x e2| <= 1e-14 L^2 + 4 ulp(|x|) L with L the longest edge: no absolute length, so millimetres and kilometres are
+    treated alike, and far from the origin a triangle that is only round-off is degenerate. Slivers of aspect ratio 1e7
+    are not.
     """
     corners = positions[triangles]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
@@ -21,7 +22,7 @@ def flat_triangles(positions: Floats, triangles: Ints) -> Ints:
 
 
 def duplicates(triangles: Ints) -> tuple[Ints, Ints]:
-    """The triangles that repeat an earlier one, with the same winding and with the opposite one: two sorted (k,)."""
+    """Find the triangles that repeat an earlier one, with the same and with the opposite winding: two sorted (k,)."""
     smallest = np.argmin(triangles, axis=1)
     rolled = np.take_along_axis(triangles, (smallest[:, None] + np.arange(3)) % 3, axis=1)
     odd = rolled[:, 1] > rolled[:, 2]
@@ -37,7 +38,7 @@ def duplicates(triangles: Ints) -> tuple[Ints, Ints]:
 
 
 def coincidence(positions: Floats) -> tuple[Ints, Ints]:
-    """Vertices grouped by place (exactly equal): the group of each vertex (n,) and the size of that group (n,)."""
+    """Group vertices by position (exactly equal): the group of each vertex (n,) and the size of that group (n,)."""
     order = np.lexsort(positions.T)
     new = np.ones(len(order), bool)
     new[1:] = (positions[order[1:]] != positions[order[:-1]]).any(axis=1)

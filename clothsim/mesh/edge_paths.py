@@ -1,4 +1,4 @@
-"""Paths of vertices along the edges of a mesh: a line that somebody drew, snapped to it."""
+"""Shortest paths of vertices along mesh edges that follow a drawn polyline."""
 
 import numpy as np
 
@@ -6,15 +6,34 @@ from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 
 STRAYING = 2.0
-"""How much an edge at one median length from the line is lengthened, beyond itself: ways near the line are shorter."""
+"""Relative lengthening of an edge one median length from the polyline: paths near it become shorter."""
 
 
 def path_along(where: str, positions: Floats, edges: Ints, points: Floats) -> Ints:
-    """The vertices (k,) of the shortest way along `edges (e, 2)` from point to point of a drawn line, (p, 3) [m].
+    """Find the path along edges that follows a polyline.
 
-    positions (n, 3) [m]. Each point counts as its nearest vertex on an edge. An edge counts longer the further its
-    middle is from the line, so that the way keeps to it on any mesh. InputError where there are fewer than two points,
-    where one is further from the mesh than an edge is long, or no way leads from one to the next.
+    An edge counts longer the further its midpoint is from the polyline, so that the path stays close to it on any mesh.
+
+    Parameters
+    ----------
+    where : str
+        Key of the scene, for messages.
+    positions : (n, 3) float64
+        Vertices [m].
+    edges : (e, 2) int64
+        Edges that the path may use.
+    points : (p, 3) float64
+        Polyline [m]; each point is moved to the nearest vertex of an edge.
+
+    Returns
+    -------
+    (k,) int64
+        Vertices of the path, in order.
+
+    Raises
+    ------
+    InputError
+        Where there are fewer than two points, one is further from the mesh than an edge is long, or no path joins two.
     """
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import dijkstra
@@ -36,10 +55,10 @@ def path_along(where: str, positions: Floats, edges: Ints, points: Floats) -> In
     return np.concatenate(path)
 
 
-def _nearest(where: str, positions: Floats, vertices: Ints, points: Floats, reach: float) -> Ints:
+def _nearest(where: str, positions: Floats, vertices: Ints, points: Floats, limit: float) -> Ints:
     """The one of `vertices` nearest to each point, (p,)."""
     distances = np.linalg.norm(positions[vertices] - points[:, None], axis=2)
-    off = np.flatnonzero(distances.min(axis=1) > reach)
+    off = np.flatnonzero(distances.min(axis=1) > limit)
     if off.size:
         raise InputError(
             f"{where}[{off[0]}] is {distances[off[0]].min():.3g} m from the mesh at rest.",
@@ -49,19 +68,19 @@ def _nearest(where: str, positions: Floats, vertices: Ints, points: Floats, reac
 
 
 def _distance_to_segment(points: Floats, start: Floats, end: Floats) -> Floats:
-    """How far each of `points (n, 3)` is from the segment, (n,) [m]."""
+    """Distance of each of `points (n, 3)` from the segment, (n,) [m]."""
     along = end - start
     squared = float(along @ along)
-    place = np.clip((points - start) @ along / squared, 0.0, 1.0) if squared else np.zeros(len(points))
-    return np.asarray(np.linalg.norm(points - start - place[:, None] * along, axis=1), np.float64)
+    along_segment = np.clip((points - start) @ along / squared, 0.0, 1.0) if squared else np.zeros(len(points))
+    return np.asarray(np.linalg.norm(points - start - along_segment[:, None] * along, axis=1), np.float64)
 
 
 def _back(where: str, before: Ints, first: int, last: int) -> Ints:
-    """The way to `last` from the vertex before each vertex, without `first`."""
-    way = []
+    """Path to `last` from the predecessor of each vertex, without `first`."""
+    path = []
     while last != first:
         if last < 0:
-            raise InputError(f"{where}: no way along the edges leads from one point to the next.")
-        way.append(last)
+            raise InputError(f"{where}: no path along the edges joins one point to the next.")
+        path.append(last)
         last = int(before[last])
-    return np.array(way[::-1], np.int64)
+    return np.array(path[::-1], np.int64)

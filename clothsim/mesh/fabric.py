@@ -1,4 +1,4 @@
-"""What a cloth is made of."""
+"""Fabric: mass, thickness and stiffnesses of a cloth."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,26 @@ from clothsim.errors import InputError
 
 @dataclass(frozen=True)
 class Fabric:
-    """A sheet: what every cloth has, and what a woven or knitted one has beside it.
+    """Material of a sheet; woven and knitted fabrics have orthotropic stiffnesses besides.
 
-    density: area density [kg/m2]; thickness [m]; youngs_modulus E of the material [Pa]; poisson_ratio in (-1, 0.5];
-    bending_stiffness D [N m]. warp_stiffness, weft_stiffness, shear_stiffness [N/m] and thread_poisson_ratio, the
-    geometric mean of both, are those of the threads (see `energies.orthotropic`): None takes the isotropic ones.
-    bending_warp, bending_weft [N m] and friction are told to the user; None where no source gives them.
+    Parameters
+    ----------
+    density : float
+        Area density [kg/m2].
+    thickness : float
+        [m].
+    youngs_modulus : float
+        E of the material [Pa].
+    poisson_ratio : float
+        In (-1, 0.5].
+    bending_stiffness : float
+        D [N m].
+    warp_stiffness, weft_stiffness, shear_stiffness : float, optional
+        Of the threads [N/m] (see `energies.orthotropic`); None: the isotropic ones.
+    thread_poisson_ratio : float, optional
+        Geometric mean of both Poisson ratios of the threads; None: poisson_ratio.
+    bending_warp, bending_weft, friction : float, optional
+        Bending stiffnesses [N m] and friction coefficient for the user's information; None where no source gives them.
     """
 
     density: float
@@ -57,22 +71,22 @@ class Fabric:
 
     @property
     def stiffness_along_warp(self) -> float:
-        """E1 [N/m]; E thickness where the fabric has none of its own."""
+        """E1 [N/m]; E thickness where the fabric gives none."""
         return self._own(self.warp_stiffness, self.youngs_modulus * self.thickness)
 
     @property
     def stiffness_along_weft(self) -> float:
-        """E2 [N/m]; E thickness where the fabric has none of its own."""
+        """E2 [N/m]; E thickness where the fabric gives none."""
         return self._own(self.weft_stiffness, self.youngs_modulus * self.thickness)
 
     @property
     def stiffness_in_shear(self) -> float:
-        """G [N/m]; mu where the fabric has none of its own."""
+        """G [N/m]; mu where the fabric gives none."""
         return self._own(self.shear_stiffness, self.shear_modulus)
 
     @property
     def poisson_ratio_of_threads(self) -> float:
-        """The root of nu12 nu21; poisson_ratio where the fabric has none of its own."""
+        """Square root of nu12 nu21; poisson_ratio where the fabric gives none."""
         return self._own(self.thread_poisson_ratio, self.poisson_ratio)
 
     @staticmethod

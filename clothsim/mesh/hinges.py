@@ -1,4 +1,4 @@
-"""Hinges: the interior edges about which a cloth bends, with their shape at rest."""
+"""Hinges: interior edges about which a cloth bends, with their rest shape."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -14,11 +14,19 @@ from clothsim.mesh.topology import interior_edges
 class Hinges:
     """Interior edges with the two triangles beside them.
 
-    vertices: (h, 4) edge start, edge end, opposite corner in the first and in the second triangle (world numbers);
-    corners: (h, 4, 2) the four at rest in one plane [m], the hinge unfolded: edge along the first axis, the first
-    triangle's corner above it, the second's below; rest_angles: (h,) dihedral angle at rest [rad], 0 where flat;
-    stiffness: (h,) bending stiffness D [N m], the mean of both sides', doubled on a clamp line (VALIDATION A3);
-    held: (h,) the side whose triangle a clamp holds and which does not bend: 0 the first, 1 the second, -1 neither.
+    Parameters
+    ----------
+    vertices : (h, 4) int64
+        Edge start, edge end, opposite corner in the first and in the second triangle (world numbers).
+    corners : (h, 4, 2) float64
+        The four at rest in one plane [m], the hinge unfolded: edge along the first axis, the first triangle's corner
+        above it, the second's below.
+    rest_angles : (h,) float64
+        Dihedral angle at rest [rad], 0 where flat.
+    stiffness : (h,) float64
+        Bending stiffness D [N m], the mean of both sides', doubled on a clamp line (VALIDATION A3).
+    held : (h,) int64
+        Side whose triangle a clamp fixes and which does not bend: 0 the first, 1 the second, -1 neither.
     """
 
     vertices: Ints
@@ -39,7 +47,7 @@ class Hinges:
 
 
 def cloth_hinges(cloth: Cloth, offset: int = 0) -> Hinges:
-    """The hinges of one cloth whose first vertex is number `offset` of the world."""
+    """Return the hinges of one cloth whose first vertex is number `offset` of the world."""
     vertices, pairs = interior_edges(cloth.triangles)
     corners = np.zeros((len(vertices), 4, 2))
     for side, sign in ((0, 1.0), (1, -1.0)):
@@ -53,12 +61,12 @@ def cloth_hinges(cloth: Cloth, offset: int = 0) -> Hinges:
 
 
 def join_hinges(parts: Sequence[Hinges]) -> Hinges:
-    """All hinges in one."""
+    """Concatenate hinges."""
     return Hinges(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(Hinges)))
 
 
 def dihedral_angles(positions: Floats, hinge_vertices: Ints) -> Floats:
-    """Signed angle between the normals of the two triangles of each hinge, (h,) [rad]; 0 where they are coplanar.
+    """Return the signed angle between the normals of the two triangles of each hinge, (h,) [rad]; 0 if coplanar.
 
     Positive where the cloth folds towards its back: the opposite corners move against the normal.
     """
@@ -71,13 +79,13 @@ def dihedral_angles(positions: Floats, hinge_vertices: Ints) -> Floats:
 
 
 def corner_over_edge(cloth: Cloth, hinges: Ints, triangle: Ints, side: int) -> tuple[Floats, Floats, Floats]:
-    """Rest length of the edge, and where the opposite corner lies over it: along (from the start) and above [m]."""
+    """Return the rest length of the edge, and the opposite corner along it (from the start) and above it [m]."""
     faces = cloth.triangles[triangle]
     at = [np.argmax(faces == hinges[:, k : k + 1], axis=1) for k in (0, 1, 2 + side)]
     start, end, corner = (cloth.material_coordinates[triangle, k] for k in at)
     edge = end - start
     length = np.linalg.norm(edge, axis=1)
-    reach = corner - start
-    along = np.einsum("ij,ij->i", reach, edge) / length
-    height = np.abs(edge[:, 0] * reach[:, 1] - edge[:, 1] * reach[:, 0]) / length
+    offset_2d = corner - start
+    along = np.einsum("ij,ij->i", offset_2d, edge) / length
+    height = np.abs(edge[:, 0] * offset_2d[:, 1] - edge[:, 1] * offset_2d[:, 0]) / length
     return length, along, height

@@ -1,4 +1,4 @@
-"""A world far from the origin is solved about one of its own: round-off is then that of its size, not of its place."""
+"""Local origin of a world far from the origin: round-off is then that of its size, not of its position."""
 
 from dataclasses import replace
 
@@ -9,11 +9,11 @@ from clothsim.mesh.motion import RigidMotion
 from clothsim.mesh.world import World
 
 FAR = 100.0
-"""Distance from the origin, in sizes of the cloth, from which a world gets an origin of its own."""
+"""Distance from the origin, in sizes of the cloth, from which on a world gets a local origin."""
 
 
 def with_local_origin(world: World) -> World:
-    """The world with `origin` at the middle of its cloths and every position relative to it; as it is where near."""
+    """Return the world relative to the centre of its cloths, with `origin` set; unchanged where that is near."""
     cloth = world.start()[: world.n_cloth]
     low, high = cloth.min(axis=0), cloth.max(axis=0)
     middle = 0.5 * (low + high)

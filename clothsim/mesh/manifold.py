@@ -1,6 +1,6 @@
-"""Where triangles make no surface: fins, bow-ties and windings that disagree; whole arrays at once.
+"""Manifold checks: non-manifold edges (fins) and vertices (bow-ties), inconsistent winding, in whole arrays.
 
-Half-edge h = 3 t + k runs from corner k of triangle t to its next corner. No triangle may name a vertex twice.
+Half-edge h = 3 t + k runs from corner k of triangle t to its next corner. No triangle may contain a vertex twice.
 """
 
 import numpy as np
@@ -10,7 +10,7 @@ from clothsim.mesh.topology import half_edges
 
 
 def joined_half_edges(triangles: Ints) -> tuple[Ints, Ints, Ints]:
-    """Pairs of half-edges over the same two vertices, first (p,), second (p,), and how many share them, count (p,).
+    """Return pairs of half-edges over the same two vertices: first (p,), second (p,), and their number, count (p,).
 
     An edge of n triangles gives n - 1 pairs, a chain through all of them.
     """
@@ -26,15 +26,15 @@ def joined_half_edges(triangles: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def fin_edges(triangles: Ints, joined: tuple[Ints, Ints, Ints]) -> Ints:
-    """The edges of three or more triangles, as sorted pairs of vertices (k, 2)."""
+    """Return the edges of three or more triangles, as sorted pairs of vertices (k, 2)."""
     first, _, count = joined
     return np.unique(np.sort(half_edges(triangles)[first[count > 2]], axis=1), axis=0)
 
 
 def bow_tie_vertices(triangles: Ints, joined: tuple[Ints, Ints, Ints], n_vertices: int) -> Ints:
-    """The vertices whose triangles form more than one fan, sorted (k,).
+    """Return the vertices whose triangles form more than one fan, sorted (k,).
 
-    Two corners at one vertex belong together where their triangles share an edge there.
+    Two corners at one vertex are in one fan where their triangles share an edge there.
     """
     first, second, _ = joined
     starts = triangles.ravel()
@@ -49,10 +49,11 @@ def bow_tie_vertices(triangles: Ints, joined: tuple[Ints, Ints, Ints], n_vertice
 
 
 def turned_triangles(triangles: Ints, joined: tuple[Ints, Ints, Ints]) -> tuple[Ints, Ints]:
-    """Triangles wound against their piece of surface, and the triangles of one-sided pieces (a Moebius strip), sorted.
+    """Return triangles with inconsistent winding, and those of non-orientable components (a Moebius strip), sorted.
 
-    Every triangle is taken twice, as it is and turned over; across each edge of two triangles the copies that agree are
-    joined. A piece with two sides falls into two sheets: the turned triangles are the smaller part of the first sheet.
+    Every triangle is taken twice, as it is and reversed; across each edge of two triangles the copies with consistent
+    winding are joined. An orientable component splits into two sheets: the reversed triangles are the minority in the
+    first.
     """
     first, second, count = joined
     pair = count == 2
@@ -77,7 +78,7 @@ def _next_corner(half_edge: Ints) -> Ints:
 
 
 def _connected(left: Ints, right: Ints, size: int) -> Ints:
-    """The component of each of `size` things of which left[i] and right[i] are joined."""
+    """Component of each of `size` nodes of which left[i] and right[i] are joined."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 

@@ -1,4 +1,4 @@
-"""How a body moves: rigidly, or through frames that somebody animated. Both carry its vertices of time 0 to a time."""
+"""Motion of a body: rigid, or interpolated between animated frames; both map its vertices at time 0 to a time."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -12,9 +12,16 @@ from clothsim.errors import InputError
 
 @dataclass(frozen=True)
 class RigidMotion:
-    """x(t) = centre + R(angular_velocity t) (x(0) - centre) + velocity t.
+    """Rigid motion x(t) = centre + R(angular_velocity t) (x(0) - centre) + velocity t.
 
-    velocity: (3,) [m/s]; angular_velocity: (3,) [rad/s], along the axis; centre: (3,) [m].
+    Parameters
+    ----------
+    velocity : (3,) float64
+        [m/s].
+    angular_velocity : (3,) float64
+        Along the axis [rad/s].
+    centre : (3,) float64
+        Point on the axis [m].
     """
 
     velocity: Floats
@@ -23,11 +30,11 @@ class RigidMotion:
 
     @property
     def still(self) -> bool:
-        """True where nothing ever moves."""
+        """True without motion."""
         return not (self.velocity.any() or self.angular_velocity.any())
 
     def apply(self, points: Floats, time: float) -> Floats:
-        """`points (n, 3)` of time 0 carried to `time` [s]."""
+        """Return `points (n, 3)` of time 0 at `time` [s]."""
         if self.still:
             return points
         turned = (points - self.centre) @ rotation_matrix(self.angular_velocity * time).T
@@ -36,12 +43,17 @@ class RigidMotion:
 
 @dataclass(frozen=True)
 class FrameMotion:
-    """x(t) = x(0) + the displacement at t: linear in time from frame to frame, held at the last one after the end.
+    """Animated motion x(t) = x(0) + u(t): linear in time between frames, constant after the last one.
 
-    displacements: (k, n, 3) of each frame from the first [m], frame i at i / frames_per_second [s].
+    Contact follows a body along straight paths from the start of a step to its end. A step no longer than a frame
+    deviates from the animated path at most at one corner; a longer one skips whole frames.
 
-    Contact follows a body on straight ways from where it is at the start of a step to where it is at its end. A step
-    no longer than a frame leaves that way at most at one corner; a longer one cuts whole frames off it.
+    Parameters
+    ----------
+    displacements : (k, n, 3) float64
+        Of each frame from the first [m], frame i at i / frames_per_second [s].
+    frames_per_second : float
+        Frame rate [1/s].
     """
 
     displacements: Floats
@@ -49,23 +61,23 @@ class FrameMotion:
 
     @property
     def still(self) -> bool:
-        """True where nothing ever moves."""
+        """True without motion."""
         return not self.displacements.any()
 
     @property
     def duration(self) -> float:
-        """When the last frame is reached [s]."""
+        """Time of the last frame [s]."""
         return (len(self.displacements) - 1) / self.frames_per_second
 
     def apply(self, points: Floats, time: float) -> Floats:
-        """`points (n, 3)` of time 0, one for each that is animated, carried to `time` [s]."""
+        """Return `points (n, 3)` of time 0, one for each animated vertex, at `time` [s]."""
         if self.still:
             return points
         last = len(self.displacements) - 1
-        place = min(max(time * self.frames_per_second, 0.0), float(last))
-        before = min(int(place), last - 1)
-        share = place - before
-        return points + (1 - share) * self.displacements[before] + share * self.displacements[before + 1]
+        position = min(max(time * self.frames_per_second, 0.0), float(last))
+        before = min(int(position), last - 1)
+        fraction = position - before
+        return points + (1 - fraction) * self.displacements[before] + fraction * self.displacements[before + 1]
 
 
 Motion = RigidMotion | FrameMotion
@@ -76,7 +88,7 @@ def rigid_motion(
     rotate_degrees_per_second: Floats | tuple[float, ...] = (0.0, 0.0, 0.0),
     centre: Floats | tuple[float, ...] = (0.0, 0.0, 0.0),
 ) -> RigidMotion:
-    """A rigid motion from a scene's keys: velocity [m/s], rotation about the axis through `centre` [degrees/s]."""
+    """Make a rigid motion from the keys of a scene: velocity [m/s], rotation about `centre` [degrees/s]."""
     return RigidMotion(
         as_vector("motion.velocity", velocity),
         np.radians(as_vector("motion.rotate_degrees_per_second", rotate_degrees_per_second)),
@@ -85,7 +97,7 @@ def rigid_motion(
 
 
 def motion_of(where: str, keys: Mapping[str, Any], origin: Floats) -> RigidMotion:
-    """The motion of a scene's keys, relative to the world's `origin (3,)` [m]."""
+    """Make the motion of a scene's keys, relative to the world's `origin (3,)` [m]; InputError names an unknown key."""
     try:
         motion = rigid_motion(**keys)
     except TypeError as error:
@@ -95,7 +107,7 @@ def motion_of(where: str, keys: Mapping[str, Any], origin: Floats) -> RigidMotio
 
 
 def frame_motion(frames: Floats, frames_per_second: float) -> FrameMotion:
-    """The motion through `frames (k, n, 3)` [m], k >= 1. InputError for another shape and numbers not finite."""
+    """Make the motion through `frames (k, n, 3)` [m], k >= 1; InputError for another shape or numbers not finite."""
     places = np.asarray(frames, np.float64)
     if places.ndim != 3 or places.shape[2] != 3 or not len(places):
         raise InputError(f"frames has shape {places.shape}, not (frames, vertices, 3).")
@@ -106,7 +118,7 @@ def frame_motion(frames: Floats, frames_per_second: float) -> FrameMotion:
 
 
 def rotation_matrix(rotation_vector: Floats) -> Floats:
-    """The rotation by |r| radians about r, (3, 3) (Rodrigues)."""
+    """Return the rotation by |r| radians about r, (3, 3) (Rodrigues)."""
     angle = float(np.linalg.norm(rotation_vector))
     if angle == 0:
         return np.eye(3)

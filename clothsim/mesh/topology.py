@@ -1,4 +1,4 @@
-"""What a triangle list says about neighbours: edges, interior edges with their two opposite corners, borders."""
+"""Topology of a triangle list: edges, interior edges with their opposite corners, borders, rings, components."""
 
 from collections.abc import Mapping
 
@@ -8,22 +8,27 @@ from clothsim.arrays import Ints
 
 
 def unique_edges(triangles: Ints) -> Ints:
-    """The edges of `triangles (m, 3)` as sorted pairs, (e, 2), in lexicographic order."""
+    """Return the edges of `triangles (m, 3)` as sorted pairs, (e, 2), in lexicographic order."""
     return np.unique(np.sort(half_edges(triangles), axis=1), axis=0)
 
 
 def half_edges(triangles: Ints) -> Ints:
-    """The directed edges, (3 m, 2): edge k of triangle t (from corner k to corner k+1) is row 3 t + k."""
+    """Return the directed edges, (3 m, 2): edge k of triangle t (from corner k to corner k+1) is row 3 t + k."""
     return triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
 
 
 def interior_edges(triangles: Ints) -> tuple[Ints, Ints]:
-    """The edges between two triangles, as hinges.
+    """Return the edges between two triangles, as hinges.
 
-    Returns `vertices (h, 4)`: edge start, edge end, and the corners opposite the edge in the first and in the second
-    triangle; and `pairs (h, 2)`: those two triangles. The first triangle runs along the edge start -> end.
-    Edges of one triangle are borders. Edges of three or more (seams of three layers; the mesh doctor refuses others)
-    make no hinge: no three triangles at one edge are flat in pairs, so hinges with rest angle 0 would never be at rest.
+    Edges of one triangle are borders. Edges of three or more (seams of three layers; the mesh checks reject others) are
+    no hinges: no three triangles at one edge are flat in pairs, so hinges with rest angle 0 would never be at rest.
+
+    Returns
+    -------
+    vertices : (h, 4) int64
+        Edge start, edge end, and the corners opposite the edge in the first and in the second triangle.
+    pairs : (h, 2) int64
+        Those two triangles; the first runs along the edge start -> end.
     """
     directed = half_edges(triangles)
     opposite = triangles[:, [2, 0, 1]].reshape(-1)
@@ -36,7 +41,7 @@ def interior_edges(triangles: Ints) -> tuple[Ints, Ints]:
 
 
 def border_edges(triangles: Ints) -> tuple[Ints, Ints]:
-    """The directed edges of exactly one triangle, `edges (b, 2)`, and the half-edge `3 t + corner (b,)` of each."""
+    """Return the directed edges of exactly one triangle, (b, 2), and the half-edge `3 t + corner` of each, (b,)."""
     directed = half_edges(triangles)
     _, group, count = np.unique(np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True)
     half = np.flatnonzero(count[group.ravel()] == 1)
@@ -44,12 +49,12 @@ def border_edges(triangles: Ints) -> tuple[Ints, Ints]:
 
 
 def border_vertices(triangles: Ints) -> Ints:
-    """The sorted vertices on edges of exactly one triangle, (k,)."""
+    """Return the sorted vertices on edges of exactly one triangle, (k,)."""
     return np.unique(border_edges(triangles)[0])
 
 
 def vertex_rings(triangles: Ints, n_vertices: int) -> tuple[Ints, Ints]:
-    """The one-ring neighbours of every vertex in compressed form.
+    """Return the one-ring neighbours of every vertex in compressed form.
 
     Ring of vertex i: `neighbours[starts[i]:starts[i + 1]]`, sorted, without i itself; `starts (n + 1,)`.
     """
@@ -61,7 +66,7 @@ def vertex_rings(triangles: Ints, n_vertices: int) -> tuple[Ints, Ints]:
 
 
 def components(triangles: Ints, n_vertices: int) -> Ints:
-    """The connected component of every vertex, (n,), numbered from 0 by first appearance; lone vertices count."""
+    """Return the connected component of every vertex, (n,), numbered by first appearance; isolated vertices count."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -71,6 +76,6 @@ def components(triangles: Ints, n_vertices: int) -> Ints:
 
 
 def renumbered_groups(groups: Mapping[str, Ints], kept: Ints) -> dict[str, Ints]:
-    """The groups in the numbers that the triangles `kept` (in ascending order) have among themselves."""
+    """Return the groups in the numbering of the triangles `kept` (ascending) among themselves."""
     left = {name: np.flatnonzero(np.isin(kept, own)) for name, own in groups.items()}
     return {name: own for name, own in left.items() if len(own)}

@@ -1,4 +1,4 @@
-"""Merging vertices: borders that lie close (panels of a garment), or all that lie at one place (an STL file)."""
+"""Welding of vertices: borders closer than a distance (panels of a garment), or all coincident ones (an STL file)."""
 
 import numpy as np
 
@@ -8,31 +8,51 @@ from clothsim.mesh.degenerate import coincidence, duplicates
 from clothsim.mesh.topology import border_vertices, vertex_rings
 
 MOST_PAIRS = 200
-"""Close neighbours a border vertex may have on average: beyond it `distance` is no seam, and would fill the memory."""
+"""Bound on the mean number of close neighbours of a border vertex: beyond it memory would be exhausted."""
 
 
 def weld(positions: Floats, triangles: Ints, distance: float) -> tuple[Floats, Ints, Ints]:
-    """Merge border vertices that are closer than `distance` [m], the closest pairs first.
+    """Merge border vertices that are closer than `distance`, the closest pairs first.
 
-    Returns the positions (k, 3), each merged vertex at the mean of its parts, the triangles (m, 3) in the same order,
-    so that arrays per triangle and corner stay valid, and the new number of every old vertex (n,). Inner vertices
-    never move, and vertices that an edge joins are never merged, so no triangle collapses. Panels in three layers make
-    fins, which the doctor finds afterwards; two corners sewn on all sides make flaps, see `flaps`. InputError where
-    `distance` takes in far more than a seam.
+    Inner vertices never move, and vertices joined by an edge are never merged, so no triangle collapses. Panels in
+    three layers make fins, which the mesh checks report; two corners sewn on all sides make flaps, see `flaps`.
+
+    Parameters
+    ----------
+    positions : (n, 3) array_like
+        Vertices [m].
+    triangles : (m, 3) array_like
+        Vertex indices.
+    distance : float
+        [m].
+
+    Returns
+    -------
+    positions : (k, 3) float64
+        Each merged vertex at the mean of its parts.
+    triangles : (m, 3) int64
+        In the same order, so that arrays per triangle and corner stay valid.
+    number : (n,) int64
+        New number of every old vertex.
+
+    Raises
+    ------
+    InputError
+        Where `distance` joins far more than a seam.
     """
     points = as_points("positions", positions)
     faces = as_triangles("triangles", triangles, len(points))
-    reach = as_positive("weld", distance, zero=True)
+    limit = as_positive("weld", distance, zero=True)
     border = border_vertices(faces)
     label = np.arange(len(points))
-    if reach > 0 and len(border):
-        label = _sewn(border[_close_pairs(points[border], reach)], faces, len(points))
+    if limit > 0 and len(border):
+        label = _sewn(border[_close_pairs(points[border], limit)], faces, len(points))
     number = _renumber(label)
     return mean_of_parts(points, number), number[faces], number
 
 
 def mean_of_parts(points: Floats, number: Ints) -> Floats:
-    """The mean of the rows of `points (n, 3)` that have the same `number (n,)`, (k, 3); a row alone stays as it is."""
+    """Return the mean of the rows of `points (n, 3)` by `number (n,)`, (k, 3); single rows keep their bits."""
     count = np.bincount(number)
     merged = np.stack([np.bincount(number, weights=column) / count for column in points.T], axis=1)
     alone = count[number] == 1
@@ -41,11 +61,11 @@ def mean_of_parts(points: Floats, number: Ints) -> Floats:
 
 
 def flaps(triangles: Ints) -> Ints:
-    """The triangles that lie face to face on another one, with the same three vertices and the opposite winding, (k,).
+    """Return the triangles that coincide with another one with the opposite winding, (k,).
 
-    Where a seam goes round the corner of a panel, the corner triangles of both panels are sewn on all three sides: a
-    pocket without volume. Its hinges would be folded by 180 degrees and never flatten; left out, the panels join
-    along the third side.
+    Where a seam turns the corner of a panel, the corner triangles of both panels are sewn on all three sides: a pocket
+    without volume. Its hinges would be folded by 180 degrees and never flatten; without it, the panels join along the
+    third side.
     """
     same, flipped = duplicates(triangles)
     corners = np.sort(triangles, axis=1)
@@ -55,7 +75,7 @@ def flaps(triangles: Ints) -> Ints:
 
 
 def merge_coincident(positions: Floats) -> tuple[Floats, Ints]:
-    """One vertex for each place: positions (k, 3) in order of first appearance, and the number of each old one (n,)."""
+    """Merge coincident vertices: positions (k, 3) by first appearance, and the new number of each old one (n,)."""
     group, _ = coincidence(positions)
     _, first = np.unique(group, return_index=True)
     number = _renumber(first[group])
@@ -65,32 +85,32 @@ def merge_coincident(positions: Floats) -> tuple[Floats, Ints]:
 
 
 def _close_pairs(points: Floats, distance: float) -> Ints:
-    """The pairs of points closer than `distance`, the closest first, (p, 2)."""
+    """Pairs of points closer than `distance`, the closest first, (p, 2)."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(points)
     if tree.count_neighbors(tree, distance) > (MOST_PAIRS + 1) * len(points):
         raise InputError(
-            f"weld = {distance:g} m takes in more than {MOST_PAIRS} neighbours of each border vertex.",
-            "Choose it smaller.",
+            f"weld = {distance:g} m joins more than {MOST_PAIRS} neighbours of each border vertex.",
+            "Set a smaller weld.",
         )
     pairs = tree.query_pairs(distance, output_type="ndarray")
     return pairs[np.argsort(np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1), kind="stable")]
 
 
 def _sewn(pairs: Ints, triangles: Ints, n_vertices: int) -> Ints:
-    """The group of each vertex, named by its first member, after joining `pairs` in turn unless an edge joins them."""
+    """Group of each vertex, named by its first member, after joining `pairs` in turn unless an edge joins them."""
     starts, neighbours = vertex_rings(triangles, n_vertices)
     label = np.arange(n_vertices)
     members = {int(v): {int(v)} for v in np.unique(pairs)}
     rings = {v: set(neighbours[starts[v] : starts[v + 1]].tolist()) for v in members}
     for one, two in pairs.tolist():
-        kept, gone = sorted((int(label[one]), int(label[two])))
-        if kept == gone or rings[kept] & members[gone]:
+        first, second = sorted((int(label[one]), int(label[two])))
+        if first == second or rings[first] & members[second]:
             continue
-        label[list(members[gone])] = kept
-        members[kept] |= members.pop(gone)
-        rings[kept] |= rings.pop(gone)
+        label[list(members[second])] = first
+        members[first] |= members.pop(second)
+        rings[first] |= rings.pop(second)
     return label
 
 

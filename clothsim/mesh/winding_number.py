@@ -1,4 +1,4 @@
-"""Whether a point is inside a body: the generalised winding number, exact for closed surfaces however they overlap."""
+"""Generalised winding number: containment of a point in a body, exact for closed surfaces however they overlap."""
 
 import numpy as np
 
@@ -6,7 +6,7 @@ from clothsim.arrays import Floats, Ints
 
 
 def winding_number(point: Floats, positions: Floats, triangles: Ints) -> float:
-    """How often `triangles (m, 3)` on `positions (n, 3)` go round `point (3,)`: 1 inside, 0 outside, else near holes.
+    """Return the winding number of `triangles (m, 3)` about `point (3,)`: 1 inside, 0 outside, fractional near holes.
 
     The sum of the triangles' solid angles over 4 pi (Van Oosterom & Strackee 1983, eq. 8; Jacobson et al. 2013).
     """
@@ -19,5 +19,5 @@ def winding_number(point: Floats, positions: Floats, triangles: Ints) -> float:
 
 
 def is_inside(point: Floats, positions: Floats, triangles: Ints) -> bool:
-    """Whether `point (3,)` is inside a body, whichever way it is wound."""
+    """Return True where `point (3,)` is inside a body of either winding."""
     return abs(winding_number(point, positions, triangles)) > 0.5

@@ -1,4 +1,4 @@
-"""Everything that has a place: cloths and bodies in one array of vertices, and what the energies need of the rest.
+"""World: cloths and bodies in one array of vertices, and the rest quantities that the energies need.
 
 Rows of x: first the vertices of all cloths (the unknowns), then those of all bodies, then ghosts (see `clamp`).
 """
@@ -19,9 +19,18 @@ from clothsim.mesh.topology import unique_edges
 
 @dataclass(frozen=True)
 class World:
-    """Cloths and bodies, numbered through. `hinges` may hold more than the cloths' own: clamps add theirs.
+    """Cloths and bodies with a common numbering.
 
-    origin (3,) [m]: where the zero of all positions lies in the user's coordinates (see `origin.with_local_origin`).
+    Parameters
+    ----------
+    cloths, bodies : tuple
+        At least one cloth.
+    hinges : Hinges
+        Those of all cloths, and of clamps.
+    ghosts : (g, 3) float64
+        Ghost vertices of clamps at the start [m].
+    origin : (3,) float64
+        Origin of all positions in the coordinates of the scene [m] (see `local_origin`).
     """
 
     cloths: tuple[Cloth, ...]
@@ -52,12 +61,12 @@ class World:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The names of the cloths, then of the bodies."""
+        """Names of the cloths, then of the bodies."""
         return (*(cloth.name for cloth in self.cloths), *(body.name for body in self.bodies))
 
     @cached_property
     def labels(self) -> Ints:
-        """For each row of x the number in `names` of what it belongs to, (N,); a ghost has -1."""
+        """Number in `names` of the object of each row of x, (N,); -1 for a ghost."""
         labels = np.full(self.n_vertices, -1)
         for number, rows in enumerate((*self.cloth_slices, *self.body_slices)):
             labels[rows] = number
@@ -108,7 +117,7 @@ class World:
         return self._to_vertices(self.rest_areas)
 
     def per_triangle(self, property_name: str) -> Floats:
-        """A number of each triangle's fabric, (m,): "density", "shear_modulus", "lame_modulus", "thickness", ..."""
+        """Return a property of each triangle's fabric, (m,): "density", "shear_modulus", "thickness", ..."""
         return np.concatenate(
             [np.full(len(cloth.triangles), getattr(cloth.fabric, property_name)) for cloth in self.cloths]
         )
@@ -119,12 +128,12 @@ class World:
         return np.bincount(self.triangles.ravel(), weights=thirds, minlength=self.n_cloth).astype(np.float64)
 
     def start(self) -> Floats:
-        """The positions of every vertex at time 0, (N, 3) [m]."""
+        """Return the positions of every vertex at time 0, (N, 3) [m]."""
         cloth = [c.positions for c in self.cloths]
         return np.concatenate([*cloth, *(body.at(0.0) for body in self.bodies), self.ghosts])
 
     def start_velocities(self) -> Floats:
-        """The velocities of every vertex at time 0, (N, 3) [m/s]; bodies and ghosts have none of their own."""
+        """Return the velocities of every vertex at time 0, (N, 3) [m/s]; 0 for bodies and ghosts."""
         velocities = np.zeros((self.n_vertices, 3))
         for cloth, rows in zip(self.cloths, self.cloth_slices, strict=True):
             velocities[rows] = cloth.velocity
@@ -132,7 +141,13 @@ class World:
 
 
 def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = ()) -> World:
-    """A world of at least one cloth. InputError where there is none or two things share a name."""
+    """Make a world of at least one cloth.
+
+    Raises
+    ------
+    InputError
+        Where there is no cloth, or two objects share a name.
+    """
     if not cloths:
         raise InputError("The scene has no cloth.", "Add a [[cloth]] table with a mesh.")
     names = [cloth.name for cloth in cloths] + [body.name for body in bodies]

@@ -88,7 +88,7 @@ def summary_of(
     """
     world, potential = session.built.world, session.integrator.potential
     energies = session.built.energies.items()
-    missed = certificate.estimate.missed(certificate.asked)
+    unmet = certificate.estimate.unmet(certificate.asked)
     return {
         "status": "completed" if failure is None else "failed",
         "reason": f"{state.time:g} s were simulated." if failure is None else failure.reason,
@@ -104,7 +104,7 @@ def summary_of(
         "vertices": world.n_cloth,
         "triangles": len(world.triangles),
         "solver": session.integrator.system.name,
-        "notes": [*session.notes, *filter(None, [missed])],
+        "notes": [*session.notes, *filter(None, [unmet])],
         "found": [f"{name}: {note}." for name, one in energies for note in report_of(one).final_notes(state.positions)],
         "effects": potential.effect_counters(),
         "off": session.built.off,

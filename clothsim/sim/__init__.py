@@ -1,1 +1,1 @@
-"""Floor 6: steps through time, with retries, and judges what comes out."""
+"""Floor 6: time stepping with retries, and the checks of its results."""

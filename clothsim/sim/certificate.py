@@ -1,4 +1,4 @@
-"""What is known of a result: intersections, gap, stretches, residual, energy. Gathered as the run goes."""
+"""Certificate of a run: intersections, gap, stretches, residual and energy, accumulated step by step."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -20,16 +20,34 @@ from clothsim.sim.stepping import StepReport
 class Certificate:
     """Extremes over all steps so far.
 
-    intersecting_frames: numbers of the frames in which something judged intersected (see `judge`); gap [m]: the
-    smallest distance of cloth and body that was below d_hat, else inf; stretch_min, stretch_max; residual: the last
-    step's largest force [N]; energy: kinetic and potential now [J]; energy_rise: the most that one step added [J];
-    step_rise: the most by which a step's E(x) ended above where it began [J]; moved_by_script: whether bodies, pins or
-    wind did work on the cloth, so that a rise is no error; formula: "backward_euler" or "bdf2";
-    estimate: how wrong the result is; asked: the error that the user asked for [m], 0 where a dt was given.
-
     E(x) falls in every step. In backward Euler that is |v(n+1) - v(n)|^2_M/2 + Psi(n+1) <= |v(n)|^2_M/2 + Psi(n), and
     the energy itself falls where Psi is convex: a sheet that buckles within a large step may gain some. BDF2 has no
-    such law of the energy, which may rise within its order: it is not judged.
+    such law of the energy, which may rise within its order: its drift is not checked.
+
+    Parameters
+    ----------
+    intersecting_frames : tuple of int
+        Numbers of the frames in which checked surfaces intersect (see `intersection_check`).
+    gap : float
+        Smallest distance of cloth and body below d_hat [m], else inf.
+    stretch_min, stretch_max : float
+        Extremes of the principal stretches.
+    residual : float
+        Largest force after the last step [N].
+    energy : float
+        Kinetic and potential energy now [J].
+    energy_rise, step_rise : float
+        Largest rise in one step of the energy and of the incremental potential E(x) [J].
+    energy_scale : float
+        Largest part of the energy so far [J].
+    moved_by_script : bool
+        True where bodies, pins or wind do work on the cloth, so that a rise is no error.
+    formula : str
+        "backward_euler" or "bdf2".
+    estimate : ErrorEstimate
+        Estimated error of the result.
+    asked : float
+        Error requested by the user [m]; 0 where a dt was given.
     """
 
     intersecting_frames: tuple[int, ...] = ()
@@ -47,7 +65,7 @@ class Certificate:
     asked: float = 0.0
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
-        """The certificate after one more step, which started at `before`.
+        """Return the certificate after one more step, which started at `before`.
 
         Both energies are of the potential of this step: a barrier made stiffer between two steps is no rise.
         """
@@ -68,13 +86,13 @@ class Certificate:
             estimate=self.estimate.after(report),
         )
 
-    def as_dict(self, judged: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
-        """As the summary keeps it. judged: what was tested, by `IntersectionCheck.coverage`."""
+    def as_dict(self, coverage: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
+        """Return the entry of the summary. coverage: see `IntersectionCheck.coverage`; completed: the whole run."""
         scale, scripted = self.energy_scale or 1.0, "bodies, pins or wind do work"
         drift: float | str = self.energy_rise / scale if self.formula == BACKWARD_EULER else "not judged (BDF2)"
         return {
             "intersection_free": not self.intersecting_frames,
-            **judged,
+            **coverage,
             "intersecting_frames": list(self.intersecting_frames),
             "minimum_gap": self.gap,
             "stretch_min": self.stretch_min,
@@ -86,25 +104,25 @@ class Certificate:
         }
 
     def as_json(self) -> dict[str, Any]:
-        """Every field, for the checkpoint."""
+        """Return every field, for the checkpoint."""
         return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, "estimate": asdict(self.estimate)}
 
 
 def certificate_from(fields: dict[str, Any]) -> Certificate:
-    """The certificate that `as_json` wrote."""
+    """Return the certificate that `as_json` wrote."""
     estimate = ErrorEstimate(**fields.get("estimate", {}))
     frames = tuple(fields["intersecting_frames"])
     return Certificate(**{**fields, "intersecting_frames": frames, "estimate": estimate})
 
 
 def world_stretches(world: World, x: Floats) -> Floats:
-    """The principal stretches of all cloth triangles, (m, 2)."""
+    """Return the principal stretches of all cloth triangles, (m, 2), the larger first."""
     F = deformation_gradients(x[: world.n_cloth], world.triangles, world.rest_shape_inverses)
     return np.asarray(principal_stretches(F), np.float64)
 
 
 def _energies(world: World, report: StepReport, state: State) -> tuple[float, float, float]:
-    """In the potential of a step: kinetic energy and Psi of a state, the step's E at it, the largest part [J]."""
+    """Kinetic energy and Psi of a state, the incremental potential at it, and the largest part [J]."""
     energies = report.potential.acting
     values = {name: energy.value(state.positions) for name, energy in energies.items()}
     stored = [value for name, value in values.items() if not energies[name].incremental]

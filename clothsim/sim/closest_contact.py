@@ -1,4 +1,4 @@
-"""Where contact is closest, and whether two things close on a cloth there."""
+"""Closest contact pair, and detection of a pinch: two objects that close on a cloth from both sides."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -11,28 +11,37 @@ from clothsim.energies.base import Energy
 from clothsim.mesh.world import World
 
 PINCH_RADIUS = 2.0
-"""Median cloth edges within which another touch belongs to the same pinch."""
+"""Distance, in median cloth edges, within which another contact pair belongs to the same pinch."""
 
 
 @runtime_checkable
 class HasContactPairs(Protocol):
-    """What a contact energy tells of its near pairs: a cache `active(x)` of them, and their closest points."""
+    """Contact energy with a cache of its active pairs, `active(x)`, and their closest points."""
 
     candidates: Any
 
     @property
     def stiffness(self) -> float:
-        """That of its barrier [Pa]."""
+        """Barrier stiffness [Pa]."""
 
     def normal_forces(self, x: Floats, stiffness: float) -> tuple[Ints, Floats, Floats, Floats]:
-        """Rows (p, 4), weights (p, 4) and line (p, 3) [m] of closest points, force (p,) [N]."""
+        """Return rows (p, 4), weights (p, 4), connecting lines (p, 3) [m] and forces (p,) [N] of the closest points."""
 
 
 @dataclass(frozen=True)
 class ContactPair:
-    """Two simplices of x at their closest: `first` and `second` rows, the place (3,) between them and the gap [m].
+    """Two simplices of x at their closest.
 
-    pinch: the label of a third object that closes on the same place from elsewhere, None where there is none.
+    Parameters
+    ----------
+    first, second : (1..3,) int64
+        Rows of x of both simplices.
+    place : (3,) float64
+        Point between them [m].
+    gap : float
+        Distance [m].
+    pinch : int or None
+        Label of a third object that closes on the same point from elsewhere.
     """
 
     first: Ints
@@ -43,8 +52,8 @@ class ContactPair:
 
 
 def closest_contact_pair(world: World, energies: Iterable[Energy], x: Floats) -> ContactPair | None:
-    """The closest pair of all contact energies at x (N, 3) [m]; None where no pair is near."""
-    found = [_touches(energy, x) for energy in energies if isinstance(energy, HasContactPairs)]
+    """Return the closest pair of all contact energies at x (N, 3) [m]; None where no pair is active."""
+    found = [_contact_pairs(energy, x) for energy in energies if isinstance(energy, HasContactPairs)]
     rows, splits, places, distances = (np.concatenate(parts) for parts in zip(*found, strict=True)) if found else _NONE
     if not len(rows):
         return None
@@ -61,8 +70,8 @@ def closest_contact_pair(world: World, energies: Iterable[Energy], x: Floats) ->
     return ContactPair(pair[:split], pair[split:], places[best], float(distances[best]), pinch)
 
 
-def _touches(energy: HasContactPairs, x: Floats) -> tuple[Ints, Ints, Floats, Floats]:
-    """Its near pairs: rows (p, 4), how many of them are of the first simplex, place (p, 3) and distance (p,) [m]."""
+def _contact_pairs(energy: HasContactPairs, x: Floats) -> tuple[Ints, Ints, Floats, Floats]:
+    """Active pairs: rows (p, 4), size of the first simplex (p,), midpoint (p, 3) and distance (p,) [m]."""
     rows, weights, lines, _ = energy.normal_forces(x, energy.stiffness)
     splits = np.where(np.arange(len(rows)) < energy.candidates.active(x).n_points, 1, 2)
     on_first = np.where(np.arange(4) < splits[:, None], weights, 0.0)

@@ -1,4 +1,4 @@
-"""How wrong a run is, as far as it can tell by itself: time steps, Newton, the gap of contact."""
+"""A posteriori error estimate of a run: time discretisation, Newton, contact gap."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -12,15 +12,24 @@ from clothsim.sim.stepping import StepReport
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Sums over all steps so far [m]; they bound nothing, but tell the size.
+    """Sums over all steps so far [m]; estimates of size, not bounds.
 
-    temporal, temporal_largest: what the difference formula added, by `step_error`, as RMS over the vertices and as the
-    most at one: the error of the end where motions neither grow apart nor are forgotten, more than it where errors
-    turn about or are damped, and less where a motion is unstable; nan where there is no inertia. newton: the last
-    Newton step of each solve times the rate at which Newton came closer; of the last solve alone where there is no
-    inertia. contact_gap: the smallest gap at the last step as share of its d_hat, inf where nothing touches: how far
-    contact stands off. at_floor: steps that were as short as they may be and still added too much. steps: how many
-    there were; of none nothing is estimated.
+    Parameters
+    ----------
+    temporal : float
+        Sum of the local errors of the difference formula (`step_error`), RMS over the vertices: the error at the end
+        where perturbations neither grow nor decay, more than it where errors oscillate or are damped, less where a
+        motion is unstable; nan without inertia.
+    temporal_largest : float
+        The same with the largest local error of a vertex in each step.
+    newton : float
+        Sum of `NewtonResult.remaining`; of the last solve alone without inertia.
+    contact_gap : float
+        Smallest gap at the last step as a fraction of d_hat: how far contact stands off; inf without contact.
+    at_floor : int
+        Steps of the shortest length whose local error was still too large.
+    steps : int
+        Number of steps; without any nothing is estimated.
     """
 
     temporal: float = 0.0
@@ -31,26 +40,26 @@ class ErrorEstimate:
     steps: int = 0
 
     def after(self, report: StepReport) -> Self:
-        """The estimate after one more step."""
+        """Return the estimate after one more step."""
         energies = report.potential.energies.values()
         x, error = report.state.positions, report.error
-        shares = [np.inf]
+        fractions = [np.inf]
         if report.minimum_gap < np.inf:
-            shares += [energy.minimum_gap(x) / energy.d_hat for energy in energies if isinstance(energy, ContactGap)]
+            fractions += [energy.minimum_gap(x) / energy.d_hat for energy in energies if isinstance(energy, ContactGap)]
         return replace(
             self,
             temporal=np.nan if error is None else report.state.temporal_error,
             temporal_largest=np.nan if error is None else self.temporal_largest + error.largest,
             newton=report.result.remaining + (0.0 if error is None else self.newton),
-            contact_gap=float(min(shares)),
+            contact_gap=float(min(fractions)),
             at_floor=self.at_floor + report.at_floor,
             steps=self.steps + 1,
         )
 
     def as_dict(self, asked: float = 0.0, completed: bool = True) -> dict[str, Any]:
-        """As the certificate keeps it; asked: the error that was asked for [m], 0 where none was.
+        """Return the entry of the certificate; asked: the requested error [m], 0 where none was.
 
-        What a run that was not completed asked for is not met, whatever the steps that it took.
+        A run that was not completed does not meet its request, whatever the error of its steps.
         """
         if not self.steps:
             parts = dict.fromkeys(("temporal", "temporal_largest", "newton", "contact_gap"), "not estimated (no step)")
@@ -61,15 +70,15 @@ class ErrorEstimate:
             "temporal_largest": "not estimated (quasi-static)" if static else self.temporal_largest,
             "newton": self.newton,
             "contact_gap": self.contact_gap if self.contact_gap < np.inf else "not estimated (nothing touches)",
-            **({"asked": asked, "met": completed and not self.missed(asked)} if asked else {}),
+            **({"asked": asked, "met": completed and not self.unmet(asked)} if asked else {}),
         }
 
-    def missed(self, error: float) -> str:
-        """What the user must know where the `error` asked for [m] was not kept, else empty; 0: none was asked for."""
+    def unmet(self, error: float) -> str:
+        """Return a message where the requested `error` [m] is exceeded, else an empty string; 0: none was requested."""
         if not error or not self.temporal > (1 + LEAST_FRACTION) * error:
             return ""
-        why = f": {self.at_floor} steps were as short as they may be" if self.at_floor else ""
+        why = f": {self.at_floor} steps had the shortest length allowed" if self.at_floor else ""
         return (
-            f"The error asked for, {error:g} m, was not kept{why}. "
-            f'The estimate is {self.temporal:.2g} m. Ask for less accuracy, or take integrator = "bdf2".'
+            f"The requested error of {error:g} m is exceeded{why}. "
+            f'The estimate is {self.temporal:.2g} m. Set a larger solver.error, or integrator = "bdf2".'
         )

@@ -1,7 +1,8 @@
-"""Why a run cannot go on: the cause, the element by its name, the place, and what to do."""
+"""Failure of a step: its cause, the mesh element, the position, and a remedy."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -21,15 +22,45 @@ if TYPE_CHECKING:
     from clothsim.intersection.crossings import Crossing
 
 
+class Cause(StrEnum):
+    """Causes of a failure: the ends of a Newton solve but convergence, and an intersection in a frame."""
+
+    ITERATION_LIMIT = "iteration limit"
+    LINE_SEARCH = "line search"
+    NO_ROOM = "no room"
+    BLOCKED = "blocked"
+    NOT_FINITE = "not finite"
+    SINGULAR = "singular"
+    INTERSECTION = "intersection"
+
+
 @dataclass(frozen=True)
 class Failure:
-    """What stopped a run in its step number `step` (from 1) at `time` [s], with dt [s].
+    """Failure that stopped a run.
 
-    cause: a word or two; sentence: what happened; element: by its names, empty where it has none; position: its place
-    (3,) [m] in the user's coordinates, or None; remedy: a sentence; tries: how often the step was tried, in words.
+    Parameters
+    ----------
+    cause : Cause
+        Cause, as the summary keeps it.
+    sentence : str
+        Message with numbers and names.
+    element : str
+        Mesh elements by name, such as "vertex 17 of cloth"; empty where there is none.
+    position : (3,) float64 or None
+        Position of the failure in the coordinates of the scene [m].
+    remedy : str
+        Changes of the scene that may help.
+    step : int
+        Number of the step, from 1.
+    time : float
+        Time at its start [s].
+    dt : float
+        Length of its last try [s].
+    tries : str
+        Message about its tries.
     """
 
-    cause: str
+    cause: Cause
     sentence: str
     element: str
     position: Floats | None
@@ -41,11 +72,11 @@ class Failure:
 
     @property
     def reason(self) -> str:
-        """One or two sentences for people."""
+        """Time, message and tries, for the user."""
         return f"At {self.time:.4g} s: {self.sentence} {self.tries}".strip()
 
     def as_dict(self) -> dict[str, Any]:
-        """As the summary keeps it."""
+        """Return the entry of the summary."""
         names = ("cause", "sentence", "element", "position", "remedy", "step", "time", "dt")
         return {name: getattr(self, name) for name in names}
 
@@ -60,24 +91,36 @@ def failure_of(
     dts: Sequence[float],
     infeasible: bool,
 ) -> Failure:
-    """The failure of a step from `state` that was tried with `dts` [s] and ended last in `result`.
+    """Describe the failure of a step from `state`.
 
-    potential: bound to the last try; target: where its prescribed vertices were to be; infeasible: the scripted motion
-    was blocked at the same place again and again.
+    Parameters
+    ----------
+    world, constraints, potential
+        Meshes, Dirichlet constraints, and the potential bound to the last try.
+    state : State
+        Start of the step.
+    result : NewtonResult
+        Last solve.
+    target : Prescribed
+        Positions of its prescribed vertices at the end of the step.
+    dts : sequence of float
+        Lengths of the tries [s].
+    infeasible : bool
+        True where the prescribed motion was blocked at the same point again and again.
     """
     end = result.outcome
     pair = None
     if end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
         pair = closest_contact_pair(world, potential.energies.values(), result.x)
-    sentence = _said(world, constraints, end, pair)
+    sentence = _sentence(world, constraints, end, pair)
     if pair is None and end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
         tight = (report_of(energy).tightest(result.x) for energy in potential.energies.values())
         sentence = "; ".join([sentence.removesuffix("."), *filter(None, tight)]) + "."
-    tries = f"dt fell to {dts[-1]:.2g} s."
+    tries = f"dt was halved down to {dts[-1]:.2g} s."
     if infeasible:
-        tries = f"{state.blocked} tries with ever smaller dt, down to {dts[-1]:.2g} s, ended there: it is infeasible."
+        tries = f"{state.blocked} tries with dt down to {dts[-1]:.2g} s ended there: the motion is infeasible."
     if pair is not None:
-        element = " and ".join(_sides(world, constraints, pair))
+        element = " and ".join(_names(world, constraints, pair))
     else:
         element = "" if end.row is None else vertex_name(world, constraints, end.row)
     position = end.position if pair is None else pair.position
@@ -86,80 +129,82 @@ def failure_of(
         remedy = _unblock(world, _movers(world, constraints, result.x, target), pair)
     else:
         remedy = _remedy(world, end, pair, inertia=_resisted(potential))
-    return Failure(end.ending.cause, sentence, element, position, remedy, state.step + 1, state.time, dts[-1], tries)
+    return Failure(
+        Cause[end.ending.name], sentence, element, position, remedy, state.step + 1, state.time, dts[-1], tries
+    )
 
 
 def crossing_failure(world: World, found: "Crossing", state: State, dt: float) -> Failure:
-    """The failure of a run in whose frame something intersects that contact should have kept apart."""
+    """Describe the failure of a run in whose frame surfaces intersect in spite of contact."""
     crossing = replace(found, position=found.position + world.origin)
     i, j = crossing.pairs[0]
     element = f"triangle {i} of {crossing.first} and triangle {j} of {crossing.second}"
-    remedy = "Contact should have prevented that: please report it with what `clothsim bundle` makes of the run."
+    remedy = "Contact should have prevented it: please report it with the archive that `clothsim bundle` makes."
     sentence = f"{crossing.sentence}."
-    return Failure("intersection", sentence, element, crossing.position, remedy, state.step, state.time, dt)
+    return Failure(Cause.INTERSECTION, sentence, element, crossing.position, remedy, state.step, state.time, dt)
 
 
-def told(world: World, constraints: Collection[Constraint], end: Outcome) -> str:
-    """The sentence of an end, its vertex by name."""
+def end_sentence(world: World, constraints: Collection[Constraint], end: Outcome) -> str:
+    """Return the message of an outcome, its vertex by name and its position in the coordinates of the scene."""
     if end.row is None or end.position is None:
         return end.sentence
-    return end.told(vertex_name(world, constraints, end.row), end.position + world.origin)
+    return end.describe(vertex_name(world, constraints, end.row), end.position + world.origin)
 
 
-def _said(world: World, constraints: Collection[Constraint], end: Outcome, pair: ContactPair | None) -> str:
-    """The sentence of the end, and who touches there."""
+def _sentence(world: World, constraints: Collection[Constraint], end: Outcome, pair: ContactPair | None) -> str:
+    """Message of the outcome, and the contact pair or the pinch there."""
     if pair is None:
-        return told(world, constraints, end)
+        return end_sentence(world, constraints, end)
     one, other, third = _objects(world, pair)
     if third:
         clause = f"{one} is pinched between {other} and {third}"
     else:
-        first, second = _sides(world, constraints, pair)
+        first, second = _names(world, constraints, pair)
         clause = f"{first} and {second} are {pair.gap:.2g} m apart"
     row = -1 if end.row is None else end.row
     if end.ending is Ending.BLOCKED and row >= world.n_cloth and world.labels[row] >= 0:
-        start = end.told(
+        start = end.describe(
             _driver(world, constraints, row), pair.position + world.origin
-        )  # of a body no vertex is more blocked than others
+        )  # all vertices of a body are equally blocked
     else:
-        start = told(world, constraints, end)
+        start = end_sentence(world, constraints, end)
     return f"{start.removesuffix('.')}; {clause}."
 
 
 def _remedy(world: World, end: Outcome, pair: ContactPair | None, inertia: bool) -> str:
-    """What to do where no script is to blame."""
+    """Remedy where no prescribed motion is the cause."""
     if end.ending is Ending.NO_ROOM and pair is not None:
         one, other, third = _objects(world, pair)
-        return f"Leave {one} more room between {other} and {third or one}, or bring them together more slowly."
+        return f"Leave a larger gap for {one} between {other} and {third or one}, or let them approach more slowly."
     held = "" if inertia else " Without effects.inertia every cloth must be held, by pins or by a body under it."
     return f"{_REMEDIES[end.ending]}{held}"
 
 
 _REMEDIES = {
-    Ending.NO_ROOM: "Take a smaller solver.dt, or start the scene with more room there.",
-    Ending.LINE_SEARCH: "Take a larger solver.tolerance or a smaller solver.dt: round-off hides what is left to gain.",
-    Ending.NOT_FINITE: "Let `clothsim check` look for a triangle that starts as a line; else take a smaller solver.dt.",
-    Ending.ITERATION_LIMIT: "Take a smaller solver.dt, a larger solver.tolerance or more solver.max_iterations.",
-    Ending.SINGULAR: "Let something resist every motion of the cloth: effects.inertia, or pins and a membrane.",
+    Ending.NO_ROOM: "Set a smaller solver.dt, or start the scene with larger gaps there.",
+    Ending.LINE_SEARCH: "Set a larger solver.tolerance or a smaller solver.dt: the decrease of E is below round-off.",
+    Ending.NOT_FINITE: "Run `clothsim check` on the scene to find degenerate triangles; else set a smaller solver.dt.",
+    Ending.ITERATION_LIMIT: "Set a smaller solver.dt, a larger solver.tolerance or a larger solver.max_iterations.",
+    Ending.SINGULAR: "Add an effect that resists every motion of the cloth: effects.inertia, or pins and a membrane.",
 }
 
 
 def _unblock(world: World, movers: Sequence[str], pair: ContactPair | None) -> str:
-    """How a scripted motion may go on."""
+    """Remedy for a blocked prescribed motion."""
     who = " and ".join(movers)
     if pair is None:
         return f"Shorten or slow the motion of {who}: the cloth cannot follow it."
     one, other, third = _objects(world, pair)
     if third:
-        return f"Let {other} and {third} close less, or slide {one} out from between them first."
+        return f"Let {other} and {third} approach less, or move {one} out from between them first."
     obstacle = one if other in movers else other
     if one == other or len(movers) > 1:
-        return f"Shorten the motion of {who}: {one} has no room left."
-    return f"Shorten the motion of {who}, or move {obstacle} out of its way."
+        return f"Shorten the motion of {who}: {one} has no admissible displacement left."
+    return f"Shorten the motion of {who}, or move {obstacle} out of its path."
 
 
 def _movers(world: World, constraints: Collection[Constraint], x: Floats, target: Prescribed) -> list[str]:
-    """Who is kept from going where it should: groups of pins, and bodies."""
+    """Groups of pins and bodies whose prescribed displacement is blocked."""
     left = np.linalg.norm(target.positions - x[target.vertices], axis=1)
     rows = target.vertices[left > 0.5 * left.max()]
     bodies = rows[(rows >= world.n_cloth) & (world.labels[rows] >= 0)]
@@ -168,19 +213,19 @@ def _movers(world: World, constraints: Collection[Constraint], x: Floats, target
 
 
 def _driver(world: World, constraints: Collection[Constraint], row: int) -> str:
-    """What carries a prescribed row of x: a group of pins, or the body itself."""
+    """Name of the group of pins, or of the body, that prescribes a row of x."""
     holders = (constraint.holder(row) for constraint in constraints)
     return next(filter(None, holders), world.names[world.labels[row]])
 
 
 def _objects(world: World, pair: ContactPair) -> tuple[str, str, str]:
-    """The names of who touches, a cloth first, and of the third in a pinch (else empty)."""
+    """Names of both objects of a contact pair, a cloth first, and of the third in a pinch (else empty)."""
     labels = sorted(int(world.labels[rows[0]]) for rows in (pair.first, pair.second))
     return world.names[labels[0]], world.names[labels[1]], "" if pair.pinch is None else world.names[pair.pinch]
 
 
-def _sides(world: World, constraints: Collection[Constraint], pair: ContactPair) -> tuple[str, str]:
-    """Both simplices by name, the cloth's first."""
+def _names(world: World, constraints: Collection[Constraint], pair: ContactPair) -> tuple[str, str]:
+    """Names of both simplices, the cloth's first."""
     sides = sorted((pair.first, pair.second), key=lambda rows: int(world.labels[rows[0]]))
     return simplex_name(world, constraints, sides[0]), simplex_name(world, constraints, sides[1])
 

@@ -1,4 +1,4 @@
-"""The difference formula of a step: backward Euler, or BDF2 with varying steps (FORMULAS 2)."""
+"""Difference formulas of a step: backward Euler, and BDF2 with variable steps (FORMULAS 2)."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,23 @@ from clothsim.sim.state import Previous, State
 BACKWARD_EULER, BDF2 = "backward_euler", "bdf2"
 
 LARGEST_RATIO = 2.4
-"""Of a step to the one before. From 1 + sqrt(2) on BDF2 is unstable (Grigorieff 1983): backward Euler steps there."""
+"""Largest ratio of a step to the one before for BDF2, which is unstable from 1 + sqrt(2) on (Grigorieff 1983); backward
+Euler steps there.
+"""
 
 
 @dataclass(frozen=True)
 class Formula:
-    """How a step takes velocities from positions, v = (x - past.positions) / past.dt.
+    """Difference formula v = (x - past.positions) / past.dt.
 
-    order: 1 or 2; ratio: h_n / h_(n-1), nan where the formula is of one step.
+    Parameters
+    ----------
+    past : Past
+        Weighted past positions (N, 3) [m], velocities [m/s] and length [s].
+    order : int
+        1 or 2.
+    ratio : float
+        h_n / h_(n-1); nan for a one-step formula.
     """
 
     past: Past
@@ -24,14 +33,14 @@ class Formula:
     ratio: float = float("nan")
 
     def velocities(self, x: Floats) -> Floats:
-        """v at the end of the step that ends at x (N, 3) [m/s]."""
+        """Return v at the end of the step that ends at x (N, 3) [m/s]."""
         return (x - self.past.positions) / self.past.dt
 
 
 def formula_of(integrator: str, state: State, h: float) -> Formula:
-    """The formula of a step of length h [s] from `state`.
+    """Return the formula of a step of length h [s] from `state`.
 
-    BDF2 begins with a step of backward Euler: at the start, without a previous state, and after a step so short that
+    BDF2 starts with a step of backward Euler: at the start, without a previous state, and after a step so short that
     the ratio would be LARGEST_RATIO or more.
     """
     before = state.previous
@@ -42,7 +51,7 @@ def formula_of(integrator: str, state: State, h: float) -> Formula:
 
 
 def bdf2_past(state: State, before: Previous, h: float, r: float) -> Past:
-    """x^ = ((1+r)^2 x_n - r^2 x_(n-1)) / (1+2r), v^ alike, and b h with b = (1+r) / (1+2r)."""
+    """Return x^ = ((1+r)^2 x_n - r^2 x_(n-1)) / (1+2r), v^ alike, and b h with b = (1+r) / (1+2r)."""
     new, old = (1 + r) ** 2 / (1 + 2 * r), r**2 / (1 + 2 * r)
     return Past(
         new * state.positions - old * before.positions,

@@ -1,4 +1,4 @@
-"""Where the vertices are that nobody solves for: bodies on their motions, pins and ghosts on their scripts."""
+"""Prescribed (Dirichlet) positions at a time: bodies on their motions, pins and ghosts on theirs."""
 
 from collections.abc import Iterable
 
@@ -9,7 +9,13 @@ from clothsim.mesh.world import World
 
 
 def prescribed(world: World, constraints: Iterable[Constraint], time: float) -> Prescribed:
-    """All prescribed rows of x at `time` [s]: bodies that move, then what the constraints hold."""
+    """Collect all prescribed rows of x at `time` [s]: bodies that move, then those of the constraints.
+
+    Returns
+    -------
+    Prescribed
+        vertices (k,) and positions (k, 3) [m].
+    """
     parts = [
         Prescribed(np.arange(rows.start, rows.stop), body.at(time))
         for body, rows in zip(world.bodies, world.body_slices, strict=True)

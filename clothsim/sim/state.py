@@ -1,4 +1,4 @@
-"""What a run is between two steps. A step is a function of this and of the scene, so a run can be resumed from it."""
+"""State of a run between two steps. A step is a function of it and of the scene, so a run can be resumed from it."""
 
 import math
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class Previous:
-    """The state a step earlier, for formulas of two steps: positions, velocities (N, 3); dt: the step since [s]."""
+    """State one step earlier, for two-step formulas: positions, velocities (N, 3); dt: the step since [s]."""
 
     positions: Floats
     velocities: Floats
@@ -19,12 +19,28 @@ class Previous:
 
 @dataclass(frozen=True)
 class State:
-    """time [s]; dt: length of the next step [s]; step, frame: how many are done; positions, velocities (N, 3) of x.
+    """State between two steps.
 
-    memory: what each energy remembers of the last step (contact the stiffness with which it found its gaps).
-    blocked_at: the time of the script [s] at which the last tries found no way on, nan where none did; blocked: how
-    many they were. previous: None at a start and where the formula is of one step. temporal_error: what the steps so
-    far added to the error of the positions, by `step_error` [m].
+    Parameters
+    ----------
+    time : float
+        Time [s].
+    dt : float
+        Length of the next step [s].
+    step, frame : int
+        Numbers of steps and frames done.
+    positions, velocities : (N, 3) float64
+        All rows of x [m], [m/s].
+    blocked_at : float
+        Time of the prescribed motion at which the last tries were blocked [s]; nan where none was.
+    blocked : int
+        Number of those tries.
+    memory : mapping
+        What each energy carries over from the last step (contact the stiffness of its barrier).
+    previous : Previous or None
+        None at a start and with a one-step formula.
+    temporal_error : float
+        Sum of the local errors of the positions, by `step_error` [m].
     """
 
     time: float
@@ -41,5 +57,5 @@ class State:
 
 
 def first_state(world: World, dt: float) -> State:
-    """The world at its start."""
+    """Return the state of the world at time 0."""
     return State(0.0, dt, 0, 0, world.start(), world.start_velocities())

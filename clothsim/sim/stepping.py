@@ -1,6 +1,6 @@
-"""One step of the integrator: solve; on failure the same state with half the dt; on success dt grows back.
+"""Time step with retries: a failed solve is repeated from the same state with half the dt; after success dt grows back.
 
-Where an error is asked for, steps that add too much of it are tried again too, and the next dt is chosen from it.
+With a requested error, steps whose local error is too large are repeated too, and the next dt is chosen from it.
 """
 
 from collections.abc import Callable, Mapping
@@ -11,7 +11,7 @@ import numpy as np
 from clothsim.energies.constraint import Constraint, Prescribed
 from clothsim.energies.step import CONTACT_TIME_SCALE, Step
 from clothsim.mesh.world import World
-from clothsim.sim.failure import Failure, failure_of, told
+from clothsim.sim.failure import Failure, end_sentence, failure_of
 from clothsim.sim.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
 from clothsim.sim.local_error import StepError, step_error
 from clothsim.sim.prescribed import prescribed
@@ -28,18 +28,18 @@ MAX_HALVINGS = 10
 MOST_TRIES = 100
 MOST_BLOCKED = 4
 SAME_POSITION = 0.01
-"""A scripted motion is infeasible when so many tries end at the same place of its way, to this share of a try's way.
+"""A prescribed motion is infeasible where MOST_BLOCKED tries end at the same point of it, to this fraction of a try.
 
-The tries have shorter and shorter dt, in one step or in several. Contact pushes without bound as the gap closes: what
-it did not move out of the way in four steps of any length, a fifth will not move either.
+The tries have shorter and shorter dt, in one step or in several. Contact forces grow without bound as the gap closes:
+an obstacle that did not yield in four steps of any length will not yield in a fifth.
 """
 
 Watch = Callable[[int, float, Potential], Observer]
-"""Called at each solve of a step: its number from 1, dt [s] and the bound potential; returns who observes Newton."""
+"""Callback at each solve of a step, with its number from 1, dt [s] and the bound potential; returns an Observer."""
 
 
 def unwatched(step: int, dt: float, potential: Potential) -> Observer:
-    """Nobody observes."""
+    """Return the observer that does nothing."""
     return unobserved
 
 
@@ -47,8 +47,28 @@ def unwatched(step: int, dt: float, potential: Potential) -> Observer:
 class Integrator:
     """Steps of the incremental potential; quasi-static where the potential has no inertia.
 
-    dt: the longest step [s]; ramp: the time over which loads grow from 0 to 1 [s], 0 where they act at once; watch:
-    who observes the solves; formula: "backward_euler" or "bdf2"; control: who chooses dt, None where it is fixed.
+    Parameters
+    ----------
+    world : World
+        Meshes.
+    potential : Potential
+        Sum of energies.
+    constraints : mapping
+        Constraints by effect name.
+    system : System
+        Newton matrix and its solver.
+    settings : NewtonSettings
+        Tolerance and bounds.
+    dt : float
+        Longest step [s].
+    ramp : float
+        Time over which loads grow from 0 to 1 [s]; 0: at once.
+    watch : callable
+        Observer of each solve.
+    formula : str
+        "backward_euler" or "bdf2".
+    control : ErrorControl or None
+        Step size control; None: dt is fixed.
     """
 
     world: World
@@ -63,7 +83,7 @@ class Integrator:
     control: ErrorControl | None = None
 
     def shortest(self, dt: float) -> float:
-        """A step that was first tried with dt and does not succeed above this is given up [s]."""
+        """Return the length below which a step that was first tried with dt is given up [s]."""
         if self.control is None:
             return 0.999 * self.dt / 2**MAX_HALVINGS
         return 0.999 * max(dt / 2**MAX_HALVINGS, self.control.shortest / 16)
@@ -71,12 +91,34 @@ class Integrator:
 
 @dataclass(frozen=True)
 class StepReport:
-    """A step taken or given up: the state after it, its dt [s], the solve, the bound potential, failed tries.
+    """Result of a step, taken or given up.
 
-    frame_done: whether it ended on a frame; minimum_gap [m]: the smallest distance below d_hat, else inf;
-    fastest [m/s]: the largest speed of a cloth vertex; failure: why the step was given up, None where it was taken;
-    error: what it added to the error, None where there is no inertia; rejected: tries that added too much of it;
-    at_floor: whether it added too much, and was as short as a step may be.
+    Parameters
+    ----------
+    state : State
+        State after the step.
+    dt : float
+        Its length [s].
+    result : NewtonResult
+        Its last solve.
+    potential : Potential
+        Potential bound to that solve.
+    failures : tuple of str
+        Messages of the failed tries.
+    minimum_gap : float
+        Smallest distance below d_hat [m], else inf.
+    fastest : float
+        Largest speed of a cloth vertex [m/s].
+    frame_done : bool
+        True where it ended on a frame.
+    failure : Failure or None
+        Cause of a step that was given up.
+    error : StepError or None
+        Its local error; None without inertia.
+    rejected : int
+        Tries whose local error was too large.
+    at_floor : bool
+        True where the error was too large and the step had the shortest length.
     """
 
     state: State
@@ -99,12 +141,16 @@ class StepReport:
 
 
 def advance(integrator: Integrator, state: State, until: float) -> StepReport:
-    """One step from `state`, no further than `until` [s].
+    """Take one step from `state`, at most to `until` [s].
 
-    Steps share the way to `until` evenly, so that none is left over as a splinter. A failed solve is tried again from
-    the same state with half the dt, down to the longest dt halved MAX_HALVINGS times: below that the run would creep
-    towards what stops it without end. The last report is then of a step not taken. A step that `control` refuses is
-    tried again too.
+    Steps divide the time to `until` evenly, so that no tiny step remains. A failed solve is repeated from the same
+    state with half the dt, down to the longest dt halved MAX_HALVINGS times: below that the run would approach its
+    obstacle in endless small steps. A step that `control` rejects is repeated too.
+
+    Returns
+    -------
+    StepReport
+        With `failure` where no try succeeded.
     """
     with integrator.potential.timers.phase("step control"):
         return _advance(integrator, state, until)
@@ -133,7 +179,7 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
             grown = _next_dt(integrator, after, formula, h, dt, error, bool(failures or rejected))
             report = _report(integrator, replace(after, dt=grown, memory=bound.memory()), h, result, bound, failures)
             return replace(report, error=error, rejected=rejected, at_floor=shorter < np.inf)
-        failures.append(f"dt {h:.3g} s: {told(integrator.world, held, result.outcome)}")
+        failures.append(f"dt {h:.3g} s: {end_sentence(integrator.world, held, result.outcome)}")
         dts.append(h)
         dt = 0.5 * h
         if result.outcome.ending is Ending.BLOCKED:
@@ -145,7 +191,7 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
 
 
 def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -> State:
-    """The state with one more blocked try on its record; every carried vertex goes the same share of its way."""
+    """State with one more blocked try; all prescribed vertices cover the same fraction of their displacement."""
     rows = target.vertices
     left = np.abs(target.positions - result.x[rows]).max() / np.abs(target.positions - state.positions[rows]).max()
     at = state.time + (1 - left) * h
@@ -170,7 +216,7 @@ def _solve(
             break
         before, bound = bound, bound.relag(result.x)
         if not (before.lagging or bound.lagging):
-            break  # nothing was lagged, and nothing is: the same problem again
+            break  # no lagged data before or after: the same problem
         iterations, elimination_iterations = result.iterations, result.elimination_iterations
         result = _newton(integrator, state, h, bound).minimise(result.x, target)
         result = replace(
@@ -195,7 +241,7 @@ def _after(
     end: float,
     target: Prescribed,
 ) -> tuple[State, StepError | None]:
-    """The next state and what the step added to its error. What blocked the script is forgotten once it is passed."""
+    """Next state and its local error. A block of the prescribed motion is cleared once it is passed."""
     previous = Previous(state.positions, state.velocities, h) if integrator.formula == BDF2 else None
     velocities, error, spent = formula.velocities(result.x), None, 0.0
     if "inertia" in integrator.potential.energies:
@@ -218,7 +264,7 @@ def _after(
 
 
 def _shorter(integrator: Integrator, state: State, h: float, error: StepError | None) -> float:
-    """The dt to try after a step of length h [s] that added too much error; h at the floor, inf where it did not."""
+    """dt to try after a step of h [s] whose error is too large; h at the floor, inf where the error is admissible."""
     if integrator.control is None or error is None or not integrator.control.exceeds(state, h, error.rms):
         return np.inf
     return integrator.control.retry(state, h, error.rms) if h > integrator.control.shortest else h
@@ -227,12 +273,12 @@ def _shorter(integrator: Integrator, state: State, h: float, error: StepError | 
 def _next_dt(
     integrator: Integrator, after: State, formula: Formula, h: float, dt: float, error: StepError | None, tried: bool
 ) -> float:
-    """The dt of the next step; tried: whether this one needed more than one try."""
+    """dt of the next step; tried: True where this one needed more than one try."""
     grown = min(integrator.dt, dt * GROWTH)
     if integrator.control is None or error is None:
         return grown
     if formula.order == 1 and integrator.formula == BDF2:
-        return h  # the error of this step tells nothing of the next one's
+        return h  # a backward Euler error does not predict that of BDF2
     chosen = integrator.control.next_dt(after, h, error.rms, formula.order)
     return min(chosen, grown) if tried else chosen
 

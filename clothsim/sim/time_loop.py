@@ -1,4 +1,4 @@
-"""From frame to frame: the steps of a run, one after the other."""
+"""Time loop: the steps of a run from frame to frame."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,7 +10,13 @@ from clothsim.sim.stepping import Integrator, StepReport, advance
 
 
 def steps(integrator: Integrator, state: State, duration: float, frames_per_second: float) -> Iterator[StepReport]:
-    """The steps from `state` to `duration` [s]; a frame falls on the end of a step. The last may be one not taken."""
+    """Generate the steps from `state` to `duration` [s]; each frame falls on the end of a step.
+
+    Yields
+    ------
+    StepReport
+        The last one may be of a step that failed.
+    """
     frames = max(1, int(np.ceil(duration * frames_per_second - 1e-9)))
     while state.frame < frames:
         until = min((state.frame + 1) / frames_per_second, duration)

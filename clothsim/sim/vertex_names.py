@@ -1,4 +1,4 @@
-"""Rows of x by the names that a scene gives: "vertex 17 of cloth (pins)", "triangle 4 of ball"."""
+"""Names of rows of x as the scene gives them: "vertex 17 of cloth (pins)", "triangle 4 of ball"."""
 
 from collections.abc import Iterable
 
@@ -10,7 +10,7 @@ from clothsim.mesh.world import World
 
 
 def vertex_name(world: World, constraints: Iterable[Constraint], row: int) -> str:
-    """A row of x by its object and its own number there, with what holds it in brackets."""
+    """Return the name of a row of x: its number in its object, and the constraint that prescribes it in brackets."""
     label = int(world.labels[row])
     holder = next(filter(None, (constraint.holder(row) for constraint in constraints)), "")
     if label < 0:
@@ -20,7 +20,7 @@ def vertex_name(world: World, constraints: Iterable[Constraint], row: int) -> st
 
 
 def simplex_name(world: World, constraints: Iterable[Constraint], rows: Ints) -> str:
-    """A vertex, an edge or a triangle, `rows (1..3,)` of x, by its object and its own number there."""
+    """Return the name of a vertex, an edge or a triangle, `rows (1..3,)` of x, by its number in its object."""
     if len(rows) == 1:
         return vertex_name(world, constraints, int(rows[0]))
     label = int(world.labels[rows[0]])
@@ -33,5 +33,5 @@ def simplex_name(world: World, constraints: Iterable[Constraint], rows: Ints) ->
 
 
 def first_row(world: World, label: int) -> int:
-    """The row of x of the first vertex of an object."""
+    """Return the row of x of the first vertex of an object."""
     return (*world.cloth_slices, *world.body_slices)[label].start

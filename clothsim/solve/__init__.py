@@ -1,1 +1,1 @@
-"""Floor 5: minimises a sum of energies. It knows energies only as a sum and contact only as a step limit."""
+"""Floor 5: minimisation of a sum of energies; contact enters as an energy with a step limit."""

@@ -1,9 +1,9 @@
-"""Where the blocks of elements stand in a Newton matrix, and their sum there.
+"""Assembly of element blocks into a Newton matrix in 3x3 block CSR, and the addresses of those blocks.
 
 The matrix is the upper triangle of a symmetric one in blocks of 3x3: starts (n + 1,) and columns of the blocks, the
-diagonal first in each row; data (9 b,) their numbers, block by block, row by row. Of an element only the blocks of
-corners a <= b are looked at, in this order. Whether the matrix has block (a, b) or its transpose is a matter of how its
-numbers are read: a branch would go either way by chance.
+diagonal first in each row; data (9 b,) their numbers, block by block, row by row. Only the blocks of corners a <= b of
+an element are visited, in this order. Block (a, b) or its transpose is added by a choice of strides, not by a branch,
+which would be mispredicted half of the time.
 """
 
 import numpy as np
@@ -11,14 +11,14 @@ import numpy as np
 from clothsim.jit import inlined, kernel, natural, part
 
 LOWER, OUTSIDE = -1, -2
-"""Of a block that needs no place, and of one that has none."""
+"""Block offset of a block that is not stored (a row beyond the unknowns), and of one that the pattern lacks."""
 TRANSPOSED, BOTH = 1, 2
-"""Of a block whose transpose is in the upper triangle, and of one between a vertex and itself, there with both."""
+"""Flags in a block offset: the transpose is stored; the block is diagonal and receives both block and transpose."""
 
 
 @part
 def find(starts, columns, i, j):
-    """The number of block (i, j), or -1 (binary search, in steps that do not depend on what is met)."""
+    """Return the number of block (i, j), or -1 (binary search in steps that do not depend on the data)."""
     at, count = natural(starts[i]), starts[i + 1] - starts[i]
     while count > 1:
         half = count >> 1
@@ -29,9 +29,10 @@ def find(starts, columns, i, j):
 
 @kernel
 def block_offsets(starts, columns, elements):
-    """Where the blocks of corners a <= b of `elements (m, k)` belong, (m, k (k + 1) / 2).
+    """Return the block offsets of corners a <= b of `elements (m, k)`, (m, k (k + 1) / 2).
 
-    4 x the number of the block in the matrix, + ACROSS where that is its transpose, + TWICE where both belong there.
+    An offset is 4 x the number of the block in the matrix, + TRANSPOSED where its transpose is stored, + BOTH where
+    both are added; LOWER and OUTSIDE mark blocks without a number.
     """
     n = len(starts) - 1
     count, corners = elements.shape
@@ -51,9 +52,9 @@ def block_offsets(starts, columns, elements):
 
 @kernel
 def add_blocks(data, at, first, numbers, lanes, offsets, down, along):
-    """Adds blocks of the elements from `first` on; returns how many of 3x3 have no place.
+    """Add blocks of the elements from `first` on; return the number of 3x3 blocks outside the pattern.
 
-    Each row of numbers (g, n) is for as many elements as there are lanes. Block k of the element in lane l begins at
+    Each row of numbers (g, n) holds as many elements as there are lanes. Block k of the element in lane l begins at
     offsets[k] + l; its rows are `down` apart, and its columns `along`.
     """
     flat, size, outside = numbers.reshape(-1), numbers.shape[1], 0
@@ -69,7 +70,7 @@ def add_blocks(data, at, first, numbers, lanes, offsets, down, along):
 
 @inlined
 def _add(data, where, numbers, first, down, along):
-    """Adds a block of 3x3 that stands in `numbers` from `first` on, each row `down`, each column `along` further."""
+    """Add one 3x3 block that begins at numbers[first]; its rows are `down` apart, its columns `along`."""
     at, middle = 9 * (where >> 2), first + down + along
     swap = (where & TRANSPOSED) * (down - along)  # no branch
     down, along = natural(down - swap), natural(along + swap)
@@ -82,7 +83,7 @@ def _add(data, where, numbers, first, down, along):
     data[at + 6] += numbers[first + 2 * down]
     data[at + 7] += numbers[middle + down]
     data[at + 8] += numbers[middle + down + along]
-    if where & BOTH:
+    if where & BOTH:  # a diagonal block: the transpose follows
         for i in range(3):
             for j in range(3):
                 data[at + 3 * i + j] += numbers[first + j * down + i * along]
@@ -90,7 +91,10 @@ def _add(data, where, numbers, first, down, along):
 
 @kernel
 def add_low_rank(data, at, first, count, factors):
-    """Adds sums of squares (`LowRankHessian`) over elements none of which has a vertex twice; returns as above."""
+    """Add sums of squares, sum_s f_s f_s', of elements none of which has a vertex twice; return as `add_blocks`.
+
+    The factors f of element e are the rows first[e] to first[e] + count[e] of `factors (s, 3 k)`.
+    """
     outside = 0
     for e in range(len(at)):
         k = 0
@@ -106,7 +110,7 @@ def add_low_rank(data, at, first, count, factors):
 
 @part
 def _add_products(data, at, factors, first, count, row, column):
-    """Adds the sum over the sides of (x, y, z)(u, v, w)', the parts of a side at two vertices."""
+    """Add the sum over the factors of (x, y, z)(u, v, w)', the parts of a factor at two vertices."""
     xu = xv = xw = yu = yv = yw = zu = zv = zw = 0.0
     first, row, column, at = natural(first), natural(row), natural(column), natural(at)
     for k in range(first, first + count):
@@ -121,7 +125,7 @@ def _add_products(data, at, factors, first, count, row, column):
 
 @kernel
 def add_csr(data, starts, columns, indptr, indices, values):
-    """Adds a symmetric CSR matrix over all rows of x; returns how many entries of its upper triangle have no place."""
+    """Add a symmetric CSR matrix over all rows of x; return the number of entries outside the pattern."""
     outside, n = 0, len(starts) - 1
     for i in range(n):
         for p in range(3):

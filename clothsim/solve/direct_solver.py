@@ -1,4 +1,4 @@
-"""What a direct solver of the Newton matrix does."""
+"""Interface of direct solvers for the symmetric positive definite Newton matrix."""
 
 import abc
 
@@ -7,15 +7,23 @@ from clothsim.solve.sparsity import Pattern
 
 
 class NotPositiveDefiniteError(Exception):
-    """The factorisation met a pivot that is not positive."""
+    """Factorisation stopped at a pivot that is not positive."""
 
 
 EXACT = 1e-10
-"""The error, in the norm of the matrix, that may be left where nothing else is asked for; double leaves less."""
+"""Default bound on the relative error in the norm of the matrix; a double-precision factor leaves less."""
 
 
 class LinearSolver(abc.ABC):
-    """Solves A x = b for one sparsity and many values."""
+    """Solver of A x = b for one sparsity pattern and many sets of values.
+
+    Parameters
+    ----------
+    pattern : Pattern
+        Sparsity of the upper triangle; analysed once.
+    threads : int
+        Number of threads; 0: all cores.
+    """
 
     name: str
     threads: int = 1
@@ -26,18 +34,41 @@ class LinearSolver(abc.ABC):
     def __init__(self, pattern: Pattern, threads: int) -> None:
         """Analyse the pattern; threads 0: all cores."""
 
-    def restart(self) -> None:  # noqa: B027 - most have nothing to forget
-        """Forget what earlier matrices have shown: a step then depends on its own start only."""
+    def restart(self) -> None:  # noqa: B027 - most solvers carry nothing over
+        """Drop what was learnt from earlier matrices, so that a step depends on its own start only."""
 
     @abc.abstractmethod
     def factorise(self, data: Floats) -> None:
-        """Factorise the matrix of `data` in the pattern; NotPositiveDefiniteError if it is not positive definite."""
+        """Factorise the matrix of `data` in the pattern.
+
+        Raises
+        ------
+        NotPositiveDefiniteError
+            If the matrix is not positive definite, or not finite.
+        """
 
     @abc.abstractmethod
     def back_solve(self, b: Floats) -> Floats:
-        """x of the matrix last factorised, or near it: the same linear map for every b, symmetric and positive."""
+        """Solve with the matrix last factorised, exactly or approximately.
+
+        Returns
+        -------
+        (3 n,) float64
+            M b, the same linear map M for every b; M is symmetric and positive definite, so it may precondition.
+        """
 
     def solve(self, data: Floats, b: Floats, accuracy: float = EXACT) -> Floats:
-        """Factorise, then solve. accuracy: what is left of the error, in the norm of the matrix, where it is chosen."""
+        """Factorise the matrix of `data` and solve for b (3 n,).
+
+        Parameters
+        ----------
+        accuracy : float
+            Bound on |x - A^-1 b|_A / |A^-1 b|_A, where the solver can choose it.
+
+        Raises
+        ------
+        NotPositiveDefiniteError
+            If the matrix is not positive definite, or not finite.
+        """
         self.factorise(data)
         return self.back_solve(b)

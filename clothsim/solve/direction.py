@@ -1,4 +1,4 @@
-"""Where Newton goes from x: the quadratic model of E there, and the step to its minimum."""
+"""Newton direction: the quadratic model of E at x, and the step to its minimum."""
 
 from dataclasses import dataclass, replace
 
@@ -22,21 +22,24 @@ matrix that is singular but for that can be factorised is chance (Higham 2002, t
 to processor. A factor that came about so is no preconditioner: of a strip without bending it makes steps of 1e6 m, and
 Lanczos' method finds its smallest pivots and nothing else."""
 PRECONDITIONER_ERROR = 1e-2
-"""What a preconditioner may leave of the error, in the norm of the matrix."""
+"""Relative error, in the norm of the matrix, that a preconditioner may leave."""
 MAX_AGE, MOST_PRODUCTS = 3, 6
-"""A factor preconditions so many more matrices, as long as Lanczos' method takes no more products with it than this: at
-10,201 vertices a product with a back-solve costs 5 ms, and all that leads to a new factor 65."""
+"""A cached factor preconditions at most MAX_AGE further matrices, while Lanczos takes at most MOST_PRODUCTS products
+with it: at 10,201 vertices a product with a back-solve costs 5 ms, a new factor with its assembly 65.
+"""
 MIN_VERTICES = 4000
-"""Vertices from which on a factor is kept: on smaller meshes a new one costs less than what an old one lets slip."""
+"""Vertices from which on a factor is cached: on smaller meshes a new one costs less than the iterations that an old
+one adds.
+"""
 REUSE_FRACTION = 0.3
-"""Share of a step that must have been taken for the factor to serve the next: else the place is not like the last."""
+"""Fraction of a step that must have been taken for the factor to be reused: else the Hessian has changed too much."""
 
 
 @dataclass(frozen=True)
 class CachedFactor:
-    """The last factor: the solver that holds it, the matrices since it was made, the products that the last took.
+    """Last factorisation: its solver, the number of matrices since, and the products of the last Lanczos solve.
 
-    It may lack the blocks of the pattern that have come since: it preconditions, no more.
+    It may lack blocks that the pattern has gained since, so it serves as a preconditioner only.
     """
 
     solver: LinearSolver | None = None
@@ -45,20 +48,25 @@ class CachedFactor:
 
     @property
     def usable(self) -> bool:
-        """Whether it may be of use for one more matrix, also for one whose pattern has grown since."""
+        """True where it may precondition one more matrix, also one whose pattern has grown since."""
         return self.solver is not None and self.age < MAX_AGE and self.products <= MOST_PRODUCTS
 
     def after(self, fraction: float) -> "CachedFactor":
-        """What is kept after a step of which the line search took `fraction`."""
+        """Return the cached factor after a step of which the line search took `fraction`."""
         return self if fraction >= REUSE_FRACTION else NO_FACTOR
 
 
 NO_FACTOR = CachedFactor()
+"""State without a cached factor."""
 
 
 @dataclass(frozen=True)
 class Direction:
-    """Where Newton goes from x: dx (N, 3), the gradient (N, 3), whether E curves down near; the factor; or an end."""
+    """Newton direction at x.
+
+    dx (N, 3) [m]; gradient (N, 3) [N]; negative_curvature: the exact Hessian is indefinite, or nearly, along dx;
+    cached: the factor for the next iteration; end: the outcome where no direction exists.
+    """
 
     dx: Floats
     gradient: Floats
@@ -69,9 +77,9 @@ class Direction:
 
 @dataclass(frozen=True)
 class QuadraticModel:
-    """E near a place, by the potential and the system that holds its matrix.
+    """Quadratic model of E at a point: the potential and the system that stores its Hessian.
 
-    fixed (n,): which of the system's vertices do not move.
+    fixed (n,) bool: Dirichlet vertices of the system.
     """
 
     potential: Potential
@@ -81,10 +89,11 @@ class QuadraticModel:
     def direction(
         self, x: Floats, displacement: Floats, trust: Trust = PROJECTED, cached: CachedFactor = NO_FACTOR
     ) -> Direction:
-        """dx with H_ff dx_f = -(g + H way)_f and dx = way elsewhere.
+        """Solve H_ff dx_f = -(g + H u)_f with dx = u at the Dirichlet vertices, u the prescribed `displacement`.
 
-        H is the projected Hessian; where `trust` is exact the unprojected one, within its radius, with the factor of
-        the projected one as preconditioner: that of x, or the one `cached` while it serves. way must be 0 then.
+        H is the projected Hessian. Where `trust` is exact, H is the unprojected one within the trust radius,
+        preconditioned by a factor of the projected one, that of x or the `cached` one while it is usable;
+        `displacement` must be 0 then.
         """
         gradient = self.potential.gradient(x)
         if not np.isfinite(gradient).all():
@@ -115,7 +124,7 @@ class QuadraticModel:
     def _curved(
         self, curved: Floats, right: Floats, first: Floats, gradient: Floats, trust: Trust, cached: CachedFactor
     ) -> Direction:
-        """The direction of the exact Hessian `curved`; first: what the preconditioner makes of the right-hand side."""
+        """Direction of the exact Hessian `curved`; first: the preconditioner applied to the right-hand side."""
         with self.potential.timers.phase("linear solve"):
             assert cached.solver is not None
             times, precondition = self.system.pattern.times(curved), cached.solver.back_solve
@@ -125,23 +134,23 @@ class QuadraticModel:
         return Direction(dx, gradient, found.negative_curvature, cached)
 
     def residual(self, gradient: Floats) -> float:
-        """The largest component of the gradient (N, 3) at a vertex that moves [N]."""
+        """Return the largest component of the gradient (N, 3) at a free vertex [N]."""
         return float(np.abs(self._free(gradient)).max(initial=0.0))
 
     def _not_a_number(self, x: Floats, right: Floats, data: Floats) -> int:
-        """The first row of x at which the right-hand side, or else the matrix, is not finite."""
+        """First row of x at which the right-hand side, or else the matrix, is not finite."""
         place = self.system.pattern.times(data)(np.zeros_like(right)) if np.isfinite(right).all() else right
         return int(np.arange(len(x))[self.system.rows][_first_not_finite(place.reshape(-1, 3))])
 
     def _free(self, vectors: Floats) -> Floats:
-        """The entries (3 n,) of vectors (N, 3) at the region's vertices, 0 where they are fixed."""
+        """Entries (3 n,) of vectors (N, 3) at the system's vertices, 0 where they are fixed."""
         entries = taken(vectors, self.system.rows)
         if self.fixed.any():
             entries = np.where(self.fixed[:, None], 0.0, entries)
         return entries.ravel()
 
     def _with(self, displacement: Floats, solution: Floats) -> Floats:
-        """`displacement` with the solution at the vertices that are free."""
+        """`displacement` with the solution at the free vertices."""
         dx, moved = displacement.copy(), solution.reshape(-1, 3)
         if self.fixed.any():
             moved = np.where(self.fixed[:, None], taken(displacement, self.system.rows), moved)
@@ -155,9 +164,9 @@ class QuadraticModel:
         return data
 
     def _solve(self, data: Floats, b: Floats, accuracy: float) -> tuple[Floats, LinearSolver] | None:
-        """The solution and what holds the factor, with a growing shift of the diagonal where there is none.
+        """Solution and its solver; the diagonal is shifted by growing amounts until the matrix is positive definite.
 
-        The shift also serves where the solution lies in what the rounding of the matrix leaves open (SINGULAR).
+        Also where the curvature along the solution is no more than the rounding of the matrix (SINGULAR).
         """
         timers = self.potential.timers
         shift = 0.0

@@ -1,15 +1,16 @@
-"""The Newton direction of the exact Hessian in a Krylov space, curving down or not, by the factor of the projected one.
+"""Saddle-free Newton direction of an indefinite Hessian in a Krylov space (Lanczos' method, preconditioned).
 
 The projected Hessian is safe but too stiff where cloth is compressed: Newton on it alone converges linearly, at a rate
 of about .7 on folding cloth. The exact one is indefinite there, in many places at once: each crease that grows is a
 direction of negative curvature. With M the inverse of the projected one, Lanczos' method builds vectors W from b with
 W' M^-1 W = 1 and W' A W = T tridiagonal, and in them
 
-    x = W f(T) W' b,    f(t) = 1 / max(|t|, 1 / trust):
+    x = W f(T) W' b,    f(t) = 1 / max(|t|, 1 / radius):
 
-where A curves up, Newton's step; where it curves down, one as long against the slope (saddle-free Newton, Dauphin et
-al. 2014); and along no eigenvector longer than `trust` times what M takes. It descends, as b'x > 0. Conjugate gradients
-that stop at the first direction of negative curvature (Steihaug 1983) leave all others for later iterations.
+Newton's step along positive curvature; along negative curvature a step of the same length downhill (saddle-free Newton,
+Dauphin et al. 2014); and along no eigenvector longer than `radius` times M b. It is a descent direction, as b'x > 0.
+Conjugate gradients that stop at the first direction of negative curvature (Steihaug 1983) leave all others for later
+iterations.
 """
 
 from collections.abc import Callable
@@ -26,9 +27,9 @@ MAX_PRODUCTS = 8
 
 
 class KrylovSolution(NamedTuple):
-    """x; whether A curves down, or hardly up, somewhere in the space of it; the products A v that it took.
+    """Solution x; negative_curvature: A is indefinite, or nearly, in its Krylov space; products A v taken.
 
-    0 products where it took none, or where one was no number and x is what the preconditioner alone makes of b.
+    products is 0 where none was needed, or where one was not finite and x is the preconditioned right-hand side alone.
     """
 
     x: Floats
@@ -44,12 +45,28 @@ def saddle_free_solve(
     preconditioned: Floats,
     above: bool = False,
 ) -> KrylovSolution:
-    """The x of the module for A x = b, to RELATIVE_ERROR in the preconditioner's norm or in MAX_PRODUCTS products.
+    """Solve A x = b in the sense of the module, to RELATIVE_ERROR in the preconditioner's norm.
 
-    times: v -> A v, which is overwritten; precondition: r -> M r, M positive definite; preconditioned: M b; trust: see
-    `trust.Trust`; above: whether M^-1 is at least A, as the projected Hessian of the same place is. Where it is, no
-    direction is left out that couples much more than the last, and the error is told by the last coupling: the next
-    would take a back-solve more.
+    Parameters
+    ----------
+    times : callable
+        v -> A v for v (n,); its result is overwritten.
+    precondition : callable
+        r -> M r with M symmetric positive definite.
+    b : (n,) float64
+        Right-hand side.
+    trust : float
+        Trust radius, see `trust_region.Trust`.
+    preconditioned : (n,) float64
+        M b.
+    above : bool
+        True where M^-1 >= A, as for the projected Hessian of the same point. No omitted direction then couples much
+        more than the last one, so the last coupling bounds the error; the next would cost another back-solve.
+
+    Returns
+    -------
+    KrylovSolution
+        After at most MAX_PRODUCTS products.
     """
     whole = norm = float(np.sqrt(max(dot(b, preconditioned), 0.0)))
     if not norm > 0.0:
@@ -66,17 +83,17 @@ def saddle_free_solve(
         if not np.isfinite(curvature + norm):
             return KrylovSolution(preconditioned, False, 0)
         values, rotation, _ = dstev(diagonal[: last + 1], beside[: max(last, 1)])  # NumPy's eigh takes three times this
-        shares = rotation.copy() @ (whole * rotation[0] / np.maximum(np.abs(values), 1.0 / trust))
-        if len(vectors) == MAX_PRODUCTS or (above and last and norm * abs(shares[-1]) <= RELATIVE_ERROR * whole):
+        coefficients = rotation.copy() @ (whole * rotation[0] / np.maximum(np.abs(values), 1.0 / trust))
+        if len(vectors) == MAX_PRODUCTS or (above and last and norm * abs(coefficients[-1]) <= RELATIVE_ERROR * whole):
             break
         residual -= curvature * dual
         residual -= norm * before
         image = precondition(residual)
         before, norm = dual, float(np.sqrt(max(dot(residual, image), 0.0)))
-        if not norm * abs(shares[-1]) > RELATIVE_ERROR * whole:
+        if not norm * abs(coefficients[-1]) > RELATIVE_ERROR * whole:
             break
         beside[last] = norm
     x = np.zeros_like(b)
-    for share, vector in zip(shares, vectors, strict=True):
-        x += share * vector
+    for coefficient, vector in zip(coefficients, vectors, strict=True):
+        x += coefficient * vector
     return KrylovSolution(x, bool(values[0] < 1.0 / trust), len(vectors))

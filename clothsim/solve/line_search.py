@@ -1,4 +1,4 @@
-"""Armijo backtracking below the largest admissible step; longer steps where E curves downward."""
+"""Armijo backtracking below the step limit, and step extension along negative curvature."""
 
 from collections.abc import Sequence
 
@@ -12,14 +12,30 @@ SUFFICIENT_DECREASE = 1e-4
 MAX_HALVINGS = 50
 ROUND_OFF = 32 * float(np.finfo(float).eps)
 RESOLVED = 1e6
-"""Multiple of the round-off from which a promised decrease must show: else a wrong direction passes by tiny steps."""
+"""Multiple of the round-off of E above which a promised decrease must be observed; below it tiny steps always pass."""
 
 
 def armijo(potential: Potential, x: Floats, dx: Floats, slope: float, limit: float) -> float:
-    """The first fraction a = limit, limit/2, ... with E(x + a dx) <= E(x) + 1e-4 a slope, or 0 if there is none.
+    """Armijo line search: the first a = limit, limit/2, ... with E(x + a dx) <= E(x) + 1e-4 a slope.
 
-    slope = gradient . dx [J] < 0. The sum of energies is known to its round-off only, so where the step promises little
-    more than that, a rise below it is no rise: without this a converged step would be refused for the last bits of E.
+    E is a sum of energies known to round-off only. Where the step promises little more than that, a rise below
+    round-off is accepted; else a converged step would be rejected for the last bits of E.
+
+    Parameters
+    ----------
+    potential : Potential
+        Potential bound to the step.
+    x, dx : (N, 3) float64
+        Positions and direction [m].
+    slope : float
+        gradient . dx [J], below 0.
+    limit : float
+        Step limit in (0, 1].
+
+    Returns
+    -------
+    float
+        The accepted fraction of dx, or 0 where MAX_HALVINGS halvings found none.
     """
     values = potential.values(x)
     start, noise = sum(values), round_off(values)
@@ -34,16 +50,16 @@ def armijo(potential: Potential, x: Floats, dx: Floats, slope: float, limit: flo
 
 
 def round_off(values: Sequence[float]) -> float:
-    """What of E(x) is noise [J]: E is the sum of `values`, and each of them is known to its last digits only."""
+    """Return the round-off of E [J]: E is the sum of `values`, each of them known to its last digits."""
     return ROUND_OFF * sum(abs(value) for value in values)
 
 
 def extended_fraction(potential: Potential, x: Floats, dx: Floats, longest: float) -> float:
-    """1, 2, 4, ... up to `longest`: the last that is free of collision, and with which E(x + a dx) still fell.
+    """Extend the step by doubling: the last of 1, 2, 4, ... up to `longest` that is admissible and still lowers E.
 
-    For directions of negative curvature, of which Newton knows the sign and not the length: a buckle grows by many
-    small steps otherwise, each of them a factorisation. Where E rises already at x + dx, nothing longer is looked at:
-    to search a long way for collisions costs more than a gradient.
+    For directions of negative curvature, whose length the quadratic model does not determine: a buckle would else grow
+    by many small steps, each of them a factorisation. The slope at the current end is tested first, as a search for
+    collisions along a long step costs more than a gradient.
     """
     fraction, value = 1.0, potential.value(x + dx)
     while 2.0 * fraction <= longest and dot(potential.gradient(x + fraction * dx), dx) < 0.0:

@@ -1,4 +1,4 @@
-"""The direct solvers for the symmetric positive definite Newton matrix by name; the analysis serves the run."""
+"""Table of direct solvers for the Newton matrix, and the CHOLMOD and SuperLU ones."""
 
 import sys
 
@@ -26,22 +26,22 @@ class Cholmod(LinearSolver):
         self._factor = analyze(_full(pattern, ones), ordering_method="amd")
 
     def factorise(self, data: Floats) -> None:
-        """Numeric factorisation with the kept analysis."""
+        """Numeric factorisation with the cached symbolic analysis."""
         from sksparse.cholmod import CholmodNotPositiveDefiniteError
 
-        _refuse_what_is_no_number(data)
+        _refuse_not_finite(data)
         try:
             self._factor.cholesky_inplace(_full(self._pattern, data))
         except CholmodNotPositiveDefiniteError as error:
             raise NotPositiveDefiniteError from error
 
     def back_solve(self, b: Floats) -> Floats:
-        """Both triangles."""
+        """Forward and backward substitution."""
         return self._factor(b)
 
 
 class SuperLU(LinearSolver):
-    """SciPy's SuperLU in symmetric mode: everywhere there, about ten times slower."""
+    """SciPy SuperLU in symmetric mode: available everywhere, about ten times slower than PARDISO."""
 
     name = "superlu"
 
@@ -49,8 +49,8 @@ class SuperLU(LinearSolver):
         self._pattern = pattern
 
     def factorise(self, data: Floats) -> None:
-        """With diagonal pivots; a negative pivot says that the matrix is not positive definite."""
-        _refuse_what_is_no_number(data)
+        """Factorisation with diagonal pivots; a pivot that is not positive raises NotPositiveDefiniteError."""
+        _refuse_not_finite(data)
         try:
             self._factor = linalg.splu(
                 _full(self._pattern, data),
@@ -64,7 +64,7 @@ class SuperLU(LinearSolver):
             raise NotPositiveDefiniteError
 
     def back_solve(self, b: Floats) -> Floats:
-        """Both triangles."""
+        """Forward and backward substitution."""
         return self._factor.solve(b)
 
 
@@ -79,9 +79,23 @@ REMEDIES = {"mixed": "clothsim[mkl]", "pardiso": "clothsim[mkl]", "cholmod": "cl
 
 
 def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
-    """The solver of that name; "auto": the first of mixed, cholmod, superlu that is installed.
+    """Make the solver of a name; "auto": the first of mixed, cholmod, superlu that is installed.
 
-    InputError for an unknown name, MissingPackageError for one that is not installed. threads 0: all cores.
+    Parameters
+    ----------
+    name : str
+        "auto" or a key of SOLVERS.
+    pattern : Pattern
+        Sparsity of the Newton matrix.
+    threads : int
+        0: all cores.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+    MissingPackageError
+        For a solver whose package is not installed.
     """
     if name == "auto":
         for kind in SOLVERS.values():
@@ -101,7 +115,7 @@ def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
 
 
 def slowness(solver: LinearSolver) -> str:
-    """One line for the user where a faster solver could be installed, else an empty string."""
+    """Return a note for the user where a faster solver could be installed, else an empty string."""
     if solver.wanted_threads > solver.threads:
         return (
             f"The linear solver is MKL's sequential one, on {solver.threads} of {solver.wanted_threads} threads: "
@@ -115,7 +129,7 @@ def slowness(solver: LinearSolver) -> str:
     )
 
 
-def _refuse_what_is_no_number(data: Floats) -> None:
+def _refuse_not_finite(data: Floats) -> None:
     if not np.isfinite(data).all():
         raise NotPositiveDefiniteError
 

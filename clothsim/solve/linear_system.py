@@ -1,4 +1,4 @@
-"""The Newton matrix and its solver: a pattern that serves many steps, and grows where contact couples new vertices."""
+"""Newton matrix and its solver: one sparsity pattern for many steps, extended where contact couples vertices."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,17 +11,34 @@ from clothsim.solve.nonlinear_elimination import Patch
 from clothsim.solve.sparsity import Hessian, Pattern, couplings, extended
 
 NEW_BLOCKS = 0.02
-"""Share of the blocks that may have come since the last analysis for a preconditioner to do without them: a sheet that
-crumples would else be analysed anew at every second iteration."""
+"""Fraction of blocks that may be missing from the last symbolic analysis for a preconditioner to do without them: a
+crumpling sheet would else be analysed again at every second iteration.
+"""
 
 
 class System:
-    """A cache of one pattern and the analysis of it.
+    """Cached sparsity pattern, its symbolic analysis and its solver.
 
-    `base` is what the mesh couples. Each step starts with what contact is expected to couple (`begin`), so that the
-    order of elimination, and with it every bit, depends on the step's own start; inside a step the pattern only grows.
-    region: what the matrix is about, None for all of the cloth; rows: which of x these are. name: that of the solver
-    once there is one, which no summary has to analyse a pattern for.
+    Each step starts with what contact is expected to couple (`begin`), so that the elimination order, and with it every
+    bit, depends on the step's own start; inside a step the pattern only grows.
+
+    Parameters
+    ----------
+    base : Pattern
+        Couplings of the mesh.
+    linear : str
+        Name of the solver, see `linear_solvers.SOLVERS`.
+    threads : int
+        0: all cores.
+    patch : Patch, optional
+        Vertices that the matrix is restricted to; None: all cloth vertices.
+
+    Attributes
+    ----------
+    rows : slice or (k,) int64
+        Rows of x that the matrix is about.
+    name : str
+        Name of the solver once one was made; a summary reads it without an analysis.
     """
 
     def __init__(self, base: Pattern, linear: str = "auto", threads: int = 0, patch: Patch | None = None) -> None:
@@ -31,12 +48,12 @@ class System:
         self.analyses, self.name = 0, linear
         self._linear, self._threads = linear, threads
         self.pattern = self._analysed = base
-        self._places: dict[int, tuple[Ints, NDArray[np.int32]]] = {}
+        self._offsets: dict[int, tuple[Ints, NDArray[np.int32]]] = {}
         self._solver: LinearSolver | None = None
 
     @property
     def solver(self) -> LinearSolver:
-        """That of the pattern as it is, which is analysed when its solver is first asked for."""
+        """Solver of the current pattern; the symbolic analysis runs when it is first requested."""
         if self._solver is None or self._analysed is not self.pattern:
             self.analyses += 1
             self._solver = make_solver(self._linear, self.pattern, self._threads)
@@ -44,11 +61,11 @@ class System:
         return self._solver
 
     def preconditioner(self, data: Floats) -> tuple[LinearSolver, Floats]:
-        """A solver, and the data for it, of a matrix that is `data` but for at most a few blocks, which it lacks.
+        """Return a solver, and data for it, of a matrix that equals `data` but for at most a few missing blocks.
 
-        They have come since the last analysis, and are those between the two sides of pairs that touch: without them
-        each side is held as if the other stood still, at most twice as stiff. Where only some blocks of a pair are
-        lacked, what is left may be indefinite (up to one in ten such matrices): NotPositiveDefiniteError says so.
+        The missing blocks are those gained since the last analysis; they couple the two sides of contact pairs. Without
+        them each side is held as if the other stood still, which is at most twice as stiff. Where only some blocks of a
+        pair are missing, the rest may be indefinite (up to one in ten such matrices): NotPositiveDefiniteError tells.
         """
         known, few = self._analysed, len(self.pattern.columns) <= (1.0 + NEW_BLOCKS) * len(self._analysed.columns)
         if self._solver is None or known is self.pattern or not few:
@@ -56,8 +73,8 @@ class System:
         return self._solver, known.restricted(data, self.pattern)
 
     def begin(self, couplings: list[Ints]) -> None:
-        """The pattern of the base and of `couplings`, lists of rows (m, k) that act on one another."""
-        self._take(extended(self.base, couplings))
+        """Set the pattern to the base and `couplings`, lists of rows (m, k) that act on one another."""
+        self._set_pattern(extended(self.base, couplings))
         if self._analysed.same_as(self.pattern):
             self.pattern = self._analysed
         else:
@@ -66,32 +83,32 @@ class System:
             self._solver.restart()
 
     def subsystem(self, patch: Patch) -> "System":
-        """A system of a region of this one, which is of all of the cloth, with the same kind of solver."""
+        """Return a system of the vertices of a patch, with the same kind of solver."""
         return System(self.pattern.subpattern(patch.rows), self._linear, self._threads, patch)
 
     def assemble(self, hessians: list[Hessian]) -> Floats:
-        """The sum of the Hessians as the data of the pattern, which grows first where something does not fit."""
+        """Sum the Hessians as data of the pattern, which is extended first where a block is outside of it."""
         if self.patch is not None:
             hessians = [self.patch.hessian(hessian) for hessian in hessians]
         data, outside = self._assembled(hessians)
         if outside:
-            self._take(extended(self.pattern, [couplings(hessian) for hessian in hessians]))
+            self._set_pattern(extended(self.pattern, [couplings(hessian) for hessian in hessians]))
             data, outside = self._assembled(hessians)
         return data
 
     def _assembled(self, hessians: list[Hessian]) -> tuple[Floats, int]:
-        """By the places of the element lists of the time before, where they are the same objects: most are."""
-        known, self._places = self._places, {}
+        """Assemble with the cached block offsets of element lists that are the same objects as before: most are."""
+        known, self._offsets = self._offsets, {}
 
         def block_offsets(elements: Ints) -> NDArray[np.int32]:
-            if id(elements) not in self._places:  # what is held keeps its id
+            if id(elements) not in self._offsets:  # the cache holds the list, so no other object gets its id
                 found = known.get(id(elements)) or (elements, self.pattern.block_offsets(elements))
-                self._places[id(elements)] = found
-            return self._places[id(elements)][1]
+                self._offsets[id(elements)] = found
+            return self._offsets[id(elements)][1]
 
         return self.pattern.assemble(hessians, block_offsets)
 
-    def _take(self, pattern: Pattern) -> None:
+    def _set_pattern(self, pattern: Pattern) -> None:
         if not pattern.same_as(self.pattern):
             self.pattern = pattern
-            self._places = {}
+            self._offsets = {}

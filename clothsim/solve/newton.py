@@ -1,4 +1,4 @@
-"""Newton on the sum of energies, with prescribed vertices carried to their places first.
+"""Newton's method on the sum of energies; Dirichlet positions are reached first, then E decreases monotonically.
 
 Every loop is bounded and every end has a name (`outcome.Ending`).
 """
@@ -21,27 +21,44 @@ from clothsim.solve.trust_region import PROJECTED, TRUSTED, Trust
 
 SMALLEST_FRACTION = 1e-12
 BLOCKED_FRACTION = 1e-8
-"""What is carried less far than this share of its way is blocked; closer still, additive CCD may miss a collision."""
+"""A prescribed displacement of which less than this fraction is admissible is blocked; closer still, additive CCD may
+miss a collision.
+"""
 SMALLEST_REMAINDER = 1e-6
-"""Share of a scripted way that may be left when contact still clips it: a target at contact is never quite reached."""
+"""Fraction of a prescribed displacement that may remain while contact still clips it: a target in contact is only
+approached.
+"""
 LAST_PIECE = 1e-3
-"""Share of a scripted way that may be gone at once, the free vertices standing, where contact leaves it free."""
+"""Fraction of a prescribed displacement that may be applied at once, the free vertices at rest, where it is free of
+collision.
+"""
 FRACTION_OF_GAP = 0.1
-"""The last piece of a scripted way may not be longer than this share of the smallest gap."""
+"""The last piece of a prescribed displacement may not be longer than this fraction of the smallest gap."""
 CHANGE_OF_GAP = 0.3
-"""A step that changes a gap by more than this share of it is no convergence. Close to contact Newton's step on the
+"""A step that changes a gap by more than this fraction of it is not converged. Close to contact Newton's step on the
 logarithm is about as long as the gap, however large the force F: d -> 2 d - F d^2, a change by 1 - F d. Where the
-change is .3, one more step leaves its square, 9 %."""
+change is .3, one more step leaves its square, 9 %.
+"""
 LAST_DIGITS = float(np.finfo(float).eps)
 MAX_PATCH_ITERATIONS = 10
-"""Iterations of a region at most: it is left for the next look at the whole."""
+"""Newton iterations on a patch before the whole cloth is visited again."""
 MAX_EXTENSION = 32.0
-"""How many times longer than Newton says a step of negative curvature may be."""
+"""Factor by which a step of negative curvature may be extended beyond the Newton step."""
 
 
 @dataclass(frozen=True)
 class NewtonSettings:
-    """tolerance on |dx|_inf / dt [m/s]; bounds on the Newton iterations and on those that carry prescribed vertices."""
+    """Settings of Newton's method.
+
+    Parameters
+    ----------
+    tolerance : float
+        Convergence tolerance on |dx|_inf / dt [m/s].
+    max_iterations : int
+        Bound on the iterations with the Dirichlet vertices fixed.
+    max_prescribed_iterations : int
+        Bound on the iterations that move the Dirichlet vertices to their positions.
+    """
 
     tolerance: float = 1e-3
     max_iterations: int = 100
@@ -50,10 +67,24 @@ class NewtonSettings:
 
 @dataclass(frozen=True)
 class NewtonResult:
-    """Where a solve ended: x (N, 3), its outcome, iterations that moved, last speed |dx|_inf/dt [m/s], residual [N].
+    """Result of a solve.
 
-    left: about how far x is from the minimiser [m], the last step times the rate at which the steps became shorter;
-    regional: iterations between them that moved a few vertices alone.
+    Parameters
+    ----------
+    x : (N, 3) float64
+        Last positions [m].
+    outcome : Outcome
+        How the solve ended.
+    iterations : int
+        Iterations that moved vertices.
+    speed : float
+        |dx|_inf / dt of the last step [m/s].
+    residual : float
+        Largest component of the gradient at a free vertex [N].
+    remaining : float
+        Estimated distance from the minimiser [m]: the last step times the observed rate of convergence.
+    elimination_iterations : int
+        Further iterations on patches (nonlinear elimination).
     """
 
     x: Floats
@@ -67,7 +98,7 @@ class NewtonResult:
 
 @dataclass(frozen=True)
 class Newton:
-    """What one solve needs: the bound potential, the system that holds its matrix, and who watches the iterates."""
+    """One minimisation: the bound potential, the system that stores its Hessian, and the observer of the iterates."""
 
     potential: Potential
     system: System
@@ -76,10 +107,22 @@ class Newton:
     observe: Observer = unobserved
 
     def minimise(self, x: Floats, target: Prescribed) -> NewtonResult:
-        """The minimiser of E from x, with the target's vertices at their positions.
+        """Minimise E from x, with the target's vertices at their positions (Dirichlet).
 
-        First the prescribed vertices are carried there, as far as contact allows at each iteration, while the free ones
-        follow; then E decreases monotonically with the prescribed ones held.
+        First the prescribed vertices are displaced as far as contact allows at each iteration, while the free ones
+        follow; then E decreases monotonically with the prescribed ones fixed.
+
+        Parameters
+        ----------
+        x : (N, 3) float64
+            Start [m], free of intersections.
+        target : Prescribed
+            Rows of x and the positions that they take [m].
+
+        Returns
+        -------
+        NewtonResult
+            Its outcome names the end; nothing is raised where the solve fails.
         """
         fixed = np.zeros(self.system.pattern.n_vertices, bool)
         fixed[target.vertices[target.vertices < self.system.pattern.n_vertices]] = True
@@ -91,7 +134,7 @@ class Newton:
         return self._descend(x, model, PROJECTED, iterations)
 
     def _move_prescribed(self, x: Floats, target: Prescribed, model: QuadraticModel) -> tuple[Floats, Outcome, int]:
-        """Move the prescribed vertices to their places; returns x, whether they arrived, iterations taken."""
+        """Move the prescribed vertices to their positions; return x, the outcome, the iterations taken."""
         distance = float(np.abs(target.positions - x[target.vertices]).max(initial=0.0))
         for iteration in range(self.settings.max_prescribed_iterations):
             displacement = np.zeros_like(x)
@@ -115,14 +158,14 @@ class Newton:
         return x, _blocked(x, target), self.settings.max_prescribed_iterations
 
     def _last_piece_is_free(self, x: Floats, displacement: Floats, distance: float) -> bool:
-        """True where the last piece of a scripted way is shorter than every gap, and free."""
+        """True where the rest of a prescribed displacement is shorter than every gap, and free of collision."""
         remaining = float(np.abs(displacement).max())
         if remaining > LAST_PIECE * distance or remaining > FRACTION_OF_GAP * self.potential.minimum_gap(x):
             return False
         return self._limit(x, displacement) == 1.0 and bool(np.isfinite(self.potential.value(x + displacement)))
 
     def _eliminated(self, x: Floats, dx: Floats, model: QuadraticModel) -> NewtonResult | None:
-        """The few vertices that the last step dx moved, brought to rest by themselves; None where they are not few."""
+        """Nonlinear elimination of the vertices that the step dx moved; None where they are not few."""
         if self.system.patch is not None:
             return None
         moved = np.abs(dx[self.system.rows].T.copy()).max(axis=0, initial=0.0)
@@ -133,7 +176,7 @@ class Newton:
             return self._solve_patch(x, Patch(rows, len(x)))
 
     def _solve_patch(self, x: Floats, patch: Patch) -> NewtonResult:
-        """The region at rest, or MAX_PATCH_ITERATIONS iterations closer to it, all else standing."""
+        """Minimise over a patch, all other vertices fixed, in at most MAX_PATCH_ITERATIONS iterations."""
         timers = self.potential.timers
         with timers.phase("assembly"):
             potential = self.potential.restricted_to(patch.moving, x)
@@ -142,7 +185,7 @@ class Newton:
         return part._descend(x, QuadraticModel(potential, system, np.zeros(len(patch.rows), bool)), TRUSTED, 0)
 
     def _descend(self, x: Floats, model: QuadraticModel, trust: Trust, iterations: int) -> NewtonResult:
-        """Newton with the prescribed vertices held, until a step that nothing clipped is below the tolerance."""
+        """Newton with the prescribed vertices fixed, until an unclipped step is below the convergence tolerance."""
         settings = self.settings
         still = np.zeros_like(x)
         speed, residual = np.inf, np.inf
@@ -172,7 +215,7 @@ class Newton:
                 close = speed < settings.tolerance and limit == 1.0
                 close = close and self.potential.gap_change(x, dx) <= CHANGE_OF_GAP
                 done = close and (fraction == 1.0 or self._below_noise(x, dx, gradient, speed))
-            if cached.age and (done or fraction == 0.0):  # an old factor is no judge: the next direction gets its own
+            if cached.age and (done or fraction == 0.0):  # the cached factor is of an earlier x
                 done, cached = False, NO_FACTOR
                 if fraction == 0.0:
                     continue
@@ -206,11 +249,11 @@ class Newton:
         return ended(end, iterations + settings.max_iterations)
 
     def _below_noise(self, x: Floats, dx: Floats, gradient: Floats, speed: float) -> bool:
-        """True where the full step was refused for the round-off of E alone.
+        """True where the full step was rejected for the round-off of E alone.
 
-        Near the minimum E no longer tells x from x + dx, but its derivative does: along a good Newton step it falls to
-        near zero (Hager & Zhang 2005, approximate Wolfe conditions). A step of a millionth of the tolerance is noise,
-        and one that promises less than the last digits of the coordinates make of E.
+        Near the minimum E cannot distinguish x from x + dx, but its derivative can: along a good Newton step it falls
+        to near zero (Hager & Zhang 2005, approximate Wolfe conditions). A step of a millionth of the tolerance is
+        round-off, and so is one that promises less than the last digits of the coordinates change E.
         """
         slope = dot(gradient, dx)
         if speed < 1e-6 * self.settings.tolerance or -slope <= LAST_DIGITS * dot(np.abs(gradient), np.abs(x)):
@@ -224,17 +267,18 @@ class Newton:
         return self.potential.step_limit(x, dx)
 
     def _finite_fraction(self, x: Floats, dx: Floats, fraction: float) -> float:
-        """`fraction`, halved until the energy is finite: carrying may raise E, but never to infinity."""
+        """`fraction`, halved until the energy is finite: a prescribed displacement may raise E, but not to infinity."""
         while fraction >= SMALLEST_FRACTION and not np.isfinite(self.potential.value(x + fraction * dx)):
             fraction *= 0.5
         return fraction
 
 
 def _at_fastest(ending: Ending, x: Floats, dx: Floats, **numbers: float) -> Outcome:
-    """An end that shows at the vertex that the step would move furthest."""
+    """Outcome located at the vertex with the largest displacement in dx."""
     return outcome(ending, x, int(np.abs(dx).max(axis=1).argmax()), **numbers)
 
 
 def _blocked(x: Floats, target: Prescribed) -> Outcome:
+    """Outcome located at the prescribed vertex with the longest remaining displacement."""
     remaining = np.linalg.norm(target.positions - x[target.vertices], axis=1)
     return outcome(Ending.BLOCKED, x, int(target.vertices[remaining.argmax()]))

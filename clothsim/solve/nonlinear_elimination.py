@@ -1,8 +1,8 @@
-"""Some vertices that move while all others stand, as a small problem of their own.
+"""Nonlinear elimination: the unconverged vertices minimised as a patch of their own, all others fixed.
 
 Late in a solve of crumpling cloth a hundredth of the vertices still moves: creases that grow, each at its own place.
-Every iteration over the whole cloth pays for all the rest again, and one crease that goes too far shortens the step of
-all others (nonlinear elimination: Lanzkron, Rose & Wilkes 1996).
+Every iteration over the whole cloth pays for all other vertices too, and one crease that overshoots shortens the step
+of all (Lanzkron, Rose & Wilkes 1996).
 """
 
 from dataclasses import replace
@@ -16,38 +16,39 @@ from clothsim.jit import kernel
 from clothsim.solve.sparsity import Hessian, Pattern
 
 RINGS = 3
-"""Rings of neighbours that move with what is not at rest."""
+"""Rings of neighbours that a patch adds around the unconverged vertices."""
 MIN_VERTICES = 4000
-"""Vertices of a cloth from which on there are regions: ten of the repository's scenes, all smaller, took 1.04 to 1.43
-times as long with them; a sheet of 5,041 vertices took .9, one of 10,201 .8."""
+"""Vertices of a cloth from which on patches pay: ten of the repository's scenes, all smaller, took 1.04 to 1.43 times
+as long with them; a sheet of 5,041 vertices took .9, one of 10,201 .8.
+"""
 MAX_FRACTION = 0.5
-"""Share of the vertices that a region may have: a larger one would cost what the whole does."""
+"""Largest fraction of the vertices in a patch: a larger one would cost what the whole cloth does."""
 NONE = np.zeros(0, np.int64)
 
 
 class Patch:
-    """rows (k,): the rows of x that move, ascending; moving (N,): the same as booleans.
+    """Subset of the vertices: rows (k,) of x that move, ascending; moving (N,): the same as booleans.
 
-    It remembers what it renumbered: the same list of elements comes back as the same object.
+    Renumbered element lists are cached: the same list comes back as the same object.
     """
 
     def __init__(self, rows: Ints, count: int) -> None:
         self.rows = rows
         self.moving = np.zeros(count, bool)
         self.moving[rows] = True
-        self._numbers = np.full(count, len(rows))  # of what stands: the assembler drops it
+        self._numbers = np.full(count, len(rows))  # fixed vertices get a row that the assembler drops
         self._numbers[rows] = np.arange(len(rows))
         self._known: dict[int, tuple[Ints, Ints]] = {}
 
     def renumbered(self, elements: Ints) -> Ints:
-        """Rows of x (m, j) as rows of the region's matrix."""
+        """Return rows of x (m, j) as rows of the patch's matrix."""
         found = self._known.get(id(elements))
         if found is None:
             found = self._known[id(elements)] = elements, self._numbers[elements]  # what is held keeps its id
         return found[1]
 
     def hessian(self, hessian: Hessian) -> Hessian:
-        """A Hessian over x as one over the region's rows."""
+        """Return a Hessian over x as one over the patch's rows."""
         if isinstance(hessian, ByElement):
             return replace(hessian, elements=self.renumbered(hessian.elements))
         entries = (3 * self.rows[:, None] + np.arange(3)).ravel()
@@ -55,10 +56,23 @@ class Patch:
 
 
 def unconverged(moved: Floats, least: float, pattern: Pattern, fixed: np.ndarray) -> Ints:
-    """The rows (k,) that moved (n,) [m] further than `least`, with RINGS of neighbours; none where they are too
-    many, or the cloth is small.
+    """Select the rows (k,) that moved further than `least`, with RINGS rings of neighbours.
 
-    pattern: who is whose neighbour; fixed (n,): which never move.
+    Parameters
+    ----------
+    moved : (n,) float64
+        Displacement of each vertex in the last step [m].
+    least : float
+        Threshold [m].
+    pattern : Pattern
+        Adjacency.
+    fixed : (n,) bool
+        Dirichlet vertices.
+
+    Returns
+    -------
+    (k,) int64
+        Empty where the patch would be too large, or the cloth is small.
     """
     chosen = (moved > least) & ~fixed
     if len(moved) < MIN_VERTICES or not 0 < chosen.sum() <= MAX_FRACTION * len(moved):

@@ -1,4 +1,4 @@
-"""What a Newton solve shows to one who watches it."""
+"""Observation of a Newton solve: a callback with each iterate."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,11 +10,18 @@ from clothsim.arrays import Floats
 
 @dataclass(frozen=True)
 class Iterate:
-    """Where Newton stands, x (N, 3) [m], and the step that led there.
+    """One Newton iterate: x (N, 3) [m] and the step that led to it.
 
-    fraction of the step that was taken: 0 at the start, nan where a few vertices were brought to rest by themselves;
-    speed |dx|_inf/dt of the whole step [m/s]; residual: the largest force where the step began [N]; nan where there was
-    no step, or none was known.
+    Parameters
+    ----------
+    x : (N, 3) float64
+        Positions [m].
+    fraction : float
+        Fraction of the step that was taken: 0 at the start, nan after a nonlinear elimination.
+    speed : float
+        |dx|_inf / dt of the full step [m/s]; nan where there was none.
+    residual : float
+        Largest force where the step began [N]; nan where it is unknown.
     """
 
     x: Floats
@@ -24,8 +31,8 @@ class Iterate:
 
 
 Observer = Callable[[Iterate], None]
-"""Called with the start of a solve, then with each iterate."""
+"""Callback with the start of a solve, then with each iterate."""
 
 
 def unobserved(iterate: Iterate) -> None:
-    """Nobody watches."""
+    """Observe nothing."""

@@ -1,4 +1,4 @@
-"""How a solve can end: every end has a name and a sentence."""
+"""Outcomes of a Newton solve: an enumeration of ends, each with its message."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,31 +10,38 @@ from clothsim.arrays import Floats
 
 
 class Ending(Enum):
-    """The named ends of a Newton solve; the value is the sentence, with blanks for the numbers."""
+    """Ends of a Newton solve; the value is the message, with blanks for the numbers."""
 
     CONVERGED = "The step converged."
     ITERATION_LIMIT = (
-        "Newton did not reach {tolerance:.3g} m/s in {limit} iterations "
-        "(it stood at {speed:.3g} m/s, {who} at {place})."
+        "Newton did not converge in {limit} iterations: the last step was {speed:.3g} m/s at {who}, at {place} "
+        "(tolerance {tolerance:.3g} m/s)."
     )
     LINE_SEARCH = (
         "The line search found no lower energy along a descent direction "
-        "(Newton stood at {speed:.3g} m/s, {who} at {place})."
+        "(the step was {speed:.3g} m/s at {who}, at {place})."
     )
-    NO_ROOM = "Contact leaves {who} at {place} no room to move (step fraction {fraction:.1e})."
-    BLOCKED = "The scripted motion is blocked: {who} cannot go past {place}."
-    NOT_FINITE = "A number in the step is not finite: {who} at {place}."
-    SINGULAR = "The Newton matrix could not be made positive definite."
-
-    @property
-    def cause(self) -> str:
-        """The end in a word or two: "iteration limit"."""
-        return self.name.lower().replace("_", " ")
+    NO_ROOM = "Contact at {who}, at {place}, leaves no admissible step (fraction {fraction:.1e})."
+    BLOCKED = "The prescribed motion is blocked by contact: {who} stops at {place}."
+    NOT_FINITE = "The gradient or the Hessian is not finite at {who}, at {place}."
+    SINGULAR = "The Newton matrix is not positive definite, and shifting its diagonal did not help."
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """An end: the row of x where it shows and its position (3,) [m], None where no place is known; the numbers."""
+    """End of a solve, with its location and numbers.
+
+    Parameters
+    ----------
+    ending : Ending
+        How the solve ended.
+    row : int or None
+        Row of x where the end shows.
+    position : (3,) float64 or None
+        Position of that row [m].
+    numbers : mapping
+        Values for the blanks of the message.
+    """
 
     ending: Ending
     row: int | None = None
@@ -43,27 +50,35 @@ class Outcome:
 
     @property
     def converged(self) -> bool:
-        """True for the one good end."""
+        """True where the solve converged."""
         return self.ending is Ending.CONVERGED
 
     @property
     def sentence(self) -> str:
-        """What happened and where, by the row of x; `told` says it by a name."""
-        return self.told(f"vertex {self.row}")
+        """Message with the vertex named by its row of x."""
+        return self.describe(f"vertex {self.row}")
 
-    def told(self, who: str, position: Floats | None = None) -> str:
-        """The sentence with `who` in the place of the vertex, and at `position (3,)` if not at the vertex's own."""
+    def describe(self, who: str, position: Floats | None = None) -> str:
+        """Return the message about `who`, at `position (3,)` [m] if given, else at that of the row."""
         where = self.position if position is None else position
         return self.ending.value.format(who=who, place="" if where is None else place_text(where), **self.numbers)
 
 
 def outcome(ending: Ending, x: Floats | None = None, row: int | None = None, **numbers: float) -> Outcome:
-    """The outcome that shows at a row of x (N, 3) [m]; numbers: the blanks of its sentence."""
+    """Make an outcome located at a row of x (N, 3) [m]; numbers: values for the blanks of its message.
+
+    >>> outcome(Ending.SINGULAR).sentence
+    'The Newton matrix is not positive definite, and shifting its diagonal did not help.'
+    """
     position = None if x is None or row is None else np.array(x[row])
     return Outcome(ending, row, position, numbers)
 
 
 def place_text(position: Floats) -> str:
-    """ "(0.1, 0.2, 0.3) m"; what is round-off beside the largest coordinate reads as 0."""
+    """Format a position; components below round-off of the largest read as 0.
+
+    >>> place_text(np.array([0.1, 0.2, 1e-12]))
+    '(0.1, 0.2, 0) m'
+    """
     least = 1e-9 * float(np.abs(position).max())
     return "(" + ", ".join(f"{c if abs(c) > least else 0.0:.4g}" for c in position) + ") m"

@@ -1,4 +1,4 @@
-"""Intel MKL PARDISO in double precision, and in single with what that leaves of the error taken away."""
+"""Intel MKL PARDISO in double precision, and in single precision with iterative refinement."""
 
 import ctypes
 import math
@@ -16,19 +16,21 @@ from clothsim.solve.pardiso_library import load_library
 from clothsim.solve.sparsity import Pattern
 
 ONE_THREAD_BELOW = 4000
-"""Vertices below which PARDISO gets one thread where the scene leaves it open: a small factorisation takes 5 ms on one,
-and on two now and then 50 ms, when the second must be woken (seen at 1,681 vertices; at 10,201 two take .55 of one)."""
+"""Vertices below which PARDISO gets one thread where the scene leaves the number open: a small factorisation takes 5 ms
+on one, and on two now and then 50 ms, when the second must be woken (seen at 1,681 vertices; at 10,201 two take .55 of
+one).
+"""
 
 ANALYSIS, FACTORISATION, SOLUTION, RELEASE = 11, 22, 33, -1
 SYMMETRIC_POSITIVE = 2
 NO_MEMORY, NOT_POSITIVE = -2, -4
 MAX_REFINEMENTS = 10
 MAX_CONTRACTION = 0.1
-"""A refinement that leaves more than this of the error belongs to a factor that is of no use."""
+"""A refinement that leaves more than this fraction of the error shows that the single-precision factor is useless."""
 
 
 class Factor:
-    """PARDISO for one sparsity in one precision: AMD ordering; phase 11 once, then 22 and 33."""
+    """PARDISO for one sparsity pattern in one precision: AMD ordering; phase 11 once, then 22 and 33."""
 
     def __init__(self, pattern: Pattern, threads: int, kind: type[np.floating]) -> None:
         self._library = load_library()
@@ -36,41 +38,42 @@ class Factor:
         integer = self._library.integer
         self._handle = np.zeros(64, np.int64)
         self._settings = np.zeros(64, integer)
-        self._settings[0] = 1  # all of them are given: zeros are no defaults
+        self._settings[0] = 1  # all settings are given: zeros are not defaults
         self._settings[1] = 0  # minimum degree: 10 % faster than nested dissection at these sizes
         self._settings[27] = int(kind is np.float32)
         self._permutation = np.zeros(1, integer)
         self._kind = kind
         self._pattern = pattern
         indptr, indices = pattern.scalar
-        self._indptr, self._indices = (array.astype(integer) + 1 for array in (indptr, indices))  # it counts from one
+        # PARDISO counts from one
+        self._indptr, self._indices = (array.astype(integer) + 1 for array in (indptr, indices))
         self._data: NDArray[Any] = np.zeros(len(indices), kind)
         self._data[indptr[:-1]] = 1.0
-        self._no_side = np.zeros(3 * pattern.n_vertices, kind)
-        self._always = self._arguments()
-        self._call(ANALYSIS, self._no_side)
+        self._no_right_side = np.zeros(3 * pattern.n_vertices, kind)
+        self._fixed_arguments = self._arguments()
+        self._call(ANALYSIS, self._no_right_side)
 
     def factorise(self, data: Floats) -> None:
-        """The matrix of `data`; NotPositiveDefiniteError."""
+        """Factorise the matrix of `data`; NotPositiveDefiniteError where it is not positive definite or overflows."""
         self._pattern.write_entries(data, self._data)
         if not np.isfinite(self._data).all():
             raise NotPositiveDefiniteError  # too large for single precision
-        self._call(FACTORISATION, self._no_side)
+        self._call(FACTORISATION, self._no_right_side)
 
     def back_solve(self, b: Floats) -> Floats:
-        """x of the matrix last factorised; what single precision cannot hold comes back as inf or NaN."""
+        """Solve with the matrix last factorised; numbers that overflow single precision come back as inf or NaN."""
         largest = max(float(b.max(initial=0.0)), -float(b.min(initial=0.0)))
         scale = math.ldexp(1.0, math.frexp(largest)[1] - 1)  # a power of two: no rounding, and no underflow
         scaled = np.divide(b, scale, out=np.empty(len(b), self._kind), casting="same_kind")
         return np.multiply(self._call(SOLUTION, scaled), scale, dtype=np.float64)
 
     def _arguments(self) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
-        """What MKL is told before the phase and after it, always the same: made anew, it took .2 ms of each call."""
-        one, kind, size, silent = map(self._integer, (1, SYMMETRIC_POSITIVE, len(self._no_side), 0))
+        """Arguments of the MKL call before and after the phase: built once, as that took .2 ms of each call."""
+        one, kind, size, silent = map(self._integer, (1, SYMMETRIC_POSITIVE, len(self._no_right_side), 0))
         before = (
             _address(self._handle),
-            one,  # as many factors as are kept
-            one,  # the one that is used
+            one,  # maximum number of factors
+            one,  # number of the factor in use
             kind,
         )
         after = (
@@ -92,7 +95,7 @@ class Factor:
     def _call(self, phase: int, b: NDArray[Any]) -> NDArray[Any]:
         x, error = np.empty_like(b), np.zeros(1, self._library.integer)
         self._library.set_threads(self.threads)  # of the process: another factor may have set its own
-        before, after = self._always
+        before, after = self._fixed_arguments
         self._library.pardiso(*before, self._integer(phase), *after, _address(b), _address(x), _address(error))
         code = int(error[0])
         if code == NOT_POSITIVE:
@@ -102,9 +105,9 @@ class Factor:
         return x
 
     def close(self) -> None:
-        """Give back MKL's memory; the factor is of no use after. The end of the process does it too."""
+        """Free MKL's memory; the factor is unusable afterwards. The end of the process frees it too."""
         if not sys.is_finalizing() and self._handle.any():
-            self._call(RELEASE, self._no_side)
+            self._call(RELEASE, self._no_right_side)
             self._handle[:] = 0
 
     def __del__(self) -> None:
@@ -113,7 +116,7 @@ class Factor:
 
 
 class Pardiso(LinearSolver):
-    """In double precision."""
+    """PARDISO in double precision."""
 
     name = "pardiso"
 
@@ -123,21 +126,22 @@ class Pardiso(LinearSolver):
         self.threads = self._factor.threads
 
     def factorise(self, data: Floats) -> None:
-        """Phase 22."""
+        """Numeric factorisation (phase 22)."""
         self._factor.factorise(data)
 
     def back_solve(self, b: Floats) -> Floats:
-        """Phase 33."""
+        """Forward and backward substitution (phase 33)."""
         return self._factor.back_solve(b)
 
 
 class Mixed(LinearSolver):
-    """A factor in single precision, refined in double; where it does not do, one in double.
+    """Single-precision factor with iterative refinement in double; a double-precision factor where that fails.
 
     A factor in single costs .55 of one in double, a back-solve .42 (10,201 vertices). Of its error in the norm of the
     matrix, |x - A^-1 b|_A, a refinement x + M (b - A x) leaves some 1e-4 (Higham 2002, "Accuracy and Stability of
-    Numerical Algorithms", section 12.1); where it leaves more than SLOWEST, or the factor is not positive, the matrix
-    is too ill-conditioned for single precision: the double one is made then, and for all matrices until `restart`.
+    Numerical Algorithms", section 12.1). Where it leaves more than MAX_CONTRACTION, or the factor is not positive
+    definite, the matrix is too ill-conditioned for single precision: it is factorised in double, and so are all
+    matrices until `restart`.
     """
 
     name = "mixed"
@@ -152,19 +156,19 @@ class Mixed(LinearSolver):
         self.restart()
 
     def restart(self) -> None:
-        """Trust single precision anew."""
+        """Try single precision again."""
         self._factor = self._single
 
     def factorise(self, data: Floats) -> None:
-        """In single precision, or in double where that was needed since `restart`."""
+        """Factorise in single precision, or in double where that was needed since `restart`."""
         self._factor.factorise(data)
 
     def back_solve(self, b: Floats) -> Floats:
-        """By the factor, whichever it is."""
+        """Forward and backward substitution with the current factor."""
         return self._factor.back_solve(b)
 
     def solve(self, data: Floats, b: Floats, accuracy: float = EXACT) -> Floats:
-        """x with |x - A^-1 b|_A <= accuracy |A^-1 b|_A, as far as the factor itself can tell."""
+        """Factorise and solve to |x - A^-1 b|_A <= accuracy |A^-1 b|_A, as estimated by the factor itself."""
         if self._factor is self._single:
             try:
                 self._factor.factorise(data)
@@ -179,7 +183,7 @@ class Mixed(LinearSolver):
         return super().solve(data, b)
 
     def _refined(self, data: Floats, b: Floats, accuracy: float) -> Floats | None:
-        """The solution; None where a refinement leaves more than SLOWEST, or what is not finite."""
+        """Refined solution; None where refinement converges more slowly than MAX_CONTRACTION, or is not finite."""
         times = self._pattern.times(data)
         x = self._single.back_solve(b)
         error = whole = float(b @ x)
@@ -199,10 +203,10 @@ def _failure(code: int, rows: int) -> ClothsimError:
     if code == NO_MEMORY:
         return ClothsimError(
             f"There is not enough memory to factorise the Newton matrix of {rows // 3:,} vertices.",
-            "Take fewer cells, or close what else needs memory.",
+            "Take fewer cells, or close other programs.",
         )
     return ClothsimError(
-        f"PARDISO gave up the Newton matrix of {rows // 3:,} vertices with its error {code}.",
+        f"PARDISO failed on the Newton matrix of {rows // 3:,} vertices with its error {code}.",
         'Try solver.linear = "superlu".',
     )
 

@@ -1,4 +1,4 @@
-"""E(x) = sum of energies, bound to a step."""
+"""Incremental potential E(x): the sum of the energies, bound to a step."""
 
 # mypy: disable-error-code="type-abstract"
 # (an abstract protocol is asked for by isinstance, never made)
@@ -34,9 +34,17 @@ P = TypeVar("P")
 
 @dataclass(frozen=True)
 class Potential:
-    """The named energies of a scene and the timers that counts their calls.
+    """Sum of named energies, timed call by call.
 
-    Those that are idle in this step keep their place but are not called: what the others give has the same bits.
+    Energies that are idle in a step keep their position in the sum but are not called; the sum of the others has the
+    same bits.
+
+    Parameters
+    ----------
+    energies : mapping
+        Energies by name, in the order of summation.
+    timers : Timers
+        Timers and counters of their calls.
     """
 
     energies: Mapping[str, Energy]
@@ -45,7 +53,7 @@ class Potential:
     _gradients: Memo[Floats] = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     def begin(self, step: Step) -> Self:
-        """Bound to the step: first the energies that stand alone, then those that need the others' gradient."""
+        """Bind to a step: first the energies that stand alone, then those that need the others' gradient."""
         bound: dict[str, Energy] = {}
         gradient = np.zeros_like(step.positions)
         slower = 1.0 if step.contact_time_scale is None else step.past.dt / step.contact_time_scale
@@ -55,8 +63,8 @@ class Potential:
                     bound[name] = energy.begin(step)
                     if is_idle(bound[name]):
                         continue
-                    pull = bound[name].gradient(step.positions)
-                    gradient += slower * pull if energy.incremental else pull  # momentum m v / dt in contact's own time
+                    part = bound[name].gradient(step.positions)
+                    gradient += slower * part if energy.incremental else part  # momentum over contact's time scale
         for name, energy in self.energies.items():
             if energy.begins_last:
                 with self.timers.effect(name, ""):
@@ -70,12 +78,12 @@ class Potential:
 
     @cached_property
     def acting(self) -> Mapping[str, Energy]:
-        """The energies that have something to do in this step."""
+        """Energies that are not idle in this step."""
         return {name: energy for name, energy in self.energies.items() if not is_idle(energy)}
 
     @property
     def lagging(self) -> Mapping[str, Energy]:
-        """Those of them for which a step is solved more than once."""
+        """Acting energies for which a step is solved more than once (lagged friction)."""
         return {name: energy for name, energy in self.acting.items() if lag_iterations([energy]) > 1}
 
     @property
@@ -96,11 +104,11 @@ class Potential:
         return replace(self, energies={name: restricted(energy, moving, x) for name, energy in self.energies.items()})
 
     def value(self, x: Floats) -> float:
-        """E(x) [J]; +inf where any energy refuses x."""
+        """Return E(x) [J]; +inf where an energy is not defined at x."""
         return sum(self.values(x))
 
     def values(self, x: Floats) -> tuple[float, ...]:
-        """The energies one by one [J]; they end at the first that refuses x, with +inf."""
+        """Return the energies one by one [J]; they end at the first that is not defined at x, with +inf."""
         return self._values.at(x, self._evaluated)
 
     def _evaluated(self, x: Floats) -> tuple[float, ...]:
@@ -113,7 +121,7 @@ class Potential:
         return tuple(values)
 
     def gradient(self, x: Floats) -> Floats:
-        """dE/dx, (N, 3) [N]."""
+        """Return dE/dx, (N, 3) [N]."""
         return self._gradients.at(x, self._derived).copy()
 
     def _derived(self, x: Floats) -> Floats:
@@ -124,15 +132,15 @@ class Potential:
         return total
 
     def hessians(self, x: Floats) -> "list[ByElement | sparse.csr_array]":
-        """The projected Hessian of each energy that acts [N/m], in the order of the energies."""
+        """Return the projected Hessian of each acting energy [N/m], in their order."""
         return [self._hessian(name, x, True) for name in self.acting]
 
     def exact_hessians(
         self, x: Floats, projected: "list[ByElement | sparse.csr_array] | None" = None
     ) -> "list[ByElement | sparse.csr_array]":
-        """The exact Hessian of each energy that acts [N/m], or the projected one where that serves (friction).
+        """Return the exact Hessian of each acting energy [N/m], or the projected one for Newton (friction).
 
-        projected: what `hessians` gave at x, if it is known.
+        projected: the result of `hessians` at x, if it is known.
         """
         known = projected or [None] * len(self.acting)
         return [
@@ -144,23 +152,23 @@ class Potential:
         with self.timers.effect(name, "hessians") as account:
             hessian = self.energies[name].hessian(x, project)
             account.hessian_nonzeros = int(hessian.nnz)
-        return replace(hessian, fill=self._booked(name, hessian.fill)) if isinstance(hessian, LanesHessian) else hessian
+        return replace(hessian, fill=self._timed(name, hessian.fill)) if isinstance(hessian, LanesHessian) else hessian
 
-    def _booked(self, name: str, fill: Callable[[Floats, int], None]) -> Callable[[Floats, int], None]:
-        """`fill` of a Hessian, on the account of its energy."""
+    def _timed(self, name: str, fill: Callable[[Floats, int], None]) -> Callable[[Floats, int], None]:
+        """`fill` of a Hessian, timed as work of its energy."""
 
-        def booked(lanes: Floats, first: int) -> None:
+        def timed(lanes: Floats, first: int) -> None:
             with self.timers.effect(name, ""):
                 fill(lanes, first)
 
-        return booked
+        return timed
 
     def couplings(self, x: Floats, dx: Floats) -> list[Ints]:
-        """Rows (m, k) that contact may couple on the way x -> x + dx, energy by energy; none where there is none."""
+        """Return rows (m, k) that contact may couple along x -> x + dx, energy by energy."""
         return [energy.couplings(x, dx) for energy in self._acting_as(Coupling)]
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
-        """The smallest of the energies' step limits, in [0, 1]: each is told what those before it allow."""
+        """Return the smallest step limit of the energies, in [0, 1]; each starts from the limit of those before it."""
         limit = 1.0
         for name, energy in self.acting.items():
             if type(energy).step_limit is not Energy.step_limit:  # an account for those alone that limit
@@ -169,32 +177,32 @@ class Potential:
         return limit
 
     def minimum_gap(self, x: Floats) -> float:
-        """The smallest distance that any energy keeps [m], inf where none keeps one."""
+        """Return the smallest gap of all contact energies [m], inf without contact."""
         return min((energy.minimum_gap(x) for energy in self._acting_as(ContactGap)), default=np.inf)
 
     def gap_change(self, x: Floats, dx: Floats) -> float:
-        """The largest share by which the step changes a distance that any energy keeps."""
+        """Return the largest relative change of a gap by the step dx."""
         return max((energy.gap_change(x, dx) for energy in self._acting_as(BarrierGap)), default=0.0)
 
     def _acting_as(self, protocol: type[P]) -> Iterator[P]:
-        """The acting energies with an optional protocol, each in turn on its account."""
+        """The acting energies with an optional protocol, each timed in turn."""
         for name, energy in self.acting.items():
             if isinstance(energy, protocol):
                 with self.timers.effect(name, ""):
                     yield energy
 
     def memory(self) -> dict[str, float | Floats]:
-        """What the energies remember of the step, of those that remember something."""
+        """Return what the energies carry over to the next step, of those that carry over anything."""
         return {name: energy.carry_over for name, energy in self.energies.items() if isinstance(energy, History)}
 
     def effect_counters(self) -> dict[str, dict[str, Any]]:
-        """The receipt of each effect: the fields of `EffectCounters`."""
+        """Return the counters of each effect: {name: fields of `EffectCounters`}."""
         effect_counters = {}
         for name, energy in self.energies.items():
             account = asdict(self.timers.effects[name])
             for key, count in report_of(energy).counts().items():
                 if key == "pairs":
-                    account[key] = count or account[key]  # what is lagged is known to the bound energy alone
+                    account[key] = count or account[key]  # only the bound energy knows its lagged pairs
                 elif key in account:
                     account[key] += count
                 else:

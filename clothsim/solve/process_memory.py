@@ -1,4 +1,4 @@
-"""The memory of the process: freed memory kept, the most that it ever had, and what one object holds of it."""
+"""Process memory: allocator settings, the peak, and the bytes of one object."""
 
 import ctypes
 import sys
@@ -11,11 +11,11 @@ LARGEST_KEPT = 1 << 30
 
 
 def keep_freed_memory() -> bool:
-    """Tell glibc's malloc to keep what is freed instead of handing it back; True where it took the advice.
+    """Set glibc's malloc to keep freed memory instead of returning it to the kernel; True on success.
 
-    Every Newton iteration allocates the same element blocks anew. By default each goes back to the kernel when freed,
-    and every page faults again: 57,601 faults against 472 in 64 iterations at 32 x 32 cells, and half of the wall time
-    on a virtual machine. Elsewhere than on glibc nothing is done.
+    Every Newton iteration allocates the same element blocks again. By default each is returned when freed, and every
+    page faults again: 57,601 faults against 472 in 64 iterations at 32 x 32 cells, and half of the wall time on a
+    virtual machine. Without glibc nothing is done.
     """
     if not sys.platform.startswith("linux"):
         return False
@@ -27,7 +27,7 @@ def keep_freed_memory() -> bool:
 
 
 def peak_memory() -> int:
-    """The largest resident memory of this process so far [bytes]; 0 where the system does not tell."""
+    """Return the largest resident memory of this process so far [bytes]; 0 where the system has no such counter."""
     try:
         import resource
     except ImportError:  # Windows
@@ -37,13 +37,21 @@ def peak_memory() -> int:
 
 
 def held_bytes(thing: object, others: Iterable[object] = ()) -> int:
-    """The bytes of all arrays that an object holds, each once, without those that `others` hold too."""
+    """Sum the bytes of all arrays that an object refers to, each counted once.
+
+    Parameters
+    ----------
+    thing : object
+        Visited through its fields, mappings and sequences.
+    others : iterable
+        Objects whose arrays are not counted.
+    """
     known = set().union(*(_arrays(other) for other in others))
     return sum(size for owner, size in _arrays(thing).items() if owner not in known)
 
 
 def _arrays(thing: object) -> dict[int, int]:
-    """{identity of the memory: bytes} of the arrays that are reached through fields, tables and sequences."""
+    """{identity of the memory: bytes} of the arrays reachable through fields, mappings and sequences."""
     found: dict[int, int] = {}
     seen: set[int] = set()
     todo = [thing]
@@ -53,7 +61,7 @@ def _arrays(thing: object) -> dict[int, int]:
             continue
         seen.add(id(one))
         if isinstance(one, np.ndarray):
-            while isinstance(one.base, np.ndarray):  # a view holds what it is a view of
+            while isinstance(one.base, np.ndarray):  # a view keeps its base alive
                 one = one.base
             found[id(one)] = one.nbytes
         elif isinstance(one, Mapping):

@@ -1,7 +1,7 @@
-"""The fixed sparsity of the Newton matrix, and assembly straight into it.
+"""Sparsity pattern of the Newton matrix, and assembly of element blocks into it.
 
-The matrix is stored as the upper triangle of a symmetric one in blocks of 3x3. Energies hand over element blocks; each
-(element, corner, corner) is looked up once, when an element list is new (`block_offsets`).
+The matrix is stored as the upper triangle of a symmetric one in blocks of 3x3. Energies return element blocks; the
+offset of each (element, corner, corner) is looked up once, when an element list is new (`block_offsets`).
 """
 
 from collections.abc import Callable
@@ -19,15 +19,23 @@ from clothsim.jit import LANES, kernel, natural
 from clothsim.solve import assembly
 
 Hessian: TypeAlias = ByElement | sparse.csr_array
-"""What an energy hands over: blocks, squares or lanes of elements, or (by ipctk) a matrix."""
+"""Hessian of an energy: blocks, low-rank factors or lanes by element, or (from ipctk) a sparse matrix."""
 
 
 @dataclass(frozen=True)
 class Pattern:
     """Upper triangle of a symmetric matrix over n vertices, in b blocks of 3x3.
 
-    starts (n + 1,), columns (b,): the blocks, the diagonal first in each row. The data of a matrix are the (9 b,)
-    numbers of its blocks, each row by row; those on the diagonal are whole.
+    The data of a matrix are the (9 b,) numbers of its blocks, each row by row; diagonal blocks are stored whole.
+
+    Parameters
+    ----------
+    n_vertices : int
+        Number of block rows n.
+    starts : (n + 1,) int64
+        First block of each row; the diagonal block comes first.
+    columns : (b,) int64
+        Block columns, ascending in a row.
     """
 
     n_vertices: int
@@ -36,7 +44,7 @@ class Pattern:
 
     @property
     def nonzeros(self) -> int:
-        """Numbers in the upper triangle."""
+        """Number of scalars in the upper triangle."""
         return 9 * len(self.columns) - 3 * self.n_vertices
 
     @cached_property
@@ -49,19 +57,31 @@ class Pattern:
         return indptr, indices
 
     def write_entries(self, data: Floats, entries: NDArray[Any]) -> None:
-        """`data` in the order of the scalar upper triangle; what `entries` cannot hold becomes inf."""
+        """Write `data` in the order of the scalar upper triangle; overflow gives inf."""
         _write_entries(entries, self.starts, data)
 
     def block_offsets(self, elements: Ints) -> NDArray[np.int32]:
-        """Block offsets of the `elements (m, k)`, (m, k (k + 1) / 2): see `assembly.block_offsets`."""
+        """Return the block offsets of `elements (m, k)`, (m, k (k + 1) / 2): see `assembly.block_offsets`."""
         return assembly.block_offsets(self.starts, self.columns, elements)
 
     def assemble(
         self, hessians: list[Hessian], block_offsets: Callable[[Ints], NDArray[np.int32]] | None = None
     ) -> tuple[Floats, int]:
-        """The sum of the Hessians as data, and how many blocks do not fit.
+        """Sum Hessians into data of this pattern; rows beyond n_vertices are dropped.
 
-        Rows beyond n_vertices are dropped. places: `self.block_offsets`, or what remembers it.
+        Parameters
+        ----------
+        hessians : list
+            Hessians over all rows of x [N/m].
+        block_offsets : callable, optional
+            Replacement of `self.block_offsets`, such as a cache of it.
+
+        Returns
+        -------
+        data : (9 b,) float64
+            Sum of the blocks inside the pattern.
+        outside : int
+            Number of blocks outside the pattern.
         """
         data = np.zeros(9 * len(self.columns))
         outside = 0
@@ -76,13 +96,13 @@ class Pattern:
         return data, outside
 
     def subpattern(self, rows: Ints) -> "Pattern":
-        """The pattern of the blocks between these `rows (k,)`, ascending, numbered by their place among them."""
+        """Return the pattern of the blocks between `rows (k,)`, ascending, renumbered 0..k-1."""
         numbers = np.full(self.n_vertices, -1)
         numbers[rows] = np.arange(len(rows))
         return Pattern(len(rows), *_among(self.starts, self.columns, rows, numbers))
 
     def restricted(self, data: Floats, whole: "Pattern") -> Floats:
-        """Of the `data` of a pattern that holds all blocks of this one, those: all others are left out."""
+        """Return the blocks of this pattern out of the `data` of a pattern that contains it."""
         restricted = np.zeros(9 * len(self.columns))
         _copy_own(restricted, self.starts, self.columns, data, whole.starts, whole.columns)
         return restricted
@@ -94,27 +114,27 @@ class Pattern:
         )
 
     def upper(self, data: Floats) -> sparse.csr_matrix:
-        """The upper triangle as a scipy matrix."""
+        """Return the upper triangle as a scipy matrix."""
         (indptr, indices), size = self.scalar, 3 * self.n_vertices
         entries = np.empty(len(indices))
         self.write_entries(data, entries)
         return sparse.csr_matrix((entries, indices, indptr), shape=(size, size))
 
     def times(self, data: Floats) -> Callable[[Floats], Floats]:
-        """v -> A v for the matrix of `data`."""
+        """Return v -> A v for the matrix of `data`."""
         return lambda v: _times(data, self.starts, self.columns, v)
 
     def fix(self, data: Floats, fixed: np.ndarray) -> None:
-        """Cut the rows and columns of `fixed` vertices ((n,) booleans) out of `data` in place; 1 on their diagonal."""
+        """Set the rows and columns of `fixed` vertices ((n,) bool) to those of the identity, in place (Dirichlet)."""
         if fixed.any():
             _fix(data, self.starts, self.columns, fixed)
 
     def diagonal(self, data: Floats) -> Floats:
-        """The diagonal, (3 n,)."""
+        """Return the diagonal, (3 n,)."""
         return data[self._on_diagonal]
 
     def shift(self, data: Floats, amount: Floats | float) -> Floats:
-        """A copy of `data` with `amount`, one for all or (3 n,), added to the diagonal."""
+        """Return a copy of `data` with `amount`, one for all or (3 n,), added to the diagonal."""
         shifted = data.copy()
         shifted[self._on_diagonal] += amount
         return shifted
@@ -125,7 +145,7 @@ class Pattern:
 
 
 def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
-    """Adds the blocks of a Hessian to `data` and returns how many have no place."""
+    """Add the blocks of a Hessian to `data`; return the number of blocks outside the pattern."""
     if isinstance(hessian, LowRankHessian):
         return assembly.add_low_rank(data, at, hessian.first, hessian.count, hessian.factors)
     if isinstance(hessian, ElementHessian):
@@ -140,9 +160,9 @@ def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
 
 
 def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Hessian]) -> Pattern:
-    """The pattern of all element lists among `hessians`, of the cloth's `triangles (m, 3)`, and the diagonal.
+    """Make the pattern of the diagonal, of the cloth's `triangles (m, 3)` and of all element lists of `hessians`.
 
-    The triangles are in it whether or not they are elastic: contact couples the corners of the one that it touches.
+    The triangles are included whether or not a membrane acts: contact couples the corners of a triangle.
     """
     diagonal = np.arange(n_vertices)[:, None]
     elements = [hessian.elements for hessian in hessians if isinstance(hessian, ByElement)]
@@ -150,7 +170,7 @@ def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Hessian]) -> P
 
 
 def extended(pattern: Pattern, elements: list[Ints]) -> Pattern:
-    """The pattern with the blocks of more `elements`, each (m, k); the same object where it holds them all."""
+    """Return the pattern with the blocks of more `elements`, each (m, k); the same object where none is new."""
     n = pattern.n_vertices
     missing = [_missing(pattern.starts, pattern.columns, rows) for rows in elements if len(rows)]
     added = np.sort(np.concatenate([np.zeros(0, np.int64), *missing]))
@@ -162,7 +182,7 @@ def extended(pattern: Pattern, elements: list[Ints]) -> Pattern:
 
 
 def couplings(hessian: Hessian) -> Ints:
-    """The rows of x that a Hessian couples, (m, k)."""
+    """Return the rows of x that a Hessian couples, (m, k)."""
     if isinstance(hessian, ByElement):
         return hessian.elements
     entries = hessian.tocoo()
@@ -188,7 +208,7 @@ def _pattern(n: int, keys: Ints) -> Pattern:
 
 
 def times(hessians: list[Hessian], vector: Floats) -> Floats:
-    """(sum of Hessians) vector, (N, 3), over all rows: also those of bodies and ghosts."""
+    """Return (sum of Hessians) vector, (N, 3), over all rows: also those of bodies and ghosts."""
     product = np.zeros_like(vector)
     for hessian in hessians:
         if isinstance(hessian, ByElement):
@@ -201,7 +221,7 @@ def times(hessians: list[Hessian], vector: Floats) -> Floats:
 
 @kernel
 def _missing(starts, columns, elements):
-    """row n + column of each block of the upper triangle that `elements (m, k)` couple and the pattern has not."""
+    """row n + column of each block of the upper triangle that `elements (m, k)` couple and the pattern lacks."""
     n = len(starts) - 1
     count, corners = elements.shape
     found = np.empty(count * (corners * (corners - 1)) // 2, np.int64)
@@ -218,7 +238,7 @@ def _missing(starts, columns, elements):
 
 @kernel
 def _among(starts, columns, rows, numbers):
-    """starts and columns of the blocks between `rows`; numbers (n,): the place of each row among them, or -1."""
+    """starts and columns of the blocks between `rows`; numbers (n,): the new number of each row, or -1."""
     size = 0
     for row in rows:
         for k in range(starts[row], starts[row + 1]):
@@ -259,7 +279,7 @@ def _fill_indices(indices, indptr, starts, columns):
 
 @kernel
 def _write_entries(entries, starts, data):
-    """The diagonal's blocks give their upper triangle, the others all: row by row of the scalar matrix."""
+    """Write the upper triangles of diagonal blocks and all of the others, row by row of the scalar matrix."""
     at = 0
     for i in range(len(starts) - 1):
         for p in range(3):
@@ -275,7 +295,7 @@ def _write_entries(entries, starts, data):
 
 @kernel
 def _times(data, starts, columns, v):
-    """A v, each block of the upper triangle read once, for itself and for its transpose."""
+    """A v; each block of the upper triangle is read once, for itself and for its transpose."""
     product = np.zeros_like(v)
     for i in range(len(starts) - 1):
         x, y, z = v[3 * i], v[3 * i + 1], v[3 * i + 2]

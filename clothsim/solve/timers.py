@@ -1,4 +1,4 @@
-"""The receipt: what each effect and each phase of a step was called for, and how long it took."""
+"""Timers and counters of each effect and of each phase of a step."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,10 +8,24 @@ from time import perf_counter
 
 @dataclass
 class EffectCounters:
-    """Counters of one effect. seconds: all of its time; parts: those of them that went into named searches.
+    """Counters of one effect.
 
-    pairs: how many it acts on now; hessian_nonzeros: numbers in the Hessian that it handed over last. steps: how often
-    it was bound to a step, a try that failed too; idle_steps: in how many of them it had nothing to do at the start.
+    Parameters
+    ----------
+    seconds : float
+        All of its time.
+    evaluations, gradients, hessians, ccd_calls : int
+        Calls.
+    pairs : int
+        Contact pairs in the current step.
+    hessian_nonzeros : int
+        Numbers in its last Hessian.
+    steps : int
+        Calls of `begin`, failed tries of a step included.
+    idle_steps : int
+        Those of them in which it had nothing to do.
+    parts : dict
+        Seconds of named searches, included in `seconds`.
     """
 
     seconds: float = 0.0
@@ -27,7 +41,7 @@ class EffectCounters:
 
 
 class _Call:
-    """One call of an effect, timed inside `with`: at 60 an iteration a generator made into a context tells."""
+    """Timer of one effect call; a class, as a generator-based context manager is too slow for 60 calls an iteration."""
 
     __slots__ = ("account", "counter", "start", "timers")
 
@@ -47,19 +61,19 @@ class _Call:
 
 @dataclass
 class Timers:
-    """Accounts by name. `effects`: what the scene named; `phases`: assembly, linear solve, ...; both in seconds.
+    """Timers by name. `effects`: those that the scene names; `phases`: assembly, linear solve, ... [s].
 
-    Every second is booked once: a phase that calls effects (the line search) is charged for what it does itself, so
-    effects and phases add up to the time measured. It only counts: nothing computed may depend on it.
+    Every second is counted once: a phase that calls effects (the line search) is charged its own time only, so effects
+    and phases add up to the time measured. No computed number depends on them.
     """
 
     effects: dict[str, EffectCounters] = field(default_factory=dict)
     phases: dict[str, float] = field(default_factory=dict)
     linear_solves: int = 0
     elimination_seconds: float = 0.0
-    """Seconds spent on regions; they are in the accounts, too."""
+    """Seconds spent on nonlinear elimination; they are counted under effects and phases too."""
     _inside: list[float] = field(default_factory=list, repr=False)
-    """For each open measurement the seconds that others inside it have booked."""
+    """For each open measurement the seconds that nested ones have been charged."""
 
     def effect(self, name: str, counter: str) -> "_Call":
         """Time one call of an effect and count it under `counter`."""
@@ -79,7 +93,7 @@ class Timers:
 
     @contextmanager
     def patch(self) -> Iterator[None]:
-        """Time a solve of a region: once more, beside what its parts book."""
+        """Time a solve on a patch, beside its effects and phases."""
         start = perf_counter()
         yield
         self.elimination_seconds += perf_counter() - start
@@ -89,7 +103,7 @@ class Timers:
         return perf_counter()
 
     def _close(self, start: float) -> float:
-        """The seconds since `start`, less those that were booked inside."""
+        """Seconds since `start`, less those charged to nested measurements."""
         elapsed = perf_counter() - start
         own = elapsed - self._inside.pop()
         if self._inside:

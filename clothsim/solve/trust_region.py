@@ -1,18 +1,27 @@
-"""How far the exact Hessian is trusted from one Newton iteration to the next."""
+"""Trust region of the exact Hessian: its radius, and when the projected Hessian is used instead."""
 
 from dataclasses import dataclass, replace
 
 MIN_RADIUS, MAX_RADIUS = 3.0, 1000.0
-"""The radius, in lengths of the projected Hessian's step. A nearly flat valley says little about its far end, so it
-starts small; through a long curved one it must grow, or each iteration goes three steps of a thousand (a sheet squeezed
-to a millionth: 4,771 iterations with the radius held at 3, 329 with one that grows, and never more elsewhere)."""
+"""The radius, in lengths of the projected Hessian's step. A nearly flat valley gives little information about its far
+end, so it starts small; along a long curved one it must grow, or each iteration takes three steps of a thousand (a
+sheet squeezed to a millionth: 4,771 iterations with the radius fixed at 3, 329 with one that grows, and never more
+elsewhere).
+"""
 
 
 @dataclass(frozen=True)
 class Trust:
-    """radius: how many times longer than the projected Hessian's step a step of negative curvature may be.
+    """State of the trust region.
 
-    projected: for so many iterations the projected Hessian is used alone; pause: the next such number.
+    Parameters
+    ----------
+    radius : float
+        Bound on a step of negative curvature, in lengths of the projected Hessian's step.
+    projected : int
+        Number of coming iterations that use the projected Hessian alone.
+    pause : int
+        Length of the next such pause.
     """
 
     radius: float = MIN_RADIUS
@@ -21,14 +30,15 @@ class Trust:
 
     @property
     def exact(self) -> bool:
-        """Whether the next step is the exact Hessian's."""
+        """True where the next step uses the exact Hessian."""
         return self.projected == 0
 
     def after(self, fraction: float, negative_curvature: bool, noise: bool) -> "Trust":
-        """After a step of which the line search took `fraction`; bends: it ended on the radius; noise: at round-off.
+        """Return the state after a step of which the line search took `fraction`.
 
-        At round-off the exact Hessian curves down for nothing, and its long steps cycle; the projected one alone may
-        crawl. So the exact one rests for a pause that doubles.
+        negative_curvature: the step ended on the radius; noise: it was at the round-off of E, where the exact Hessian
+        shows spurious negative curvature and its long steps cycle, while the projected one alone may crawl. So the
+        exact one pauses for a number of iterations that doubles.
         """
         if noise:
             return Trust(MIN_RADIUS, 2 * self.pause, 2 * self.pause)
@@ -39,7 +49,7 @@ class Trust:
 
 
 PROJECTED = Trust()
-"""As at the start of a solve: not at all."""
+"""State at the start of a solve: projected Hessian first."""
 
 TRUSTED = Trust(projected=0)
-"""From the first step, where a solve begins near its end."""
+"""State that uses the exact Hessian from the first step, where a solve starts near its minimiser."""

@@ -54,7 +54,7 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "mixed winding": (
         obj_text(flat([*SQUARE, (2, 0), (2, 1)]), [*HALVES, (1, 4, 2), (2, 5, 4)]),
-        ("wound against", "triangle 3"),
+        ("winding inconsistent", "triangle 3"),
     ),
     "triangle soup": (obj_text(flat([*SQUARE[:3], *SQUARE[:1], *SQUARE[2:]]), [(0, 1, 2), (3, 4, 5)]), ("soup",)),
 }

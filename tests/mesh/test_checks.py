@@ -5,7 +5,7 @@ import pytest
 from meshes import grid, irregular_grid
 
 from clothsim.errors import InputError
-from clothsim.mesh.checks import Report, examine, refuse, some
+from clothsim.mesh.checks import Report, examine, index_text, refuse
 from clothsim.mesh.generators.sheets import rectangle, tube
 
 NX = 6
@@ -264,7 +264,7 @@ def test_of_two_pieces_the_smaller_part_of_each_is_turned():
 
 
 def test_indices_in_words():
-    assert some("triangle", np.array([4])) == "triangle 4"
-    assert some("vertex", np.array([4, 7])) == "vertices 4 and 7"
-    assert some("edge", np.array([[4, 7], [1, 2]])) == "edges 4-7 and 1-2"
-    assert some("vertex", np.arange(9)) == "vertices 0, 1, 2, 3, 4 ... (9 in all)"
+    assert index_text("triangle", np.array([4])) == "triangle 4"
+    assert index_text("vertex", np.array([4, 7])) == "vertices 4 and 7"
+    assert index_text("edge", np.array([[4, 7], [1, 2]])) == "edges 4-7 and 1-2"
+    assert index_text("vertex", np.arange(9)) == "vertices 0, 1, 2, 3, 4 ... (9 in all)"

@@ -7,15 +7,15 @@ from meshes import grid
 from clothsim.mesh.stitches import hinges_across, line_of, stitches
 
 
-def along(*places, first=0):
+def along(*parameters, first=0):
     """A line along x with vertices at these places."""
-    return line_of(first + np.arange(len(places)), np.array([[x, 0.0, 0.0] for x in places]))
+    return line_of(first + np.arange(len(parameters)), np.array([[x, 0.0, 0.0] for x in parameters]))
 
 
 def test_places_are_shares_of_the_length():
     corner = line_of(np.array([7, 3, 5]), np.array([[0.0, 0, 0], [3, 0, 0], [3, 1, 0]]))
     assert corner.vertices.tolist() == [7, 3, 5]
-    assert corner.places.tolist() == [0, 0.75, 1]
+    assert corner.parameters.tolist() == [0, 0.75, 1]
 
 
 @pytest.mark.parametrize("turned", [False, True])
@@ -28,10 +28,10 @@ def test_the_finer_line_meets_points_of_the_coarser(turned):
 
 def test_points_of_equal_shares_coincide_whatever_the_lengths():
     rng = np.random.default_rng(0)
-    places = np.sort(rng.random(9))
-    first, second = along(*places), along(*(5 + 3 * np.sort(rng.random(6))), first=9)
+    parameters = np.sort(rng.random(9))
+    first, second = along(*parameters), along(*(5 + 3 * np.sort(rng.random(6))), first=9)
     rows, weights = stitches(first, second)
-    share = np.concatenate([first.places, second.places])
+    share = np.concatenate([first.parameters, second.parameters])
     assert np.abs((weights * share[rows]).sum(axis=1)).max() < 1e-15
 
 

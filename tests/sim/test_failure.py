@@ -9,8 +9,10 @@ from clothsim import resume, simulate
 from clothsim.energies.pins import pins
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
+from clothsim.sim.failure import Cause
 from clothsim.sim.stepping import MOST_BLOCKED
 from clothsim.sim.vertex_names import simplex_name, vertex_name
+from clothsim.solve.outcome import Ending
 
 D_HAT = 0.01
 
@@ -49,9 +51,8 @@ def test_a_press_that_goes_past_the_table_fails_and_names_the_pinch(tmp_path):
     run = simulate(press(-0.01), tmp_path)
     failure = run.summary["failure"]
     assert run.status == "failed"
-    assert failure["cause"] == "blocked"
-    assert "press cannot go past" in run.reason
-    assert "cloth is pinched between press and table" in run.reason or "between table and press" in run.reason
+    assert failure["cause"] == Cause.BLOCKED
+    assert all(name in failure["sentence"] for name in ("cloth", "press", "table"))
     assert "of cloth and " in failure["element"]
     assert {"press", "table"} <= set(failure["remedy"].replace(",", " ").split())
     assert abs(failure["position"][2]) < 1e-6
@@ -63,9 +64,8 @@ def test_two_groups_of_pins_driven_into_one_another_are_infeasible_and_end_soon(
     run = simulate(edges_together(4.0), tmp_path)
     failure = run.summary["failure"]
     assert run.status == "failed"
-    assert failure["cause"] == "blocked"
-    assert f"{MOST_BLOCKED} tries with ever smaller dt" in run.reason
-    assert "it is infeasible" in run.reason
+    assert failure["cause"] == Cause.BLOCKED
+    assert f"{MOST_BLOCKED} tries" in run.reason
     assert "pins.group[0] and pins.group[1]" in failure["remedy"]
     assert abs(failure["position"][0]) < 0.01
     assert failure["dt"] > SOLVER["dt"] / 2**6
@@ -79,7 +79,7 @@ def test_pins_driven_into_a_body_name_both(tmp_path):
     assert failure["element"].startswith("vertex 12 of cloth (pins) and ")
     assert failure["element"].endswith(" of ball")
     assert failure["position"] == pytest.approx([0, 0, 0.3], abs=1e-6)
-    assert failure["remedy"] == "Shorten the motion of pins, or move ball out of its way."
+    assert {"pins", "ball"} <= set(failure["remedy"].replace(",", " ").split())
     assert failure["dt"] > SOLVER["dt"] / 2**6
     assert run.reason.startswith(f"At {failure['time']:.4g} s: {failure['sentence']}")
 
@@ -111,7 +111,7 @@ def test_newtons_ends_carry_the_vertex_by_its_name(tmp_path):
         solver=SOLVER | {"max_iterations": 1},
     )
     failure = simulate(scene, tmp_path).summary["failure"]
-    assert failure["cause"] == "iteration limit"
+    assert failure["cause"] == Cause.ITERATION_LIMIT
     assert failure["element"].split(" of ")[1] in ("a", "b")
     assert 0 <= int(failure["element"].split()[1]) < 25
     assert failure["element"] in failure["sentence"]
@@ -128,3 +128,8 @@ def test_rows_have_names():
     assert vertex_name(world, [held], 8) == "vertex 0 of floor"
     assert simplex_name(world, [held], np.array([10, 8, 9])) == "triangle 0 of floor"
     assert simplex_name(world, [held], np.array([4, 6])) == "edge 0-2 of b"
+
+
+def test_every_end_but_convergence_is_a_cause():
+    ends = {ending.name for ending in Ending if ending is not Ending.CONVERGED}
+    assert {cause.name for cause in Cause} == {*ends, Cause.INTERSECTION.name}

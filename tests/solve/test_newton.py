@@ -1,6 +1,5 @@
 """Newton: it finds minima, never climbs, shifts what is not positive definite, and every end has its name."""
 
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -260,27 +259,32 @@ def singular():
 
 
 ENDS = [
-    (iteration_limit, Ending.ITERATION_LIMIT, "1e-12 m/s in 2 iterations"),
-    (blocked, Ending.BLOCKED, r"vertex [02] cannot go past \(.*\) m"),
-    (no_room, Ending.NO_ROOM, r"vertex \d+ at \(.*\) m no room"),
-    (blocked_at_once, Ending.BLOCKED, "vertex 3 cannot"),
-    (line_search, Ending.LINE_SEARCH, "no lower energy"),
-    (not_finite, Ending.NOT_FINITE, r"vertex \d+ at"),
-    (singular, Ending.SINGULAR, "positive definite"),
+    (iteration_limit, Ending.ITERATION_LIMIT, None, {"tolerance", "limit", "speed"}),
+    (blocked, Ending.BLOCKED, {0, 2}, set()),
+    (no_room, Ending.NO_ROOM, None, {"fraction"}),
+    (blocked_at_once, Ending.BLOCKED, {3}, set()),
+    (line_search, Ending.LINE_SEARCH, None, {"speed"}),
+    (not_finite, Ending.NOT_FINITE, None, set()),
+    (singular, Ending.SINGULAR, {None}, set()),
 ]
 
 
-@pytest.mark.parametrize(("scene", "ending", "words"), ENDS, ids=lambda value: getattr(value, "__name__", None))
-def test_every_end_has_its_name_and_place(scene, ending, words):
+@pytest.mark.parametrize(
+    ("scene", "ending", "rows", "numbers"), ENDS, ids=lambda value: getattr(value, "__name__", None)
+)
+def test_every_end_has_its_name_and_place(scene, ending, rows, numbers):
     result = scene()
+    end = result.outcome
     assert result.outcome.ending is ending, result.outcome.sentence
     assert not result.outcome.converged
-    assert re.search(words, result.outcome.sentence)
+    assert end.row in (range(len(result.x)) if rows is None else rows)
+    assert (end.position is None) == (end.row is None)
+    assert set(end.numbers) == numbers
     assert np.isfinite(result.x).all()
 
 
 def test_no_end_was_forgotten():
-    assert {ending for _, ending, _ in ENDS} | {Ending.CONVERGED} == set(Ending)
+    assert {ending for _, ending, *_ in ENDS} | {Ending.CONVERGED} == set(Ending)
 
 
 def test_blocked_pins_stop_above_the_floor():
@@ -295,7 +299,7 @@ def test_every_sentence_can_be_filled(ending):
     assert "{" not in filled.sentence
     assert filled.sentence.endswith(".")
     assert ("vertex 4" in filled.sentence) == ("(12, 13, 14) m" in filled.sentence) == ("{who}" in ending.value)
-    assert filled.told("knee of trousers") == filled.sentence.replace("vertex 4", "knee of trousers")
+    assert filled.describe("knee of trousers") == filled.sentence.replace("vertex 4", "knee of trousers")
     assert filled.converged == (ending is Ending.CONVERGED)
 
 

@@ -1,4 +1,4 @@
-"""Checks of what a scene says about a generated mesh; each error names the key."""
+"""Checks of a mesh generator's arguments; each error names the key."""
 
 import operator
 from collections.abc import Sequence
@@ -8,18 +8,18 @@ from clothsim.errors import InputError
 
 
 def as_lengths(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:
-    """`count` lengths above zero [m]; InputError names the key and the entry."""
+    """Return `count` lengths above zero [m]; InputError names the key and the entry."""
     return tuple(as_positive(f"{name}[{k}]", value) for k, value in enumerate(_entries(name, values, count, "numbers")))
 
 
 def as_counts(name: str, values: Sequence[int], count: int, least: int = 1) -> tuple[int, ...]:
-    """`count` whole numbers from `least` to 4096; InputError names the key and the entry."""
+    """Return `count` whole numbers from `least` to 4096; InputError names the key and the entry."""
     entries = _entries(name, values, count, "whole numbers")
     return tuple(as_count(f"{name}[{k}]", value, least) for k, value in enumerate(entries))
 
 
 def as_count(name: str, value: int, least: int = 1, most: int = 4096) -> int:
-    """One whole number from `least` to `most`, so that no slip of a key fills the memory."""
+    """Return one whole number from `least` to `most`; the bound keeps a typing error from filling the memory."""
     try:
         number = operator.index(value)
     except TypeError as error:

@@ -1,4 +1,4 @@
-"""Generated closed bodies: centred on the origin, facing outward. See `generate` for what all generators share."""
+"""Generated closed bodies: centred on the origin, facing outward. See `table` for what all generators share."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,12 @@ from clothsim.mesh.topology import half_edges
 
 
 def sphere(radius: float = 0.3, subdivisions: int = 4) -> tuple[Floats, Ints]:
-    """An icosahedron cut in four `subdivisions` times: 20 4^s triangles, every corner at `radius` [m]."""
+    """Icosphere: an icosahedron refined `subdivisions` times, 20 4^s triangles, every vertex at `radius` [m].
+
+    >>> positions, triangles = sphere(radius=1.0, subdivisions=1)
+    >>> positions.shape, triangles.shape
+    ((42, 3), (80, 3))
+    """
     radius, subdivisions = as_positive("radius", radius), as_count("subdivisions", subdivisions, least=0, most=8)
     positions, triangles = _icosahedron()
     for _ in range(subdivisions):
@@ -21,16 +26,16 @@ def sphere(radius: float = 0.3, subdivisions: int = 4) -> tuple[Floats, Ints]:
 
 
 def slab(size: Sequence[float] = (1.0, 1.0, 0.1), cells: Sequence[int] = (1, 1, 1)) -> tuple[Floats, Ints]:
-    """A closed box of `size` (x, y, z) [m] with `cells` (x, y, z) along its edges."""
+    """Closed box of `size` (x, y, z) [m] with `cells` (x, y, z) along its edges."""
     lengths, counts = as_lengths("size", size, 3), as_counts("cells", cells, 3)
     numbers = tuple(n + 1 for n in counts)
     faces = []
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
         for side in (0, counts[axis]):
-            place = np.full(((counts[u] + 1) * (counts[v] + 1), 3), side)
-            place[:, [u, v]] = lattice_points(counts[u], counts[v])
-            corners = np.ravel_multi_index(tuple(place.T), numbers)[lattice_quads(counts[u], counts[v])]
+            lattice_point = np.full(((counts[u] + 1) * (counts[v] + 1), 3), side)
+            lattice_point[:, [u, v]] = lattice_points(counts[u], counts[v])
+            corners = np.ravel_multi_index(tuple(lattice_point.T), numbers)[lattice_quads(counts[u], counts[v])]
             triangles = cut_quads(corners, checkerboard(counts[u], counts[v]))
             faces.append(triangles if side else triangles[:, ::-1])
     used, renumbered = np.unique(np.concatenate(faces), return_inverse=True)
@@ -39,12 +44,15 @@ def slab(size: Sequence[float] = (1.0, 1.0, 0.1), cells: Sequence[int] = (1, 1, 
 
 
 def capsule(radius: float = 0.1, height: float = 0.5, segments: int = 32) -> tuple[Floats, Ints]:
-    """A cylinder along z with round ends: `height` [m] from tip to tip, `segments` triangles' edges around."""
+    """Cylinder along z with hemispherical ends: `height` [m] from tip to tip, `segments` edges around."""
     radius, height = as_positive("radius", radius), as_positive("height", height)
     segments = as_count("segments", segments, least=4)
     straight = height - 2 * radius
     if straight <= 0:
-        raise InputError(f"height must be above 2 radius = {2 * radius:g} m, not {height:g}.", "Or take a sphere.")
+        raise InputError(
+            f"height must be above 2 radius = {2 * radius:g} m, not {height:g}.",
+            'Increase the height, or use mesh = "sphere".',
+        )
     ring_radius, ring_height = _capsule_rings(radius, straight, segments)
     rings = len(ring_radius)
     column, row = lattice_points(segments - 1, rings - 1).astype(np.int64).T
@@ -62,7 +70,7 @@ def capsule(radius: float = 0.1, height: float = 0.5, segments: int = 32) -> tup
 
 
 def cone(radius: float = 0.1, height: float = 0.3, segments: int = 32) -> tuple[Floats, Ints]:
-    """A closed cone, tip up: `height` [m] over a base of `radius` [m] with `segments` edges; slender, a needle."""
+    """Closed cone, tip up: `height` [m] over a base of `radius` [m] with `segments` edges; slender, a needle."""
     radius, height = as_positive("radius", radius), as_positive("height", height)
     n = as_count("segments", segments, least=3)
     around, following = np.arange(n), np.roll(np.arange(n), -1)
@@ -74,7 +82,7 @@ def cone(radius: float = 0.1, height: float = 0.3, segments: int = 32) -> tuple[
 
 
 def _capsule_rings(radius: float, straight: float, segments: int) -> tuple[Floats, Floats]:
-    """Radius and height of the rings from below upwards, tips left out, evenly spaced along the profile."""
+    """Radius and height of the rings from below upwards, without the tips, evenly spaced along the profile."""
     quarter = max(2, segments // 4)
     latitude = 0.5 * np.pi * np.arange(1, quarter + 1) / quarter
     across, down = radius * np.sin(latitude), straight / 2 + radius * np.cos(latitude)
@@ -96,7 +104,7 @@ def _icosahedron() -> tuple[Floats, Ints]:
 
 
 def _cut_in_four(positions: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """Each triangle of a unit sphere cut at the middles of its edges, the middles pushed out to the sphere."""
+    """Each triangle of a unit sphere cut at the midpoints of its edges, which are projected to the sphere."""
     edges, number = np.unique(np.sort(half_edges(triangles), axis=1), axis=0, return_inverse=True)
     middles = positions[edges].sum(axis=1)
     middles /= np.linalg.norm(middles, axis=1)[:, None]

@@ -10,16 +10,36 @@ from clothsim.mesh.generators.argument_checks import as_count, as_counts, as_len
 from clothsim.mesh.generators.lattice import checkerboard, cut_quads, lattice_points, lattice_quads
 
 JITTER = 0.2
-"""Largest shift of an interior point of a "delaunay" rectangle, in cells: irregular, and still no sliver."""
+"""Largest shift of an interior point of a "delaunay" rectangle, in cells: irregular, without slivers."""
 
 
 def rectangle(
     size: Sequence[float] = (1.0, 1.0), cells: Sequence[int] = (40, 40), diagonals: str = "alternating"
 ) -> tuple[Floats, Ints]:
-    """A flat rectangle of `size` (x, y) [m] with `cells` (x, y).
+    """Flat rectangle centred on the origin, in z = 0.
 
-    diagonals: "right" (all alike: stiffer along them), "alternating" (union jack: no preferred side), "crisscross"
-    (four triangles a cell), "delaunay" (irregular inside, evenly divided sides; the same mesh each time).
+    Parameters
+    ----------
+    size : (x, y)
+        Side lengths [m].
+    cells : (x, y)
+        Number of cells along each side.
+    diagonals : str
+        "right" (all parallel: stiffer along them), "alternating" (union jack: no preferred direction), "crisscross"
+        (four triangles a cell), "delaunay" (irregular inside, evenly divided sides; the same mesh each time).
+
+    Returns
+    -------
+    positions : (n, 3) float64
+        [m].
+    triangles : (m, 3) int64
+        Facing +z.
+
+    Examples
+    --------
+    >>> positions, triangles = rectangle((1.0, 0.5), (4, 2))
+    >>> positions.shape, triangles.shape
+    ((15, 3), (16, 3))
     """
     lengths = as_lengths("size", size, 2)
     nx, ny = as_counts("cells", cells, 2)
@@ -31,7 +51,7 @@ def rectangle(
 
 
 def disk(radius: float = 0.5, cells: int = 20) -> tuple[Floats, Ints]:
-    """A flat disk of `radius` [m] in `cells` rings; ring k has 6 k vertices, so its triangles are nearly equilateral.
+    """Flat disk of `radius` [m] in `cells` rings; ring k has 6 k vertices, so its triangles are nearly equilateral.
 
     1 + 3 n (n + 1) vertices and 6 n^2 triangles; the border is the regular polygon of 6 n corners on the circle.
     """
@@ -48,9 +68,9 @@ def disk(radius: float = 0.5, cells: int = 20) -> tuple[Floats, Ints]:
 def tube(
     radius: float = 0.2, height: float = 0.6, cells: Sequence[int] = (48, 24), top_radius: float | None = None
 ) -> tuple[Floats, Ints]:
-    """An open cylinder along z of `radius` and `height` [m] with `cells` (around, along), facing outward.
+    """Open cylinder along z of `radius` and `height` [m] with `cells` (around, along), facing outward.
 
-    top_radius [m]: that of its upper end, where it is another (a skirt, a funnel).
+    top_radius [m]: radius of its upper end, where it differs (a skirt, a funnel).
     """
     radius, height = as_positive("radius", radius), as_positive("height", height)
     top = radius if top_radius is None else as_positive("top_radius", top_radius)
@@ -64,9 +84,9 @@ def tube(
 
 
 def pillow(radius: float = 0.5, cells: int = 20, gap: float = 0.002) -> tuple[Floats, Ints]:
-    """Two disks of `radius` [m] in `cells` rings, joined at their rim, facing outward: a closed balloon without air.
+    """Two disks of `radius` [m] in `cells` rings, joined at their rim, facing outward: a closed balloon without volume.
 
-    gap [m]: how far the disks are apart in the middle, falling to 0 at the rim as 1 - (r / radius)^2.
+    gap [m]: distance of the disks in the middle, falling to 0 at the rim as 1 - (r / radius)^2.
     """
     gap = as_positive("gap", gap)
     flat, triangles = disk(radius, cells)

@@ -1,1 +1,1 @@
-"""Garments cut out of a surface round the mannequin: they fit it in its rest pose, with a given ease."""
+"""Garments cut out of offset surfaces of the mannequin: they fit it in its rest pose, with a given ease."""

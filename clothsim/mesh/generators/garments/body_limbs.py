@@ -1,6 +1,6 @@
-"""The limbs round the skeleton: the mannequin's figure in numbers [m].
+"""Limbs of the mannequin around its skeleton: the dimensions of its figure [m].
 
-Each limb names the joints that move it, with the place along its axis where the next one takes over (`parts`).
+Each limb names the joints that move it, from its start to its end.
 """
 
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 
 @dataclass(frozen=True)
 class BodyLimb:
-    """A limb and the joints that move it, from its start to its end."""
+    """Limb and the joints that move it, from its start to its end."""
 
     limb: Limb
     joints: tuple[str, ...]
@@ -47,7 +47,7 @@ def _trunk() -> list[BodyLimb]:
         BodyLimb(_ball(bust, (0.062, 0.044, 0.060)), ("chest",)),
         BodyLimb(limb((0.03, 0.022, 1.408), _at("left_shoulder") - 0.01 * X, Y, girdle, (0.04, 0.04)), ("chest",)),
     ]
-    return made + pair + [_mirror(flesh) for flesh in pair]
+    return made + pair + [_mirror(part) for part in pair]
 
 
 def _left() -> list[BodyLimb]:
@@ -80,9 +80,9 @@ def _left() -> list[BodyLimb]:
 
 @lru_cache(maxsize=1)
 def body_limbs() -> tuple[BodyLimb, ...]:
-    """All of the mannequin."""
+    """Return all limbs of the mannequin."""
     left = _left()
-    return (*_trunk(), *left, *(_mirror(flesh) for flesh in left))
+    return (*_trunk(), *left, *(_mirror(part) for part in left))
 
 
 def _ball(centre: Floats | tuple, half_axes: tuple[float, float, float]) -> Limb:
@@ -90,5 +90,5 @@ def _ball(centre: Floats | tuple, half_axes: tuple[float, float, float]) -> Limb
     return limb(centre, centre, X, [(0.0, across, deep)], (tall, tall))
 
 
-def _mirror(flesh: BodyLimb) -> BodyLimb:
-    return BodyLimb(flesh.limb.mirrored(), tuple(other_side(name) for name in flesh.joints))
+def _mirror(part: BodyLimb) -> BodyLimb:
+    return BodyLimb(part.limb.mirrored(), tuple(other_side(name) for name in part.joints))

@@ -1,4 +1,4 @@
-"""Vertices that crowd a mesh taken out: each is merged into a neighbour."""
+"""Edge collapse: short edges of a half mesh merged into one vertex."""
 
 import numpy as np
 
@@ -6,15 +6,15 @@ from clothsim.arrays import Floats, Ints
 from clothsim.mesh.topology import unique_edges, vertex_rings
 
 SHORT = 0.5
-"""An edge is short where it is below this share of the mean length of the edges at its ends."""
+"""An edge is short below this fraction of the mean length of the edges at its ends."""
 
 
 def collapsed(positions: Floats, triangles: Ints, held: np.ndarray) -> tuple[Floats, Ints]:
-    """The half mesh with one end of each short edge merged into the other, where the surface stays what it is.
+    """Collapse each short edge of the half mesh where the topology stays the same.
 
-    held (n,): vertices of a border, which stay; those with x = 0 are merged among themselves only. Merged ends have
-    exactly two neighbours in common (one, along the middle), each with more than three of its own; no new edge joins
-    two vertices of a border or of the middle; no two mergers touch.
+    held (n,): border vertices, which stay; those with x = 0 are merged among themselves only. Merged ends have exactly
+    two common neighbours (one, along the middle), each with more than three neighbours; no new edge joins two vertices
+    of a border or of the middle; no two collapses fraction a vertex.
     """
     middle = positions[:, 0] == 0
     fixed = held | middle
@@ -39,18 +39,18 @@ def collapsed(positions: Floats, triangles: Ints, held: np.ndarray) -> tuple[Flo
 
 
 def _short_edges(positions: Floats, triangles: Ints, held: np.ndarray, middle: np.ndarray) -> Ints:
-    """The short edges (k, 2), shortest first, each from a vertex that may be merged into the other.
+    """Short edges (k, 2), shortest first, each from a vertex that may be merged into the other.
 
-    All edges of a vertex with three neighbours count: it only ever makes slivers.
+    All edges of a vertex with three neighbours count: such a vertex only makes slivers.
     """
     edges = unique_edges(triangles)
     lengths = np.linalg.norm(positions[edges[:, 0]] - positions[edges[:, 1]], axis=1)
     total = np.bincount(edges.ravel(), np.repeat(lengths, 2), minlength=len(positions))
     degree = np.bincount(edges.ravel(), minlength=len(positions))
     mean = total / np.maximum(degree, 1)
-    share = lengths / mean[edges].mean(axis=1)
+    fraction = lengths / mean[edges].mean(axis=1)
     both = np.concatenate([edges, edges[:, ::-1]])
     v, w = both.T
-    wanted = (np.tile(share, 2) < SHORT) | ((degree[v] == 3) & ~middle[v])
+    wanted = (np.tile(fraction, 2) < SHORT) | ((degree[v] == 3) & ~middle[v])
     short = np.flatnonzero(wanted & ~held[v] & (~middle[v] | middle[w]))
-    return np.asarray(both[short[np.argsort(np.tile(share, 2)[short], kind="stable")]], np.int64)
+    return np.asarray(both[short[np.argsort(np.tile(fraction, 2)[short], kind="stable")]], np.int64)

@@ -1,4 +1,4 @@
-"""Where a garment ends: half spaces, and a mesh trimmed to their borders."""
+"""Borders of a garment: unions of half spaces to cut away, and the mesh trimmed to them."""
 
 from dataclasses import dataclass
 
@@ -10,26 +10,26 @@ from clothsim.mesh.topology import border_edges, components
 
 @dataclass(frozen=True)
 class Cut:
-    """What is cut away: the points p of which all normals (k, 3) . p are above offsets (k,) [m]."""
+    """Intersection of half spaces that is cut away: points p with normals (k, 3) . p above offsets (k,) [m]."""
 
     normals: Floats
     offsets: Floats
 
 
 def cut(*planes: tuple[tuple[float, float, float] | Floats, Floats | tuple[float, float, float]]) -> Cut:
-    """A cut from planes (normal, point on it): it takes away what lies beyond all of them."""
+    """Make a cut from planes (normal, point on it): what lies beyond all of them is cut away."""
     normals = np.array([np.asarray(normal, np.float64) / np.linalg.norm(normal) for normal, _ in planes])
     return Cut(normals, np.array([normal @ np.asarray(at) for normal, (_, at) in zip(normals, planes, strict=True)]))
 
 
 @dataclass(frozen=True)
 class Edge:
-    """The function that is below 0 in what is left and 0 at its borders: max over cuts of the min over planes."""
+    """Level-set function of the border, below 0 in the garment: max over cuts of the min over planes."""
 
     cuts: tuple[Cut, ...]
 
     def __call__(self, points: Floats) -> tuple[Floats, Floats]:
-        """Its value (n,) [m] and gradient (n, 3) at `points (n, 3)`."""
+        """Return its value (n,) [m] and gradient (n, 3) at `points (n, 3)`."""
         rows = np.arange(len(points))
         values, gradients = [], []
         for one in self.cuts:
@@ -42,9 +42,9 @@ class Edge:
 
 
 def trimmed(positions: Floats, triangles: Ints, edge: Edge) -> tuple[Floats, Ints]:
-    """The half mesh without the triangles whose centres are cut away; its vertices are not yet on the border.
+    """Remove the triangles of the half mesh whose centres are cut away; its vertices are not yet on the border.
 
-    The largest piece is kept, and no triangle of it has two sides on the border: those would be flattened there.
+    The largest component remains, without triangles that have two sides on the border: those would be flattened there.
     """
     kept = triangles[edge(positions[triangles].mean(axis=1))[0] < 0]
     piece = components(kept, len(positions))[kept[:, 0]]

@@ -1,4 +1,4 @@
-"""How every garment is made: a surface round the mannequin, meshed, trimmed to its borders and made regular."""
+"""Garment meshing: an offset surface of limbs, meshed by surface nets, trimmed to its borders and smoothed."""
 
 from dataclasses import dataclass
 
@@ -15,16 +15,25 @@ from clothsim.mesh.generators.garments.surface_nets import half_surface
 from clothsim.mesh.generators.mannequin.proportions import Figure, warped
 
 FINEST, COARSEST = 0.006, 0.040
-"""The edges that a garment may have [m]."""
+"""Bounds on the edge length of a garment [m]."""
 LEAST_EASE, SAGITTA, MOST_EASE = 0.003, 3.0, 0.06
-"""The least ease [m] of a garment of tiny triangles, and by how much edge^2 it grows: chords cut into round limbs."""
+"""Least ease [m] of tiny triangles, its growth with edge^2 (chords cut into round limbs), and the largest ease [m]."""
 
 
 @dataclass(frozen=True)
 class Pattern:
-    """What a garment is cut from: the body's limbs moved by `joints`, more `limbs`, and what is cut away.
+    """Construction of a garment on the template.
 
-    low, high (3,): a box round the garment [m].
+    Parameters
+    ----------
+    joints : tuple of str
+        The limbs of the body that these joints move are part of the surface.
+    limbs : tuple of Limb
+        Further limbs.
+    cuts : tuple of Cut
+        Parts that are cut away.
+    low, high : (3,)
+        Box around the garment [m].
     """
 
     joints: tuple[str, ...]
@@ -35,16 +44,31 @@ class Pattern:
 
 
 def garment_mesh(pattern: Pattern, figure: Figure, ease: float, edge: float) -> tuple[Floats, Ints]:
-    """Positions (n, 3) [m] and triangles (m, 3), facing outward, of a garment on the mannequin of `figure`.
+    """Mesh a garment on the mannequin of `figure`.
 
-    ease [m]: its distance from the surface of the pattern on the template; it grows with the figure. edge [m]: the
-    length of its edges.
+    Parameters
+    ----------
+    pattern : Pattern
+        Construction on the template.
+    figure : Figure
+        Proportions to which the mesh is warped.
+    ease : float
+        Distance from the surface of the pattern on the template [m]; it grows with the figure.
+    edge : float
+        Edge length [m].
+
+    Returns
+    -------
+    positions : (n, 3) float64
+        [m].
+    triangles : (m, 3) int64
+        Facing outward.
     """
     _refuse(ease, edge)
     limbs = [one.limb for one in body_limbs() if set(one.joints) & set(pattern.joints)] + list(pattern.limbs)
     nodes = _lattice(pattern, ease, edge)
     values = lattice_union(limbs, nodes, SMOOTHING, ease + 3 * COARSEST) - ease
-    for axis in range(3):  # closed where it leaves the box: what is there is cut away
+    for axis in range(3):  # closes the surface at the box; that part is cut away
         for side in (0, -1) if axis else (-1,):
             np.moveaxis(values, axis, 0)[side] = edge
     border = Edge(pattern.cuts)
@@ -78,12 +102,12 @@ def _refuse(ease: float, edge: float) -> None:
 
 
 def tube_limb(*rings: tuple[float, float, float, float]) -> Limb:
-    """An upright limb through rings (z, y, half width, half depth) [m], from below; they lie on one straight axis."""
+    """Make an upright limb through rings (z, y, half width, half depth) [m], from below, on one straight axis."""
     (z0, y0, *_), (z1, y1, *_) = rings[0], rings[-1]
     profile = [((z - z0) / (z1 - z0), wide, deep) for z, _, wide, deep in rings]
     return limb((0, y0, z0), (0, y1, z1), np.array([1.0, 0.0, 0.0]), profile, (0.03, 0.03))
 
 
 def both_sides(left: Limb) -> tuple[Limb, Limb]:
-    """A limb on the left and its mirror image."""
+    """Return a limb on the left and its mirror image."""
     return left, left.mirrored()

@@ -1,8 +1,8 @@
-"""A smooth union of tapered capsules as a function of space: below zero inside, about a distance near the surface.
+"""Implicit surface of tapered capsules (limbs) and their smooth union: negative inside, a distance near the surface.
 
 A limb is a straight axis with elliptic sections whose half axes r(t) follow a cubic through its knots; its ends are
 half ellipsoids. With m the vector from the nearest point of the axis, k0 = |m / r| and k1 = |m / r^2|, its distance is
-taken as k0 (k0 - 1) / k1, exact to first order at the surface of an ellipsoid.
+approximated by k0 (k0 - 1) / k1, exact to first order at the surface of an ellipsoid.
 The union is f = -s log sum_i exp(-f_i / s): symmetric in the limbs, smooth, never above the sharp union.
 """
 
@@ -15,14 +15,15 @@ from numpy.typing import ArrayLike
 from clothsim.arrays import Floats
 
 REACH = 0.25
-"""Where a limb ends to be felt [m]."""
+"""Distance beyond which a limb is ignored [m]."""
 
 
 @dataclass(frozen=True)
 class Limb:
-    """A tapered capsule. start (3,) [m]; axes (3, 3): rows across, deep, along; length [m]; caps (2,) [m].
+    """Tapered capsule.
 
-    knots (k,): where along the axis the half axes radii (k, 2) [m] are given; slopes (k, 2): their derivatives.
+    start (3,) [m]; axes (3, 3): rows across, deep, along; length [m]; caps (2,) [m]; knots (k,): positions along the
+    axis of the half axes radii (k, 2) [m]; slopes (k, 2): their derivatives.
     """
 
     start: Floats
@@ -34,7 +35,7 @@ class Limb:
     slopes: Floats
 
     def distance(self, points: Floats) -> tuple[Floats, Floats]:
-        """About the signed distance (n,) [m] of `points (n, 3)` to the surface, and its gradient (n, 3)."""
+        """Return an approximate signed distance (n,) [m] of `points (n, 3)` to the surface, and its gradient (n, 3)."""
         m = (points - self.start) @ self.axes.T
         along = np.clip(m[:, 2], 0.0, self.length)
         r, widening = self._radii(along, m[:, 2])
@@ -50,18 +51,18 @@ class Limb:
         return k0 * (k0 - 1) / k1, slope @ self.axes
 
     def box(self) -> tuple[Floats, Floats]:
-        """The lowest and the highest corner (3,) [m] of a box that holds it."""
+        """Return the lowest and the highest corner (3,) [m] of a bounding box."""
         ends = np.stack([self.start, self.start + self.length * self.axes[2]])
         room = max(self.radii.max(), *self.caps)
         return ends.min(axis=0) - room, ends.max(axis=0) + room
 
     def mirrored(self) -> "Limb":
-        """The same limb on the other side of the plane x = 0."""
+        """Return the mirror image about the plane x = 0."""
         across = np.array([-1.0, 1.0, 1.0])
         return replace(self, start=across * self.start, axes=across * self.axes)
 
-    def _radii(self, along: Floats, place: Floats) -> tuple[Floats, Floats]:
-        """The half axes (n, 3) at `along (n,)`, and how those of the section grow along the axis (n, 2)."""
+    def _radii(self, along: Floats, position: Floats) -> tuple[Floats, Floats]:
+        """Half axes (n, 3) at `along (n,)`, and the growth along the axis of those of the section (n, 2)."""
         if len(self.knots) == 1:
             ball = np.append(self.radii[0], self.caps[0])
             return np.broadcast_to(ball, (len(along), 3)), np.zeros((len(along), 2))
@@ -73,18 +74,18 @@ class Limb:
         c3 = span * (self.slopes[k] + self.slopes[k + 1]) - 2 * change
         section = self.radii[k] + t * (c1 + t * (c2 + t * c3))
         widening = (c1 + t * (2 * c2 + 3 * t * c3)) / span
-        beside = (place > 0) & (place < self.length)
-        cap = np.where(place > 0.5 * self.length, self.caps[1], self.caps[0])
+        beside = (position > 0) & (position < self.length)
+        cap = np.where(position > 0.5 * self.length, self.caps[1], self.caps[0])
         return np.column_stack([section, cap]), widening * beside[:, None]
 
 
 def limb(
     start: ArrayLike, end: ArrayLike, across: Floats, profile: Sequence[Sequence[float]], caps: tuple[float, float]
 ) -> Limb:
-    """A limb from `start (3,)` to `end (3,)` [m]; where they are one point, an ellipsoid that stands along z.
+    """Make a limb from `start (3,)` to `end (3,)` [m]; where they coincide, an ellipsoid upright along z.
 
-    across (3,): the direction of the first half axis, made normal to the axis; profile: rows (share of the length,
-    half axis across, half axis deep [m]); caps: how far its ends stand out [m].
+    across (3,): direction of the first half axis, made normal to the axis; profile: rows (fraction of the length, half
+    axis across, half axis deep [m]); caps: lengths of its ends beyond the axis [m].
     """
     first, last = np.asarray(start, np.float64), np.asarray(end, np.float64)
     length = float(np.linalg.norm(last - first))
@@ -102,7 +103,7 @@ def limb(
 
 
 def smooth_union(limbs: Sequence[Limb], points: Floats, smoothing: float) -> tuple[Floats, Floats]:
-    """f (n,) [m] and its gradient (n, 3) of the union of `limbs`, at `points (n, 3)`; smoothing: s [m].
+    """Return f (n,) [m] and its gradient (n, 3) of the union of `limbs`, at `points (n, 3)`; smoothing: s [m].
 
     A limb whose box is more than REACH away adds less than s exp(-REACH / s) and is left out; far from all, f is REACH.
     """
@@ -112,14 +113,14 @@ def smooth_union(limbs: Sequence[Limb], points: Floats, smoothing: float) -> tup
         near = np.flatnonzero(((points > low - REACH) & (points < high + REACH)).all(axis=1))
         if len(near):
             distance, slope = one.distance(points[near])
-            share = np.exp(-np.maximum(distance, -REACH) / smoothing)
-            total[near] += share
-            gradient[near] += share[:, None] * slope
+            fraction = np.exp(-np.maximum(distance, -REACH) / smoothing)
+            total[near] += fraction
+            gradient[near] += fraction[:, None] * slope
     return -smoothing * np.log(total), gradient / total[:, None]
 
 
 def lattice_union(limbs: Sequence[Limb], nodes: tuple[Floats, Floats, Floats], smoothing: float, band: float) -> Floats:
-    """f [m] of the union at the nodes of a lattice (x, y, z), exact to s exp(-band / s) where f is below `band`."""
+    """Return f [m] of the union at the nodes of a lattice (x, y, z), to s exp(-band / s) where f is below `band`."""
     total = np.full([len(axis) for axis in nodes], np.exp(-band / smoothing))
     for one in limbs:
         low, high = one.box()

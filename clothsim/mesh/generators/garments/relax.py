@@ -1,6 +1,6 @@
-"""A surface mesh made regular: vertices to the mean of their neighbours and back to the surface, edges flipped.
+"""Tangential smoothing of a mesh on an implicit surface, with Delaunay edge flips and edge collapses.
 
-The mesh is the half x >= 0 of a symmetric one: its vertices with x = 0 stay there, as the other half pulls on them too.
+The mesh is the half x >= 0 of a symmetric one: its vertices with x = 0 stay there, as the other half balances them.
 """
 
 from collections.abc import Callable
@@ -12,11 +12,11 @@ from clothsim.mesh.generators.garments.collapse import collapsed
 from clothsim.mesh.topology import border_edges, half_edges, interior_edges, unique_edges
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
-"""A function of space and its gradient: points (n, 3) -> (n,), (n, 3)."""
+"""Level-set function and its gradient: points (n, 3) -> (n,), (n, 3)."""
 
 
 def on_surface(points: Floats, field: Field, level: float, steps: int = 2) -> Floats:
-    """`points (n, 3)` moved along the gradient of `field` to where it is `level`, by Newton's method."""
+    """Move `points (n, 3)` along the gradient of `field` to its `level`, by Newton's method."""
     for _ in range(steps):
         value, gradient = field(points)
         slope = np.maximum((gradient * gradient).sum(axis=1), 0.04)
@@ -25,7 +25,7 @@ def on_surface(points: Floats, field: Field, level: float, steps: int = 2) -> Fl
 
 
 def on_curve(points: Floats, field: Field, level: float, cut: Field, steps: int = 3) -> Floats:
-    """`points (n, 3)` moved to where `field` is `level` and `cut` is 0: the shortest Newton steps that meet both."""
+    """Move `points (n, 3)` to where `field` is `level` and `cut` is 0, by shortest Newton steps."""
     for _ in range(steps):
         (f, of_f), (g, of_g) = field(points), cut(points)
         wanted = np.stack([f - level, g], axis=1)
@@ -38,9 +38,9 @@ def on_curve(points: Floats, field: Field, level: float, cut: Field, steps: int 
 def relaxed(
     positions: Floats, triangles: Ints, field: Field, level: float = 0.0, *, cut: Field | None = None, passes: int = 12
 ) -> tuple[Floats, Ints]:
-    """The half mesh after `passes` rounds of flips and moves, with crowded vertices taken out on the way.
+    """Smooth the half mesh in `passes` rounds of flips and moves, with collapses of short edges in between.
 
-    cut: a function that is 0 where the border is held; None: the whole mesh is closed.
+    cut: level-set function whose zero is the border; None: the whole mesh is closed.
     """
     for _ in range(2):
         positions, triangles = _moved(positions, triangles, field, level, cut, passes // 3)
@@ -64,7 +64,7 @@ def _moved(
 
 
 def _put(positions: Floats, held: np.ndarray, field: Field, level: float, cut: Field | None, steps: int) -> Floats:
-    """The vertices back on the surface, the `held` ones on the border as well."""
+    """Vertices projected to the surface, the `held` ones to the border as well."""
     put = positions.copy()
     put[~held] = on_surface(positions[~held], field, level, steps)
     if cut is not None:
@@ -80,9 +80,9 @@ def _on_border(positions: Floats, triangles: Ints) -> np.ndarray:
 
 
 def flipped(positions: Floats, triangles: Ints, middle: np.ndarray, held: np.ndarray) -> Ints:
-    """One round of Delaunay flips: edges whose two opposite angles make more than pi, no two in one triangle.
+    """Flip edges once towards Delaunay: those whose two opposite angles exceed pi, no two in one triangle.
 
-    No flip joins two vertices of the middle plane, or two of the border, or takes a vertex below four neighbours.
+    No flip joins two vertices of the middle plane, or two of the border, or leaves a vertex below four neighbours.
     """
     corners, pairs = interior_edges(triangles)
     start, end, one, two = corners.T
@@ -99,7 +99,7 @@ def flipped(positions: Floats, triangles: Ints, middle: np.ndarray, held: np.nda
     _, lone = np.unique(np.sort(corners[chosen, 2:], axis=1), axis=0, return_index=True)
     chosen = chosen[np.sort(lone)]
     _, count = np.unique(pairs[chosen], return_counts=True)
-    if (count > 1).any():  # equal excess in one triangle: keep the first
+    if (count > 1).any():  # equal excess in one triangle: the first is flipped
         _, keep = np.unique(pairs[chosen, 0], return_index=True)
         chosen = chosen[keep]
         chosen = chosen[~np.isin(pairs[chosen, 0], pairs[chosen, 1]) & _first(pairs[chosen, 1])]
@@ -112,7 +112,7 @@ def flipped(positions: Floats, triangles: Ints, middle: np.ndarray, held: np.nda
 
 
 def both_halves(positions: Floats, triangles: Ints) -> tuple[Floats, Ints]:
-    """The whole mesh: the half, then its mirror image, joined in the vertices with x = 0."""
+    """Return the whole mesh: the half, then its mirror image, joined in the vertices with x = 0."""
     own = positions[:, 0] > 0
     other = np.arange(len(positions))
     other[own] = len(positions) + np.arange(own.sum())
@@ -122,13 +122,13 @@ def both_halves(positions: Floats, triangles: Ints) -> tuple[Floats, Ints]:
 
 
 def _border(triangles: Ints, middle: np.ndarray) -> Ints:
-    """The border edges (b, 2) of the whole mesh that lie in its half."""
+    """Border edges (b, 2) of the whole mesh that lie in its half."""
     edges = border_edges(triangles)[0]
     return edges[~middle[edges].all(axis=1)]
 
 
 def _neighbour_means(positions: Floats, triangles: Ints, border: Ints, held: np.ndarray) -> Floats:
-    """The mean of the neighbours of each vertex (n, 3), of those along the border for the `held` ones."""
+    """Mean of the neighbours of each vertex (n, 3), of those along the border for the `held` ones."""
     inner = half_edges(triangles)
     inner = inner[~held[inner[:, 0]]]
     back = half_edges(triangles)[:, ::-1]
@@ -145,7 +145,7 @@ def _angle(positions: Floats, at: Ints, one: Ints, two: Ints) -> Floats:
 
 
 def _same_side(positions: Floats, corners: Ints) -> np.ndarray:
-    """Whether both triangles after the flip face as those before it: the four corners lie nearly in one plane."""
+    """True where both triangles after the flip face as those before it: the four corners are nearly coplanar."""
     s, e, one, two = (positions[corners[:, k]] for k in range(4))
     before = np.cross(e - s, one - s) + np.cross(s - e, two - e)
     first, second = np.cross(two - s, one - s), np.cross(e - two, one - two)

@@ -1,4 +1,4 @@
-"""The generators "shirt", "skirt" and "trousers": where the mannequin of the same figure in its "a" pose wears them."""
+"""Generators "shirt", "skirt" and "trousers", for the mannequin of the same figure in its "a" pose."""
 
 import numpy as np
 
@@ -29,10 +29,23 @@ def shirt(
     edge: float = 0.018,
     sleeve: float = 0.20,
 ) -> tuple[Floats, Ints]:
-    """A shirt with sleeves, straight from chest to hip, open at the neck, the hem and the cuffs.
+    """Shirt with sleeves, straight from chest to hip, open at the neck, the hem and the cuffs.
 
-    The figure is that of `mannequin`. ease [m]: its distance from the body where it is closest; edge [m]: the length of
-    its edges; sleeve [m]: from the shoulder joint to the cuff, for a height of 1.7 m. InputError names a bad key.
+    Parameters
+    ----------
+    height, chest, waist, hips, shoulder_width, limb_girth : float
+        Figure, see `mannequin`.
+    ease : float
+        Smallest distance from the body [m].
+    edge : float
+        Edge length [m].
+    sleeve : float
+        From the shoulder joint to the cuff, for a height of 1.7 m [m].
+
+    Raises
+    ------
+    InputError
+        Naming a bad key.
     """
     figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
     length = _within("sleeve", sleeve, 0.13, 0.46)
@@ -63,7 +76,7 @@ def skirt(
     edge: float = 0.018,
     hem: float = 0.50,
 ) -> tuple[Floats, Ints]:
-    """A flared skirt from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as a shirt's."""
+    """Flared skirt from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
     figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
     low = _within("hem", hem, 0.15, 0.75)
     cone = tube_limb((0.12, 0.010, 0.290, 0.240), (0.78, 0.010, 0.180, 0.135), (1.10, 0.010, 0.112, 0.080))
@@ -83,7 +96,7 @@ def trousers(
     edge: float = 0.018,
     hem: float = 0.12,
 ) -> tuple[Floats, Ints]:
-    """Trousers from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as a shirt's."""
+    """Trousers from the waist to `hem` [m] above the ground, for a height of 1.7 m; other keys as for `shirt`."""
     figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
     low = _within("hem", hem, 0.10, 0.60)
     profile = [(0.0, 0.060, 0.070), (0.5, 0.056, 0.064), (1.0, 0.054, 0.058)]
@@ -94,7 +107,7 @@ def trousers(
 
 
 def _within(name: str, value: float, least: float, most: float) -> float:
-    """`value` [m], where it lies between the bounds. InputError names it."""
+    """`value` [m] within its bounds; InputError names it."""
     length = as_positive(name, value)
     if not least <= length <= most:
         raise InputError(f"{name} must be from {least:g} to {most:g} m, not {length:g}.")

@@ -1,7 +1,7 @@
-"""The half x >= 0 of a mirror-symmetric surface f = 0 as triangles (surface nets, Gibson 1998), in whole arrays.
+"""Surface nets (Gibson 1998): the half x >= 0 of a mirror-symmetric level set f = 0 as triangles, in whole arrays.
 
 One vertex for each lattice cell that the surface crosses, at the mean of the crossings of its edges; one quad for each
-lattice edge that it crosses, between the four cells round that edge. The first column of cells lies across x = 0: by
+lattice edge that it crosses, between the four cells around that edge. The first column of cells lies across x = 0: by
 symmetry its vertices are on the plane, and no quad is its own mirror image.
 """
 
@@ -15,7 +15,7 @@ _EDGES = ((0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4)
 
 
 def _is_split(code: int) -> bool:
-    """Whether the inside corners (the bits of `code`) or the outside ones are not joined by edges of the cell."""
+    """True where the inside corners (the bits of `code`) or the outside ones are not connected by edges of the cell."""
     for wanted in (1, 0):
         left = [c for c in range(8) if (code >> c & 1) == wanted]
         reached, todo = set(left[:1]), left[:1]
@@ -33,10 +33,21 @@ _SPLIT = np.array([_is_split(code) for code in range(256)])
 
 
 def half_surface(f: Floats, nodes: tuple[Floats, Floats, Floats]) -> tuple[Floats, Ints]:
-    """Vertices (n, 3) with x >= 0 and triangles (m, 3), facing where f grows, of the surface inside the lattice.
+    """Mesh the surface inside the lattice.
 
-    nodes: the x, y and z of the lattice, growing [m]; x[0] = -x[1], and the surface must not reach the other sides;
-    f: the function at the nodes. It is a closed manifold: see `_plain`.
+    Parameters
+    ----------
+    f : (nx, ny, nz) float64
+        Level-set function at the nodes.
+    nodes : tuple
+        Ascending x, y and z of the lattice [m]; x[0] = -x[1], and the surface must not reach the other sides.
+
+    Returns
+    -------
+    positions : (n, 3) float64
+        Vertices with x >= 0 [m].
+    triangles : (m, 3) int64
+        Facing towards growing f; a manifold, see `_plain`.
     """
     f = _plain(f)
     number, positions = _cell_vertices(f, nodes)
@@ -46,7 +57,7 @@ def half_surface(f: Floats, nodes: tuple[Floats, Floats, Floats]) -> tuple[Float
 
 
 def _plain(f: Floats) -> Floats:
-    """f without cells whose inside or outside corners hang together only across a diagonal: there sheets would touch.
+    """f without cells whose inside or outside corners are connected only across a diagonal: there sheets would touch.
 
     Where the surface has a thin ridge between the nodes such a cell loses its shallowest inside corner.
     """
@@ -66,12 +77,12 @@ def _plain(f: Floats) -> Floats:
 
 
 def _corners(f: Floats) -> Floats:
-    """The values at the 8 corners of each cell, (nx, ny, nz, 8)."""
+    """Values at the 8 corners of each cell, (nx, ny, nz, 8)."""
     return np.stack([f[tuple(slice(c, f.shape[k] - 1 + c) for k, c in enumerate(cs))] for cs in _CORNERS], axis=3)
 
 
 def _cell_vertices(f: Floats, nodes: tuple[Floats, Floats, Floats]) -> tuple[Ints, Floats]:
-    """The number of the vertex of each cell, -1 for none, and the vertices."""
+    """Number of the vertex of each cell, -1 for none, and the vertices."""
     corner = _corners(f)
     inside = corner < 0
     crossed = inside.any(axis=3) & ~inside.all(axis=3)
@@ -81,19 +92,19 @@ def _cell_vertices(f: Floats, nodes: tuple[Floats, Floats, Floats]) -> tuple[Int
     total, count = np.zeros((len(values), 3)), np.zeros(len(values))
     for a, b in _EDGES:
         cut = (values[:, a] < 0) != (values[:, b] < 0)
-        share = values[cut, a] / (values[cut, a] - values[cut, b])
-        total[cut] += _CORNERS[a] + share[:, None] * (_CORNERS[b] - _CORNERS[a])
+        fraction = values[cut, a] / (values[cut, a] - values[cut, b])
+        total[cut] += _CORNERS[a] + fraction[:, None] * (_CORNERS[b] - _CORNERS[a])
         count[cut] += 1
-    place, share = np.argwhere(crossed), total / count[:, None]
-    low = np.column_stack([nodes[k][place[:, k]] for k in range(3)])
-    high = np.column_stack([nodes[k][place[:, k] + 1] for k in range(3)])
-    positions = low + share * (high - low)
-    positions[place[:, 0] == 0, 0] = 0.0
+    cell, fraction = np.argwhere(crossed), total / count[:, None]
+    low = np.column_stack([nodes[k][cell[:, k]] for k in range(3)])
+    high = np.column_stack([nodes[k][cell[:, k] + 1] for k in range(3)])
+    positions = low + fraction * (high - low)
+    positions[cell[:, 0] == 0, 0] = 0.0
     return number, positions
 
 
 def _quads(inside: np.ndarray, number: Ints, axis: int) -> Ints:
-    """The quads (q, 4) of the crossed lattice edges along `axis`, turned to face outside."""
+    """Quads (q, 4) of the crossed lattice edges along `axis`, facing outward."""
     one, two = (axis + 1) % 3, (axis + 2) % 3
     ends = np.moveaxis(inside, axis, 0)
     crossed = np.moveaxis(ends[:-1] != ends[1:], 0, axis)

@@ -1,4 +1,4 @@
-"""The generator "mannequin"."""
+"""Generator "mannequin": the template warped to a figure and posed."""
 
 from collections.abc import Mapping, Sequence
 
@@ -18,11 +18,32 @@ def mannequin(
     pose: str = "a",
     joints_degrees: Mapping[str, Sequence[float]] | None = None,
 ) -> tuple[Floats, Ints]:
-    """A closed human figure of `height` [m]: z is up, it stands on z = 0, looks along -y, its left hand is at +x.
+    """Closed human figure: z is up, it stands on z = 0 and faces -y, its left hand is at +x.
 
-    chest, waist, hips, shoulder_width, limb_girth: factors of the measures that the default has at that height.
-    pose: "a" | "t" | "walk" | "reach" | "arms_down"; joints_degrees: rotation vectors [degrees] by joint, instead of
-    the pose's own. Every figure in every pose has the same triangles. InputError names a bad key.
+    Every figure in every pose has the same triangles.
+
+    Parameters
+    ----------
+    height : float
+        [m].
+    chest, waist, hips, shoulder_width, limb_girth : float
+        Factors of the default measures at that height.
+    pose : str
+        "a" | "t" | "walk" | "reach" | "arms_down".
+    joints_degrees : mapping, optional
+        Rotation vectors by joint, in place of those of the pose [degrees].
+
+    Returns
+    -------
+    positions : (n, 3) float64
+        [m].
+    triangles : (m, 3) int64
+        Facing outward.
+
+    Raises
+    ------
+    InputError
+        Naming a bad key.
     """
     figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
     turns = turns_of(pose, joints_degrees)

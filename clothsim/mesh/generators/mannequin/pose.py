@@ -1,4 +1,4 @@
-"""Poses of the mannequin: a rotation at each joint, and linear blend skinning."""
+"""Poses of the mannequin: joint rotations and linear blend skinning."""
 
 from collections.abc import Mapping, Sequence
 
@@ -14,14 +14,14 @@ Turns = Mapping[str, Floats]
 
 
 def _to(direction: Sequence[float]) -> Floats:
-    """The shortest rotation that takes the left arm of the A-pose to `direction`."""
+    """Shortest rotation from the left arm of the A-pose to `direction`."""
     aim = np.asarray(direction, np.float64) / np.linalg.norm(direction)
     axis = np.cross(ARM, aim)
     return np.arctan2(np.linalg.norm(axis), ARM @ aim) * axis / max(float(np.linalg.norm(axis)), 1e-12)
 
 
 def _mirrored(turns: Turns) -> dict[str, Floats]:
-    """The same turns of the other side: a rotation vector is an axial one."""
+    """Rotations of the other side: a rotation vector is an axial vector."""
     return {other_side(name): turn * (1.0, -1.0, -1.0) for name, turn in turns.items()}
 
 
@@ -42,13 +42,14 @@ POSES: dict[str, dict[str, Floats]] = {
     "reach": _both({"left_shoulder": _to((0.25, -0.92, -0.20))}),
     "arms_down": _both({"left_shoulder": _to((0.30, 0.02, -0.95))}),
 }
-"""Named poses: only the joints that turn."""
+"""Named poses: only the joints that rotate."""
 
 
 def turns_of(pose: str, joints_degrees: Mapping[str, Sequence[float]] | None) -> dict[str, Floats]:
-    """The turns of a named pose, with those of `joints_degrees` in their place; InputError names what is unknown.
+    """Return the rotations of a named pose, with those of `joints_degrees` in their place.
 
     joints_degrees: rotation vectors [degrees] by joint, in the axes of the rest pose: x to the left, y back, z up.
+    InputError names an unknown pose or joint.
     """
     if not isinstance(pose, str) or pose not in POSES:
         raise InputError(f"pose must be one of {', '.join(POSES)}, not {pose!r}.")
@@ -65,9 +66,10 @@ def turns_of(pose: str, joints_degrees: Mapping[str, Sequence[float]] | None) ->
 
 
 def posed(points: Floats, weights: Floats, joints: Floats, turns: Turns) -> Floats:
-    """`points (n, 3)` of the rest pose [m] by linear blend skinning: sum_j w_j G_j p.
+    """Pose `points (n, 3)` of the rest pose [m] by linear blend skinning: sum_j w_j G_j p.
 
-    weights (n, j); joints (j, 3): where they are in the rest pose [m]. G_j turns about joint j, after its parents.
+    weights (n, j); joints (j, 3): positions of the joints in the rest pose [m]. G_j rotates about joint j, after its
+    parents.
     """
     rotations, moves = np.empty((len(JOINTS), 3, 3)), np.empty((len(JOINTS), 3))
     for j, parent in enumerate(PARENTS):

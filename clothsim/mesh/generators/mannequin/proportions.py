@@ -1,4 +1,4 @@
-"""The figure of a mannequin: its height and its proportions, and where they carry the points of the template."""
+"""Proportions of a mannequin, and the warp of the template to them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
@@ -13,7 +13,7 @@ from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PLACES, joint
 TEMPLATE_HEIGHT = 1.69085
 """From the soles to the crown of the template [m]; a test measures it."""
 TEMPLATE_SOLE = 0.00413
-"""The height of its lowest point [m]."""
+"""Height of its lowest point [m]."""
 LEVELS = {
     "ankle": 0.075,
     "knee": 0.475,
@@ -23,16 +23,16 @@ LEVELS = {
     "shoulders": 1.362,
     "neck": 1.43,
 }
-"""Where on the template [m] the factors of a figure hold; between them they go over as smooth steps."""
+"""Heights on the template [m] at which the factors of a figure hold, with smooth steps in between."""
 ARMS_WITH_CHEST = 0.8
-"""How much of the growth of the chest the shoulders share, so that the arms are not drowned in it."""
+"""Fraction of the growth of the chest that the shoulders follow, so that the arms stay outside of it."""
 TRUNK_AXIS = 0.006
 """y of the axis from which depths grow [m]."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """The height [m] and what is different from the template at that height, as factors of its own measures.
+    """Height [m], and factors of the measures that the template has at that height.
 
     chest, waist, hips: girths; shoulder_width: between the shoulder joints, which a wider chest moves out as well;
     limb_girth: of arms and legs.
@@ -62,14 +62,14 @@ RANGES = {
     "shoulder_width": (0.95, 1.15),
     "limb_girth": (0.75, 1.2),
 }
-"""The least and the most of each measure: a template can be carried no farther without folding."""
+"""Bounds of each measure: beyond them the warped template would fold."""
 
 
 def warped(points: Floats, weights: Floats, figure: Figure) -> Floats:
-    """Where `points (n, 3)` of the template [m] with skinning `weights (n, j)` are on a figure, in the rest pose.
+    """Warp `points (n, 3)` of the template [m] with skinning `weights (n, j)` to a figure, in the rest pose.
 
     Trunk and legs grow about the middle plane by factors of their height above the ground, arms about their axes; head,
-    hands and feet keep their shape. The weights blend these maps; then all is scaled to the figure's height.
+    hands and feet keep their shape. The weights blend these maps; then all is scaled to the height of the figure.
     """
     moved = np.zeros_like(points)
     for name, weight in zip(JOINTS, weights.T, strict=True):
@@ -79,12 +79,12 @@ def warped(points: Floats, weights: Floats, figure: Figure) -> Floats:
 
 
 def warped_joints(figure: Figure) -> Floats:
-    """Where the joints are on a figure, (j, 3) [m]."""
+    """Return the joints of a figure, (j, 3) [m]."""
     return warped(PLACES, np.eye(len(JOINTS)), figure)
 
 
 def _map_of(name: str) -> Callable[[Floats, Figure], Floats]:
-    """What the part of the body that the joint `name` moves does when the figure changes."""
+    """Warp of the part of the body that the joint `name` moves."""
     part = name.removeprefix("left_").removeprefix("right_")
     side = name.removesuffix(part)
     if part in ("shoulder", "elbow"):
@@ -96,9 +96,9 @@ def _map_of(name: str) -> Callable[[Floats, Figure], Floats]:
     return partial(_moved_with, joint(name), _column) if part == "ankle" else _column
 
 
-def _moved_with(place: int, carry: Callable[[Floats, Figure], Floats], points: Floats, figure: Figure) -> Floats:
-    """`points` moved as `carry` moves the joint in row `place`."""
-    return points + carry(PLACES[place : place + 1], figure) - PLACES[place]
+def _moved_with(row: int, warp: Callable[[Floats, Figure], Floats], points: Floats, figure: Figure) -> Floats:
+    """`points` translated with the joint in row `row`."""
+    return points + warp(PLACES[row : row + 1], figure) - PLACES[row]
 
 
 def _column(points: Floats, figure: Figure) -> Floats:
@@ -114,7 +114,7 @@ def _column(points: Floats, figure: Figure) -> Floats:
 
 
 def _arm(points: Floats, figure: Figure, side: str) -> Floats:
-    """An arm: moved with its shoulder, its section times limb_girth."""
+    """Arm: moved with its shoulder, its section times limb_girth."""
     shoulder, wrist = PLACES[joint(f"{side}shoulder")], PLACES[joint(f"{side}wrist")]
     along = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
     offset = points - shoulder
@@ -123,7 +123,7 @@ def _arm(points: Floats, figure: Figure, side: str) -> Floats:
 
 
 def _steps(z: Floats, factors: list[float]) -> Floats:
-    """The factors at LEVELS, between them smooth steps (n,)."""
+    """Factors at LEVELS, with smooth steps in between (n,)."""
     levels, values = np.array(list(LEVELS.values())), np.array(factors)
     k = np.clip(np.searchsorted(levels, z) - 1, 0, len(levels) - 2)
     t = np.clip((z - levels[k]) / (levels[k + 1] - levels[k]), 0.0, 1.0)

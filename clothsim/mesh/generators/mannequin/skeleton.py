@@ -1,6 +1,6 @@
-"""The skeleton of the mannequin: named joints, their parents and their places in the rest pose (an A).
+"""Skeleton of the mannequin: joints, their parents and their positions in the rest pose (an A).
 
-z is up, the feet stand on z = 0, the face looks along -y, and so the left hand is at +x.
+z is up, the feet are on z = 0, the face looks along -y, and so the left hand is at +x.
 """
 
 import numpy as np
@@ -8,9 +8,9 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 
 ARM_FALL = np.radians(50.0)
-"""How far the arms of the A-pose hang below the horizontal."""
+"""Angle of the arms of the A-pose below the horizontal."""
 ARM = np.array([np.cos(ARM_FALL), 0.0, -np.sin(ARM_FALL)])
-"""The direction of the left arm, from the shoulder to the hand."""
+"""Direction of the left arm, from the shoulder to the hand."""
 
 _SHOULDER = np.array([0.166, 0.014, 1.362])
 _HIP, _ANKLE = np.array([0.086, 0.004, 0.875]), np.array([0.108, 0.016, 0.075])
@@ -32,7 +32,7 @@ _MIDDLE: dict[str, tuple[str, Floats]] = {
 
 
 def mirrored(points: Floats) -> Floats:
-    """`points (..., 3)` on the other side of the plane x = 0."""
+    """Return `points (..., 3)` mirrored about the plane x = 0."""
     return points * (-1.0, 1.0, 1.0)
 
 
@@ -47,20 +47,20 @@ def _joints() -> dict[str, tuple[str, Floats]]:
 
 _TABLE = _joints()
 JOINTS: tuple[str, ...] = tuple(_TABLE)
-"""The names of the joints; a parent stands before its children."""
+"""Names of the joints; a parent comes before its children."""
 PARENTS: Ints = np.array([JOINTS.index(parent) if parent else -1 for parent, _ in _TABLE.values()], np.int64)
-"""The parent of each joint (j,), -1 for the root."""
+"""Parent of each joint (j,), -1 for the root."""
 PLACES: Floats = np.array([place for _, place in _TABLE.values()])
-"""Where each joint is in the rest pose (j, 3) [m]."""
+"""Position of each joint in the rest pose (j, 3) [m]."""
 
 
 def joint(name: str) -> int:
-    """The row of the joint `name`."""
+    """Return the row of the joint `name`."""
     return JOINTS.index(name)
 
 
 def other_side(name: str) -> str:
-    """The name of the joint on the other side; that of a middle joint is its own."""
+    """Return the name of the joint on the other side; that of a middle joint is its own."""
     if name.startswith("left_"):
         return "right_" + name.removeprefix("left_")
     return "left_" + name.removeprefix("right_") if name.startswith("right_") else name
