@@ -112,7 +112,11 @@ BAD = {
         "body must be a table",
         "3",
     ),
-    "number for pin groups": (with_effect("[effects.pins]\ngroup = 3"), "effects.pins.group must be a list of tables", "select"),
+    "number for pin groups": (
+        with_effect("[effects.pins]\ngroup = 3"),
+        "pins.group must be a list of tables",
+        "select",
+    ),
     "missing mesh file": (changed('"rectangle"', '"sheet.obj"').replace("cells = [2, 2]\n", ""), "sheet.obj", ""),
     "unknown kind of file": (changed('"rectangle"', '"sheet.xyz"').replace("cells = [2, 2]\n", ""), "sheet.xyz", ""),
     "key of a generator for a file": (changed('"rectangle"', '"sheet.obj"'), "'cells'", ""),
