@@ -1,4 +1,4 @@
-"""The command `clothsim`: run, fit, study, resume, bundle, render, check, explain, fabrics."""
+"""The command `clothsim`: run, fit, study, resume, bundle, render, check, explain, fabrics, keys."""
 
 import contextlib
 import gc
@@ -12,6 +12,7 @@ from clothsim.cli import (
     explain_command,
     fabrics_command,
     fit_command,
+    keys_command,
     render_command,
     run_command,
     study_command,
@@ -28,6 +29,7 @@ COMMANDS = (
     check_command,
     explain_command,
     fabrics_command,
+    keys_command,
 )
 
 BAD_INPUT, UNEXPECTED, INTERRUPTED = 2, 1, 130
