@@ -52,7 +52,9 @@ def build(scene: Scene) -> Built:
         else:
             world, constraints[name] = made
     if not energies:
-        raise InputError("The scene has no effect that is on.", f"Name some: {', '.join(EFFECTS)}.")
+        raise InputError(
+            "The scene has no effect that is on.", f"Write [effects.NAME], NAME one of {', '.join(EFFECTS)}."
+        )
     refuse_unheld(world, energies, constraints.values())
     dt = min(scene.solver_settings.longest_step, 1 / scene.run_settings.frames_per_second)
     said = (*notes, *remarks(world, energies, dt))

@@ -86,7 +86,12 @@ def _type(part: Any, key: Key) -> dict[str, Any]:
     """The schema of one type of a union; empty for what no file holds."""
     origin = get_origin(part) or part
     if origin in (float, int):
-        bounds = {"minimum": key.least, "maximum": key.most, "exclusiveMinimum": key.above}
+        bounds = {
+            "minimum": key.least,
+            "maximum": key.most,
+            "exclusiveMinimum": key.above,
+            "exclusiveMaximum": key.below,
+        }
         kind = "integer" if origin is int else "number"
         return {"type": kind} | {name: bound for name, bound in bounds.items() if bound is not None}
     if origin is bool:
