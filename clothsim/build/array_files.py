@@ -30,10 +30,10 @@ def with_arrays(where: str, value: Any, directory: Path) -> Any:
     """
     if isinstance(value, Mapping):
         return {key: with_arrays(f"{where}.{key}", inner, directory) for key, inner in value.items()}
-    return _read(where, directory / value) if names_numbers(value) else value
+    return _read(where, directory / value) if names_array(value) else value
 
 
-def names_numbers(value: Any) -> bool:
+def names_array(value: Any) -> bool:
     """True for the name of a file of numbers."""
     return isinstance(value, str) and value.endswith(ENDING)
 
@@ -43,7 +43,7 @@ def named_arrays(where: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[
     for key, value in table.items():
         if isinstance(value, dict):
             yield from named_arrays(f"{where}_{key}", value)
-        elif names_numbers(value):
+        elif names_array(value):
             yield f"{where}_{key}", table, key
 
 

@@ -11,7 +11,7 @@ from clothsim.errors import InputError
 from clothsim.scene.settings import Seed
 
 
-def seeded(seed: Seed, directory: Path, counts: Sequence[int]) -> list[Floats | None]:
+def initial_positions(seed: Seed, directory: Path, counts: Sequence[int]) -> list[Floats | None]:
     """The initial positions of each cloth before it is sewn.
 
     Parameters

@@ -128,7 +128,7 @@ def _of_builder(name: str) -> Section:
         key: SceneKey(key, key, annotations[key].annotation, default, Key(*meanings.get(key, ("", "-"))))
         for key, default in effect.keys().items()
     }
-    return Section(f"effects.{name}", f"{effect.says[:1].upper()}{effect.says[1:]}.", keys)
+    return Section(f"effects.{name}", f"{effect.summary[:1].upper()}{effect.summary[1:]}.", keys)
 
 
 def _parameters(docstring: str) -> dict[str, tuple[str, str]]:
