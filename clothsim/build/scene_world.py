@@ -1,13 +1,13 @@
-"""From a scene to its world and the energies that it names; nothing that it does not name is built, nor imported."""
+"""World and energies of a scene: only the effects that it names are built, and imported."""
 
 from dataclasses import dataclass
 
 from clothsim.build.array_files import with_arrays
-from clothsim.build.initial_positions import seeded
+from clothsim.build.initial_positions import initial_positions
 from clothsim.build.meshes import body_of, cloth_of, cloth_shape
-from clothsim.build.support_check import refuse_unheld
+from clothsim.build.support_check import refuse_unsupported
 from clothsim.build.untangle import untangled
-from clothsim.build.warnings import remarks
+from clothsim.build.warnings import scene_warnings
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.constraint import Constraint
 from clothsim.energies.protocols import report_of
@@ -20,7 +20,21 @@ from clothsim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Built:
-    """A scene made ready: world, energies by name, constraints by name, {named effect that is off: reason}, notes."""
+    """World, energies and constraints of a scene.
+
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies at the start.
+    energies : dict of str to Energy
+        The effects that are on, in the order of the table.
+    constraints : dict of str to Constraint
+        The effects that prescribe positions.
+    off : dict of str to str
+        The reason why a named effect is off.
+    notes : tuple of str
+        Defaults that were chosen, and warnings.
+    """
 
     world: World
     energies: dict[str, Energy]
@@ -30,22 +44,47 @@ class Built:
 
 
 def build(scene: Scene) -> Built:
-    """Build the world, then each named effect in the order of the table. InputError, one sentence, for bad input."""
+    """Build the world of a scene, then each effect that it names, in the order of the table.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+
+    Returns
+    -------
+    Built
+
+    Raises
+    ------
+    InputError
+        For bad input, in one sentence.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "cells": [2, 2]}, effects=[clothsim.Inertia()])
+    >>> build(scene).world.n_cloth
+    9
+    """
     world, notes = _world(scene)
     energies: dict[str, Energy] = {}
     constraints: dict[str, Constraint] = {}
     off: dict[str, str] = {}
-    backend = scene.contact_settings().backend
+    backend = scene.contact_settings.backend
     for name, effect in EFFECTS.items():
         if name not in scene.effects:
             continue
         contacts = tuple(contact for contact in CONTACTS if contact in energies)
-        filled = {"backend": backend, "contacts": contacts, "built": energies}
+        supplied = {"backend": backend, "contacts": contacts, "built": energies}
         keys = with_arrays(f"effects.{name}", scene.effects[name], scene.directory)
         try:
-            made = effect.build(world, keys, filled)
+            made = effect.build(world, keys, supplied)
         except (TypeError, ValueError) as error:
-            raise InputError(f"effects.{name} has a value of the wrong type: {error}.") from error
+            raise InputError(
+                f"effects.{name} has a value of the wrong type: {error}.",
+                f"`clothsim keys effects.{name}` lists the types.",
+            ) from error
         if isinstance(made, Off):
             off[name] = made.reason
         elif isinstance(made, Energy):
@@ -54,11 +93,12 @@ def build(scene: Scene) -> Built:
         else:
             world, constraints[name] = made
     if not energies:
-        raise InputError("The scene has no effect that is on.", f"Name some: {', '.join(EFFECTS)}.")
-    refuse_unheld(world, energies, constraints.values())
-    dt = min(scene.solver_settings().longest_step, 1 / scene.run_settings().frames_per_second)
-    said = (*notes, *remarks(world, energies, dt))
-    return Built(world, energies, constraints, off, said)
+        raise InputError(
+            "The scene has no effect that is on.", f"Write [effects.NAME], NAME one of {', '.join(EFFECTS)}."
+        )
+    refuse_unsupported(world, energies, constraints.values())
+    dt = min(scene.solver_settings.longest_step, 1 / scene.run_settings.frames_per_second)
+    return Built(world, energies, constraints, off, (*notes, *scene_warnings(world, energies, dt)))
 
 
 def _world(scene: Scene) -> tuple[World, list[str]]:
@@ -66,17 +106,17 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
     cloths, bodies = [], []
     names = [f"cloth[{k}]" if len(scene.cloths) > 1 else "cloth" for k in range(len(scene.cloths))]
     shapes = [cloth_shape(keys, where, scene.directory) for keys, where in zip(scene.cloths, names, strict=True)]
-    starts = seeded(scene.seed_settings(), scene.directory, [len(shape.positions) for shape in shapes])
+    starts = initial_positions(scene.seed_settings, scene.directory, [len(shape.positions) for shape in shapes])
     for shape, keys, where, start in zip(shapes, scene.cloths, names, starts, strict=True):
-        cloth, said = cloth_of(shape, keys, where, start)
+        cloth, cloth_notes = cloth_of(shape, keys, where, start)
         cloths.append(cloth)
-        notes.extend(said)
+        notes.extend(cloth_notes)
     for k, keys in enumerate(scene.bodies):
-        body, said = body_of(keys, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
+        body, body_notes = body_of(keys, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
         bodies.append(body)
-        notes.extend(said)
+        notes.extend(body_notes)
     world = make_world(cloths, bodies)
-    if scene.seed_settings().untangle:
+    if scene.seed_settings.untangle:
         world, done = untangled(world)
         notes.append(done)
     return with_local_origin(world), notes

@@ -41,7 +41,7 @@ class Session:
 
 def prepare(scene: Scene, built: Built) -> Session:
     """Pattern, solver and integrator of a built scene."""
-    settings, run = scene.solver_settings(), scene.run_settings()
+    settings, run = scene.solver_settings, scene.run_settings
     _set_threads(settings.threads)
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
@@ -107,8 +107,8 @@ def _tolerance(scene: Scene) -> tuple[float, str]:
 
     What Newton leaves in the velocities is no error of the formula, but looks like one.
     """
-    settings = scene.solver_settings()
-    finer = FINER * settings.error / scene.run_settings().duration
+    settings = scene.solver_settings
+    finer = FINER * settings.error / scene.run_settings.duration
     if not settings.error or "tolerance" in scene.solver or finer >= settings.tolerance:
         return settings.tolerance, ""
     return finer, f"tolerance = {finer:.2g} m/s, for the error asked for."

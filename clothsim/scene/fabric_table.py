@@ -1,4 +1,4 @@
-"""The table of named fabrics: what was measured, by whom, in their units, and how it becomes a `Fabric`.
+"""Table of named fabrics: measurements with their sources and units, and their conversion to a `Fabric`.
 
 WANG: Wang, O'Brien, Ramamoorthi 2011, "Data-driven elastic models for cloth: modeling and measurement", ACM Trans.
 Graph. 30(4); their published material files. A row holds density [kg/m2], the stretch stiffness (c11, c12, c22, c33)
