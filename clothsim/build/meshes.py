@@ -43,7 +43,7 @@ def cloth_of(
     with rest = "vt" and a start, in the start, for such files hold the panels apart.
     """
     label = name_of(keys, where)
-    fabric, fabric_note = _fabric(keys, where)
+    fabric, fabric_note = fabric_of(keys, where)
     rest = keys.get("rest", "file")
     if not isinstance(rest, str) or rest not in ("file", "vt"):
         raise InputError(f"{where}.rest is {rest!r}.", 'Known: "file", "vt".')
@@ -121,7 +121,7 @@ def _from_file(path: Path, keys: Mapping[str, Any], where: str, common: tuple[st
     return Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages, mesh.groups)
 
 
-def _fabric(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
+def fabric_of(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
     """The named fabric with the keys that override it; a Young's modulus takes the place of what its threads have."""
     name = keys.get("fabric", "cotton")
     named = fabric_named(f"{where}.fabric", name)

@@ -10,7 +10,7 @@ from clothsim.energies.base import Constraint, Off, Prescribed
 from clothsim.energies.selection import check_tables, selected_vertices
 from clothsim.errors import InputError
 from clothsim.mesh.clamp import clamped
-from clothsim.mesh.motion import RigidMotion, motion_of
+from clothsim.mesh.motion import LaterMotion, RigidMotion, motion_of
 from clothsim.mesh.world import World
 
 GROUP = ("select", "clamp", "motion")
@@ -25,7 +25,7 @@ class PinGroup:
 
     vertices: Ints
     start: Floats
-    motion: RigidMotion
+    motion: RigidMotion | LaterMotion
     name: str
 
 

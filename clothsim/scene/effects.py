@@ -28,6 +28,11 @@ class Effect:
         """The keys that a scene may give, with their defaults."""
         return {key: default for key, default in self._keywords().items() if key not in FILLED}
 
+    @property
+    def sees_others(self) -> bool:
+        """True where the builder looks at the effects built before it."""
+        return not {"contacts", "built"}.isdisjoint(self._keywords())
+
     def build(self, world: Any, keys: Mapping[str, Any], filled: Mapping[str, Any]) -> Any:
         """Call the builder with the scene's keys, and with those of `filled` (see FILLED) that it has."""
         own = self._keywords()
