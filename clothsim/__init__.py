@@ -14,7 +14,7 @@ if _TYPE_CHECKING:
     from clothsim.accuracy.study import Study, study_accuracy
     from clothsim.errors import ClothsimError, InputError
     from clothsim.fitting.fit import Fit, fit
-    from clothsim.io.results import Run, open_run
+    from clothsim.run.results import Run, open_run
     from clothsim.run.simulate import resume, simulate
     from clothsim.run.simulation import Simulation, SimulationError
     from clothsim.run.simulation_state import SimulationState
@@ -27,7 +27,7 @@ _HOMES = {
     "ClothsimError": "clothsim.errors",
     "Fit": "clothsim.fitting.fit",
     "InputError": "clothsim.errors",
-    "Run": "clothsim.io.results",
+    "Run": "clothsim.run.results",
     "Scene": "clothsim.scene.scene",
     "Simulation": "clothsim.run.simulation",
     "SimulationError": "clothsim.run.simulation",
@@ -35,7 +35,7 @@ _HOMES = {
     "Study": "clothsim.accuracy.study",
     "fit": "clothsim.fitting.fit",
     "load_scene": "clothsim.scene.toml_file",
-    "open_run": "clothsim.io.results",
+    "open_run": "clothsim.run.results",
     "resume": "clothsim.run.simulate",
     "simulate": "clothsim.run.simulate",
     "study_accuracy": "clothsim.accuracy.study",

@@ -118,7 +118,7 @@ def _check_run(directory: Path) -> int:
     import numpy as np
 
     from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-    from clothsim.io.results import open_run
+    from clothsim.run.results import open_run
     from clothsim.scene.scene import scene_from_text
     from clothsim.sim.intersection_check import judge_of
 

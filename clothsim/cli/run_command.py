@@ -11,11 +11,9 @@ from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.io.results import Run
+    from clothsim.run.results import Run
     from clothsim.run.session import Session
     from clothsim.scene.scene import Scene
-
-PICTURE_NAME, MOVIE_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "failure.png"
 
 _RUN = """\
 Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture of the last frame; where it failed,
@@ -45,8 +43,8 @@ def add_to(commands: Any) -> None:
     resume.add_argument("-o", "--output", type=Path, metavar="DIR", help="of an archive: where to (default: its name)")
     resume.set_defaults(handler=_resume)
     for command in (run, resume):
-        command.add_argument("--no-picture", action="store_true", help=f"leave no {PICTURE_NAME} and no {FAILURE_NAME}")
-        command.add_argument("--movie", action="store_true", help=f"leave {MOVIE_NAME} too")
+        command.add_argument("--no-picture", action="store_true", help="leave no picture.png and no failure.png")
+        command.add_argument("--movie", action="store_true", help="leave movie.mp4 too")
         command.add_argument("--dump-iterates", metavar="STEP", help="write the Newton iterates of that step, from 1")
         command.add_argument("--quiet", action="store_true", help="print the end only")
         command.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
@@ -151,20 +149,31 @@ def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> 
 
     Returns a line for each that could not be drawn: a run is none the worse for that.
     """
-    from clothsim.cli.render_command import draw_failure, draw_frame, draw_movie, upright
+    from clothsim.cli.render_command import frame_counter
     from clothsim.errors import ClothsimError
+    from clothsim.run.pictures import (
+        FAILURE_NAME,
+        MOVIE_NAME,
+        PICTURE_NAME,
+        draw_failure,
+        draw_frame,
+        draw_movie,
+        upright,
+    )
 
     for name in (PICTURE_NAME, MOVIE_NAME, "movie.gif", FAILURE_NAME):
         (run.directory / name).unlink(missing_ok=True)
-    up, trouble = upright(run), []
+    directory, up, trouble = run.directory, upright(run.directory), []
     jobs: list[tuple[str, Callable[[], Any]]] = []
     if not arguments.no_picture:
-        jobs.append((PICTURE_NAME, lambda: draw_frame(run, run.directory / PICTURE_NAME, up=up)))
-        if (run.summary.get("failure") or {}).get("position") is not None:
-            target, world = run.directory / FAILURE_NAME, session.built.world
-            jobs.append((FAILURE_NAME, lambda: draw_failure(run, world, target, up)))
+        jobs.append((PICTURE_NAME, lambda: draw_frame(run.trajectory, directory / PICTURE_NAME, up=up)))
+        failure, world = run.summary.get("failure") or {}, session.built.world
+        if failure.get("position") is not None:
+            target = directory / FAILURE_NAME
+            jobs.append((FAILURE_NAME, lambda: draw_failure(directory, failure, world, target, up)))
     if arguments.movie:
-        jobs.append((MOVIE_NAME, lambda: draw_movie(run, run.directory / MOVIE_NAME, up=up, quiet=arguments.quiet)))
+        counter = frame_counter(arguments.quiet)
+        jobs.append((MOVIE_NAME, lambda: draw_movie(run.trajectory, directory / MOVIE_NAME, counter, up=up)))
     for name, job in jobs:
         if not arguments.quiet:
             print(f"drawing {name}", file=sys.stderr, flush=True)

@@ -21,8 +21,8 @@ from clothsim.fitting.stage import Garment, Heard, Stage, staged
 from clothsim.io.checkpoint import CHECKPOINT_NAME
 from clothsim.io.obj_writer import write_obj
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
-from clothsim.io.results import Run
 from clothsim.io.trajectory import TRAJECTORY_NAME
+from clothsim.run.results import Run
 from clothsim.run.simulate import FITTED, Announcement, Listener
 from clothsim.scene.fabrics import fabric_named
 from transfer.signed_distance import body_surface

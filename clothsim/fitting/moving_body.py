@@ -8,7 +8,7 @@ from typing import Any
 from clothsim.arrays import Floats, Ints
 from clothsim.fitting.stage import Garment
 from clothsim.io.obj_writer import write_obj
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from clothsim.run.simulate import Announcement, Listener, simulate
 from clothsim.scene.scene import Scene
 

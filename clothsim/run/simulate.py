@@ -10,9 +10,9 @@ from clothsim.build.scene_world import Built, build
 from clothsim.errors import InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
-from clothsim.io.results import Run, open_run
 from clothsim.io.run_surfaces import world_surfaces
 from clothsim.io.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
+from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session, prepare
 from clothsim.run.summary import Progress, checkpoint_of, entry_of, progress_of, restore, state_of, summary_of
 from clothsim.scene.scene import Scene, scene_from_text

@@ -7,7 +7,7 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.build.scene_world import Built, build
 from clothsim.energies.base import Energy, Step
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from clothsim.scene.fabrics import FABRICS
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case, scene_of

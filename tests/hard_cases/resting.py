@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from clothsim.run.simulate import Progress, simulate
 from clothsim.scene.scene import Scene
 from clothsim.solve.process_memory import peak_memory
