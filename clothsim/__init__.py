@@ -18,21 +18,75 @@ if _TYPE_CHECKING:
     from clothsim.run.simulate import resume, simulate
     from clothsim.run.simulation import Simulation, SimulationError
     from clothsim.run.simulation_state import SimulationState
+    from clothsim.scene.cloth_arrays import BodyArrays as Body
+    from clothsim.scene.cloth_arrays import ClothArrays as Cloth
+    from clothsim.scene.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
     from clothsim.scene.scene import Scene
+    from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
     from clothsim.scene.toml_file import load_scene
+    from clothsim.scene.typed_effects import (
+        Air,
+        Bending,
+        BodyContact,
+        Damping,
+        Fibres,
+        Friction,
+        Gravity,
+        Inertia,
+        Membrane,
+        Pins,
+        PlasticBending,
+        Pressure,
+        RestAngle,
+        Seams,
+        SelfContact,
+        Springs,
+        StrainLimit,
+    )
 
 __version__ = "0.1.0"
 
 _HOMES = {
+    "Air": "clothsim.scene.typed_effects",
+    "Bending": "clothsim.scene.typed_effects",
+    "Body": "clothsim.scene.cloth_arrays:BodyArrays",
+    "BodyContact": "clothsim.scene.typed_effects",
+    "Cloth": "clothsim.scene.cloth_arrays:ClothArrays",
     "ClothsimError": "clothsim.errors",
+    "Contact": "clothsim.scene.settings",
+    "Crease": "clothsim.scene.effect_tables",
+    "Damping": "clothsim.scene.typed_effects",
+    "Fibres": "clothsim.scene.typed_effects",
     "Fit": "clothsim.fitting.fit",
+    "Friction": "clothsim.scene.typed_effects",
+    "Gravity": "clothsim.scene.typed_effects",
+    "Gust": "clothsim.scene.effect_tables",
+    "Inertia": "clothsim.scene.typed_effects",
     "InputError": "clothsim.errors",
+    "Membrane": "clothsim.scene.typed_effects",
+    "Motion": "clothsim.scene.effect_tables",
+    "PinGroup": "clothsim.scene.effect_tables",
+    "Pins": "clothsim.scene.typed_effects",
+    "PlasticBending": "clothsim.scene.typed_effects",
+    "Pressure": "clothsim.scene.typed_effects",
+    "RestAngle": "clothsim.scene.typed_effects",
     "Run": "clothsim.run.results",
+    "RunSettings": "clothsim.scene.settings",
     "Scene": "clothsim.scene.scene",
+    "Seam": "clothsim.scene.effect_tables",
+    "SeamLine": "clothsim.scene.effect_tables",
+    "Seams": "clothsim.scene.typed_effects",
+    "Seed": "clothsim.scene.settings",
+    "SelfContact": "clothsim.scene.typed_effects",
     "Simulation": "clothsim.run.simulation",
     "SimulationError": "clothsim.run.simulation",
     "SimulationState": "clothsim.run.simulation_state",
+    "Solver": "clothsim.scene.settings",
+    "Spring": "clothsim.scene.effect_tables",
+    "Springs": "clothsim.scene.typed_effects",
+    "StrainLimit": "clothsim.scene.typed_effects",
     "Study": "clothsim.accuracy.study",
+    "Vortex": "clothsim.scene.effect_tables",
     "fit": "clothsim.fitting.fit",
     "load_scene": "clothsim.scene.toml_file",
     "open_run": "clothsim.run.results",
@@ -40,18 +94,49 @@ _HOMES = {
     "simulate": "clothsim.run.simulate",
     "study_accuracy": "clothsim.accuracy.study",
 }
-"""The module of each public name."""
+"""The module of each public name, and its name there where it is another."""
 
 __all__ = [
+    "Air",
+    "Bending",
+    "Body",
+    "BodyContact",
+    "Cloth",
     "ClothsimError",
+    "Contact",
+    "Crease",
+    "Damping",
+    "Fibres",
     "Fit",
+    "Friction",
+    "Gravity",
+    "Gust",
+    "Inertia",
     "InputError",
+    "Membrane",
+    "Motion",
+    "PinGroup",
+    "Pins",
+    "PlasticBending",
+    "Pressure",
+    "RestAngle",
     "Run",
+    "RunSettings",
     "Scene",
+    "Seam",
+    "SeamLine",
+    "Seams",
+    "Seed",
+    "SelfContact",
     "Simulation",
     "SimulationError",
     "SimulationState",
+    "Solver",
+    "Spring",
+    "Springs",
+    "StrainLimit",
     "Study",
+    "Vortex",
     "fit",
     "load_scene",
     "open_run",
@@ -64,7 +149,8 @@ __all__ = [
 def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'clothsim' has no attribute {name!r}")
-    return getattr(_import_module(_HOMES[name]), name)
+    module, _, other = _HOMES[name].partition(":")
+    return getattr(_import_module(module), other or name)
 
 
 def __dir__() -> list[str]:

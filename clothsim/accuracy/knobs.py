@@ -55,9 +55,9 @@ def _nested(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, 
 
 def steps_per_frame(scene: Scene) -> tuple[int, float]:
     """How many steps a frame of `scene` takes, and how long a frame is [s]."""
-    run = scene.run_settings()
+    run = scene.run_settings
     frame = min(1 / run.frames_per_second, run.duration)
-    return max(1, ceil(frame / scene.solver_settings().dt - 1e-9)), frame
+    return max(1, ceil(frame / scene.solver_settings.dt - 1e-9)), frame
 
 
 def _dt(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
@@ -84,7 +84,7 @@ def _cells(base: Scene, scene: Scene, level: int) -> tuple[Any, Scene]:
 
 
 def _tolerance(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
-    value = base.solver_settings().tolerance / 4.0**level
+    value = base.solver_settings.tolerance / 4.0**level
     return value, set_key(scene, "solver.tolerance", value)
 
 
@@ -115,7 +115,7 @@ def _iterations(base: Scene, scene: Scene, level: int) -> tuple[int, Scene]:
 
 
 def _in_time(scene: Scene) -> float:
-    return 2.0 if scene.solver_settings().integrator == "bdf2" else 1.0
+    return 2.0 if scene.solver_settings.integrator == "bdf2" else 1.0
 
 
 KNOBS = {

@@ -94,7 +94,7 @@ class Bench:
     def variants(self) -> list[Point]:
         """Those that the scene has and is not itself."""
         names = []
-        if "inertia" in self.base.effects and self.base.solver_settings().integrator != "bdf2":
+        if "inertia" in self.base.effects and self.base.solver_settings.integrator != "bdf2":
             names.append("bdf2")
         if not self.convergent:
             names.append(CONVERGENT)

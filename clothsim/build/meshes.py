@@ -1,15 +1,15 @@
-"""The meshes that a scene's tables name: generated or read, examined, sewn, scaled and placed."""
+"""Meshes of a scene's tables: generated, read or in memory; checked, sewn, scaled and placed."""
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints, as_number, as_positive, as_vector
-from clothsim.build.animated_body import animated_body
+from clothsim.arrays import Floats, as_number, as_positive, as_vector
+from clothsim.build.animated_body import body_of_files, body_of_frames
 from clothsim.build.placement import PART, Shape, examined, name_of, placed
 from clothsim.build.welding import sewn
 from clothsim.errors import InputError
@@ -19,28 +19,44 @@ from clothsim.mesh.fabric import Fabric
 from clothsim.mesh.generators.sheets import GENERATORS
 from clothsim.mesh.motion import rigid_motion
 from clothsim.scene.fabrics import fabric_named
-from clothsim.scene.keys import refuse_unknown, table
+from clothsim.scene.keys import table
+from clothsim.scene.mesh_arrays import MeshArrays
 
-PLACE = ("name", "mesh", "position", "rotation_degrees")
 THREADS = ("warp_stiffness", "weft_stiffness", "shear_stiffness", "thread_poisson_ratio")
 FABRIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness", *THREADS)
-CLOTH = ("velocity", "fabric", "weld", "sewn", "rest", *FABRIC)
-MOTION = ("velocity", "rotate_degrees_per_second", "centre")
 
 
 def cloth_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
-    """The mesh of a [cloth] table as it is in its file or generated: neither examined, sewn nor placed."""
-    return _shape(keys, where, directory, (*PLACE, *CLOTH))
+    """The mesh of a [cloth] table as generated, in memory or in its file: neither checked, sewn nor placed."""
+    return _shape(keys, where, directory)
 
 
 def cloth_of(
     shape: Shape, keys: Mapping[str, Any], where: str, start: Floats | None = None
 ) -> tuple[Cloth, tuple[str, ...]]:
-    """The cloth of a [cloth] table with its `cloth_shape`, and what the user should know of it.
+    """The cloth of a [cloth] table.
 
-    start: (n, 3) where the vertices of the shape start [m], if not where the table places them. Panels are sewn where
-    they touch: in the file (sewn = true: they are one mesh already, in which seams of three layers are no fault);
-    with rest = "vt" and a start, in the start, for such files hold the panels apart.
+    Parameters
+    ----------
+    shape : Shape
+        The table's `cloth_shape`.
+    keys : dict
+        The table.
+    where : str
+        Dotted name of the table, for messages.
+    start : (n, 3) ndarray [m], optional
+        Initial positions of the vertices of the shape, in place of those of the table.
+
+    Returns
+    -------
+    cloth : Cloth
+    notes : tuple of str
+        Notes for the user.
+
+    Notes
+    -----
+    Panels are sewn where their borders meet: in the mesh; with rest = "vt" and a start, in the start, for such files
+    hold the panels apart. A file with sewn = true is one mesh already, in which seams of three layers are no fault.
     """
     label = name_of(keys, where)
     fabric, fabric_note = fabric_of(keys, where)
@@ -49,9 +65,12 @@ def cloth_of(
         raise InputError(f"{where}.rest is {rest!r}.", 'Known: "file", "vt".')
     if rest == "vt" and not len(shape.texture):
         raise InputError(f'{where}.rest is "vt", but the mesh has no texture coordinates.', 'Use rest = "file".')
+    in_plane = rest == "vt" or shape.flat
+    if start is None and shape.start is not None:
+        start = placed(keys, where, shape.start)
     gap = as_positive(f"{where}.weld", keys.get("weld", 0.0), zero=True)
     if gap:
-        shape, start = sewn(label, shape, start, gap, at_start=rest == "vt")
+        shape, start = sewn(label, shape, start, gap, at_start=in_plane)
     layers = _flag(f"{where}.sewn", keys.get("sewn", False))
     warnings = examined(label, shape, "sewn cloth" if gap or layers else "cloth")
     cloth = make_cloth(
@@ -60,7 +79,7 @@ def cloth_of(
         shape.triangles,
         fabric,
         positions=placed(keys, where, shape.positions) if start is None else start,
-        material_coordinates=shape.texture if rest == "vt" else None,
+        material_coordinates=shape.texture if in_plane else None,
         velocity=as_vector(f"{where}.velocity", keys.get("velocity", (0, 0, 0))),
         groups=shape.groups,
     )
@@ -68,14 +87,15 @@ def cloth_of(
 
 
 def body_of(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
-    """The body of a [[body]] table, and what the user should know of it."""
+    """The body of a [[body]] table, and notes for the user."""
     if "frames" in keys:
-        return animated_body(keys, where, directory)
-    shape = _shape(keys, where, directory, (*PLACE, "motion"))
+        return body_of_files(keys, where, directory)
+    shape = _shape(keys, where, directory)
+    if isinstance(keys["mesh"], MeshArrays) and keys["mesh"].frames is not None:
+        return body_of_frames(keys, where, shape)
     notes = examined(name_of(keys, where), shape, "body")
     positions = placed(keys, where, shape.positions)
     motion = dict(table(f"{where}.motion", keys.get("motion", {})))
-    refuse_unknown(f"{where}.motion", motion, MOTION)
     motion.setdefault("centre", as_vector(f"{where}.position", keys.get("position", (0, 0, 0))))
     return make_body(name_of(keys, where), positions, shape.triangles, rigid_motion(**motion)), notes
 
@@ -86,39 +106,44 @@ def _flag(name: str, value: Any) -> bool:
     return value
 
 
-def _shape(keys: Mapping[str, Any], where: str, directory: Path, common: tuple[str, ...]) -> Shape:
-    """The mesh that `keys` name."""
-    mesh = keys.get("mesh")
-    if not isinstance(mesh, str) or not mesh or not mesh.isprintable():
-        raise InputError(f"{where} has no mesh.", f"Give one of {', '.join(GENERATORS)}, or a file.")
+def _shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
+    """The mesh that the key `mesh` names or holds."""
+    mesh = keys["mesh"]
+    if isinstance(mesh, MeshArrays):
+        return _from_arrays(mesh, keys, where)
     if mesh in GENERATORS:
-        return _generated(GENERATORS[mesh], mesh, keys, where, common)
-    if "." not in Path(mesh).name:
-        refuse_unknown(f"{where}.mesh", [mesh], GENERATORS)
-        raise InputError(f"{where}.mesh is {mesh!r}.")
-    return _from_file(directory / mesh, keys, where, common)
+        return _generated(mesh, keys, where)
+    return _from_file(directory / mesh, keys)
 
 
-def _generated(
-    generator: Callable[..., tuple[Floats, Ints]],
-    name: str,
-    keys: Mapping[str, Any],
-    where: str,
-    common: tuple[str, ...],
-) -> Shape:
+def _generated(name: str, keys: Mapping[str, Any], where: str) -> Shape:
+    generator = GENERATORS[name]
     own = list(inspect.signature(generator).parameters)
-    refuse_unknown(f"{where} ({name})", keys, (*common, *own, "scale"))
-    positions, triangles = generator(**{key: keys[key] for key in own if key in keys})
+    try:
+        positions, triangles = generator(**{key: keys[key] for key in own if key in keys})
+    except InputError as error:
+        raise InputError(f"{where} ({name}): {error.sentence}", error.remedy) from error
     scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
     return Shape(scale * positions, triangles, np.zeros((0, 3, 2)), ())
 
 
-def _from_file(path: Path, keys: Mapping[str, Any], where: str, common: tuple[str, ...]) -> Shape:
+def _from_file(path: Path, keys: Mapping[str, Any]) -> Shape:
     from clothsim.io.mesh_file import read_mesh
 
-    refuse_unknown(f"{where} (a file)", keys, (*common, *PART))
     mesh = read_mesh(path, **{key: keys[key] for key in PART if key in keys})
     return Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages, mesh.groups)
+
+
+def _from_arrays(mesh: MeshArrays, keys: Mapping[str, Any], where: str) -> Shape:
+    """A mesh in memory; its arrays are copied, for kernels are compiled for writable ones."""
+    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
+    vertices, triangles = scale * mesh.vertices, mesh.triangles.copy()
+    none = np.zeros((0, 3, 2))
+    if mesh.rest is None:
+        return Shape(vertices, triangles, none, ())
+    if mesh.is_flat:
+        return Shape(vertices, triangles, scale * mesh.rest, (), flat=True)
+    return Shape(scale * mesh.rest, triangles, none, (), start=vertices)
 
 
 def fabric_of(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:

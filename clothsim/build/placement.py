@@ -1,4 +1,4 @@
-"""A mesh as a scene's table names it: its name, its faults, its place."""
+"""Name, faults and position of a mesh that a scene's table names."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,8 +17,24 @@ PART = ("scale", "group", "component", "vertices")
 
 @dataclass(frozen=True)
 class Shape:
-    """positions (n, 3) [m], triangles (m, 3), texture (m, 3, 2) or (0, 3, 2), not yet placed; notes for the user;
-    groups: the triangles of each panel or group that the file names.
+    """A mesh of a scene before it is placed.
+
+    Parameters
+    ----------
+    positions : (n, 3) ndarray [m]
+        Rest positions.
+    triangles : (m, 3) ndarray
+        Vertex numbers.
+    texture : (m, 3, 2) or (0, 3, 2) ndarray [m]
+        Texture or material coordinates of each corner.
+    notes : tuple of str
+        Notes for the user.
+    groups : dict
+        Triangles of each panel or group that the file names.
+    start : (n, 3) ndarray [m], optional
+        Initial positions, where they are not the rest positions.
+    flat : bool
+        True where the material is at rest in `texture`.
     """
 
     positions: Floats
@@ -26,18 +42,20 @@ class Shape:
     texture: Floats
     notes: tuple[str, ...]
     groups: Mapping[str, Ints] = field(default_factory=dict)
+    start: Floats | None = None
+    flat: bool = False
 
 
 def name_of(keys: Mapping[str, Any], where: str) -> str:
     """The name that a table gives, or the table's own. InputError for one that cannot be printed."""
     name = keys.get("name", where)
     if not isinstance(name, str) or not name or not name.isprintable():
-        raise InputError(f"{where}.name must be a text that can be printed, not {name!r}.")
+        raise InputError(f"{where}.name must be a text that can be printed, not {name!r}.", 'Write name = "sheet".')
     return name
 
 
 def examined(label: str, shape: Shape, role: Role) -> tuple[str, ...]:
-    """The notes of a shape and the doctor's warnings, each with its name. InputError for the doctor's errors."""
+    """The notes of a shape and the warnings of the mesh check, each with its name. InputError for its errors."""
     report = examine(label, shape.positions, shape.triangles, role)
     refuse(report)
     warnings = (finding.sentence for finding in report.warnings)
@@ -45,7 +63,22 @@ def examined(label: str, shape: Shape, role: Role) -> tuple[str, ...]:
 
 
 def placed(keys: Mapping[str, Any], where: str, positions: Floats) -> Floats:
-    """`positions (..., 3)` turned about x, then y, then z by rotation_degrees, then moved by position."""
+    """Positions in the scene.
+
+    Parameters
+    ----------
+    keys : dict
+        A table with rotation_degrees and position.
+    where : str
+        Dotted name of the table, for messages.
+    positions : (..., 3) ndarray [m]
+        Positions of the mesh.
+
+    Returns
+    -------
+    (..., 3) ndarray [m]
+        Rotated about x, then y, then z, and displaced.
+    """
     angles = np.radians(as_vector(f"{where}.rotation_degrees", keys.get("rotation_degrees", (0, 0, 0))))
     turn = np.eye(3)
     for axis in range(3):

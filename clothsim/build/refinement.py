@@ -29,7 +29,7 @@ def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
     cells would be no whole numbers, and where pins, springs, seams, creases, an array over the cloth or a seed file
     belong to the vertices or triangles of one mesh.
     """
-    if scene.seed_settings().from_ == "file":
+    if scene.seed_settings.from_ == "file":
         raise InputError("seed.file gives a place to each vertex of one mesh.", "Leave the cells as they are.")
     _refuse_numbered_lines(scene.effects)
     _refuse_arrays("effects", scene.effects)

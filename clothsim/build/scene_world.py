@@ -46,7 +46,7 @@ def build_effects(
     energies: dict[str, Energy] = {}
     constraints: dict[str, Constraint] = {}
     off: dict[str, str] = {}
-    backend = scene.contact_settings().backend
+    backend = scene.contact_settings.backend
     for name, effect in EFFECTS.items():
         if name not in scene.effects:
             continue
@@ -70,7 +70,7 @@ def build_effects(
     if not energies:
         raise InputError("The scene has no effect that is on.", f"Name some: {', '.join(EFFECTS)}.")
     refuse_unheld(world, energies, constraints.values())
-    dt = min(scene.solver_settings().longest_step, 1 / scene.run_settings().frames_per_second)
+    dt = min(scene.solver_settings.longest_step, 1 / scene.run_settings.frames_per_second)
     said = (*notes, *remarks(world, energies, dt))
     return Built(world, energies, constraints, off, said)
 
@@ -92,7 +92,7 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
     cloths, bodies = [], []
     names = [f"cloth[{k}]" if len(scene.cloths) > 1 else "cloth" for k in range(len(scene.cloths))]
     shapes = [cloth_shape(keys, where, scene.directory) for keys, where in zip(scene.cloths, names, strict=True)]
-    starts = seeded(scene.seed_settings(), scene.directory, [len(shape.positions) for shape in shapes])
+    starts = seeded(scene.seed_settings, scene.directory, [len(shape.positions) for shape in shapes])
     for shape, keys, where, start in zip(shapes, scene.cloths, names, starts, strict=True):
         cloth, said = cloth_of(shape, keys, where, start)
         cloths.append(cloth)
@@ -102,7 +102,7 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
         bodies.append(body)
         notes.extend(said)
     world = make_world(cloths, bodies)
-    if scene.seed_settings().untangle:
+    if scene.seed_settings.untangle:
         world, done = untangled(world)
         notes.append(done)
     return about_its_own_origin(world), notes

@@ -38,7 +38,7 @@ def what_goes_on(directory: Path) -> str:
 def settings(session: "Session", directory: Path, before: str) -> str:
     """The settings of a run, one line each."""
     built, scene, integrator = session.built, session.scene, session.integrator
-    solver, run = scene.solver_settings(), scene.run_settings()
+    solver, run = scene.solver_settings, scene.run_settings
     world = built.world
     on = [name for name in scene.effects if name not in built.off]
     sizes = f"{world.n_cloth:,} vertices and {len(world.triangles):,} triangles of cloth"

@@ -90,7 +90,7 @@ def _with(scene: Scene, name: str) -> Session | str:
 
 def _seconds(session: Session, steps: int) -> float:
     """Seconds a step of the first `steps`, fewer where the scene ends before."""
-    run, taken, started = session.scene.run_settings(), 0, perf_counter()
+    run, taken, started = session.scene.run_settings, 0, perf_counter()
     state = first_state(session.built.world, session.integrator.dt)
     for taken, report in enumerate(run_steps(session.integrator, state, run.duration, run.frames_per_second), start=1):
         if report.failure is not None:

@@ -57,7 +57,7 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
     for section in ("cloth", "body"):
         tables = data[section]
         for k, table in enumerate([tables] if isinstance(tables, dict) else tables):
-            if "mesh" in table and table["mesh"] not in GENERATORS:
+            if isinstance(table.get("mesh"), str) and table["mesh"] not in GENERATORS:  # one in memory is in the text
                 yield f"{section}{k}", table, "mesh"
             if "frames" in table:
                 yield f"{section}{k}", table, "frames"

@@ -37,13 +37,13 @@ def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
     from clothsim.sim.state import first_state
     from clothsim.sim.time_loop import steps as run_steps
 
-    duration = scene.run_settings().duration
+    duration = scene.run_settings.duration
     taken, reason = 0, ""
     report: StepReport | None = None
     for count in (1, steps):
         session = prepare(scene, build(scene))
         state = first_state(session.built.world, session.integrator.dt)
-        frequency = scene.run_settings().frames_per_second
+        frequency = scene.run_settings.frames_per_second
         for taken, report in enumerate(run_steps(session.integrator, state, duration, frequency), start=1):
             reason = "" if report.failure is None else f" {report.failure.reason}"
             if taken == count:

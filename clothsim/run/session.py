@@ -41,7 +41,7 @@ class Session:
 
 def prepare(scene: Scene, built: Built) -> Session:
     """Make a built scene ready to step. InputError for settings that conflict."""
-    settings = scene.solver_settings()
+    settings = scene.solver_settings
     _set_threads(settings.threads)
     keep_freed_memory()
     ledger = Ledger(effects={name: Account() for name in built.energies})
@@ -59,7 +59,7 @@ def prepared_again(session: Session, scene: Scene, built: Built) -> Session:
 
     The solver and run settings of both scenes are the same.
     """
-    before, settings = session.integrator, scene.solver_settings()
+    before, settings = session.integrator, scene.solver_settings
     ledger = before.potential.ledger
     for name in built.energies:
         ledger.effects.setdefault(name, Account())
@@ -89,7 +89,7 @@ def _pattern(built: Built) -> Pattern:
 
 
 def _integrator(scene: Scene, built: Built, potential: Potential, system: System, tolerance: float) -> Integrator:
-    settings, run = scene.solver_settings(), scene.run_settings()
+    settings, run = scene.solver_settings, scene.run_settings
     newton = NewtonSettings(tolerance, settings.max_iterations)
     dynamic = "inertia" in built.energies
     dt = min(settings.longest_step, run.duration, 1 / run.frames_per_second)
@@ -108,8 +108,8 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
 
 def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:
     """Sentences on settings that were changed or have no effect, each empty where there is nothing to report."""
-    settings, dt = scene.solver_settings(), integrator.dt
-    cut = not settings.error and 1 / scene.run_settings().frames_per_second < settings.dt
+    settings, dt = scene.solver_settings, integrator.dt
+    cut = not settings.error and 1 / scene.run_settings.frames_per_second < settings.dt
     shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if cut else ""
     ignored = integrator.formula != settings.integrator
     return shorter, f"{settings.integrator} does nothing without effects.inertia." if ignored else ""
@@ -139,8 +139,8 @@ def _tolerance(scene: Scene) -> tuple[float, str]:
 
     What Newton leaves in the velocities is no error of the formula, but looks like one.
     """
-    settings = scene.solver_settings()
-    finer = FINER * settings.error / scene.run_settings().duration
+    settings = scene.solver_settings
+    finer = FINER * settings.error / scene.run_settings.duration
     if not settings.error or "tolerance" in scene.solver or finer >= settings.tolerance:
         return settings.tolerance, ""
     return finer, f"tolerance = {finer:.2g} m/s, for the error asked for."

@@ -127,7 +127,7 @@ def _run(
     """Step to the end of the scene, writing as it goes; whatever stops it, the frames so far are on disk."""
     surfaces = world_surfaces(session.built.world)
     scripted = _scripted(session.built)
-    asked = session.scene.solver_settings().error
+    asked = session.scene.solver_settings.error
     formula = session.integrator.formula
     certificate = replace(certificate, moved_by_script=scripted, formula=formula, asked=asked)
     judge = judge_of(surfaces, session.scene.effects, session.built.energies)
@@ -167,7 +167,7 @@ def _stepped(
     heard: Callable[[StepReport], None],
 ) -> tuple[State, Certificate, Failure | None]:
     """All steps from `state` to the end or to a failure; the last state, its certificate, why it failed."""
-    session, run = output.session, output.session.scene.run_settings()
+    session, run = output.session, output.session.scene.run_settings
     world, ledger = session.built.world, session.integrator.potential.ledger
     for report in steps(session.integrator, state, run.duration, run.frames_per_second):
         if log is not None and log.step == state.step + 1:

@@ -92,12 +92,12 @@ class Simulation:
     @property
     def duration(self) -> float:
         """Duration of the scene [s]."""
-        return self.scene.run_settings().duration
+        return self.scene.run_settings.duration
 
     @property
     def finished(self) -> bool:
         """True where the duration of the scene is simulated."""
-        return self._state.frame >= frame_count(self.duration, self.scene.run_settings().frames_per_second)
+        return self._state.frame >= frame_count(self.duration, self.scene.run_settings.frames_per_second)
 
     def __iter__(self) -> Iterator[SimulationState]:
         """Take the steps that are left of the duration of the scene, one state a step."""
@@ -117,7 +117,7 @@ class Simulation:
         SimulationError
             The step cannot be taken, or its frame intersects; the state is then the one before it.
         """
-        integrator, run = self._session.integrator, self.scene.run_settings()
+        integrator, run = self._session.integrator, self.scene.run_settings
         if integrator.control is not None and self.finished:
             raise InputError("solver.error is for the duration of the scene.", "Give a longer run.duration.")
         report = next_step(integrator, self._state, run.duration, run.frames_per_second)

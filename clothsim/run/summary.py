@@ -55,7 +55,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
 
 def progress_of(report: StepReport, session: Session, seconds: float) -> Progress:
     """What a listener hears of a step; seconds: since the run began."""
-    run, integrator = session.scene.run_settings(), session.integrator
+    run, integrator = session.scene.run_settings, session.integrator
     verdict = "moving"
     if integrator.control is None and report.dt < integrator.dt / 8:
         verdict = "stalled"

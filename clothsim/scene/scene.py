@@ -1,44 +1,123 @@
-"""A scene: data only. It is checked when it is made, and built by `build`."""
+"""Scene: the data of a simulation, checked when it is made."""
 
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from clothsim.errors import InputError
+from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.keys import refuse_deep, refuse_unknown, settings, table
+from clothsim.scene.key_table import KeyTable, as_tables
+from clothsim.scene.keys import refuse_deep, refuse_unknown, table
+from clothsim.scene.mesh_arrays import TEXT, MeshArrays, mesh_arrays
+from clothsim.scene.mesh_keys import check_body, check_cloth
+from clothsim.scene.mesh_objects import is_mesh
+from clothsim.scene.section_hints import effect_remedy, section_remedy
 from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
+from clothsim.scene.typed_effects import TYPED_EFFECTS, EffectKeys, effect_tables
+from clothsim.scene.value_checks import check_table
 
 Table = Mapping[str, Any]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Scene:
-    """What a scene file says, with the same names.
+    """Data of a simulation, with the names of a scene file.
 
-    cloth, body: one table each, or a list of them; effects: {name: {key: value}}; solver, contact, run, seed: tables of
-    keys. directory: where relative file names start. InputError for an unknown key, with the nearest known one.
+    Parameters
+    ----------
+    cloth : dict, Cloth, mesh object, or a list of them
+        Keys of [cloth].
+    body : dict, Body, mesh object, or a list of them
+        Keys of [[body]].
+    effects : dict or list of effects
+        {name: {key: value}}, or typed effects.
+    solver, contact, run, seed : dict or Solver, Contact, RunSettings, Seed
+        Keys of the sections of these names.
+    directory : path
+        Folder at which relative file names start.
+
+    Attributes
+    ----------
+    solver_settings, contact_settings, run_settings, seed_settings
+        The sections with their defaults.
+
+    Raises
+    ------
+    InputError
+        For an unknown key, with the nearest known one, and for a value of another type or out of range.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> scene = clothsim.Scene(
+    ...     cloth={"mesh": "rectangle", "cells": [8, 8]},
+    ...     effects=[clothsim.Inertia(), clothsim.Membrane(), clothsim.Gravity()],
+    ...     run=clothsim.RunSettings(duration=0.1),
+    ... )
+    >>> scene.effects
+    {'inertia': {}, 'membrane': {}, 'gravity': {}}
+    >>> scene.solver_settings.dt
+    0.01
     """
 
     cloth: Table | Sequence[Table]
-    body: Table | Sequence[Table] = ()
-    effects: Mapping[str, Table] = field(default_factory=dict)
-    solver: Table = field(default_factory=dict)
-    contact: Table = field(default_factory=dict)
-    run: Table = field(default_factory=dict)
-    seed: Table = field(default_factory=dict)
-    directory: Path = Path()
+    body: Table | Sequence[Table]
+    effects: Mapping[str, Table]
+    solver: Table
+    contact: Table
+    run: Table
+    seed: Table
+    directory: Path
 
-    def __post_init__(self) -> None:
+    def __init__(
+        self,
+        cloth: Table | ClothArrays | Any,
+        body: Table | BodyArrays | Any = (),
+        effects: Mapping[str, Any] | Iterable[EffectKeys] = (),
+        solver: Table | Solver | None = None,
+        contact: Table | Contact | None = None,
+        run: Table | RunSettings | None = None,
+        seed: Table | Seed | None = None,
+        directory: Path = Path(),
+    ) -> None:
+        given = {
+            "cloth": _mesh_tables("cloth", cloth),
+            "body": _mesh_tables("body", body),
+            "effects": effect_tables(effects),
+            "solver": as_tables({} if solver is None else solver),
+            "contact": as_tables({} if contact is None else contact),
+            "run": as_tables({} if run is None else run),
+            "seed": as_tables({} if seed is None else seed),
+            "directory": directory,
+        }
+        for name, value in given.items():
+            object.__setattr__(self, name, value)
+        self._check()
+
+    def _check(self) -> None:
+        """Check every section; parse the settings once."""
         for name in SECTIONS:
             refuse_deep(name, getattr(self, name))
-        refuse_unknown("effects", table("effects", self.effects), EFFECTS)
-        for name, keys in self.effects.items():
-            refuse_unknown(f"effects.{name}", table(f"effects.{name}", keys), EFFECTS[name].keys())
-        for check in (self.solver_settings, self.run_settings, self.seed_settings, self.contact_settings):
-            check()
+        refuse_unknown("effects", table("effects", self.effects, "Write [effects.gravity]."), EFFECTS)
+        for name, given in self.effects.items():
+            section, where = TYPED_EFFECTS.get(name), f"effects.{name}"
+            keys = table(where, given, effect_remedy(name))
+            if section is not None:
+                check_table(where, keys, section)
+            else:  # an effect of a user's own: its builder's keywords
+                refuse_unknown(where, keys, EFFECTS[name].keys())
+        settings: dict[str, type[KeyTable]] = {"solver": Solver, "run": RunSettings, "seed": Seed, "contact": Contact}
+        for name, kind in settings.items():
+            object.__setattr__(self, f"_{name}", kind.parsed(name, getattr(self, name)))
+        for k, keys in enumerate(self.cloths):
+            check_cloth("cloth" if len(self.cloths) == 1 else f"cloth[{k}]", keys)
+        for k, keys in enumerate(self.bodies):
+            check_body("body" if len(self.bodies) == 1 else f"body[{k}]", keys)
 
     @property
     def cloths(self) -> tuple[Table, ...]:
@@ -50,26 +129,28 @@ class Scene:
         """The tables of the bodies."""
         return _several("body", self.body)
 
+    @property
     def solver_settings(self) -> Solver:
         """[solver] with its defaults."""
-        if {"dt", "error"} <= table("solver", self.solver).keys():
-            raise InputError("solver has dt and error.", "Give one of them: with error the steps are chosen.")
-        return settings(Solver, "solver", self.solver)
+        return self._solver  # type: ignore[attr-defined]
 
+    @property
     def run_settings(self) -> RunSettings:
         """[run] with its defaults."""
-        return settings(RunSettings, "run", self.run)
+        return self._run  # type: ignore[attr-defined]
 
+    @property
     def seed_settings(self) -> Seed:
         """[seed] with its defaults."""
-        return settings(Seed, "seed", self.seed)
+        return self._seed  # type: ignore[attr-defined]
 
+    @property
     def contact_settings(self) -> Contact:
         """[contact] with its defaults."""
-        return settings(Contact, "contact", self.contact)
+        return self._contact  # type: ignore[attr-defined]
 
     def to_text(self) -> str:
-        """The scene as JSON text, which `scene_from_text` reads back."""
+        """The scene as JSON text, which `scene_from_text` reads back; meshes in memory are in it."""
         sections = {name: getattr(self, name) for name in SECTIONS}
         return json.dumps({**sections, "directory": str(Path(self.directory).resolve())}, default=_plain)
 
@@ -78,8 +159,23 @@ SECTIONS = ("cloth", "body", "effects", "solver", "contact", "run", "seed")
 
 
 def make_scene(data: Table, directory: Path) -> Scene:
-    """A scene from the tables of a file. InputError for an unknown section or key."""
-    refuse_unknown("The scene", data, SECTIONS)
+    """A scene from the tables of a file.
+
+    Parameters
+    ----------
+    data : dict
+        Tables by section.
+    directory : Path
+        Folder at which relative file names start.
+
+    Raises
+    ------
+    InputError
+        For an unknown section or key.
+    """
+    for name in data:
+        if name not in SECTIONS:
+            raise InputError(f"The scene has no key {name!r}.", section_remedy(name, SECTIONS))
     if "cloth" not in data:
         raise InputError("The scene has no cloth.", "Add a [cloth] table with a mesh.")
     return Scene(**data, directory=directory)
@@ -88,28 +184,60 @@ def make_scene(data: Table, directory: Path) -> Scene:
 def scene_from_text(text: str, here: Path = Path()) -> Scene:
     """The scene that `Scene.to_text` wrote; a relative directory, as in an archive, starts at `here`.
 
-    InputError where the text is another's.
+    Raises
+    ------
+    InputError
+        Where the text is none of a scene.
     """
     try:
         data = json.loads(text)
         directory = here / data.pop("directory")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-        raise InputError(f"The scene of the run is broken ({type(error).__name__}: {error}).") from error
+        raise InputError(
+            f"The scene of the run is broken ({type(error).__name__}: {error}).", "Start the run again from its scene."
+        ) from error
     return make_scene(data, directory)
+
+
+def _mesh_tables(name: str, value: Any) -> Any:
+    """The tables of cloths or bodies, with meshes in memory as `MeshArrays`; what is none of them as it is."""
+    if isinstance(value, list | tuple):
+        several = len(value) > 1
+        return [_mesh_table(f"{name}[{k}]" if several else name, entry) for k, entry in enumerate(value)]
+    return _mesh_table(name, value)
+
+
+def _mesh_table(where: str, value: Any) -> Any:
+    if isinstance(value, ClothArrays | BodyArrays):
+        return value.as_table()
+    if not isinstance(value, Mapping):
+        return {"mesh": mesh_arrays(where, value)} if isinstance(value, MeshArrays) or is_mesh(value) else value
+    keys = as_tables(value)
+    mesh = keys.get("mesh")
+    if mesh is None or isinstance(mesh, str | int | float | bytes):
+        return keys
+    return {**keys, "mesh": mesh_arrays(f"{where}.mesh", mesh)}
 
 
 def _several(name: str, value: Any) -> tuple[Table, ...]:
     if isinstance(value, Mapping):
         return (value,)
     if isinstance(value, str) or not isinstance(value, Sequence):
-        raise InputError(f"{name} must be a table or a list of tables, not {value!r}.")
-    return tuple(table(f"{name}[{k}]", entry) for k, entry in enumerate(value))
+        raise InputError(
+            f"{name} must be a table or a list of tables, not {value!r}.",
+            f"Write [{name}] or [[{name}]] with a mesh; in Python a dict, clothsim.{name.capitalize()} or a mesh.",
+        )
+    return tuple(table(f"{name}[{k}]", entry, f"Write [[{name}]].") for k, entry in enumerate(value))
 
 
 def _plain(value: Any) -> Any:
-    """NumPy arrays and scalars, tuples, read-only mappings and paths as JSON knows them; of a function its name."""
+    """Values that JSON does not know: arrays, scalars, mappings, meshes and paths; of a function its name."""
+    if isinstance(value, MeshArrays):
+        return {TEXT: value.text}
+    if isinstance(value, KeyTable):
+        return value.as_table()
     if callable(value):
         return {"function": getattr(value, "__qualname__", type(value).__name__)}
-    if hasattr(value, "tolist"):
+    if isinstance(value, np.ndarray | np.generic) or hasattr(value, "tolist"):
         return value.tolist()
     return dict(value) if isinstance(value, Mapping) else str(value)

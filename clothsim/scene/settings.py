@@ -1,82 +1,107 @@
-"""The sections of a scene that are plain numbers and names, with their defaults."""
+"""The sections [solver], [contact], [run] and [seed]: plain numbers and names with their defaults."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
 
 from clothsim.errors import InputError
+from clothsim.scene.key_table import KeyTable
+from clothsim.scene.schema import Key, Vector
 
 
-@dataclass(frozen=True)
-class Solver:
-    """dt [s]; tolerance on |dx|_inf/dt [m/s]; integrator; linear solver; threads (0: all cores, 1: repeatable bits).
+@dataclass(frozen=True, kw_only=True)
+class Solver(KeyTable):
+    """Time step, tolerance, integrator and linear solver: the section [solver].
 
-    error [m], in place of dt: what the steps may add to the positions in the whole run (RMS); 0 where dt is given.
+    Examples
+    --------
+    >>> import clothsim
+    >>> clothsim.Solver(dt=0.02, threads=1).as_table()
+    {'dt': 0.02, 'threads': 1}
     """
 
-    dt: float = 0.01
-    tolerance: float = 1e-3
-    integrator: str = "backward_euler"
-    linear: str = "auto"
-    threads: int = 0
-    max_iterations: int = 100
-    error: float = 0.0
+    section: ClassVar[str] = "solver"
+
+    dt: Annotated[float, Key("Length of a time step", "s", above=0)] = 0.01
+    tolerance: Annotated[float, Key("Convergence tolerance of Newton's method on |dx|_inf / dt", "m/s", above=0)] = 1e-3
+    integrator: Annotated[
+        Literal["backward_euler", "bdf2"], Key("Time integrator; BDF2 is of second order and damps less")
+    ] = "backward_euler"
+    linear: Annotated[
+        str, Key('Linear solver: "auto", "pardiso", "cholmod", "superlu" or "pcg"; auto takes the fastest installed')
+    ] = "auto"
+    threads: Annotated[int, Key("Number of threads; 0 takes all cores, 1 repeats every bit", "1", least=0)] = 0
+    max_iterations: Annotated[int, Key("Newton iterations of a step before dt is halved", "1", least=1)] = 100
+    error: Annotated[
+        float,
+        Key("In place of dt: RMS error of the positions that the steps may add in the whole run", "m", above=0,
+            shown="none: dt is fixed"),
+    ] = 0.0  # fmt: skip
 
     @property
     def longest_step(self) -> float:
         """dt [s]; inf where the steps are chosen by their error."""
         return math.inf if self.error else self.dt
 
+    @classmethod
+    def parsed(cls, where: str, given: Any) -> "Solver":
+        """The section of a table, which has dt or error."""
+        solver = super().parsed(where, given)
+        if {"dt", "error"} <= given.keys():
+            raise InputError(f"{where} has dt and error.", "Give one of them: with error the steps are chosen.")
+        return solver
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact(KeyTable):
+    """Implementation of contact: the section [contact]."""
+
+    section: ClassVar[str] = "contact"
+
+    backend: Annotated[
+        Literal["auto", "numba", "ipctk"], Key("Contact implementation; auto is numba, ipctk is the reference")
+    ] = "auto"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSettings(KeyTable):
+    """Duration and frame rate: the section [run]."""
+
+    section: ClassVar[str] = "run"
+
+    duration: Annotated[
+        float, Key("Simulated time; a quasi-static run steps its loads over it", "s", above=0)
+    ] = 2.0  # fmt: skip
+    frames_per_second: Annotated[float, Key("Frames written for each simulated second", "1/s", above=0)] = 25.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seed(KeyTable):
+    """Initial positions of the cloths: the section [seed]."""
+
+    section: ClassVar[str] = "seed"
+
+    from_: Annotated[
+        Literal["rest", "file", "transfer"],
+        Key("Source of the initial positions: the rest shape as placed, or a file; `clothsim fit` transfers garments"),
+    ] = "rest"
+    file: Annotated[str, Key("Mesh file with a position for each vertex of the cloths before weld")] = ""
+    vertices: Annotated[
+        Sequence[int] | None, Key("Range [lo, hi) of the file's vertices", "1", least=0, length=2, shown="all")
+    ] = None
+    position: Annotated[Vector | None, Key("Displacement of the file's vertices", "m", length=3, shown="none")] = None
+    untangle: Annotated[
+        bool, Key("Move vertices at intersections and in collapsed triangles until the start is free of them")
+    ] = False
+
     def __post_init__(self) -> None:
-        if self.integrator not in ("backward_euler", "bdf2"):
-            raise InputError(f"solver.integrator is {self.integrator!r}.", 'Known: "backward_euler", "bdf2".')
-        if self.max_iterations == 0:
-            raise InputError("solver.max_iterations must be at least 1.")
-
-
-@dataclass(frozen=True)
-class Contact:
-    """backend: "auto" (numba), "numba" or "ipctk"."""
-
-    backend: str = "auto"
-
-    def __post_init__(self) -> None:
-        if self.backend not in ("auto", "numba", "ipctk"):
-            raise InputError(f"contact.backend is {self.backend!r}.", 'Known: "auto", "numba", "ipctk".')
-
-
-@dataclass(frozen=True)
-class RunSettings:
-    """duration [s]; frames_per_second: how often a frame is kept."""
-
-    duration: float = 2.0
-    frames_per_second: float = 25.0
-
-
-@dataclass(frozen=True)
-class Seed:
-    """Where the cloth starts: from its rest shape as placed, or from the vertices of a `file`.
-
-    vertices: [lo, hi], only these of the file; position (3,): the file moved by it [m]; untangle: vertices at crossings
-    and in squeezed triangles are moved until nothing intersects (see `scene.untangle`).
-    """
-
-    from_: str = "rest"
-    file: str = ""
-    vertices: Sequence[int] | None = None
-    position: Sequence[float] | None = None
-    untangle: bool = False
-
-    def __post_init__(self) -> None:
+        super().__post_init__()
         if self.from_ == "transfer":
             raise InputError(
                 'seed.from "transfer" is a command of its own.', "`clothsim fit GARMENT --from BODY --to BODY` does it."
             )
-        if self.from_ not in ("rest", "file"):
-            raise InputError(f"seed.from is {self.from_!r}.", 'Known: "rest", "file".')
-        if not self.file.isprintable():
-            raise InputError(f"seed.file is {self.file!r}, which names no file.")
         if (self.from_ == "file") != bool(self.file):
-            raise InputError('seed needs from = "file" and a file together.')
+            raise InputError('seed needs from = "file" and a file together.', 'Write from = "file" and file = "PATH".')
         if self.from_ == "rest" and (self.vertices is not None or self.position is not None):
             raise InputError("seed.vertices and seed.position belong to a seed file.", 'Give from = "file" and a file.')

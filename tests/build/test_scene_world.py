@@ -121,7 +121,7 @@ def test_a_scene_goes_through_text_and_back():
 
 def test_defaults_are_those_of_the_settings():
     scene = Scene(cloth=SHEET)
-    assert scene.solver_settings().dt == 0.01
-    assert scene.run_settings().frames_per_second == 25
-    assert scene.seed_settings().from_ == "rest"
+    assert scene.solver_settings.dt == 0.01
+    assert scene.run_settings.frames_per_second == 25
+    assert scene.seed_settings.from_ == "rest"
     assert scene.bodies == ()

@@ -32,7 +32,7 @@ def lead(case: Case, folder: Path) -> Path | None:
 
 
 def _led(case: Case, scene: Scene) -> State:
-    loose = replace(scene, solver={**scene.solver, "tolerance": LOOSER * scene.solver_settings().tolerance})
+    loose = replace(scene, solver={**scene.solver, "tolerance": LOOSER * scene.solver_settings.tolerance})
     session = prepare(loose, build(loose))
     integrator = session.integrator
     state = first_state(session.built.world, integrator.dt)

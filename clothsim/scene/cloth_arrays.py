@@ -1,0 +1,124 @@
+"""Cloths and bodies from arrays: `clothsim.Cloth` and `clothsim.Body`."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
+
+from numpy.typing import ArrayLike
+
+from clothsim.errors import InputError
+from clothsim.scene.mesh_arrays import MeshArrays
+from clothsim.scene.mesh_keys import BodyKeys, ClothKeys, FrameRate
+
+
+@dataclass(frozen=True, eq=False)
+class ClothArrays(ClothKeys):
+    """A cloth from arrays or a mesh object, with the keys of [cloth].
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like [m], or mesh object
+        Positions at the start, before `scale`, `rotation_degrees` and `position`; or a trimesh.Trimesh,
+        pyvista.PolyData, meshio.Mesh or scikit-fem MeshTri.
+    triangles : (m, 3) array_like, optional
+        Vertex numbers; left out where `vertices` is a mesh object.
+    rest : (n, 2), (n, 3) or (m, 3, 2) array_like [m], optional
+        Rest shape: coordinates in the material plane by vertex or by corner of a triangle, or positions in space.
+        None: the vertices are the rest shape.
+    fabric : str
+        Named fabric; density and the other keys of a fabric override its values.
+
+    Raises
+    ------
+    InputError
+        For another shape, a number that is not finite or an index out of range: it names array and index.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> cloth = clothsim.Cloth([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], position=[0, 0, 0.5], density=0.2)
+    >>> cloth.as_table()["mesh"]
+    MeshArrays(3 vertices, 1 triangles)
+    """
+
+    section: ClassVar[str] = "cloth"
+
+    vertices: ArrayLike | Any
+    triangles: ArrayLike | None = None
+    rest: ArrayLike | None = None
+    arrays: MeshArrays = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _refuse_file("Cloth", self.vertices)
+        _keep(self, MeshArrays.checked(self.section, self.vertices, self.triangles, self.rest), "rest")
+
+    def as_table(self) -> dict[str, Any]:
+        """The table of [cloth] with the arrays as its mesh."""
+        return {"mesh": self.arrays, **super().as_table()}
+
+
+@dataclass(frozen=True, eq=False)
+class BodyArrays(BodyKeys, FrameRate):
+    """A body from arrays or a mesh object, with the keys of [[body]].
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like [m], or mesh object
+        Positions at time 0, before `scale`, `rotation_degrees` and `position`; or a trimesh.Trimesh,
+        pyvista.PolyData, meshio.Mesh or scikit-fem MeshTri.
+    triangles : (m, 3) array_like, optional
+        Vertex numbers; left out where `vertices` is a mesh object.
+    frames : (k, n, 3) array_like [m], optional
+        Positions in each frame of an animation, the first at time 0 in place of `vertices`.
+    frames_per_second : float [1/s]
+        Frame rate of `frames`.
+    motion : Motion or dict, optional
+        Rigid motion, in place of frames.
+
+    Raises
+    ------
+    InputError
+        For another shape, a number that is not finite or an index out of range: it names array and index.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> floor = clothsim.Body([[0, 0, 0], [9, 0, 0], [0, 9, 0]], [[0, 1, 2]], name="floor")
+    >>> floor.as_table()["name"]
+    'floor'
+    """
+
+    section: ClassVar[str] = "body"
+
+    vertices: ArrayLike | Any
+    triangles: ArrayLike | None = None
+    frames: ArrayLike | None = None
+    arrays: MeshArrays = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.frames is not None and self.motion is not None:
+            raise InputError("body has frames and motion.", "Give motion or frames, not both.")
+        _refuse_file("Body", self.vertices)
+        _keep(self, MeshArrays.checked(self.section, self.vertices, self.triangles, frames=self.frames), "frames")
+
+    def as_table(self) -> dict[str, Any]:
+        """The table of [[body]] with the arrays as its mesh."""
+        return {"mesh": self.arrays, **super().as_table()}
+
+
+def _refuse_file(name: str, vertices: Any) -> None:
+    """InputError for the name of a file in place of arrays."""
+    if isinstance(vertices, str | Path):
+        raise InputError(
+            f"clothsim.{name} takes arrays or a mesh object, not the name {str(vertices)!r}.",
+            f'Name a file in a table: {name.lower()}={{"mesh": {str(vertices)!r}}}.',
+        )
+
+
+def _keep(made: Any, arrays: MeshArrays, other: str) -> None:
+    """Set the read-only copies in place of what was given."""
+    for field_name in ("vertices", "triangles", other):
+        object.__setattr__(made, field_name, getattr(arrays, field_name))
+    object.__setattr__(made, "arrays", arrays)

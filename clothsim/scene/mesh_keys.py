@@ -1,0 +1,161 @@
+"""The sections [cloth] and [body]: fabric, position and source of a mesh."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+from clothsim.errors import InputError
+from clothsim.scene.effect_tables import Motion
+from clothsim.scene.generator_keys import GENERATOR_KEYS
+from clothsim.scene.key_table import KeyTable
+from clothsim.scene.keys import nearest, refuse_unknown, table
+from clothsim.scene.mesh_arrays import MeshArrays
+from clothsim.scene.schema import Key, Vector, keys_of
+from clothsim.scene.value_checks import check_value
+
+MESH = Key("A generator, one of the sections of these names; a mesh file; or in Python arrays or a mesh object")
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlacedKeys(KeyTable):
+    """Name, position and unit of a mesh."""
+
+    name: Annotated[str | None, Key("Name in messages, tables and the trajectory", shown="the section's")] = None
+    position: Annotated[Vector, Key("Displacement from where the mesh is", "m", length=3)] = (0.0, 0.0, 0.0)
+    rotation_degrees: Annotated[
+        Vector, Key("Rotation about x, then y, then z, before the displacement", "degrees", length=3)
+    ] = (0.0, 0.0, 0.0)
+    scale: Annotated[float, Key("Metres per unit of the mesh", "m", above=0)] = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClothKeys(PlacedKeys):
+    """Fabric, initial velocity and sewing of a cloth."""
+
+    section: ClassVar[str] = "cloth"
+
+    velocity: Annotated[Vector, Key("Velocity at the start", "m/s", length=3)] = (0.0, 0.0, 0.0)
+    fabric: Annotated[str, Key("Named fabric, whose values the next keys override; see `clothsim fabrics`")] = "cotton"
+    density: Annotated[float | None, Key("Area density", "kg/m2", above=0, shown="the fabric's")] = None
+    thickness: Annotated[float | None, Key("Thickness", "m", above=0, shown="the fabric's")] = None
+    youngs_modulus: Annotated[
+        float | None, Key("Young's modulus; it replaces the stiffnesses of the threads", "Pa", least=0,
+                          shown="the fabric's")
+    ] = None  # fmt: skip
+    poisson_ratio: Annotated[
+        float | None, Key("Poisson's ratio", "1", above=-1, most=0.5, shown="the fabric's")
+    ] = None  # fmt: skip
+    bending_stiffness: Annotated[float | None, Key("Bending stiffness", "N m", least=0, shown="the fabric's")] = None
+    warp_stiffness: Annotated[float | None, Key("Stiffness along warp", "N/m", least=0, shown="the fabric's")] = None
+    weft_stiffness: Annotated[float | None, Key("Stiffness along weft", "N/m", least=0, shown="the fabric's")] = None
+    shear_stiffness: Annotated[float | None, Key("Stiffness in shear", "N/m", least=0, shown="the fabric's")] = None
+    thread_poisson_ratio: Annotated[
+        float | None, Key("Geometric mean of both Poisson's ratios of the threads, between -1 and 1", "1", above=-1,
+                          most=1, shown="the fabric's")
+    ] = None  # fmt: skip
+    weld: Annotated[float, Key("Border vertices closer than this are sewn; 0 is none", "m", least=0)] = 0.0
+    sewn: Annotated[bool, Key("The mesh is sewn already: seams of three layers are no fault")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilePart(KeyTable):
+    """A part of a mesh file: one of group, component and vertices."""
+
+    section: ClassVar[str] = "a file"
+
+    group: Annotated[str | None, Key("A group or object of an OBJ file, a node of a glb", shown="all")] = None
+    component: Annotated[
+        int | None, Key("A connected piece, numbered by decreasing number of vertices", "1", least=0, shown="all")
+    ] = None
+    vertices: Annotated[
+        Sequence[int] | None, Key("Range [lo, hi) of the file's vertices", "1", least=0, length=2, shown="all")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClothTable(ClothKeys):
+    """A cloth: a generated mesh, or one of a file or in memory."""
+
+    mesh: Annotated[str | Any, MESH]
+    rest: Annotated[
+        str, Key('Rest shape of a file: "file", its own shape, or "vt", its texture coordinates in metres')
+    ] = "file"
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyKeys(PlacedKeys):
+    """Position and rigid motion of a body."""
+
+    section: ClassVar[str] = "body"
+
+    motion: Annotated[
+        Motion | Mapping[str, Any] | None, Key("Rigid motion of the body", tables=(Motion,), shown="none")
+    ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyTable(BodyKeys):
+    """A body at rest or in rigid motion: a generated mesh, or one of a file or in memory."""
+
+    mesh: Annotated[str | Any, MESH]
+
+
+@dataclass(frozen=True, kw_only=True)
+class FrameRate(KeyTable):
+    """Frame rate of an animated body."""
+
+    section: ClassVar[str] = "frames"
+
+    frames_per_second: Annotated[float, Key("Frames for each second of the animation", "1/s", above=0)] = 25.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class FramesTable(PlacedKeys, FrameRate):
+    """An animated body: `frames` in place of a mesh."""
+
+    section: ClassVar[str] = "body"
+
+    frames: Annotated[str, Key("Pattern of the mesh files of the frames, in place of mesh")]
+
+
+def check_cloth(where: str, keys: Any) -> Mapping[str, Any]:
+    """The table of a cloth, with the keys of its generator or of a part of its file. InputError names a bad one."""
+    given = table(where, keys)
+    return _check(where, given, (ClothTable, *_sources(where, given)))
+
+
+def check_body(where: str, keys: Any) -> Mapping[str, Any]:
+    """The table of a body, with the keys of its generator, file or frames. InputError names a bad one."""
+    given = table(where, keys)
+    if "frames" not in given:
+        return _check(where, given, (BodyTable, *_sources(where, given)))
+    for other in ("mesh", "motion"):
+        if other in given:
+            raise InputError(f"{where} has frames and {other}.", f"Give {other} or frames, not both.")
+    return _check(where, given, (FramesTable, FilePart))
+
+
+def _sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
+    """The section of the generator, or of a part of a file, that the key `mesh` names."""
+    mesh = keys.get("mesh")
+    if isinstance(mesh, MeshArrays):
+        return () if mesh.frames is None else (FrameRate,)
+    if not isinstance(mesh, str) or not mesh or not mesh.isprintable():
+        raise InputError(f"{where} has no mesh.", f"Give one of {', '.join(GENERATOR_KEYS)}, or a file.")
+    if mesh in GENERATOR_KEYS:
+        return (GENERATOR_KEYS[mesh],)
+    if "." not in Path(mesh).name:
+        hint = nearest(mesh, GENERATOR_KEYS) or f"Give one of {', '.join(GENERATOR_KEYS)}, or a file with its ending."
+        raise InputError(f"{where}.mesh is {mesh!r}, which is no generator and no file.", hint)
+    return (FilePart,)
+
+
+def _check(where: str, keys: Mapping[str, Any], sections: tuple[type[KeyTable], ...]) -> Mapping[str, Any]:
+    known = {name: key for section in sections for name, key in keys_of(section).items()}
+    source = sections[-1].section if len(sections) > 1 else "arrays"
+    refuse_unknown(f"{where} ({source})", keys, known)
+    for name, value in keys.items():
+        if name != "mesh":
+            check_value(f"{where}.{name}", value, known[name])
+    return keys

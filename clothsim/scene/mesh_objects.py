@@ -1,0 +1,167 @@
+"""Vertices and triangles of the mesh objects of other libraries: trimesh, pyvista, meshio and scikit-fem.
+
+Objects are told apart by their attributes, so that none of the libraries is imported.
+"""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.errors import InputError
+
+FACES = ("triangle", "quad", "polygon")
+LOWER = ("vertex", "line")
+"""Cell types of meshio that a surface mesh may hold beside its faces."""
+VTK_FACES = {5: "triangle", 7: "polygon", 9: "quad"}
+VTK_LOWER = (0, 1, 2, 3, 4)
+
+Faces = list[Ints]
+"""Faces of one number of corners each, (k, corners)."""
+
+
+def surface_of(where: str, mesh: Any) -> tuple[Floats, Ints]:
+    """Vertices and triangles of a surface mesh; quads and polygons are cut into triangles.
+
+    Parameters
+    ----------
+    where : str
+        Dotted name of the value, for messages.
+    mesh : object
+        A trimesh.Trimesh, pyvista.PolyData or UnstructuredGrid, meshio.Mesh, or scikit-fem MeshTri or MeshQuad.
+
+    Returns
+    -------
+    vertices : (n, 3) ndarray [m]
+        A copy; flat meshes get z = 0.
+    triangles : (m, 3) ndarray
+        Vertex numbers.
+
+    Raises
+    ------
+    InputError
+        Where the object is no mesh, or no surface.
+    """
+    for is_of_kind, read in _KINDS:
+        if is_of_kind(mesh):
+            points, faces = read(where, mesh)
+            break
+    else:
+        raise InputError(
+            f"{where} is of the type {type(mesh).__name__}, which is no mesh.",
+            "Give vertices and triangles, or a mesh of trimesh, pyvista, meshio or scikit-fem; "
+            'a file is named in a table: {"mesh": "shirt.obj"}.',
+        )
+    vertices = np.array(points, np.float64)
+    if vertices.ndim != 2 or vertices.shape[1] not in (2, 3):
+        raise InputError(f"{where}: its points have shape {vertices.shape}, not (n, 3).", "Give points in space.")
+    if vertices.shape[1] == 2:
+        vertices = np.column_stack([vertices, np.zeros(len(vertices))])
+    if not sum(len(block) for block in faces):
+        raise InputError(f"{where}: the {type(mesh).__name__} has no faces.", "Give a surface mesh of triangles.")
+    triangles = _triangles(where, vertices, faces)
+    return vertices, _wound_alike(vertices, triangles) if read is _of_skfem else triangles
+
+
+def is_mesh(value: Any) -> bool:
+    """True for an object that `surface_of` reads."""
+    return any(is_of_kind(value) for is_of_kind, _ in _KINDS)
+
+
+def _triangles(where: str, vertices: Floats, blocks: Faces) -> Ints:
+    """All faces as triangles, in order."""
+    if all(block.shape[1] == 3 for block in blocks):
+        return np.concatenate(blocks).astype(np.int64)
+    from clothsim.io.polygons import Polygons, cut_polygons
+
+    corners = np.concatenate([block.ravel() for block in blocks]).astype(np.int64)
+    sizes = np.concatenate([np.full(len(block), block.shape[1]) for block in blocks])
+    if (sizes < 3).any():
+        raise InputError(f"{where}: face {(sizes < 3).argmax()} has fewer than three corners.", "Remove it.")
+    bad = np.flatnonzero((corners < 0) | (corners >= len(vertices)))
+    if len(bad):
+        raise InputError(f"{where} names vertex {corners[bad[0]]}, outside 0..{len(vertices) - 1}.", "Correct it.")
+    places, _, _ = cut_polygons(Polygons(vertices, corners, np.concatenate([[0], np.cumsum(sizes)])))
+    return corners[places]
+
+
+def _wound_alike(vertices: Floats, triangles: Ints) -> Ints:
+    """All triangles with the same winding, a flat mesh facing +z: scikit-fem sorts the vertices of each cell."""
+    from clothsim.mesh.manifold import joined_half_edges, turned_triangles
+
+    if vertices[:, 2].any():
+        turned = turned_triangles(triangles, joined_half_edges(triangles))[0]
+    else:
+        edge1, edge2 = (vertices[triangles[:, k], :2] - vertices[triangles[:, 0], :2] for k in (1, 2))
+        turned = np.flatnonzero(edge1[:, 0] * edge2[:, 1] < edge1[:, 1] * edge2[:, 0])
+    triangles = triangles.copy()
+    triangles[turned] = triangles[turned][:, [0, 2, 1]]
+    return triangles
+
+
+def _of_trimesh(where: str, mesh: Any) -> tuple[Any, Faces]:
+    return mesh.vertices, [np.asarray(mesh.faces).reshape(-1, 3)]
+
+
+def _of_polydata(where: str, mesh: Any) -> tuple[Any, Faces]:
+    """Faces in VTK's padded form: [count, vertex, ..., count, ...]."""
+    padded = np.asarray(mesh.faces, np.int64)
+    if len(padded) and len(padded) % 4 == 0 and (padded[::4] == 3).all():
+        return mesh.points, [padded.reshape(-1, 4)[:, 1:]]
+    faces, place = [], 0
+    while place < len(padded):
+        count = int(padded[place])
+        faces.append(padded[None, place + 1 : place + 1 + count])
+        place += 1 + count
+    return mesh.points, faces
+
+
+def _of_grid(where: str, mesh: Any) -> tuple[Any, Faces]:
+    """Cells of an unstructured grid by VTK type."""
+    faces = []
+    for kind, cells in mesh.cells_dict.items():
+        if int(kind) in VTK_FACES:
+            faces.append(np.asarray(cells, np.int64))
+        elif int(kind) not in VTK_LOWER:
+            raise _no_surface(where, f"VTK cells of type {int(kind)}", "Take its surface: mesh.extract_surface().")
+    return mesh.points, faces
+
+
+def _of_meshio(where: str, mesh: Any) -> tuple[Any, Faces]:
+    faces = []
+    for block in mesh.cells:
+        if block.type in FACES:
+            faces.append(np.asarray(block.data, np.int64))
+        elif block.type not in LOWER:
+            raise _no_surface(where, f"cells of the type {block.type!r}", "Give its boundary triangles.")
+    return mesh.points, faces
+
+
+def _of_skfem(where: str, mesh: Any) -> tuple[Any, Faces]:
+    """Points (2 or 3, n) and cells (corners, m)."""
+    if mesh.elem.refdom.name not in ("Triangular", "Quadrilateral"):
+        raise _no_surface(where, f"{mesh.elem.refdom.name.lower()} cells", "Give a MeshTri or MeshQuad.")
+    return np.asarray(mesh.p).T, [np.asarray(mesh.t).T]
+
+
+def _no_surface(where: str, has: str, remedy: str) -> InputError:
+    return InputError(f"{where} has {has}, so it is no surface.", remedy)
+
+
+def _has(*names: str) -> Callable[[Any], bool]:
+    return lambda mesh: not isinstance(mesh, type) and all(hasattr(mesh, name) for name in names)
+
+
+def _is_meshio(mesh: Any) -> bool:
+    cells = getattr(mesh, "cells", None)
+    return hasattr(mesh, "points") and isinstance(cells, Iterable) and all(hasattr(block, "type") for block in cells)
+
+
+_KINDS: tuple[tuple[Callable[[Any], bool], Callable[[str, Any], tuple[Any, Faces]]], ...] = (
+    (_has("vertices", "faces"), _of_trimesh),
+    (_has("points", "faces"), _of_polydata),
+    (_has("points", "cells_dict", "celltypes"), _of_grid),
+    (_is_meshio, _of_meshio),
+    (_has("p", "t", "elem"), _of_skfem),
+)
