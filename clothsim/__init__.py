@@ -15,7 +15,8 @@ if _TYPE_CHECKING:
     from clothsim.errors import ClothsimError, InputError
     from clothsim.fitting.fit import Fit, fit
     from clothsim.run.results import Run, open_run
-    from clothsim.run.simulate import resume, simulate
+    from clothsim.run.resume import resume
+    from clothsim.run.simulate import simulate
     from clothsim.run.simulation import Simulation, SimulationError
     from clothsim.run.simulation_state import SimulationState
     from clothsim.scene.cloth_arrays import BodyArrays as Body
@@ -90,7 +91,7 @@ _HOMES = {
     "fit": "clothsim.fitting.fit",
     "load_scene": "clothsim.scene.toml_file",
     "open_run": "clothsim.run.results",
-    "resume": "clothsim.run.simulate",
+    "resume": "clothsim.run.resume",
     "simulate": "clothsim.run.simulate",
     "study_accuracy": "clothsim.accuracy.study",
 }

@@ -7,7 +7,7 @@ import pytest
 
 from clothsim.cli import main
 from clothsim.cli.progress import Lines, clock
-from clothsim.run.simulate import Progress
+from clothsim.run.summary import Progress
 
 
 def test_debug_shows_the_traceback():

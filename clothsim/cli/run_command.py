@@ -92,7 +92,7 @@ def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
 
 
 def _resume(arguments: argparse.Namespace) -> int:
-    from clothsim.run.simulate import resume
+    from clothsim.run.resume import resume
 
     directory = arguments.directory
     if directory.is_file():

@@ -22,8 +22,9 @@ from clothsim.io.checkpoint import CHECKPOINT_NAME
 from clothsim.io.obj_writer import write_obj
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.io.trajectory import TRAJECTORY_NAME
+from clothsim.run.recorded_run import Announcement, Listener
 from clothsim.run.results import Run
-from clothsim.run.simulate import FITTED, Announcement, Listener
+from clothsim.run.resume import FITTED
 from clothsim.scene.fabrics import fabric_named
 from transfer.signed_distance import body_surface
 

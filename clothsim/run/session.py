@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clothsim.build.scene_world import Built
+from clothsim.energies.base import ByElement
 from clothsim.errors import InputError
 from clothsim.mesh.motion import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
@@ -63,9 +64,11 @@ def prepared_again(session: Session, scene: Scene, built: Built) -> Session:
     ledger = before.potential.ledger
     for name in built.energies:
         ledger.effects.setdefault(name, Account())
-    pattern = _pattern(built)
-    same = pattern.same_as(before.system.base)
-    system = before.system if same else System(pattern, settings.linear, settings.threads)
+    system = before.system
+    if not _same_couplings(session.built, built):
+        pattern = _pattern(built)
+        if not pattern.same_as(system.base):
+            system = System(pattern, settings.linear, settings.threads)
     integrator = _integrator(scene, built, Potential(built.energies, ledger), system, before.settings.tolerance)
     return Session(scene, built, integrator, session.notes)
 
@@ -86,6 +89,21 @@ def _pattern(built: Built) -> Pattern:
     start = built.world.start()
     hessians = [energy.hessian(start) for energy in built.energies.values()]
     return make_pattern(built.world.n_cloth, built.world.triangles, hessians)
+
+
+def _same_couplings(before: Built, built: Built) -> bool:
+    """True where every energy that was made again couples the same rows of x in its Hessian."""
+    if before.energies.keys() != built.energies.keys():
+        return False
+    start = built.world.start()
+    for name, energy in built.energies.items():
+        if energy is not before.energies[name]:
+            new, old = (each.hessian(start) for each in (energy, before.energies[name]))
+            if not (isinstance(new, ByElement) and isinstance(old, ByElement)):
+                return False
+            if not np.array_equal(new.elements, old.elements):
+                return False
+    return True
 
 
 def _integrator(scene: Scene, built: Built, potential: Potential, system: System, tolerance: float) -> Integrator:
