@@ -1,4 +1,4 @@
-"""Changing one key of a scene from the command line."""
+"""Overrides: one key of a scene changed from the command line."""
 
 import tomllib
 from collections.abc import Mapping
@@ -8,19 +8,48 @@ from pathlib import Path
 from typing import Any
 
 from clothsim.errors import InputError
+from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.keys import refuse_unknown
+from clothsim.scene.mesh_keys import FilePart, check_body, check_cloth
 from clothsim.scene.scene import SECTIONS, Scene
+from clothsim.scene.schema import keys_of
 
+FILES = ("mesh", "frames", "file")
+"""Keys that name files."""
+MESHES = {"cloth": check_cloth, "body": check_body}
 _INSTEAD = {"error": "dt", "dt": "error"}
 
 
 def override(scene: Scene, assignment: str) -> Scene:
-    """The scene with one key changed: "solver.dt=0.01", "effects.damping.rate=3", "body.mesh=person.obj".
+    """The scene with one key changed.
 
-    The value is read as TOML, and as plain text where it is none. A file that exists under the current folder is meant
-    there, and so are the files that match a pattern ("shell*.obj"). In a list of cloths or bodies the first is changed.
-    solver.error takes the place of solver.dt, and the other way round.
-    InputError for an assignment that names no key.
+    Parameters
+    ----------
+    scene : Scene
+        Scene to change; it stays as it is.
+    assignment : str
+        "solver.dt=0.01", "effects.damping.rate=3", "body.mesh=person.obj": the value is read as TOML, and as plain text
+        where it is none. A file that exists under the current folder is meant there, and so are the files that match a
+        pattern ("shell*.obj"). In a list of cloths or bodies the first is changed.
+
+    Returns
+    -------
+    Scene
+        solver.error replaces solver.dt, and the other way round; a new mesh replaces the keys of the old generator.
+
+    Raises
+    ------
+    InputError
+        For an assignment that names no key, or a file that is not there.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "size": [1, 1]})
+    >>> override(scene, "solver.dt=0.02").solver
+    {'dt': 0.02}
+    >>> override(scene, "cloth.mesh=disk").cloth
+    {'mesh': 'disk'}
     """
     path, equals, text = assignment.partition("=")
     section, *keys = path.strip().split(".")
@@ -30,26 +59,69 @@ def override(scene: Scene, assignment: str) -> Scene:
     value = _value(text.strip())
     if isinstance(value, str) and _is_here(value):
         value = str(Path(value).resolve())
+    elif keys[-1] in FILES and isinstance(value, str):
+        _refuse_missing(assignment, value, scene.directory)
     old = getattr(scene, section)
-    if section in ("cloth", "body") and not isinstance(old, Mapping):
+    if section in MESHES and not isinstance(old, Mapping):
         if not old:
-            raise InputError(f"--set {assignment!r}: the scene has no {section}.")
-        new: Any = [_changed(old[0], keys, value), *old[1:]]
+            raise InputError(f"--set {assignment!r}: the scene has no {section}.", f"Add a [{section}] to the scene.")
+        new: Any = [_with_mesh(section, _changed(path, old[0], keys, value), old[0]), *old[1:]]
     else:
-        new = _changed(old, keys, value)
+        new = _changed(path, old, keys, value)
+        new = _with_mesh(section, new, old) if section in MESHES else new
     if section == "solver" and keys[0] in _INSTEAD:
         new.pop(_INSTEAD[keys[0]], None)
     changed: dict[str, Any] = {section: new}
     return replace(scene, **changed)
 
 
-def _changed(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:
+def _changed(path: str, table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:
     """A copy of nested tables with the value at `keys`."""
     first, *others = keys
     inner = table.get(first, {})
     if others and not isinstance(inner, Mapping):
-        raise InputError(f"--set: {first} is no table of keys.")
-    return {**table, first: _changed(inner, others, value) if others else value}
+        raise InputError(f"--set {path.strip()}: {first} is no table of keys, but {inner!r}.", f"Set {first} itself.")
+    return {**table, first: _changed(path, inner, others, value) if others else value}
+
+
+def _with_mesh(section: str, new: dict[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
+    """The new table without what belongs to the old mesh alone: keys that the new one has not, or refuses."""
+    source = old.get("mesh")
+    kept = dict(new)
+    if "mesh" in new and "frames" in new:  # the one that was there before gives way
+        del kept["mesh" if "mesh" in old else "frames"]
+    if (kept.get("mesh"), kept.get("frames")) == (source, old.get("frames")):
+        return kept
+    generator = GENERATOR_KEYS.get(source) if isinstance(source, str) else None
+    for key in keys_of(generator or FilePart):
+        if key in old and key in kept and not _fits(section, kept, key):
+            del kept[key]
+    return kept
+
+
+def _fits(section: str, table: Mapping[str, Any], key: str) -> bool:
+    """True where a cloth or body of that mesh takes the key with its value."""
+    source = {name: table[name] for name in ("mesh", "frames") if name in table}
+    try:
+        MESHES[section](section, {**source, key: table[key]})
+    except InputError:
+        return False
+    return True
+
+
+def _refuse_missing(assignment: str, name: str, directory: Path) -> None:
+    """InputError for the name of a file or pattern that is neither in the current folder nor in the scene's."""
+    if "." not in Path(name).name or "\0" in name:
+        return
+    try:
+        there = (directory / name).is_file() or any(glob(str(directory / name)))
+    except (OSError, ValueError):
+        there = False
+    if not there:
+        raise InputError(
+            f"--set {assignment.strip()}: there is no file {name}, neither here nor in the folder of the scene.",
+            "Correct the path, or give the whole one.",
+        )
 
 
 def _is_here(name: str) -> bool:

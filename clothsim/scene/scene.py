@@ -16,6 +16,7 @@ from clothsim.scene.keys import refuse_deep, refuse_unknown, table
 from clothsim.scene.mesh_arrays import TEXT, MeshArrays, mesh_arrays
 from clothsim.scene.mesh_keys import check_body, check_cloth
 from clothsim.scene.mesh_objects import is_mesh
+from clothsim.scene.schema import FUNCTION
 from clothsim.scene.section_hints import effect_remedy, section_remedy
 from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
 from clothsim.scene.typed_effects import TYPED_EFFECTS, EffectKeys, effect_tables
@@ -85,24 +86,22 @@ class Scene:
         seed: Table | Seed | None = None,
         directory: Path = Path(),
     ) -> None:
+        for name, value in (("cloth", cloth), ("body", body), ("effects", effects)):
+            refuse_deep(name, value)
         given = {
             "cloth": _mesh_tables("cloth", cloth),
             "body": _mesh_tables("body", body),
             "effects": effect_tables(effects),
-            "solver": as_tables({} if solver is None else solver),
-            "contact": as_tables({} if contact is None else contact),
-            "run": as_tables({} if run is None else run),
-            "seed": as_tables({} if seed is None else seed),
             "directory": directory,
         }
+        for name, value in (("solver", solver), ("contact", contact), ("run", run), ("seed", seed)):
+            given[name] = value.as_table() if isinstance(value, KeyTable) else {} if value is None else value
         for name, value in given.items():
             object.__setattr__(self, name, value)
         self._check()
 
     def _check(self) -> None:
         """Check every section; parse the settings once."""
-        for name in SECTIONS:
-            refuse_deep(name, getattr(self, name))
         refuse_unknown("effects", table("effects", self.effects, "Write [effects.gravity]."), EFFECTS)
         for name, given in self.effects.items():
             section, where = TYPED_EFFECTS.get(name), f"effects.{name}"
@@ -113,6 +112,7 @@ class Scene:
                 refuse_unknown(where, keys, EFFECTS[name].keys())
         settings: dict[str, type[KeyTable]] = {"solver": Solver, "run": RunSettings, "seed": Seed, "contact": Contact}
         for name, kind in settings.items():
+            refuse_deep(name, getattr(self, name))
             object.__setattr__(self, f"_{name}", kind.parsed(name, getattr(self, name)))
         for k, keys in enumerate(self.cloths):
             check_cloth("cloth" if len(self.cloths) == 1 else f"cloth[{k}]", keys)
@@ -237,7 +237,7 @@ def _plain(value: Any) -> Any:
     if isinstance(value, KeyTable):
         return value.as_table()
     if callable(value):
-        return {"function": getattr(value, "__qualname__", type(value).__name__)}
+        return {FUNCTION: getattr(value, "__qualname__", type(value).__name__)}
     if isinstance(value, np.ndarray | np.generic) or hasattr(value, "tolist"):
         return value.tolist()
     return dict(value) if isinstance(value, Mapping) else str(value)

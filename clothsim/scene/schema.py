@@ -12,6 +12,9 @@ from typing import Any, Literal, TypeAlias, Union, get_args, get_origin
 
 from clothsim.arrays import Floats
 
+FUNCTION = "function"
+"""The key under which the text of a scene has the name of a Python function."""
+
 Vector: TypeAlias = Sequence[float] | Floats
 OverTime: TypeAlias = float | Sequence[Sequence[float]] | Callable[[float], float]
 """A number, key frames [[t0, v0], [t1, v1], ...] or a function of the time [s]."""

@@ -257,7 +257,7 @@ def effect_tables(effects: Any) -> Any:
     if isinstance(effects, Mapping):
         return {name: as_tables(keys) for name, keys in effects.items()}
     tables: dict[str, Any] = {}
-    for number, effect in enumerate(effects):
+    for number, effect in enumerate(effects):  # an iterable of typed effects
         if isinstance(effect, type) and issubclass(effect, EffectKeys):
             raise InputError(f"effects[{number}] is the class {effect.__name__}.", f"Write {effect.__name__}().")
         if not isinstance(effect, EffectKeys):

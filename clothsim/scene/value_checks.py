@@ -2,14 +2,14 @@
 
 import difflib
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, get_args, get_origin
 
 import numpy as np
 
 from clothsim.errors import InputError
 from clothsim.scene.keys import refuse_unknown, table
-from clothsim.scene.schema import Key, SceneKey, choices, keys_of, members, type_in_words
+from clothsim.scene.schema import FUNCTION, SceneKey, choices, keys_of, members, type_in_words
 
 MOST = 10**6
 """The largest count that a setting may have."""
@@ -61,16 +61,16 @@ def check_value(where: str, value: Any, known: SceneKey) -> Any:
             return bool(value)
     elif _is_number(value):
         if float in parts or int in parts:
-            return _in_range(where, value, key, whole=float not in parts)
+            return _in_range(where, value, known, whole=float not in parts)
     elif isinstance(value, str):
         return _word(where, value, known)
-    elif key.tables:
+    elif key.tables and not (isinstance(value, Mapping) and set(value) == {FUNCTION}):
         return _nested(where, value, known)
     elif isinstance(value, list | tuple | np.ndarray) and (entries := _entries(parts)) is not None:
         _each(where, value, known, entries)
         return value
     elif any(_accepts(part, value) for part in parts):
-        return value
+        return value  # of {function = "name"}, from the text of a run, the effect says that the function is lost
     raise _wrong_type(where, value, known)
 
 
@@ -78,22 +78,23 @@ def _is_number(value: Any) -> bool:
     return isinstance(value, int | float | np.integer | np.floating)
 
 
-def _in_range(where: str, value: Any, key: Key, whole: bool) -> float | int:
+def _in_range(where: str, value: Any, known: SceneKey, whole: bool) -> float | int:
     """The number as a float, or as an int where it must be whole."""
+    key = known.key
     if whole:
-        least, most = key.least or 0, MOST if key.most is None else key.most
-        if not (math.isfinite(value) and value == int(value) and least <= value <= most):
-            raise InputError(f"{where} must be a whole number from {least:,g} to {most:,g}, not {value!r}.")
+        least, most = int(key.least or 0), MOST if key.most is None else int(key.most)
+        if not (least <= value <= most and value == int(value)):
+            span = f"a whole number from {least:,} to {most:,}"
+            raise InputError(f"{where} must be {span}, not {value!r}.", _example(known))
         return int(value)
     try:
         number = float(value)
     except OverflowError as error:
-        raise InputError(f"{where} must be a number that a float can hold.", "Give a smaller number.") from error
-    low = -math.inf if key.least is None else key.least
-    inside = low <= number <= (math.inf if key.most is None else key.most)
+        raise InputError(f"{where} must be a number that a float can hold.", _example(known)) from error
+    inside = (key.least is None or number >= key.least) and (key.most is None or number <= key.most)
     if not (math.isfinite(number) and inside and (key.above is None or number > key.above)):
-        unit = "" if key.unit in ("-", "1") else f" {key.unit}"
-        raise InputError(f"{where} must be {key.range or 'finite'}{unit and ' [' + key.unit + ']'}, not {value!r}.")
+        unit = "" if key.unit in ("-", "1") else f" [{key.unit}]"
+        raise InputError(f"{where} must be {key.range or 'finite'}{unit}, not {value!r}.", _example(known))
     return number
 
 
@@ -147,17 +148,19 @@ def _each(where: str, values: Any, known: SceneKey, entry: type) -> None:
         if not _is_number(value) or isinstance(value, bool):
             kind = "a whole number" if entry is int else "a number"
             raise InputError(f"{where}[{index}] must be {kind}, not {value!r}.", _example(known))
-        _in_range(f"{where}[{index}]", value, known.key, whole=entry is int)
+        _in_range(f"{where}[{index}]", value, known, whole=entry is int)
 
 
 def _accepts(part: Any, value: Any) -> bool:
     """True where a value that is no number and no text may be of the type."""
     origin = get_origin(part) or part
+    if isinstance(value, Mapping) and set(value) == {FUNCTION}:
+        return origin is Callable
     if origin is Sequence or origin is np.ndarray:
         return isinstance(value, list | tuple | np.ndarray | range)
     if origin is Mapping:
         return isinstance(value, Mapping)
-    if isinstance(origin, type) and origin.__module__ == "collections.abc" and origin.__name__ == "Callable":
+    if origin is Callable:
         return callable(value)
     return part is Any
 
@@ -176,8 +179,17 @@ def _example(known: SceneKey) -> str:
         names = "; or ".join(", ".join(keys_of(section)) for section in known.key.tables)
         return f"Its keys are {names}."
     if known.required or known.default is None or known.default == ():
-        return f"{known.name}: {known.key.meaning}."
-    return f"Write it as {known.name} = {as_toml(known.default)}."
+        return f"{known.name}: {_lower(known.key.meaning)}."
+    return f"{known.name}: {_lower(known.key.meaning)}; the default is {as_toml(known.default)}."
+
+
+def _lower(meaning: str) -> str:
+    """A meaning within a sentence: its first letter small, unless a name or an abbreviation starts there."""
+    return (
+        meaning
+        if meaning[1:2].isupper() or meaning.startswith(("Young", "Poisson"))
+        else (meaning[0].lower() + meaning[1:])
+    )
 
 
 def as_toml(value: Any) -> str:

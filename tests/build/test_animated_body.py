@@ -37,7 +37,7 @@ def test_every_frame_is_placed_as_one_mesh_is(tmp_path):
     for time, share in ((0.0, 0.0), (0.02, 0.5), (0.04, 1.0), (7.0, 1.0)):
         points = POSITIONS * [1, 1, 1 - 0.2 * share] + share * np.array([0.3, 0, 0])
         assert np.abs(body.at(time) - turn.apply(2 * points) - place["position"]).max() < 1e-13
-    assert "ball: 2 frames, 25 a second: it moves for 0.04 s, then stands still" in notes
+    assert "ball: 2 frames, 25 a second: it moves for 0.04 s, then rests" in notes
 
 
 def test_the_rate_is_the_scenes(tmp_path):
@@ -48,7 +48,7 @@ def test_the_rate_is_the_scenes(tmp_path):
 def test_one_frame_is_a_still_body(tmp_path):
     body, notes = body_of(tmp_path, write_frames(tmp_path, [0, 0, 0]))
     assert body.motion.still
-    assert any("1 frame: a body that stands still" in note for note in notes)
+    assert any("1 frame: a body at rest" in note for note in notes)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +56,7 @@ def test_one_frame_is_a_still_body(tmp_path):
     [
         ({"motion": {"velocity": [0, 0, 1]}}, "frames and motion"),
         ({"mesh": "sphere"}, "frames and mesh"),
-        ({"frames": 3}, "frames must name files"),
+        ({"frames": 3}, "body.frames"),
         ({"frames": "bell*.obj"}, r"No file matches frames = 'bell\*.obj'"),
         ({"frames_per_second": 0}, "frames_per_second"),
         ({"radius": 1.0}, "no key 'radius'"),

@@ -86,7 +86,7 @@ BAD = {
     "nan": (changed("dt = 0.02", "dt = nan"), "solver.dt must be above 0", "nan"),
     "infinite": (changed("duration = 0.1", "duration = inf"), "run.duration", "inf"),
     "fraction for a count": (changed("dt = 0.02", "max_iterations = 2.5"), "max_iterations .* whole", "2.5"),
-    "no iterations": (changed("dt = 0.02", "max_iterations = 0"), "max_iterations", "at least 1"),
+    "no iterations": (changed("dt = 0.02", "max_iterations = 0"), "max_iterations", "from 1 to"),
     "number for a text": (changed("dt = 0.02", "linear = 3"), "solver.linear must be a text", "3"),
     "number for an effect": ("effects = 3\n" + re.sub(r"\[effects.*\]\n", "", GOOD), "effects must be a table", "3"),
     "number for the keys of an effect": (
@@ -112,7 +112,11 @@ BAD = {
         "body must be a table",
         "3",
     ),
-    "number for pin groups": (with_effect("[effects.pins]\ngroup = 3"), "effects.pins.*wrong type", ""),
+    "number for pin groups": (
+        with_effect("[effects.pins]\ngroup = 3"),
+        "pins.group must be a list of tables",
+        "select",
+    ),
     "missing mesh file": (changed('"rectangle"', '"sheet.obj"').replace("cells = [2, 2]\n", ""), "sheet.obj", ""),
     "unknown kind of file": (changed('"rectangle"', '"sheet.xyz"').replace("cells = [2, 2]\n", ""), "sheet.xyz", ""),
     "key of a generator for a file": (changed('"rectangle"', '"sheet.obj"'), "'cells'", ""),

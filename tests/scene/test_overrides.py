@@ -39,7 +39,22 @@ def test_files_that_match_a_pattern_are_found_from_the_current_folder(tmp_path, 
     (tmp_path / "kick1.obj").write_text("v 0 0 0\n")
     monkeypatch.chdir(tmp_path)
     assert override(SCENE, "body.frames=kick*.obj").body[0]["frames"] == str(tmp_path / "kick*.obj")
-    assert override(SCENE, "body.frames=jump*.obj").body[0]["frames"] == "jump*.obj"
+    assert "mesh" not in override(SCENE, "body.frames=kick*.obj").body[0]
+    with pytest.raises(InputError, match=r"no file jump\*\.obj"):
+        override(SCENE, "body.frames=jump*.obj")
+
+
+@pytest.mark.parametrize("assignment", ["cloth.mesh=sheet.obj", "body.mesh=person.glb", "seed.file=start.obj"])
+def test_a_missing_file_is_named(tmp_path, monkeypatch, assignment):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=assignment.partition("=")[2]):
+        override(SCENE, assignment)
+
+
+def test_a_new_mesh_replaces_the_keys_of_the_old_generator():
+    sheet = Scene(cloth={"mesh": "rectangle", "size": [1, 2], "cells": [4, 4], "density": 0.2})
+    assert override(sheet, "cloth.mesh=disk").cloth == {"mesh": "disk", "density": 0.2}
+    assert override(sheet, "cloth.mesh=tube").cloth == {"mesh": "tube", "cells": [4, 4], "density": 0.2}
 
 
 @pytest.mark.parametrize(

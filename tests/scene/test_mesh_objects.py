@@ -1,0 +1,105 @@
+"""Mesh objects of trimesh, pyvista, meshio and scikit-fem as cloths and bodies."""
+
+import subprocess
+import sys
+
+import meshio
+import numpy as np
+import pytest
+import pyvista
+import skfem
+import trimesh
+from meshes import grid
+
+from clothsim import Body, Cloth, InputError, Scene
+from clothsim.build.scene_world import build
+from clothsim.scene.mesh_objects import surface_of
+
+POINTS, FACES = grid(3, 2)
+QUADS = np.array([[0, 1, 3, 2], [1, 4, 5, 3]])
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 0, 0], [2, 1, 0]], float)
+PADDED = np.column_stack([np.full(len(FACES), 3), FACES]).ravel()
+
+
+def meshes():
+    yield "trimesh", trimesh.Trimesh(POINTS, FACES, process=False)
+    yield "pyvista", pyvista.PolyData(POINTS, PADDED)
+    yield "grid", pyvista.PolyData(POINTS, PADDED).cast_to_unstructured_grid()
+    yield "meshio", meshio.Mesh(POINTS, {"triangle": FACES, "line": [[0, 1]]})
+
+
+@pytest.mark.parametrize("mesh", [pytest.param(mesh, id=name) for name, mesh in meshes()])
+def test_vertices_and_triangles_are_those_of_the_object(mesh):
+    vertices, triangles = surface_of("cloth", mesh)
+    assert np.abs(vertices - POINTS).max() < 1e-7  # pyvista may hold single precision
+    assert np.array_equal(triangles, FACES)
+    assert (vertices.dtype, triangles.dtype) == (np.float64, np.int64)
+    assert len(build(Scene(cloth=mesh, effects={"inertia": {}})).world.triangles) == len(FACES)
+
+
+@pytest.mark.parametrize("make", [Cloth, Body])
+def test_the_classes_take_them_as_they_are(make):
+    made = make(trimesh.Trimesh(POINTS, FACES, process=False), position=[0, 0, 1])
+    assert np.array_equal(made.triangles, FACES)
+
+
+def quads():
+    yield "pyvista", pyvista.PolyData(CORNERS, np.column_stack([[4, 4], QUADS]).ravel())
+    yield "mixed", pyvista.PolyData(CORNERS, [4, *QUADS[0], 3, 1, 4, 5, 3, 1, 5, 3])
+    yield "meshio", meshio.Mesh(CORNERS, {"quad": QUADS})
+
+
+@pytest.mark.parametrize("mesh", [pytest.param(mesh, id=name) for name, mesh in quads()])
+def test_quads_are_cut(mesh):
+    vertices, triangles = surface_of("cloth", mesh)
+    edge1, edge2 = (vertices[triangles[:, k]] - vertices[triangles[:, 0]] for k in (1, 2))
+    normals = np.cross(edge1, edge2)
+    assert len(triangles) == 4
+    assert normals[:, 2].sum() == pytest.approx(4.0)
+    assert (normals[:, 2] > 0).all()
+
+
+@pytest.mark.parametrize("kind", [skfem.MeshTri, skfem.MeshQuad])
+def test_scikit_fem_meshes_lie_in_the_plane_and_face_up(kind):
+    vertices, triangles = surface_of("cloth", kind().refined(2))
+    assert vertices.shape[1] == 3
+    assert not vertices[:, 2].any()
+    edge1, edge2 = (vertices[triangles[:, k]] - vertices[triangles[:, 0]] for k in (1, 2))
+    assert (np.cross(edge1, edge2)[:, 2] > 0).all()
+    assert build(
+        Scene(cloth=Cloth(kind().refined(2)), effects={"inertia": {}})
+    ).world.rest_areas.sum() == pytest.approx(1)
+
+
+def test_a_scikit_fem_surface_in_space_is_wound_alike():
+    flat = skfem.MeshTri().refined(2)
+    bowl = skfem.MeshTri(np.vstack([flat.p, (flat.p**2).sum(axis=0)]), flat.t)
+    assert build(Scene(cloth=Cloth(bowl), effects={"inertia": {}})).world.n_cloth == flat.p.shape[1]
+
+
+@pytest.mark.parametrize(
+    ("mesh", "names"),
+    [
+        (skfem.MeshTet(), "tetrahedral cells"),
+        (meshio.Mesh(np.eye(4)[:, :3], {"tetra": [[0, 1, 2, 3]]}), "'tetra'"),
+        (pyvista.ImageData(dimensions=(3, 3, 3)).cast_to_unstructured_grid(), "extract_surface"),
+        (pyvista.PolyData(np.eye(3)), "no faces"),
+        (meshio.Mesh(POINTS, {"line": [[0, 1]]}), "no faces"),
+        (object(), "object, which is no mesh"),
+        (3.5, "float, which is no mesh"),
+        (trimesh.Trimesh, "ABCMeta, which is no mesh"),
+    ],
+    ids=["tet", "meshio tet", "voxels", "points", "lines", "object", "number", "class"],
+)
+def test_what_is_no_surface_is_refused(mesh, names):
+    with pytest.raises(InputError, match=names):
+        Cloth(mesh)
+
+
+def test_none_of_the_libraries_is_imported():
+    code = (
+        "import sys, clothsim; clothsim.Cloth([[0,0,0],[1,0,0],[0,1,0]], [[0,1,2]]);"
+        "print([n for n in ('trimesh', 'pyvista', 'meshio', 'skfem', 'numba', 'scipy') if n in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
