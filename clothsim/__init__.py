@@ -14,6 +14,8 @@ if _TYPE_CHECKING:
     from clothsim.accuracy.study import Study, study_accuracy
     from clothsim.errors import ClothsimError, InputError
     from clothsim.fitting.fit import Fit, fit
+    from clothsim.mesh.checks import Finding
+    from clothsim.run.check import check
     from clothsim.run.results import Run, open_run
     from clothsim.run.resume import resume
     from clothsim.run.simulate import simulate
@@ -58,6 +60,7 @@ _HOMES = {
     "Crease": "clothsim.scene.effect_tables",
     "Damping": "clothsim.scene.typed_effects",
     "Fibres": "clothsim.scene.typed_effects",
+    "Finding": "clothsim.mesh.checks",
     "Fit": "clothsim.fitting.fit",
     "Friction": "clothsim.scene.typed_effects",
     "Gravity": "clothsim.scene.typed_effects",
@@ -88,6 +91,7 @@ _HOMES = {
     "StrainLimit": "clothsim.scene.typed_effects",
     "Study": "clothsim.accuracy.study",
     "Vortex": "clothsim.scene.effect_tables",
+    "check": "clothsim.run.check",
     "fit": "clothsim.fitting.fit",
     "load_scene": "clothsim.scene.toml_file",
     "open_run": "clothsim.run.results",
@@ -108,6 +112,7 @@ __all__ = [
     "Crease",
     "Damping",
     "Fibres",
+    "Finding",
     "Fit",
     "Friction",
     "Gravity",
@@ -138,6 +143,7 @@ __all__ = [
     "StrainLimit",
     "Study",
     "Vortex",
+    "check",
     "fit",
     "load_scene",
     "open_run",
