@@ -1,4 +1,4 @@
-"""The command `clothsim`: run, fit, study, resume, bundle, render, check, explain, fabrics."""
+"""The command `clothsim`: run, fit, study, resume, bundle, render, check, explain, fabrics, scenes."""
 
 import contextlib
 import gc
@@ -14,6 +14,7 @@ from clothsim.cli import (
     fit_command,
     render_command,
     run_command,
+    scenes_command,
     study_command,
 )
 from clothsim.cli.arguments import Parser, join_vectors
@@ -28,6 +29,7 @@ COMMANDS = (
     check_command,
     explain_command,
     fabrics_command,
+    scenes_command,
 )
 
 BAD_INPUT, UNEXPECTED, INTERRUPTED = 2, 1, 130
@@ -39,7 +41,7 @@ makes millions that stay: at Python's own 700 and 10 the looking takes a tenth o
 _DESCRIPTION = """\
 Finite-element cloth with intersection-free contact.
 
-  clothsim run scenes/sphere.toml -o drape
+  clothsim run sphere -o drape
 """
 
 

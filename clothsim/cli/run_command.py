@@ -32,7 +32,7 @@ of an archive of `clothsim bundle`.
 def add_to(commands: Any) -> None:
     """Add both commands to the parser."""
     run = commands.add_parser("run", help="simulate a scene", description=_RUN)
-    run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML)")
+    run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the scene's name)")
     run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
     run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key: body.mesh=PATH")
@@ -53,13 +53,14 @@ def add_to(commands: Any) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from clothsim.cli import precompile
+    from clothsim.run.example_scenes import scene_file
     from clothsim.run.simulate import simulate
     from clothsim.scene.overrides import override
     from clothsim.scene.toml_file import load_scene
 
     if arguments.scene.suffix == ".zip":
         raise InputError(f"{arguments.scene} is no scene file.", "`clothsim resume` replays an archive.")
-    scene = load_scene(arguments.scene)
+    scene = load_scene(scene_file(arguments.scene))
     if arguments.preset is not None:
         scene = _with_preset(scene, arguments)
     for assignment in arguments.set:
