@@ -9,7 +9,6 @@ from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.run.absent_cost import Absent
-    from clothsim.run.example_scenes import scene_file
     from clothsim.run.receipt import Receipt
 
 _DESCRIPTION = """\
@@ -36,6 +35,7 @@ def add_to(commands: Any) -> None:
 
 
 def _explain(arguments: argparse.Namespace) -> int:
+    from clothsim.run.example_scenes import scene_file
     from clothsim.run.receipt import explain_run, explain_scene, with_absent
     from clothsim.scene.toml_file import load_scene
 

@@ -6,7 +6,7 @@ from typing import Any
 _DESCRIPTION = """\
 List the example scenes. `clothsim run NAME` simulates one where no file has that name.
 
-  clothsim scenes
+  clothsim scenes --json
   clothsim run sphere
 """
 
