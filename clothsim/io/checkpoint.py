@@ -15,7 +15,8 @@ from clothsim.errors import InputError
 from clothsim.io.atomic import write_atomically
 
 CHECKPOINT_NAME = "checkpoint.npz"
-_FORMAT = "clothsim checkpoint 2"
+_FORMAT, _EARLIER = "clothsim checkpoint 3", "clothsim checkpoint 2"
+"""Written, and read too: the earlier one holds a number more, which nothing uses."""
 
 
 @dataclass(frozen=True)
@@ -23,8 +24,7 @@ class Checkpoint:
     """A run between two steps.
 
     time [s]; dt: length of the next step [s]; frame, step: how many are done; positions (N, 3) [m] and velocities
-    (N, 3) [m/s] of all rows of x; stiffness of the contact barrier; scene_text: the scene; counters: what the summary
-    adds up, as JSON knows it; blocked_at [s], blocked: where and how often the script was blocked of late.
+    (N, 3) [m/s] of all rows of x; scene_text: the scene; counters: what the summary adds up, as JSON knows it; blocked_at [s], blocked: where and how often the script was blocked of late.
     previous_positions, previous_velocities, previous_dt: the state a step earlier and the step since then [s], or None,
     None and nan where the integrator looks back no further.
     """
@@ -35,7 +35,6 @@ class Checkpoint:
     step: int
     positions: Floats
     velocities: Floats
-    stiffness: float
     scene_text: str
     counters: dict[str, Any]
     blocked_at: float = math.nan
@@ -63,7 +62,6 @@ def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
         counts=np.array([checkpoint.frame, checkpoint.step, checkpoint.blocked], np.int64),
         positions=np.asarray(checkpoint.positions, np.float64),
         velocities=np.asarray(checkpoint.velocities, np.float64),
-        stiffness=np.array([checkpoint.stiffness]),
         scene_text=_text(checkpoint.scene_text),
         counters=_text(counters),
         **earlier,
@@ -89,21 +87,21 @@ def read_checkpoint(path: str | Path) -> Checkpoint:
 
 
 def _from_arrays(arrays: Any) -> Checkpoint:
-    if _string(arrays["format"]) != _FORMAT:
+    if _string(arrays["format"]) not in (_FORMAT, _EARLIER):
         raise ValueError(f"its format is not {_FORMAT!r}")
     positions, velocities = arrays["positions"], arrays["velocities"]
     if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != velocities.shape:
         raise ValueError(f"positions {positions.shape} and velocities {velocities.shape} are not (N, 3)")
-    times, counts, stiffnesses = (arrays[key] for key in ("times", "counts", "stiffness"))
-    if counts.dtype != np.int64 or any(a.dtype != np.float64 for a in (positions, velocities, times, stiffnesses)):
+    times, counts = arrays["times"], arrays["counts"]
+    if counts.dtype != np.int64 or any(a.dtype != np.float64 for a in (positions, velocities, times)):
         raise ValueError("its numbers are of other types")
-    (time, dt, blocked_at), (frame, step, blocked), (stiffness,) = times.tolist(), counts.tolist(), stiffnesses.tolist()
+    (time, dt, blocked_at), (frame, step, blocked) = times.tolist(), counts.tolist()
     if not (0 <= time < math.inf and 0 < dt < math.inf and min(frame, step, blocked) >= 0):
         raise ValueError(f"its time is {time} s, its step {dt} s, its counts {counts}")
     scene_text, counters = _string(arrays["scene_text"]), json.loads(_string(arrays["counters"]))
     if not isinstance(counters, dict):
         raise ValueError("its counters are no table")
-    state = time, dt, frame, step, positions, velocities, stiffness
+    state = time, dt, frame, step, positions, velocities
     return Checkpoint(*state, scene_text, counters, blocked_at, blocked, *_previous(arrays, positions.shape))
 
 

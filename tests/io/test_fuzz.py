@@ -50,7 +50,7 @@ FORMS = {
     "glb": None,
 }
 PROMISES = [10**12, 3 * 10**8, 2**31 - 1, 2**63 - 1]
-CHECKPOINT = Checkpoint(0.1, 0.01, 1, 2, np.ones((4, 3)), np.zeros((4, 3)), 0.0, '{"cloth": {}}', {"steps": 1})
+CHECKPOINT = Checkpoint(0.1, 0.01, 1, 2, np.ones((4, 3)), np.zeros((4, 3)), '{"cloth": {}}', {"steps": 1})
 
 
 def ending_of(form):
