@@ -286,9 +286,7 @@ STRANGE = [
 ]
 
 
-@pytest.mark.parametrize(
-    "key", ["format", "times", "counts", "positions", "velocities", "stiffness", "scene_text", "counters"]
-)
+@pytest.mark.parametrize("key", ["format", "times", "counts", "positions", "velocities", "scene_text", "counters"])
 @pytest.mark.parametrize("value", STRANGE, ids=str)
 def test_arrays_of_other_kinds_are_refused(tmp_path, key, value):
     np.savez(tmp_path / "checkpoint.npz", **{**arrays(tmp_path), key: value})
