@@ -99,13 +99,13 @@ def _jittered(scene: Any, seed: int, folder: Path) -> dict[str, Any]:
     """The [seed] of `scene` with each vertex of its start moved by up to JITTER of the size, at random."""
     import numpy as np
 
-    from clothsim.build.initial_positions import seeded
+    from clothsim.build.initial_positions import initial_positions
     from clothsim.build.meshes import cloth_shape
     from clothsim.build.placement import placed
     from clothsim.io.obj_writer import write_obj
 
     shapes = [cloth_shape(keys, f"cloth[{k}]", scene.directory) for k, keys in enumerate(scene.cloths)]
-    given = seeded(scene.seed_settings, scene.directory, [len(shape.positions) for shape in shapes])
+    given = initial_positions(scene.seed_settings, scene.directory, [len(shape.positions) for shape in shapes])
     starts = [
         placed(keys, "cloth", shape.positions) if start is None else start
         for keys, shape, start in zip(scene.cloths, shapes, given, strict=True)

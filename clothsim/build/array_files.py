@@ -1,4 +1,4 @@
-"""Numbers over the cloth that a scene keeps in a NumPy file: a text that ends in .npy is read as its array."""
+"""Values over the cloth in NumPy files: a text that ends in .npy is replaced by the file's array."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -12,13 +12,28 @@ ENDING = ".npy"
 
 
 def with_arrays(where: str, value: Any, directory: Path) -> Any:
-    """`value` with every file of numbers in its tables read. InputError where one is missing or holds no numbers."""
+    """A value with the arrays of the .npy files that its tables name.
+
+    Parameters
+    ----------
+    where : str
+        Dotted name of the value, for messages.
+    value : Any
+        A table, or one of its values.
+    directory : Path
+        Folder at which relative file names start.
+
+    Raises
+    ------
+    InputError
+        Where a file is missing or holds no numbers.
+    """
     if isinstance(value, Mapping):
         return {key: with_arrays(f"{where}.{key}", inner, directory) for key, inner in value.items()}
-    return _read(where, directory / value) if names_numbers(value) else value
+    return _read(where, directory / value) if names_array(value) else value
 
 
-def names_numbers(value: Any) -> bool:
+def names_array(value: Any) -> bool:
     """True for the name of a file of numbers."""
     return isinstance(value, str) and value.endswith(ENDING)
 
@@ -28,19 +43,23 @@ def named_arrays(where: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[
     for key, value in table.items():
         if isinstance(value, dict):
             yield from named_arrays(f"{where}_{key}", value)
-        elif names_numbers(value):
+        elif names_array(value):
             yield f"{where}_{key}", table, key
 
 
 def _read(where: str, path: Path) -> Any:
     if not path.name.isprintable():
-        raise InputError(f"{where} is {path.name!r}, which names no file.")
+        raise InputError(f"{where} is {path.name!r}, which names no file.", "Name a .npy file.")
     try:
         numbers = np.load(path, allow_pickle=False)
     except FileNotFoundError as error:
-        raise InputError(f"{where}: there is no file {path}.") from error
+        raise InputError(
+            f"{where}: there is no file {path}.", f"Its path starts at {path.parent}/: correct {where}."
+        ) from error
     except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{where}: {path} is no NumPy file of numbers ({error}).") from error
+        raise InputError(
+            f"{where}: {path} is no NumPy file of numbers ({error}).", "Write it with numpy.save."
+        ) from error
     if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iuf":
-        raise InputError(f"{where}: {path} holds no real numbers.")
+        raise InputError(f"{where}: {path} holds no real numbers.", "Save an array of floats or integers.")
     return numbers

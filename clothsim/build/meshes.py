@@ -10,7 +10,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, as_number, as_positive, as_vector
 from clothsim.build.animated_body import body_of_files, body_of_frames
-from clothsim.build.placement import PART, Shape, examined, name_of, placed
+from clothsim.build.placement import PART, Shape, examined, existing_file, name_of, placed
 from clothsim.build.welding import sewn
 from clothsim.errors import InputError
 from clothsim.mesh.body import Body, make_body
@@ -113,7 +113,7 @@ def _shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
         return _from_arrays(mesh, keys, where)
     if mesh in GENERATORS:
         return _generated(mesh, keys, where)
-    return _from_file(directory / mesh, keys)
+    return _from_file(existing_file(f"{where}.mesh", directory, mesh), keys)
 
 
 def _generated(name: str, keys: Mapping[str, Any], where: str) -> Shape:
@@ -152,6 +152,9 @@ def fabric_of(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
     named = fabric_named(f"{where}.fabric", name)
     own = {key: as_number(f"{where}.{key}", keys[key]) for key in FABRIC if key in keys}
     ruled = dict.fromkeys(THREADS) if "youngs_modulus" in own else {}
-    fabric = replace(named, **(ruled | own))  # type: ignore[arg-type]
+    try:
+        fabric = replace(named, **(ruled | own))  # type: ignore[arg-type]
+    except InputError as error:
+        raise InputError(f"{where}.{error.sentence}", error.remedy) from error
     changed = f" with its own {', '.join(own)}" if own else ""
     return fabric, f"{name_of(keys, where)}: fabric {name}{changed}."

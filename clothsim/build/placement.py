@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -52,6 +53,19 @@ def name_of(keys: Mapping[str, Any], where: str) -> str:
     if not isinstance(name, str) or not name or not name.isprintable():
         raise InputError(f"{where}.name must be a text that can be printed, not {name!r}.", 'Write name = "sheet".')
     return name
+
+
+def existing_file(where: str, directory: Path, name: str) -> Path:
+    """The path of a file that a key names, relative to a directory. InputError where it is not there."""
+    path = directory / name
+    try:
+        there = path.exists()
+    except (OSError, ValueError):  # longer than a name may be
+        there = False
+    if not there:
+        folder = "" if Path(name).is_absolute() else f" The path starts at the folder of the scene, {directory}/."
+        raise InputError(f"{where}: there is no file {name}.", f"Correct the path.{folder}")
+    return path
 
 
 def examined(label: str, shape: Shape, role: Role) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ class Measured:
     preset: str
     scene: str
     error: float
-    share: float
+    relative_error: float
     own: float
     seconds: float
 
@@ -35,7 +35,7 @@ MEASURED: tuple[Measured, ...] = (
 def measured(preset: str) -> list[str]:
     """A line for each scene on which a preset was measured."""
     return [
-        f"{row.scene}: {row.error:.2g} mm ({100 * row.share:.2g} % of its size) in {row.seconds:.2g} s"
+        f"{row.scene}: {row.error:.2g} mm ({100 * row.relative_error:.2g} % of its size) in {row.seconds:.2g} s"
         for row in MEASURED
         if row.preset == preset
     ]

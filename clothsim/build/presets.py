@@ -5,7 +5,7 @@ from fractions import Fraction
 
 from clothsim.build.refinement import with_cells
 from clothsim.errors import InputError
-from clothsim.scene.keys import refuse_unknown
+from clothsim.scene.keys import nearest
 from clothsim.scene.scene import Scene
 
 
@@ -36,7 +36,8 @@ def with_preset(scene: Scene, name: str, models: bool = True) -> tuple[Scene, st
     A cloth that is a file keeps its mesh, and the words say so; a scene without bending gets none. models: False keeps
     the scene's own bending model, and so does an effect that shifts the rest angles of hinges.
     """
-    refuse_unknown("--preset", [name], PRESETS)
+    if name not in PRESETS:
+        raise InputError(f"There is no preset {name!r}.", nearest(name, PRESETS) or f"Known: {', '.join(PRESETS)}.")
     preset = PRESETS[name]
     said = [f"dt {preset.dt:g} s", f"tolerance {preset.tolerance:g} m/s"]
     try:

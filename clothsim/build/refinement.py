@@ -15,7 +15,7 @@ from clothsim.mesh.generators.sheets import GENERATORS
 from clothsim.mesh.topology import unique_edges
 from clothsim.scene.scene import Scene
 
-SAME_PLACE = 1e-9
+SAME_POSITION = 1e-9
 """Share of the mesh's size within which a vertex is at the place of another."""
 SELECTING = {"pins": "group", "springs": "spring"}
 """The effects that select vertices, and the key of their list of tables."""
@@ -137,7 +137,7 @@ def _vertex_at(where: str, place: Floats, rest: Floats, low: int, high: int) -> 
     """The vertex of rest[low:high] at `place`."""
     distances = np.linalg.norm(rest[low:high] - place, axis=1)
     found = int(distances.argmin())
-    if distances[found] > SAME_PLACE * float(np.ptp(rest[low:high], axis=0).max()):
+    if distances[found] > SAME_POSITION * float(np.ptp(rest[low:high], axis=0).max()):
         raise InputError(
             f"{where} names a vertex by number, and the other mesh has none at its place.",
             "Select it by name or by { box = [lo, hi] }.",

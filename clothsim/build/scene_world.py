@@ -4,11 +4,11 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from clothsim.build.array_files import with_arrays
-from clothsim.build.initial_positions import seeded
+from clothsim.build.initial_positions import initial_positions
 from clothsim.build.meshes import body_of, cloth_of, cloth_shape
-from clothsim.build.support_check import refuse_unheld
+from clothsim.build.support_check import refuse_unsupported
 from clothsim.build.untangle import untangled
-from clothsim.build.warnings import remarks
+from clothsim.build.warnings import scene_warnings
 from clothsim.energies.base import Constraint, Energy, Off
 from clothsim.errors import InputError
 from clothsim.mesh.local_origin import about_its_own_origin
@@ -51,13 +51,13 @@ def build_effects(
         if name not in scene.effects:
             continue
         contacts = tuple(contact for contact in CONTACTS if contact in energies)
-        filled = {"backend": backend, "contacts": contacts, "built": energies}
         if before is not None and name not in changed and not effect.sees_others:
             _take_over(name, before, energies, constraints, off)
             continue
+        supplied = {"backend": backend, "contacts": contacts, "built": energies}
         keys = with_arrays(f"effects.{name}", scene.effects[name], scene.directory)
         try:
-            made = effect.build(world, keys, filled)
+            made = effect.build(world, keys, supplied)
         except (TypeError, ValueError) as error:
             raise InputError(f"effects.{name} has a value of the wrong type: {error}.") from error
         if isinstance(made, Off):
@@ -68,10 +68,12 @@ def build_effects(
         else:
             world, constraints[name] = made
     if not energies:
-        raise InputError("The scene has no effect that is on.", f"Name some: {', '.join(EFFECTS)}.")
-    refuse_unheld(world, energies, constraints.values())
+        raise InputError(
+            "The scene has no effect that is on.", f"Write [effects.NAME], NAME one of {', '.join(EFFECTS)}."
+        )
+    refuse_unsupported(world, energies, constraints.values())
     dt = min(scene.solver_settings.longest_step, 1 / scene.run_settings.frames_per_second)
-    said = (*notes, *remarks(world, energies, dt))
+    said = (*notes, *scene_warnings(world, energies, dt))
     return Built(world, energies, constraints, off, said)
 
 
@@ -92,7 +94,7 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
     cloths, bodies = [], []
     names = [f"cloth[{k}]" if len(scene.cloths) > 1 else "cloth" for k in range(len(scene.cloths))]
     shapes = [cloth_shape(keys, where, scene.directory) for keys, where in zip(scene.cloths, names, strict=True)]
-    starts = seeded(scene.seed_settings, scene.directory, [len(shape.positions) for shape in shapes])
+    starts = initial_positions(scene.seed_settings, scene.directory, [len(shape.positions) for shape in shapes])
     for shape, keys, where, start in zip(shapes, scene.cloths, names, starts, strict=True):
         cloth, said = cloth_of(shape, keys, where, start)
         cloths.append(cloth)

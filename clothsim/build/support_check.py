@@ -15,7 +15,7 @@ ROUND_OFF = 1e-9
 """Share of the forces on a piece below which their sum counts as none: internal forces cancel to the last digits."""
 
 
-def refuse_unheld(world: World, energies: Mapping[str, Energy], constraints: Iterable[Constraint]) -> None:
+def refuse_unsupported(world: World, energies: Mapping[str, Energy], constraints: Iterable[Constraint]) -> None:
     """InputError for a piece of cloth with a load, no pin or spring, no contact with a body, and no inertia or damping.
 
     The forces within a piece cancel, so that what is left of their sum is a load. With self_contact all pieces count as

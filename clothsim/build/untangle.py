@@ -51,7 +51,7 @@ def untangled(world: World) -> tuple[World, str]:
         _smooth(x, np.unique(cloth[own]), rings)
         _push(x, cloth, body, with_body, push)
         _relax(world, x, beyond)
-    return _started(world, x), _said(np.linalg.norm(x - before, axis=1), first, strained)
+    return _started(world, x), _summary(np.linalg.norm(x - before, axis=1), first, strained)
 
 
 def _median_edge(x: Floats, triangles: Ints) -> float:
@@ -136,7 +136,7 @@ def _started(world: World, x: Floats) -> World:
     return replace(world, cloths=cloths)
 
 
-def _said(moved: Floats, pairs: int, strained: int) -> str:
+def _summary(moved: Floats, pairs: int, strained: int) -> str:
     if not pairs and not strained:
         return "seed.untangle: nothing intersected."
     count, most = np.count_nonzero(moved), 1e3 * moved.max()

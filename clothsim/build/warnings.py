@@ -13,29 +13,29 @@ INSIDE = 0.9
 """A start closer than this share of d_hat is told."""
 
 
-def remarks(world: World, energies: dict[str, Energy], dt: float) -> tuple[str, ...]:
+def scene_warnings(world: World, energies: dict[str, Energy], dt: float) -> tuple[str, ...]:
     """All of them, of a world that is stepped by at most `dt` [s]."""
     return (
-        *_without_effect(world, energies),
-        *_cut_corners(world, dt),
-        *_swallowed(world, energies),
-        *_wide(world, energies),
-        *_pushed_off(world, energies),
+        *_ignored_keys(world, energies),
+        *_skipped_frames(world, dt),
+        *_starts_inside(world, energies),
+        *_wide_activation(world, energies),
+        *_close_starts(world, energies),
     )
 
 
-def _without_effect(world: World, energies: dict[str, Energy]) -> list[str]:
+def _ignored_keys(world: World, energies: dict[str, Energy]) -> list[str]:
     """What the scene says that no effect of it listens to."""
-    unheard = []
+    ignored = []
     moving = [cloth.name for cloth in world.cloths if cloth.velocity.any()]
     if moving and "inertia" not in energies:
-        unheard.append(f"{moving[0]}: velocity does nothing without effects.inertia.")
+        ignored.append(f"{moving[0]}: velocity does nothing without effects.inertia.")
     if len(world.ghosts) and "bending" not in energies:
-        unheard.append("pins: clamp does nothing without effects.bending.")
-    return unheard
+        ignored.append("pins: clamp does nothing without effects.bending.")
+    return ignored
 
 
-def _cut_corners(world: World, dt: float) -> list[str]:
+def _skipped_frames(world: World, dt: float) -> list[str]:
     """Bodies whose frames are shorter than a step of `dt` [s]."""
     said = []
     for body in world.bodies:
@@ -46,7 +46,7 @@ def _cut_corners(world: World, dt: float) -> list[str]:
     return said
 
 
-def _swallowed(world: World, energies: dict[str, Energy]) -> list[str]:
+def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
     """Pieces of cloth that start inside a body without touching it: contact will keep them there."""
     if "body_contact" not in energies:
         return []
@@ -62,7 +62,7 @@ def _swallowed(world: World, energies: dict[str, Energy]) -> list[str]:
     return said
 
 
-def _wide(world: World, energies: dict[str, Energy]) -> list[str]:
+def _wide_activation(world: World, energies: dict[str, Energy]) -> list[str]:
     """Contact that begins further away than the mesh is fine."""
     starts = world.start()[world.edges]
     edge = float(np.median(np.linalg.norm(starts[:, 0] - starts[:, 1], axis=1)))
@@ -75,7 +75,7 @@ def _wide(world: World, energies: dict[str, Energy]) -> list[str]:
     ]
 
 
-def _pushed_off(world: World, energies: dict[str, Energy]) -> list[str]:
+def _close_starts(world: World, energies: dict[str, Energy]) -> list[str]:
     """Contact that pushes before anything has moved: a gap well inside d_hat is no rest, and its energy is set free."""
     said = []
     for name in CONTACTS:

@@ -1,8 +1,9 @@
-"""The command `clothsim`: run, fit, study, resume, bundle, render, check, explain, fabrics, scenes."""
+"""The command `clothsim`: run, fit, study, resume, bundle, render, check, explain, fabrics, scenes, keys."""
 
 import contextlib
 import gc
 import os
+import re
 import sys
 from collections.abc import Sequence
 
@@ -12,6 +13,7 @@ from clothsim.cli import (
     explain_command,
     fabrics_command,
     fit_command,
+    keys_command,
     render_command,
     run_command,
     scenes_command,
@@ -30,7 +32,21 @@ COMMANDS = (
     explain_command,
     fabrics_command,
     scenes_command,
+    keys_command,
 )
+
+_RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` left."
+REMEDIES = {
+    "run": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
+    "study": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
+    "explain": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
+    "fit": "`clothsim check FILE` examines a mesh; units are given by --scale.",
+    "check": "Repair the file, or read a part of it: --group or --component.",
+    "resume": _RUN_DIRECTORY,
+    "bundle": _RUN_DIRECTORY,
+    "render": _RUN_DIRECTORY,
+}
+"""Remedies of errors that have none of their own, by command."""
 
 BAD_INPUT, UNEXPECTED, INTERRUPTED = 2, 1, 130
 
@@ -58,7 +74,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ClothsimError as error:
         if "--debug" in words:
             raise
-        _two_lines(*_short(error))
+        _two_lines(*_short(error, words))
         return BAD_INPUT
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
@@ -92,12 +108,23 @@ def _dispatch(words: Sequence[str]) -> int:
     return int(arguments.handler(arguments))
 
 
-def _short(error: ClothsimError) -> tuple[str, str]:
+def _short(error: ClothsimError, words: Sequence[str]) -> tuple[str, str]:
     """The sentence and the remedy, a line each: of many sentences the first, and how many more there are."""
     first, *more = error.sentence.splitlines() or [""]
     if more:
         first = f"{first} ({len(more)} more: `clothsim check` lists them)"
-    return first, " ".join(error.remedy.split()) or "`clothsim --help` shows how to go on."
+    return first, " ".join(error.remedy.split()) or _remedy(error.sentence, words)
+
+
+def _remedy(sentence: str, words: Sequence[str]) -> str:
+    """The remedy of an error that has none of its own: the keys of the section it names, or what the command takes."""
+    section = re.search(r"\b(effects\.\w+|(?:cloth|body|solver|run|seed|contact)(?=(?:\[\d+\])?[.:]))", sentence)
+    if section is not None:
+        return f"`clothsim keys {section[1]}` lists its keys with units and ranges."
+    command = next((word for word in words if word in REMEDIES), "")
+    return REMEDIES.get(
+        command, f"`clothsim {command} --help` lists what it takes." if command else "See `clothsim --help`."
+    )
 
 
 def _two_lines(sentence: str, remedy: str) -> None:

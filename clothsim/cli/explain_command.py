@@ -89,7 +89,7 @@ def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
     left = {name: entry for name, entry in off.items() if absent is None or name not in absent.effects}
     if left:
         width = max(len(name) for name in left)
-        lines += ["", "Off:", *(f"  {name:<{width}}  {EFFECTS[name].says}: {e['reason']}" for name, e in left.items())]
+        lines += ["", "Off:", *(f"  {name:<{width}}  {EFFECTS[name].summary}: {e['reason']}" for name, e in left.items())]
     return "\n".join([*lines, *(_added(absent) if absent is not None else [])])
 
 
@@ -103,7 +103,7 @@ def _added(absent: "Absent") -> list[str]:
     lines = []
     if measured:
         rows = [
-            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", EFFECTS[name].says] for name, each in measured.items()
+            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", EFFECTS[name].summary] for name, each in measured.items()
         ]
         rows.insert(0, ["(as it is)", f"{absent.seconds:.4f}", "1.00", ""])
         times = f"the first {absent.steps} step{'s' * (absent.steps > 1)}, median of {absent.rounds}"

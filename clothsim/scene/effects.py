@@ -17,7 +17,7 @@ class Effect:
     """Where an effect's builder is ("module:function") and what it does, in a few words."""
 
     builder: str
-    says: str
+    summary: str
 
     def load(self) -> Callable[..., Any]:
         """Import the builder."""
@@ -26,24 +26,24 @@ class Effect:
 
     def keys(self) -> dict[str, Any]:
         """The keys that a scene may give, with their defaults."""
-        return {key: default for key, default in self._keywords().items() if key not in FILLED}
+        return {key: default for key, default in self._keywords().items() if key not in SUPPLIED}
 
     @property
     def sees_others(self) -> bool:
         """True where the builder looks at the effects built before it."""
         return not {"contacts", "built"}.isdisjoint(self._keywords())
 
-    def build(self, world: Any, keys: Mapping[str, Any], filled: Mapping[str, Any]) -> Any:
-        """Call the builder with the scene's keys, and with those of `filled` (see FILLED) that it has."""
+    def build(self, world: Any, keys: Mapping[str, Any], supplied: Mapping[str, Any]) -> Any:
+        """Call the builder with the scene's keys, and with those of `supplied` (see SUPPLIED) that it has."""
         own = self._keywords()
-        return self.load()(world, **keys, **{key: value for key, value in filled.items() if key in own})
+        return self.load()(world, **keys, **{key: value for key, value in supplied.items() if key in own})
 
     def _keywords(self) -> dict[str, Any]:
         parameters = inspect.signature(self.load()).parameters.values()
         return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
 
 
-FILLED = ("backend", "contacts", "built")
+SUPPLIED = ("backend", "contacts", "built")
 """Keywords of builders that no scene gives: the backend of [contact], the names of the contacts that are on, and the
 energies that are on so far, by name."""
 

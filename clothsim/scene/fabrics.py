@@ -1,4 +1,4 @@
-"""Named fabrics, as scenes name them; `fabric_table` has where their numbers come from."""
+"""Named fabrics of scenes; `fabric_table` has the sources of their values."""
 
 import difflib
 from typing import Any
@@ -11,7 +11,25 @@ FABRICS = {name: named.fabric for name, named in TABLE.items()}
 
 
 def fabric_named(where: str, name: Any) -> Fabric:
-    """The fabric of that name. InputError that says `where`, with the nearest known name, where there is none."""
+    """The fabric of a name.
+
+    Parameters
+    ----------
+    where : str
+        Dotted name of the value, for messages.
+    name : str
+        A name of FABRICS.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, with the nearest known one.
+
+    Examples
+    --------
+    >>> fabric_named("cloth.fabric", "cotton").density
+    0.15
+    """
     if isinstance(name, str) and name in FABRICS:
         return FABRICS[name]
     close = difflib.get_close_matches(str(name), FABRICS, n=1, cutoff=0.5)

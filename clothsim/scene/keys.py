@@ -15,13 +15,20 @@ def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> No
     names = list(known)
     for key in given:
         if key not in names:
-            hint = nearest(key, names) or (f"Known: {', '.join(names)}." if names else "It takes no keys.")
-            raise InputError(f"{where} has no key {key!r}.", hint)
+            raise InputError(f"{where} has no key {key!r}.", _hint(where, str(key), names))
 
 
-def nearest(name: Any, known: Iterable[str]) -> str:
-    """A question for the nearest known name; empty where none is near."""
-    close = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.5)
+def _hint(where: str, key: str, names: list[str]) -> str:
+    """The remedy for an unknown key: one very near, the section that has it, one near, or all that are known."""
+    from clothsim.scene.section_hints import home_of
+
+    known = f"Known: {', '.join(names)}." if names else f"{where} takes no keys."
+    return nearest(key, names, 0.75) or home_of(key) or nearest(key, names) or known
+
+
+def nearest(name: Any, known: Iterable[str], least: float = 0.5) -> str:
+    """A question for the nearest known name; empty where none is at least that similar, from 0 to 1."""
+    close = difflib.get_close_matches(str(name), list(known), n=1, cutoff=least)
     return f"Did you mean {close[0]!r}?" if close else ""
 
 

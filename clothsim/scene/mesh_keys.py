@@ -51,8 +51,8 @@ class ClothKeys(PlacedKeys):
     weft_stiffness: Annotated[float | None, Key("Stiffness along weft", "N/m", least=0, shown="the fabric's")] = None
     shear_stiffness: Annotated[float | None, Key("Stiffness in shear", "N/m", least=0, shown="the fabric's")] = None
     thread_poisson_ratio: Annotated[
-        float | None, Key("Geometric mean of both Poisson's ratios of the threads, between -1 and 1", "1", above=-1,
-                          most=1, shown="the fabric's")
+        float | None,
+        Key("Geometric mean of both Poisson's ratios of the threads", "1", above=-1, below=1, shown="the fabric's"),
     ] = None  # fmt: skip
     weld: Annotated[float, Key("Border vertices closer than this are sewn; 0 is none", "m", least=0)] = 0.0
     sewn: Annotated[bool, Key("The mesh is sewn already: seams of three layers are no fault")] = False
@@ -146,7 +146,8 @@ def _sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
     if mesh in GENERATOR_KEYS:
         return (GENERATOR_KEYS[mesh],)
     if "." not in Path(mesh).name:
-        hint = nearest(mesh, GENERATOR_KEYS) or f"Give one of {', '.join(GENERATOR_KEYS)}, or a file with its ending."
+        known = f"Give one of {', '.join(GENERATOR_KEYS)}, or a file with its ending."
+        hint = " ".join(filter(None, [nearest(mesh, GENERATOR_KEYS), known]))
         raise InputError(f"{where}.mesh is {mesh!r}, which is no generator and no file.", hint)
     return (FilePart,)
 

@@ -47,8 +47,8 @@ class Key:
         One sentence.
     unit : str
         SI unit; "1" for a pure number, "-" where there is nothing to measure.
-    above, least, most : float, optional
-        Bounds of a number, or of each number of a list; `above` is exclusive.
+    above, below, least, most : float, optional
+        Bounds of a number, or of each number of a list; `above` and `below` are exclusive.
     length : int, optional
         Number of entries of a list.
     tables : tuple of type
@@ -60,6 +60,7 @@ class Key:
     meaning: str
     unit: str = "-"
     above: float | None = None
+    below: float | None = None
     least: float | None = None
     most: float | None = None
     length: int | None = None
@@ -73,8 +74,14 @@ class Key:
             return f"from {self.least:,g} to {self.most:,g}"
         low = f"above {self.above:g}" if self.above is not None else ""
         low = f"at least {self.least:,g}" if self.least is not None else low
-        high = f"at most {self.most:,g}" if self.most is not None else ""
+        high = f"below {self.below:g}" if self.below is not None else ""
+        high = f"at most {self.most:,g}" if self.most is not None else high
         return " and ".join(filter(None, [low, high]))
+
+    def holds(self, number: float) -> bool:
+        """True for a number within the bounds."""
+        open_ends = (self.above is None or number > self.above) and (self.below is None or number < self.below)
+        return open_ends and (self.least is None or number >= self.least) and (self.most is None or number <= self.most)
 
 
 @dataclass(frozen=True)
@@ -140,7 +147,8 @@ def type_in_words(annotation: Any, key: Key) -> str:
     several = choices(annotation)
     parts = [" | ".join(f'"{word}"' for word in several)] if several else []
     parts += [text for part in members(annotation) if (text := _one_in_words(part, key))]
-    return " or ".join(dict.fromkeys(parts))
+    *first, last = dict.fromkeys(parts)
+    return f"{', '.join(first)} or {last}" if first else last
 
 
 def _one_in_words(part: Any, key: Key) -> str:

@@ -29,7 +29,8 @@ class Solver(KeyTable):
         Literal["backward_euler", "bdf2"], Key("Time integrator; BDF2 is of second order and damps less")
     ] = "backward_euler"
     linear: Annotated[
-        str, Key('Linear solver: "auto", "pardiso", "cholmod", "superlu" or "pcg"; auto takes the fastest installed')
+        Literal["auto", "mixed", "pardiso", "cholmod", "superlu"],
+        Key("Linear solver; auto takes the fastest installed, mixed is PARDISO in single precision with refinement"),
     ] = "auto"
     threads: Annotated[int, Key("Number of threads; 0 takes all cores, 1 repeats every bit", "1", least=0)] = 0
     max_iterations: Annotated[int, Key("Newton iterations of a step before dt is halved", "1", least=1)] = 100

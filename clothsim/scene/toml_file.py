@@ -1,24 +1,51 @@
-"""Scene files."""
+"""Scene files in TOML."""
 
 import tomllib
 from pathlib import Path
 
 from clothsim.errors import InputError
+from clothsim.scene.keys import nearest
 from clothsim.scene.scene import Scene, make_scene
 
 
 def load_scene(path: str | Path) -> Scene:
-    """The scene in a TOML file; its relative file names start at the file's own folder.
+    """The scene in a TOML file.
 
-    InputError, one sentence, where the file is missing, is no TOML (with the line) or has an unknown key.
+    Parameters
+    ----------
+    path : path
+        The file; relative file names in it start at its own folder.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    InputError
+        Where the file is missing, is no TOML (with the line), or has an unknown key or a bad value.
     """
     file = Path(path)
     try:
         data = tomllib.loads(file.read_text(encoding="utf-8"))
     except FileNotFoundError as error:
-        raise InputError(f"There is no scene file {file}.") from error
+        raise InputError(f"There is no scene file {file}.", _near(file)) from error
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{file} cannot be read as a scene: {error}.") from error
+        raise InputError(f"{file} cannot be read as a scene: {error}.", "Name a TOML file of text in UTF-8.") from error
     except (ValueError, RecursionError) as error:  # TOMLDecodeError, and a number of too many digits
-        raise InputError(f"{file} is not a TOML file: {error}.") from error
+        raise InputError(
+            f"{file} is not a TOML file: {error}.",
+            "Write key = value; texts in quotes, lists in brackets, as in toml.io.",
+        ) from error
     return make_scene(data, file.parent)
+
+
+def _near(file: Path) -> str:
+    """Remedy for a missing file: the scenes of its folder."""
+    try:
+        names = sorted(path.name for path in file.parent.glob("*.toml"))
+    except OSError:
+        names = []
+    if not names:
+        return f"There is no scene in {file.parent}/: name a .toml file."
+    return nearest(file.name, names) or f"{file.parent}/ has {', '.join(names[:5])}."

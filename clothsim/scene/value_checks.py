@@ -49,8 +49,7 @@ def refuse_missing(where: str, keys: Mapping[str, Any], section: type) -> None:
     """InputError for the first key that a section needs and a table does not have."""
     for name, known in keys_of(section).items():
         if known.required and name not in keys:
-            kind = type_in_words(known.annotation, known.key)
-            raise InputError(f"{where} has no {name}.", f"{known.key.meaning}: give {name} = {kind}.")
+            raise InputError(f"{where} has no {name}.", f"{name}: {known.key.meaning}; give {_a_type(known)}.")
 
 
 def check_value(where: str, value: Any, known: SceneKey) -> Any:
@@ -85,16 +84,15 @@ def _in_range(where: str, value: Any, known: SceneKey, whole: bool) -> float | i
         least, most = int(key.least or 0), MOST if key.most is None else int(key.most)
         if not (least <= value <= most and value == int(value)):
             span = f"a whole number from {least:,} to {most:,}"
-            raise InputError(f"{where} must be {span}, not {value!r}.", _example(known))
+            raise InputError(f"{where} must be {span}, not {value!r}.", _example(where, known))
         return int(value)
     try:
         number = float(value)
     except OverflowError as error:
-        raise InputError(f"{where} must be a number that a float can hold.", _example(known)) from error
-    inside = (key.least is None or number >= key.least) and (key.most is None or number <= key.most)
-    if not (math.isfinite(number) and inside and (key.above is None or number > key.above)):
+        raise InputError(f"{where} must be a number that a float can hold.", _example(where, known)) from error
+    if not (math.isfinite(number) and key.holds(number)):
         unit = "" if key.unit in ("-", "1") else f" [{key.unit}]"
-        raise InputError(f"{where} must be {key.range or 'finite'}{unit}, not {value!r}.", _example(known))
+        raise InputError(f"{where} must be {key.range or 'finite'}{unit}, not {value!r}.", _example(where, known))
     return number
 
 
@@ -147,7 +145,7 @@ def _each(where: str, values: Any, known: SceneKey, entry: type) -> None:
     for index, value in enumerate(values):
         if not _is_number(value) or isinstance(value, bool):
             kind = "a whole number" if entry is int else "a number"
-            raise InputError(f"{where}[{index}] must be {kind}, not {value!r}.", _example(known))
+            raise InputError(f"{where}[{index}] must be {kind}, not {value!r}.", _example(where, known))
         _in_range(f"{where}[{index}]", value, known, whole=entry is int)
 
 
@@ -167,29 +165,30 @@ def _accepts(part: Any, value: Any) -> bool:
 
 def _wrong_type(where: str, value: Any, known: SceneKey) -> InputError:
     """The error for a value of another type, with an example of a right one."""
-    kind = type_in_words(known.annotation, known.key)
-    article = "" if kind[:1].isdigit() or kind.startswith(("true", '"')) else "a "
+    kind = _a_type(known)
     unit = "" if known.key.unit in ("-", "1") else f" [{known.key.unit}]"
-    return InputError(f"{where} must be {article}{kind}{unit}, not {value!r}.", _example(known))
+    return InputError(f"{where} must be {kind}{unit}, not {value!r}.", _example(where, known))
 
 
-def _example(known: SceneKey) -> str:
+def _example(where: str, known: SceneKey) -> str:
     """A remedy that shows how the key is written."""
     if known.key.tables:
         names = "; or ".join(", ".join(keys_of(section)) for section in known.key.tables)
-        return f"Its keys are {names}."
-    if known.required or known.default is None or known.default == ():
-        return f"{known.name}: {_lower(known.key.meaning)}."
-    return f"{known.name}: {_lower(known.key.meaning)}; the default is {as_toml(known.default)}."
+        several = any(
+            get_origin(part) is Sequence and get_args(part)[0] is not float for part in members(known.annotation)
+        )
+        return f"Write [[{where}]], each a table with {names}." if several else f"Its keys are {names}."
+    if known.key.shown:
+        return f"{known.name}: {known.key.meaning}; where it is left out: {known.key.shown}."
+    if known.required or known.default == ():
+        return f"{known.name}: {known.key.meaning}."
+    return f"{known.name}: {known.key.meaning}; the default is {as_toml(known.default)}."
 
 
-def _lower(meaning: str) -> str:
-    """A meaning within a sentence: its first letter small, unless a name or an abbreviation starts there."""
-    return (
-        meaning
-        if meaning[1:2].isupper() or meaning.startswith(("Young", "Poisson"))
-        else (meaning[0].lower() + meaning[1:])
-    )
+def _a_type(known: SceneKey) -> str:
+    """The type of a key with its article."""
+    kind = type_in_words(known.annotation, known.key)
+    return kind if kind[:1].isdigit() or kind.startswith(("true", '"', "rows")) else f"a {kind}"
 
 
 def as_toml(value: Any) -> str:

@@ -117,7 +117,7 @@ def test_a_file_keeps_its_mesh_under_a_preset():
     scene, said = with_preset(small_scene(cloth={"mesh": "sheet.obj"}), "draft")
     assert scene.cloth == {"mesh": "sheet.obj"}
     assert "the mesh as it is" in said
-    with pytest.raises(InputError, match="no key 'drat'"):
+    with pytest.raises(InputError, match="preset 'drat'"):
         with_preset(small_scene(), "drat")
 
 

@@ -15,7 +15,7 @@ from tests.benchmarks.measure_presets import written_into
 def test_each_preset_has_numbers_of_several_scenes(preset):
     rows = [row for row in MEASURED if row.preset == preset]
     assert len({row.scene for row in rows}) >= 3
-    assert all(row.error > 0 and 0 < row.share < 1 and row.seconds > 0 for row in rows)
+    assert all(row.error > 0 and 0 < row.relative_error < 1 and row.seconds > 0 for row in rows)
     lines = preset_errors.measured(preset)
     assert len(lines) == len(rows)
     assert all(" mm (" in line and " % of its size) in " in line for line in lines)

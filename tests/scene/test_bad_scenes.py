@@ -87,7 +87,7 @@ BAD = {
     "infinite": (changed("duration = 0.1", "duration = inf"), "run.duration", "inf"),
     "fraction for a count": (changed("dt = 0.02", "max_iterations = 2.5"), "max_iterations .* whole", "2.5"),
     "no iterations": (changed("dt = 0.02", "max_iterations = 0"), "max_iterations", "from 1 to"),
-    "number for a text": (changed("dt = 0.02", "linear = 3"), "solver.linear must be a text", "3"),
+    "number for a text": (changed("dt = 0.02", "linear = 3"), "solver.linear must be .auto", "3"),
     "number for an effect": ("effects = 3\n" + re.sub(r"\[effects.*\]\n", "", GOOD), "effects must be a table", "3"),
     "number for the keys of an effect": (
         "effects.damping = 3\n" + GOOD,

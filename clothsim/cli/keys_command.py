@@ -1,0 +1,86 @@
+"""`clothsim keys`: the keys of a scene file."""
+
+import argparse
+import json
+from typing import Any
+
+from clothsim.errors import InputError
+
+_DESCRIPTION = """\
+List the sections of a scene file, or the keys of one with type, default, unit, range and meaning.
+
+  clothsim keys solver
+  clothsim keys effects.gravity
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    keys = commands.add_parser("keys", help="list the keys of a scene file", description=_DESCRIPTION)
+    keys.add_argument(
+        "section", nargs="?", metavar="SECTION", help="solver, cloth, gravity, rectangle, ... (default: all)"
+    )
+    keys.add_argument("--json-schema", action="store_true", help="print the JSON schema, for editors")
+    keys.add_argument("--markdown", action="store_true", help="print the reference page")
+    keys.add_argument("--debug", action="store_true", help="show tracebacks")
+    keys.set_defaults(handler=_keys)
+
+
+def _keys(arguments: argparse.Namespace) -> int:
+    if arguments.section and (arguments.json_schema or arguments.markdown):
+        raise InputError("--json-schema and --markdown are of all sections.", "Leave the section out.")
+    if arguments.json_schema:
+        from clothsim.scene.json_schema import json_schema
+
+        print(json.dumps(json_schema(), indent=2))
+    elif arguments.markdown:
+        from clothsim.scene.reference import markdown
+
+        print(markdown(), end="")
+    else:
+        print(overview() if arguments.section is None else keys_of_section(arguments.section))
+    return 0
+
+
+def overview() -> str:
+    """The sections, a line each."""
+    from clothsim.scene.reference import sections
+    from clothsim.text_table import text_table
+
+    rows = [(name, str(len(section.keys)), section.summary) for name, section in sections().items()]
+    return text_table(("section", "keys", "summary"), rows)
+
+
+def keys_of_section(name: str) -> str:
+    """The keys of a section, or of all whose name holds `name` as a word; "solver.dt" is one key.
+
+    Raises
+    ------
+    InputError
+        For a name that is no section, with the nearest known one.
+    """
+    from clothsim.scene.keys import nearest
+    from clothsim.scene.reference import COLUMNS, row, sections
+    from clothsim.text_table import text_table
+
+    known = sections()
+    found = [section for section in known.values() if section.name == name or _words(name) <= _words(section.name)]
+    only = None
+    if not found:
+        parent, _, only = name.rpartition(".")
+        found = [section for section in known.values() if section.name in (parent, f"effects.{parent}")]
+        found = [section for section in found if only in section.keys]
+    if not found:
+        words = sorted({word for section in known for word in _words(section)})
+        hint = nearest(name, words) or "`clothsim keys` lists the sections."
+        raise InputError(f"There is no section {name!r}.", hint)
+    parts = []
+    for section in found:
+        rows = [row(key) for key in section.keys.values() if only in (None, key.name)]
+        head = f"[{section.name}]" if "=" not in section.name else section.name
+        parts.append(f"{head}: {section.summary}\n" + (text_table(COLUMNS, rows) if rows else "It takes no keys."))
+    return "\n\n".join(parts)
+
+
+def _words(name: str) -> set[str]:
+    return set(name.replace('"', "").replace(",", "").replace("=", " ").replace(".", " ").split())
