@@ -7,15 +7,20 @@
 Names are loaded when they are used, so that `import clothsim` costs nothing.
 """
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from importlib import import_module as _import_module
+from typing import TYPE_CHECKING as _TYPE_CHECKING
 
-if TYPE_CHECKING:
+if _TYPE_CHECKING:
     from clothsim.accuracy.study import Study, study_accuracy
     from clothsim.errors import ClothsimError, InputError
     from clothsim.fitting.fit import Fit, fit
-    from clothsim.io.results import Run, open_run
-    from clothsim.run.simulate import resume, simulate
+    from clothsim.mesh.checks import Finding
+    from clothsim.run.check import check
+    from clothsim.run.results import Run, open_run
+    from clothsim.run.resume import resume
+    from clothsim.run.simulate import simulate
+    from clothsim.run.simulation import Simulation, SimulationError
+    from clothsim.run.simulation_state import SimulationState
     from clothsim.scene.cloth_arrays import BodyArrays as Body
     from clothsim.scene.cloth_arrays import ClothArrays as Cloth
     from clothsim.scene.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
@@ -45,51 +50,56 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 _HOMES = {
-    "ClothsimError": "clothsim.errors",
-    "InputError": "clothsim.errors",
-    "Fit": "clothsim.fitting.fit",
-    "Run": "clothsim.io.results",
-    "Scene": "clothsim.scene.scene",
-    "Study": "clothsim.accuracy.study",
-    "fit": "clothsim.fitting.fit",
-    "load_scene": "clothsim.scene.toml_file",
-    "open_run": "clothsim.io.results",
-    "resume": "clothsim.run.simulate",
-    "simulate": "clothsim.run.simulate",
-    "study_accuracy": "clothsim.accuracy.study",
-    "Body": "clothsim.scene.cloth_arrays:BodyArrays",
-    "Cloth": "clothsim.scene.cloth_arrays:ClothArrays",
-    "Crease": "clothsim.scene.effect_tables",
-    "Gust": "clothsim.scene.effect_tables",
-    "Motion": "clothsim.scene.effect_tables",
-    "PinGroup": "clothsim.scene.effect_tables",
-    "Seam": "clothsim.scene.effect_tables",
-    "SeamLine": "clothsim.scene.effect_tables",
-    "Spring": "clothsim.scene.effect_tables",
-    "Vortex": "clothsim.scene.effect_tables",
-    "Contact": "clothsim.scene.settings",
-    "RunSettings": "clothsim.scene.settings",
-    "Seed": "clothsim.scene.settings",
-    "Solver": "clothsim.scene.settings",
     "Air": "clothsim.scene.typed_effects",
     "Bending": "clothsim.scene.typed_effects",
+    "Body": "clothsim.scene.cloth_arrays:BodyArrays",
     "BodyContact": "clothsim.scene.typed_effects",
+    "Cloth": "clothsim.scene.cloth_arrays:ClothArrays",
+    "ClothsimError": "clothsim.errors",
+    "Contact": "clothsim.scene.settings",
+    "Crease": "clothsim.scene.effect_tables",
     "Damping": "clothsim.scene.typed_effects",
     "Fibres": "clothsim.scene.typed_effects",
+    "Finding": "clothsim.mesh.checks",
+    "Fit": "clothsim.fitting.fit",
     "Friction": "clothsim.scene.typed_effects",
     "Gravity": "clothsim.scene.typed_effects",
+    "Gust": "clothsim.scene.effect_tables",
     "Inertia": "clothsim.scene.typed_effects",
+    "InputError": "clothsim.errors",
     "Membrane": "clothsim.scene.typed_effects",
+    "Motion": "clothsim.scene.effect_tables",
+    "PinGroup": "clothsim.scene.effect_tables",
     "Pins": "clothsim.scene.typed_effects",
     "PlasticBending": "clothsim.scene.typed_effects",
     "Pressure": "clothsim.scene.typed_effects",
     "RestAngle": "clothsim.scene.typed_effects",
+    "Run": "clothsim.run.results",
+    "RunSettings": "clothsim.scene.settings",
+    "Scene": "clothsim.scene.scene",
+    "Seam": "clothsim.scene.effect_tables",
+    "SeamLine": "clothsim.scene.effect_tables",
     "Seams": "clothsim.scene.typed_effects",
+    "Seed": "clothsim.scene.settings",
     "SelfContact": "clothsim.scene.typed_effects",
+    "Simulation": "clothsim.run.simulation",
+    "SimulationError": "clothsim.run.simulation",
+    "SimulationState": "clothsim.run.simulation_state",
+    "Solver": "clothsim.scene.settings",
+    "Spring": "clothsim.scene.effect_tables",
     "Springs": "clothsim.scene.typed_effects",
     "StrainLimit": "clothsim.scene.typed_effects",
+    "Study": "clothsim.accuracy.study",
+    "Vortex": "clothsim.scene.effect_tables",
+    "check": "clothsim.run.check",
+    "fit": "clothsim.fitting.fit",
+    "load_scene": "clothsim.scene.toml_file",
+    "open_run": "clothsim.run.results",
+    "resume": "clothsim.run.resume",
+    "simulate": "clothsim.run.simulate",
+    "study_accuracy": "clothsim.accuracy.study",
 }
-"""The module of each name, and its name there where it is another."""
+"""The module of each public name, and its name there where it is another."""
 
 __all__ = [
     "Air",
@@ -102,6 +112,7 @@ __all__ = [
     "Crease",
     "Damping",
     "Fibres",
+    "Finding",
     "Fit",
     "Friction",
     "Gravity",
@@ -123,12 +134,16 @@ __all__ = [
     "Seams",
     "Seed",
     "SelfContact",
+    "Simulation",
+    "SimulationError",
+    "SimulationState",
     "Solver",
     "Spring",
     "Springs",
     "StrainLimit",
     "Study",
     "Vortex",
+    "check",
     "fit",
     "load_scene",
     "open_run",
@@ -138,8 +153,12 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     if name not in _HOMES:
         raise AttributeError(f"module 'clothsim' has no attribute {name!r}")
     module, _, other = _HOMES[name].partition(":")
-    return getattr(importlib.import_module(module), other or name)
+    return getattr(_import_module(module), other or name)
+
+
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]

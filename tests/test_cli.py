@@ -13,9 +13,9 @@ from clothsim.cli import main
 from clothsim.cli.progress import Lines
 from clothsim.io.checkpoint import read_checkpoint
 from clothsim.io.record import read_summary
-from clothsim.io.results import open_run
 from clothsim.io.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
 from clothsim.run.receipt import explain_run, explain_scene
+from clothsim.run.results import open_run
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.toml_file import load_scene
 
@@ -97,11 +97,11 @@ def test_frames_per_second_replaces_the_scenes(finished, tmp_path):
 
 
 def test_picture_and_movie_are_left(capsys, tmp_path, monkeypatch):
-    from clothsim.cli import render_command
+    from clothsim.run import pictures
 
     small = {"size": (64, 64)}
-    monkeypatch.setattr(render_command, "draw_frame", with_keywords(render_command.draw_frame, small))
-    monkeypatch.setattr(render_command, "draw_movie", with_keywords(render_command.draw_movie, small))
+    monkeypatch.setattr(pictures, "draw_frame", with_keywords(pictures.draw_frame, small))
+    monkeypatch.setattr(pictures, "draw_movie", with_keywords(pictures.draw_movie, small))
     assert main(["run", "free.toml", "--movie", "--frames-per-second", "25"]) == 0
     assert (tmp_path / "free/picture.png").read_bytes().startswith(b"\x89PNG")
     assert list((tmp_path / "free").glob("movie.*"))
@@ -184,13 +184,13 @@ def test_render_a_frame_and_a_movie(capsys, tmp_path, free):
 
 
 def test_up_is_against_gravity_where_it_is_known(free, finished, tmp_path):
-    from clothsim.cli.render_command import upright
+    from clothsim.run.pictures import upright
 
-    assert upright(open_run(free)) == pytest.approx((0, 9.81, 0))
-    assert upright(open_run(finished)) == (0, 0, 1)
+    assert upright(free) == pytest.approx((0, 9.81, 0))
+    assert upright(finished) == (0, 0, 1)
     shutil.copytree(free, tmp_path / "bare")
     (tmp_path / "bare/checkpoint.npz").unlink()
-    assert upright(open_run(tmp_path / "bare")) == "z"
+    assert upright(tmp_path / "bare") == "z"
 
 
 def test_check_lists_all_faults_of_a_mesh_at_once(capsys, tmp_path):

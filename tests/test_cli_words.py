@@ -1,5 +1,6 @@
 """The words of the command line: help, version, progress lines, and what --debug shows."""
 
+import json
 import subprocess
 import sys
 
@@ -7,7 +8,7 @@ import pytest
 
 from clothsim.cli import main
 from clothsim.cli.progress import Lines, clock
-from clothsim.run.simulate import Progress
+from clothsim.run.summary import Progress
 
 
 def test_debug_shows_the_traceback():
@@ -17,7 +18,7 @@ def test_debug_shows_the_traceback():
         main(["run", "missing.toml", "--debug"])
 
 
-@pytest.mark.parametrize("command", ["run", "fit", "resume", "bundle", "render", "check", "explain", "study"])
+@pytest.mark.parametrize("command", ["run", "fit", "resume", "bundle", "render", "check", "explain", "study", "scenes"])
 def test_help_is_short_and_has_an_example(capsys, command):
     with pytest.raises(SystemExit) as end:
         main([command, "--help"])
@@ -97,3 +98,13 @@ def test_a_fault_of_the_program_is_two_lines_too(capsys, monkeypatch, tmp_path):
         "ZeroDivisionError: a fault",
         "This is a fault of clothsim; --debug shows where.",
     ]
+
+
+def test_scenes_are_listed_and_checked_by_name(capsys):
+    assert main(["scenes"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.split(maxsplit=1) == ["sphere", "A square metre of cotton falls on a ball"] for line in lines)
+    assert main(["scenes", "--json"]) == 0
+    assert set(json.loads(capsys.readouterr().out)["sphere"]) == {"file", "headline", "missing"}
+    assert main(["run", "spher"]) == 2
+    assert "'sphere'" in capsys.readouterr().err

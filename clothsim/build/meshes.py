@@ -59,7 +59,7 @@ def cloth_of(
     hold the panels apart. A file with sewn = true is one mesh already, in which seams of three layers are no fault.
     """
     label = name_of(keys, where)
-    fabric, fabric_note = _fabric(keys, where)
+    fabric, fabric_note = fabric_of(keys, where)
     rest = keys.get("rest", "file")
     if not isinstance(rest, str) or rest not in ("file", "vt"):
         raise InputError(f"{where}.rest is {rest!r}.", 'Known: "file", "vt".')
@@ -146,7 +146,7 @@ def _from_arrays(mesh: MeshArrays, keys: Mapping[str, Any], where: str) -> Shape
     return Shape(scale * mesh.rest, triangles, none, (), start=vertices)
 
 
-def _fabric(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
+def fabric_of(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
     """The named fabric with the keys that override it; a Young's modulus takes the place of what its threads have."""
     name = keys.get("fabric", "cotton")
     named = fabric_named(f"{where}.fabric", name)

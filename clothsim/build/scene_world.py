@@ -1,5 +1,6 @@
 """World and energies of a scene: only the effects that it names are built, and imported."""
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from clothsim.build.array_files import with_arrays
@@ -68,6 +69,18 @@ def build(scene: Scene) -> Built:
     9
     """
     world, notes = _world(scene)
+    return build_effects(scene, world, notes)
+
+
+def build_effects(
+    scene: Scene, world: World, notes: Iterable[str] = (), before: Built | None = None, changed: Collection[str] = ()
+) -> Built:
+    """Build the effects of `scene` in a `world` whose pins are not yet clamped.
+
+    before: what was built of the same world, of which every effect is taken over whose name is not `changed` and whose
+    builder looks at no other effect; then `world` is that of `before`.
+    """
+    notes = list(notes)
     energies: dict[str, Energy] = {}
     constraints: dict[str, Constraint] = {}
     off: dict[str, str] = {}
@@ -76,6 +89,9 @@ def build(scene: Scene) -> Built:
         if name not in scene.effects:
             continue
         contacts = tuple(contact for contact in CONTACTS if contact in energies)
+        if before is not None and name not in changed and not effect.sees_others:
+            _take_over(name, before, energies, constraints, off)
+            continue
         supplied = {"backend": backend, "contacts": contacts, "built": energies}
         keys = with_arrays(f"effects.{name}", scene.effects[name], scene.directory)
         try:
@@ -99,6 +115,18 @@ def build(scene: Scene) -> Built:
     refuse_unsupported(world, energies, constraints.values())
     dt = min(scene.solver_settings.longest_step, 1 / scene.run_settings.frames_per_second)
     return Built(world, energies, constraints, off, (*notes, *scene_warnings(world, energies, dt)))
+
+
+def _take_over(
+    name: str, before: Built, energies: dict[str, Energy], constraints: dict[str, Constraint], off: dict[str, str]
+) -> None:
+    """Put the effect `name` of what was built before where it belongs."""
+    if name in before.energies:
+        energies[name] = before.energies[name]
+    elif name in before.constraints:
+        constraints[name] = before.constraints[name]
+    elif name in before.off:
+        off[name] = before.off[name]
 
 
 def _world(scene: Scene) -> tuple[World, list[str]]:

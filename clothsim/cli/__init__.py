@@ -1,4 +1,4 @@
-"""The command `clothsim`: run, fit, study, resume, bundle, render, check, explain, fabrics, keys."""
+"""The command `clothsim`: run, fit, study, resume, bundle, render, check, explain, fabrics, scenes, keys."""
 
 import contextlib
 import gc
@@ -16,6 +16,7 @@ from clothsim.cli import (
     keys_command,
     render_command,
     run_command,
+    scenes_command,
     study_command,
 )
 from clothsim.cli.arguments import Parser, join_vectors
@@ -30,6 +31,7 @@ COMMANDS = (
     check_command,
     explain_command,
     fabrics_command,
+    scenes_command,
     keys_command,
 )
 
@@ -55,7 +57,7 @@ makes millions that stay: at Python's own 700 and 10 the looking takes a tenth o
 _DESCRIPTION = """\
 Finite-element cloth with intersection-free contact.
 
-  clothsim run scenes/sphere.toml -o drape
+  clothsim run sphere -o drape
 """
 
 

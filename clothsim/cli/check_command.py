@@ -44,7 +44,11 @@ def add_to(commands: Any) -> None:
 
 
 def _check(arguments: argparse.Namespace) -> int:
+    from clothsim.run.example_scenes import scene_file
+
     target = arguments.target
+    if not target.exists() and not target.suffix:
+        target = scene_file(target)
     if not target.exists():
         raise InputError(f"There is no {target}.", "Name a mesh file, a scene (.toml) or the directory of a run.")
     mesh_options = arguments.body or arguments.scale or arguments.group or arguments.component
@@ -118,7 +122,7 @@ def _check_run(directory: Path) -> int:
     import numpy as np
 
     from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-    from clothsim.io.results import open_run
+    from clothsim.run.results import open_run
     from clothsim.scene.scene import scene_from_text
     from clothsim.sim.intersection_check import intersection_check_of
 

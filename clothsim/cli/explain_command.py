@@ -35,6 +35,7 @@ def add_to(commands: Any) -> None:
 
 
 def _explain(arguments: argparse.Namespace) -> int:
+    from clothsim.run.example_scenes import scene_file
     from clothsim.run.receipt import explain_run, explain_scene, with_absent
     from clothsim.scene.toml_file import load_scene
 
@@ -49,7 +50,7 @@ def _explain(arguments: argparse.Namespace) -> int:
         budget = as_seconds("--budget", "60s" if arguments.budget is None else arguments.budget)
         if arguments.budget is not None and not arguments.absent:
             raise InputError("--budget is for --absent.", "Add --absent, or leave it out.")
-        scene = load_scene(arguments.target)
+        scene = load_scene(scene_file(arguments.target))
         receipt = explain_scene(scene, steps)
         if arguments.absent:
             from clothsim.run.absent_cost import absent_effects

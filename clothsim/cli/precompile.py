@@ -41,7 +41,7 @@ def _compiled() -> bool:
 
 def compile_the_rest() -> None:
     """Drape four cells, touch, and draw."""
-    from clothsim.cli.render_command import draw_frame
+    from clothsim.run.pictures import draw_frame
     from clothsim.run.simulate import simulate
     from clothsim.scene.scene import Scene
 
@@ -61,7 +61,7 @@ def compile_the_rest() -> None:
     with TemporaryDirectory() as folder:
         draped = simulate(scene, folder)
         touch()
-        draw_frame(draped, Path(folder) / "picture.png")
+        draw_frame(draped.trajectory, Path(folder) / "picture.png")
 
 
 def touch() -> None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from clothsim.cli.progress import clock, length
 
 if TYPE_CHECKING:
-    from clothsim.io.results import Run
+    from clothsim.run.results import Run
     from clothsim.run.session import Session
 
 WIDTH = 100

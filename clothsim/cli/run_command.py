@@ -11,11 +11,9 @@ from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.io.results import Run
+    from clothsim.run.results import Run
     from clothsim.run.session import Session
     from clothsim.scene.scene import Scene
-
-PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "movie.gif", "failure.png"
 
 _RUN = """\
 Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture of the last frame; where it failed,
@@ -34,7 +32,7 @@ of an archive of `clothsim bundle`.
 def add_to(commands: Any) -> None:
     """Add both commands to the parser."""
     run = commands.add_parser("run", help="simulate a scene", description=_RUN)
-    run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML)")
+    run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the scene's name)")
     run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
     run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key: body.mesh=PATH")
@@ -45,8 +43,8 @@ def add_to(commands: Any) -> None:
     resume.add_argument("-o", "--output", type=Path, metavar="DIR", help="of an archive: where to (default: its name)")
     resume.set_defaults(handler=_resume)
     for command in (run, resume):
-        command.add_argument("--no-picture", action="store_true", help=f"leave no {PICTURE_NAME} and no {FAILURE_NAME}")
-        command.add_argument("--movie", action="store_true", help=f"leave {MOVIE_NAME} too, or {GIF_NAME}")
+        command.add_argument("--no-picture", action="store_true", help="leave no picture.png and no failure.png")
+        command.add_argument("--movie", action="store_true", help="leave movie.mp4 too, movie.gif without ffmpeg")
         command.add_argument("--dump-iterates", metavar="STEP", help="write the Newton iterates of that step, from 1")
         command.add_argument("--quiet", action="store_true", help="print the end only")
         command.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
@@ -55,13 +53,14 @@ def add_to(commands: Any) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from clothsim.cli import precompile
+    from clothsim.run.example_scenes import scene_file
     from clothsim.run.simulate import simulate
     from clothsim.scene.overrides import override
     from clothsim.scene.toml_file import load_scene
 
     if arguments.scene.suffix == ".zip":
         raise InputError(f"{arguments.scene} is no scene file.", "`clothsim resume` replays an archive.")
-    scene = load_scene(arguments.scene)
+    scene = load_scene(scene_file(arguments.scene))
     if arguments.preset is not None:
         scene = _with_preset(scene, arguments)
     for assignment in arguments.set:
@@ -94,7 +93,7 @@ def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
 
 
 def _resume(arguments: argparse.Namespace) -> int:
-    from clothsim.run.simulate import resume
+    from clothsim.run.resume import resume
 
     directory = arguments.directory
     if directory.is_file():
@@ -151,25 +150,36 @@ def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> 
 
     Returns a line for each that could not be drawn: a run is none the worse for that.
     """
-    from clothsim.cli.render_command import draw_failure, draw_frame, draw_movie, upright
+    from clothsim.cli.render_command import frame_counter
     from clothsim.errors import ClothsimError
+    from clothsim.render.movie import has_ffmpeg
+    from clothsim.run.pictures import (
+        FAILURE_NAME,
+        GIF_NAME,
+        MOVIE_NAME,
+        PICTURE_NAME,
+        draw_failure,
+        draw_frame,
+        draw_movie,
+        upright,
+    )
 
     for name in (PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME):
         (run.directory / name).unlink(missing_ok=True)
-    up, trouble = upright(run), []
+    directory, up, trouble = run.directory, upright(run.directory), []
     jobs: list[tuple[str, Callable[[], Any]]] = []
     if not arguments.no_picture:
-        jobs.append((PICTURE_NAME, lambda: draw_frame(run, run.directory / PICTURE_NAME, up=up)))
-        if (run.summary.get("failure") or {}).get("position") is not None:
-            target, world = run.directory / FAILURE_NAME, session.built.world
-            jobs.append((FAILURE_NAME, lambda: draw_failure(run, world, target, up)))
+        jobs.append((PICTURE_NAME, lambda: draw_frame(run.trajectory, directory / PICTURE_NAME, up=up)))
+        failure, world = run.summary.get("failure") or {}, session.built.world
+        if failure.get("position") is not None:
+            target = directory / FAILURE_NAME
+            jobs.append((FAILURE_NAME, lambda: draw_failure(directory, failure, world, target, up)))
     if arguments.movie:
-        from clothsim.render.movie import has_ffmpeg
-
+        counter = frame_counter(arguments.quiet)
         film = MOVIE_NAME if has_ffmpeg() else GIF_NAME
         if film == GIF_NAME:
             trouble.append(f"{film}, not {MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")
-        jobs.append((film, lambda: draw_movie(run, run.directory / film, up=up, quiet=arguments.quiet)))
+        jobs.append((film, lambda: draw_movie(run.trajectory, directory / film, counter, up=up)))
     for name, job in jobs:
         if not arguments.quiet:
             print(f"drawing {name}", file=sys.stderr, flush=True)

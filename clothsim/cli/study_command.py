@@ -41,6 +41,7 @@ def _study(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
     from clothsim.accuracy.report import answer, settings_text
     from clothsim.accuracy.study import study_accuracy
+    from clothsim.run.example_scenes import scene_file
     from clothsim.scene.overrides import override
     from clothsim.scene.toml_file import load_scene
 
@@ -49,7 +50,7 @@ def _study(arguments: argparse.Namespace) -> int:
     if knobs == []:
         raise InputError("--knobs names nothing.", "Give some, such as --knobs dt,cells.")
     workers = None if arguments.workers is None else as_count("--workers", arguments.workers)
-    scene = load_scene(arguments.scene)
+    scene = load_scene(scene_file(arguments.scene))
     for assignment in arguments.set:
         scene = override(scene, assignment)
     directory = arguments.output or Path(f"{arguments.scene.stem}_study")

@@ -12,7 +12,7 @@ from clothsim.energies.example import Example
 from clothsim.energies.selection import check_tables, selected_vertices
 from clothsim.errors import InputError
 from clothsim.mesh.clamp import clamped
-from clothsim.mesh.motion import RigidMotion, motion_of
+from clothsim.mesh.motion import LaterMotion, RigidMotion, motion_of
 from clothsim.mesh.world import World
 
 GROUP = ("select", "clamp", "motion")
@@ -27,7 +27,7 @@ class PinGroup:
 
     vertices: Ints
     start: Floats
-    motion: RigidMotion
+    motion: RigidMotion | LaterMotion
     name: str
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
 from clothsim.fitting.distortion import Cost, cost_of
-from clothsim.fitting.inputs import Figure, read_figure, read_garment, worn_in_scene
+from clothsim.fitting.inputs import Figure, figure_of, garment_of, read_figure, read_garment, worn_in_scene
 from clothsim.fitting.markers import NO_MARKERS, read_markers
 from clothsim.fitting.moving_body import BODY, REST, START, draped
 from clothsim.fitting.penetration import Counts
@@ -21,9 +21,11 @@ from clothsim.fitting.stage import Garment, Heard, Stage, staged
 from clothsim.io.checkpoint import CHECKPOINT_NAME
 from clothsim.io.obj_writer import write_obj
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
-from clothsim.io.results import Run
 from clothsim.io.trajectory import TRAJECTORY_NAME
-from clothsim.run.simulate import FITTED, Announcement, Listener
+from clothsim.run.recorded_run import Announcement, Listener
+from clothsim.run.results import Run
+from clothsim.run.resume import FITTED
+from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.fabrics import fabric_named
 from transfer.signed_distance import body_surface
 
@@ -66,53 +68,102 @@ class Fit:
 
 
 def fit(
-    garment: str | Path,
-    to: str | Path,
-    made_for: str | Path | None = None,
+    garment: str | Path | ClothArrays | Any,
+    to: str | Path | BodyArrays | Any,
+    made_for: str | Path | BodyArrays | Any = None,
     output: str | Path | None = None,
     *,
     scale: float | None = None,
     body_group: str | None = None,
     part: tuple[int, int] | None = None,
     weld: float = 0.0,
-    fabric: str = "cotton",
+    fabric: str | None = None,
     resize: bool = True,
     markers: str | Path | None = None,
     heard: Heard = lambda stage: None,
     progress: Listener | None = None,
     announce: Announcement | None = None,
 ) -> Fit:
-    """Fit the `garment` made for one body (a mesh file, MakeHuman clothes, or a scene's cloth) onto the body `to`.
+    """Fit a garment made for one body onto another.
 
-    made_for: the body that it lies on; None: `to` itself, on which it is repaired. scale: metres per unit of the
-    garment and of that body (None: as the body's height tells). body_group: a group of the body files. part: (lo, hi),
-    these vertices of the garment's file. weld: borders closer than that are sewn [m]. A scene says all this itself, but
-    for body_group of `to`. resize: the garment is made anew in the other body's size; False: its own rest shape stays.
-    markers: a file of places on both bodies that mean the same (None: derived where their meshes differ).
-    Leaves in `output` (None: a fresh temporary folder) what a run leaves, `fitted.obj`, and the stages in the summary;
-    files of an earlier fit there are removed. InputError for bad input.
+    Parameters
+    ----------
+    garment : str, Path, Cloth or mesh object
+        A mesh file, MakeHuman clothes (.mhclo), a scene, whose first cloth it is, or a mesh in memory in metres.
+    to : str, Path, Body or mesh object
+        The body to wear it.
+    made_for : str, Path, Body or mesh object, optional
+        The body that it lies on; None: `to` itself, on which it is repaired. A scene gives it itself.
+    output : str or Path, optional
+        Directory for what a run leaves, `fitted.obj`, and the stages in the summary; None: a new temporary one. Files
+        of an earlier fit there are removed.
+    scale : float, optional
+        Metres per unit of the files of garment and body; None: from the height of the body.
+    body_group : str, optional
+        Group of the body files.
+    part : (lo, hi), optional
+        Vertices of the garment's file.
+    weld : float
+        Borders closer than that are sewn [m].
+    fabric : str, optional
+        A named fabric; None: that of the `clothsim.Cloth`, else cotton.
+    resize : bool
+        True: the rest shape is scaled to the other body; False: it stays.
+    markers : str or Path, optional
+        File of corresponding places on both bodies; None: derived where their meshes differ.
+    heard, progress, announce : callable, optional
+        Called after each stage; after each step and before the first, as of `clothsim.simulate`.
+
+    Returns
+    -------
+    Fit
+        Its status is "completed", "refined" or "failed".
+
+    Raises
+    ------
+    InputError
+        For bad input.
     """
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
-    fabric_named("fabric", fabric)
-    if Path(garment).suffix.lower() == ".toml":
+    named = fabric or (garment.fabric if isinstance(garment, ClothArrays) else "cotton")
+    fabric_named("fabric", named)
+    base = to if made_for is None else made_for
+    of_scene = isinstance(garment, str | Path) and Path(garment).suffix.lower() == ".toml"
+    if not isinstance(garment, str | Path):
+        _refuse_file_options(scale, part)
+        source = _figure(base, None, body_group)
+        worn = garment_of(garment, weld)
+    elif of_scene:
         if made_for is not None or scale is not None or part is not None or weld:
             raise InputError(
                 f"{garment} is a scene: its body, unit, part and seams are its own.",
                 "Leave --from, --scale, --part and --weld out, or give the garment's file.",
             )
         worn, source = worn_in_scene(garment)
-        target = source if _same_file(garment, to) else read_figure(to, group=body_group)
+        base = garment
     else:
-        source = read_figure(made_for or to, scale=scale, group=body_group)
-        target = source if _same_file(made_for or to, to) else read_figure(to, group=body_group)
-        worn = read_garment(garment, made_for or to, source.scale, part=part, weld=weld)
+        source = _figure(base, scale, body_group)
+        file = base if isinstance(base, str | Path) else None
+        worn = read_garment(garment, file, source.scale, part=part, weld=weld)
+    target = source if _same(base, to) else _figure(to, None, body_group)
+    if not of_scene:
         _refuse_a_body(worn, source, target)
     places = NO_MARKERS if markers is None else read_markers(markers)
-    _make_directory(directory, [Path(file) for file in (garment, to, made_for) if file is not None])
-    task = Task(worn, source, target, fabric, resize, directory, heard, places)
+    _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
+    task = Task(worn, source, target, named, resize, directory, heard, places)
     found = seeded(task)
     return _simulated(task, found, started, progress, announce)
+
+
+def _figure(body: Any, scale: float | None, group: str | None) -> Figure:
+    """A body from a file or from memory."""
+    return read_figure(body, scale=scale, group=group) if isinstance(body, str | Path) else figure_of(body)
+
+
+def _refuse_file_options(scale: float | None, part: tuple[int, int] | None) -> None:
+    if scale is not None or part is not None:
+        raise InputError("scale and part are for the file of a garment.", "Give clothsim.Cloth(..., scale=...).")
 
 
 def _simulated(
@@ -206,8 +257,11 @@ def _write(done: Fit, seconds: float) -> None:
     write_summary(file, {**kept, **fitted})
 
 
-def _same_file(one: str | Path, other: str | Path) -> bool:
-    return Path(one).resolve() == Path(other).resolve()
+def _same(one: Any, other: Any) -> bool:
+    """True for the same file, or the same mesh in memory."""
+    if isinstance(one, str | Path) and isinstance(other, str | Path):
+        return Path(one).resolve() == Path(other).resolve()
+    return one is other
 
 
 def _refuse_a_body(worn: Garment, *figures: Figure) -> None:

@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.build.meshes import body_of
+from clothsim.build.meshes import body_of, cloth_of, cloth_shape
 from clothsim.build.placement import Shape
 from clothsim.build.scene_world import build
 from clothsim.build.welding import sewn
@@ -16,6 +17,8 @@ from clothsim.io.mesh_file import MeshFile, read_mesh
 from clothsim.io.mhclo import read_clothes
 from clothsim.mesh.checks import examine, refuse
 from clothsim.mesh.topology import components, half_edges
+from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
+from clothsim.scene.mesh_keys import check_body, check_cloth
 from clothsim.scene.toml_file import load_scene
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
@@ -72,9 +75,28 @@ def _of_scene(file: Path) -> Figure:
     return Figure(body.name, body.positions, body.triangles, 1.0, notes)
 
 
+def figure_of(body: Any) -> Figure:
+    """The body of a `clothsim.Body` or a mesh object, in metres. InputError for faults that no body may have."""
+    given = body if isinstance(body, BodyArrays) else BodyArrays(body)
+    made, notes = body_of(check_body("body", given.as_table()), "body", Path())
+    return Figure(made.name, made.positions, made.triangles, 1.0, notes)
+
+
+def garment_of(cloth: Any, weld: float) -> Garment:
+    """The garment of a `clothsim.Cloth` or a mesh object, in metres, as it lies on its body.
+
+    weld: borders closer than that are sewn [m], in place of that of the cloth. InputError for a mesh that is no cloth.
+    """
+    given = cloth if isinstance(cloth, ClothArrays) else ClothArrays(cloth)
+    table = check_cloth("cloth", given.as_table() | ({"weld": weld} if weld else {}))
+    made, notes = cloth_of(cloth_shape(table, "cloth", Path()), table, "cloth")
+    sewn_already = bool(table.get("weld") or table.get("sewn"))
+    return Garment(made.name, made.positions, made.triangles, notes, sewn=sewn_already)
+
+
 def read_garment(
     path: str | Path,
-    made_for: str | Path,
+    made_for: str | Path | None,
     scale: float,
     *,
     part: tuple[int, int] | None = None,
@@ -87,6 +109,8 @@ def read_garment(
     """
     file = Path(path)
     if file.suffix.lower() == ".mhclo":
+        if made_for is None:
+            raise InputError(f"{file} lies on the base mesh of MakeHuman.", "Give the file of that body.")
         clothes = read_clothes(file)
         mesh = read_mesh(clothes.obj_file)
         on_base = clothes.on(read_mesh(made_for).positions)

@@ -8,8 +8,9 @@ from typing import Any
 from clothsim.arrays import Floats, Ints
 from clothsim.fitting.stage import Garment
 from clothsim.io.obj_writer import write_obj
-from clothsim.io.results import Run
-from clothsim.run.simulate import Announcement, Listener, simulate
+from clothsim.run.recorded_run import Announcement, Listener
+from clothsim.run.results import Run
+from clothsim.run.simulate import simulate
 from clothsim.scene.scene import Scene
 
 REST, START, BODY = "garment_rest.obj", "garment_start.obj", "body.obj"

@@ -1,1 +1,1 @@
-"""Floor 2: reading meshes, writing trajectories."""
+"""Mesh files, and the files of a run."""

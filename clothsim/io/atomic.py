@@ -1,4 +1,4 @@
-"""Files that are whole or not there: written beside their place and moved into it."""
+"""Atomic writes: a file is written under another name and then renamed."""
 
 import os
 from pathlib import Path
@@ -7,7 +7,7 @@ from clothsim.errors import InputError
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Put `content` at `path`; a reader, and a run killed at any moment, sees the old file or the new one.
+    """Write `content` to `path` so that a reader sees the old file or the new one, whenever the process is killed.
 
     InputError where the file cannot be written.
     """

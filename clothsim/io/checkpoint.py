@@ -1,4 +1,4 @@
-"""The state of a run between two steps, to the last bit, so that it can go on as if it had never stopped."""
+"""Checkpoint: the state of a run between two steps, bit for bit."""
 
 import json
 import math
@@ -15,18 +15,36 @@ from clothsim.errors import InputError
 from clothsim.io.atomic import write_atomically
 
 CHECKPOINT_NAME = "checkpoint.npz"
-_FORMAT = "clothsim checkpoint 2"
+_FORMAT, _EARLIER = "clothsim checkpoint 3", "clothsim checkpoint 2"
+"""The format that is written, and an earlier one, which holds one unused number more and is read too."""
 
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """A run between two steps.
+    """The state of a run between two steps.
 
-    time [s]; dt: length of the next step [s]; frame, step: how many are done; positions (N, 3) [m] and velocities
-    (N, 3) [m/s] of all rows of x; stiffness of the contact barrier; scene_text: the scene; counters: what the summary
-    adds up, as JSON knows it; blocked_at [s], blocked: where and how often the script was blocked of late.
-    previous_positions, previous_velocities, previous_dt: the state a step earlier and the step since then [s], or None,
-    None and nan where the integrator looks back no further.
+    Parameters
+    ----------
+    time : float
+        Simulated time [s].
+    dt : float
+        Length of the next step [s].
+    frame, step : int
+        Number of frames and steps that are done.
+    positions, velocities : (N, 3) ndarray
+        All rows of x [m], [m/s].
+    scene_text : str
+        The scene, by `Scene.to_text`.
+    counters : dict
+        Sums of the summary so far, as JSON values.
+    blocked_at : float
+        Time at which the last tries of a prescribed motion were blocked [s]; nan where none was.
+    blocked : int
+        Number of tries that were blocked there.
+    previous_positions, previous_velocities : (N, 3) ndarray, optional
+        The state a step earlier, for BDF2.
+    previous_dt : float
+        The step since then [s].
     """
 
     time: float
@@ -35,7 +53,6 @@ class Checkpoint:
     step: int
     positions: Floats
     velocities: Floats
-    stiffness: float
     scene_text: str
     counters: dict[str, Any]
     blocked_at: float = math.nan
@@ -46,7 +63,7 @@ class Checkpoint:
 
 
 def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
-    """Write `checkpoint` as a NumPy archive; the file is whole or not there. InputError where it cannot be written."""
+    """Write a checkpoint as a NumPy archive, atomically. InputError where it cannot be written."""
     counters = json.dumps(checkpoint.counters, default=lambda number: number.tolist())
     archive = BytesIO()
     earlier: dict[str, Any] = {}
@@ -63,7 +80,6 @@ def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
         counts=np.array([checkpoint.frame, checkpoint.step, checkpoint.blocked], np.int64),
         positions=np.asarray(checkpoint.positions, np.float64),
         velocities=np.asarray(checkpoint.velocities, np.float64),
-        stiffness=np.array([checkpoint.stiffness]),
         scene_text=_text(checkpoint.scene_text),
         counters=_text(counters),
         **earlier,
@@ -72,7 +88,7 @@ def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
 
 
 def read_checkpoint(path: str | Path) -> Checkpoint:
-    """The checkpoint in a file; InputError where it is missing, broken or another program's."""
+    """Read a checkpoint. InputError where the file is missing, broken or another program's."""
     if not Path(path).is_file():
         raise InputError(f"There is no checkpoint {path}.")
     try:
@@ -85,30 +101,32 @@ def read_checkpoint(path: str | Path) -> Checkpoint:
         with np.load(content, allow_pickle=False) as arrays:
             return _from_arrays(arrays)
     except Exception as error:  # zipfile, NumPy and JSON fail in a dozen ways
-        raise InputError(f"{path} is broken or not a checkpoint ({error}).", "Start the run anew.") from error
+        raise InputError(
+            f"{path} is broken or not a checkpoint ({error}).", "Start the run again from its scene."
+        ) from error
 
 
 def _from_arrays(arrays: Any) -> Checkpoint:
-    if _string(arrays["format"]) != _FORMAT:
+    if _string(arrays["format"]) not in (_FORMAT, _EARLIER):
         raise ValueError(f"its format is not {_FORMAT!r}")
     positions, velocities = arrays["positions"], arrays["velocities"]
     if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != velocities.shape:
         raise ValueError(f"positions {positions.shape} and velocities {velocities.shape} are not (N, 3)")
-    times, counts, stiffnesses = (arrays[key] for key in ("times", "counts", "stiffness"))
-    if counts.dtype != np.int64 or any(a.dtype != np.float64 for a in (positions, velocities, times, stiffnesses)):
+    times, counts = arrays["times"], arrays["counts"]
+    if counts.dtype != np.int64 or any(a.dtype != np.float64 for a in (positions, velocities, times)):
         raise ValueError("its numbers are of other types")
-    (time, dt, blocked_at), (frame, step, blocked), (stiffness,) = times.tolist(), counts.tolist(), stiffnesses.tolist()
+    (time, dt, blocked_at), (frame, step, blocked) = times.tolist(), counts.tolist()
     if not (0 <= time < math.inf and 0 < dt < math.inf and min(frame, step, blocked) >= 0):
         raise ValueError(f"its time is {time} s, its step {dt} s, its counts {counts}")
     scene_text, counters = _string(arrays["scene_text"]), json.loads(_string(arrays["counters"]))
     if not isinstance(counters, dict):
         raise ValueError("its counters are no table")
-    state = time, dt, frame, step, positions, velocities, stiffness
+    state = time, dt, frame, step, positions, velocities
     return Checkpoint(*state, scene_text, counters, blocked_at, blocked, *_previous(arrays, positions.shape))
 
 
 def _previous(arrays: Any, shape: tuple[int, ...]) -> tuple[Floats | None, Floats | None, float]:
-    """The state a step earlier, where there is one."""
+    """The state a step earlier; None, None and nan where there is none."""
     if "previous_positions" not in arrays:
         return None, None, math.nan
     positions, velocities, dts = (arrays[f"previous_{key}"] for key in ("positions", "velocities", "dt"))
@@ -120,7 +138,7 @@ def _previous(arrays: Any, shape: tuple[int, ...]) -> tuple[Floats | None, Float
 
 
 def _text(text: str) -> np.ndarray:
-    """UTF-8 bytes: NumPy's own strings lose a NUL at the end."""
+    """UTF-8 bytes, as NumPy's own strings lose a NUL at the end."""
     return np.frombuffer(text.encode(), np.uint8)
 
 

@@ -1,7 +1,9 @@
 """Gmsh files: the triangles and quads of versions 2, 4.0 and 4.1, text or binary.
 
-https://gmsh.info/doc/texinfo/gmsh.html#Gmsh-file-formats. Other elements are counted and passed over. Every number is
-taken from the bytes that are there, so a header that promises more than the file holds ends in an error at once.
+https://gmsh.info/doc/texinfo/gmsh.html#Gmsh-file-formats. Other elements are counted and ignored. A count that exceeds
+the bytes of the file is an error before anything is allocated. meshio 5.3 would allocate by the counts of every block
+and by the largest node tag, takes unknown and repeated tags for other nodes, and refuses parametric nodes, big-endian
+files and gaps in the tags of binary version 2.
 """
 
 from collections import Counter
@@ -14,17 +16,17 @@ from clothsim.errors import InputError
 from clothsim.io.polygons import Polygons
 
 FACES = (2, 3)
-"""Gmsh's numbers for triangle and quad."""
+"""Gmsh's element types of triangle and quad."""
 CORNERS = dict(enumerate((2, 3, 4, 4, 8, 6, 5, 3, 6, 9, 10, 27, 18, 14, 1, 8, 20, 15, 13, 9), start=1))
 CORNERS |= dict(enumerate((10, 12, 15, 15, 21, 4, 5, 6, 20, 35, 56), start=21)) | {92: 64, 93: 125}
-"""How many nodes an element of each number has."""
+"""Nodes of an element of each type."""
 
 Elements = list[tuple[int, Ints]]
-"""Blocks of elements: Gmsh's number of the kind, and the tags of the nodes (m, k)."""
+"""Blocks of elements: Gmsh's element type, and the tags of the nodes (m, k)."""
 
 
 def read_msh(path: Path, content: bytes) -> Polygons:
-    """The faces in `content`; `path` is named in errors. InputError says what cannot be read."""
+    """The faces in `content`. InputError names `path` and the fault."""
     try:
         return _polygons(*_sections(content))
     except (ValueError, IndexError, KeyError, OverflowError) as error:
@@ -32,7 +34,7 @@ def read_msh(path: Path, content: bytes) -> Polygons:
 
 
 def _sections(content: bytes) -> tuple[Ints, Floats, Elements]:
-    """The tags (n,) and places (n, 3) of all nodes, and the elements."""
+    """The tags (n,) and positions (n, 3) of all nodes, and the elements."""
     form, place = "", 0
     tags, points, elements = np.zeros(0, np.int64), np.zeros((0, 3)), []
     while (place := content.find(b"$", place)) >= 0:
@@ -102,7 +104,7 @@ class _Words:
 
 
 class _Bytes:
-    """Numbers in binary, whose byte order a 1 at `place` tells."""
+    """Binary numbers; a 1 at `place` gives the byte order."""
 
     def __init__(self, content: bytes, place: int, size: int) -> None:
         self.content, self.place = content, place
@@ -143,7 +145,7 @@ def _nodes_2(source: Source) -> tuple[Ints, Floats]:
 
 
 def _count_2(source: Source) -> int:
-    """The count that stands in text even in a binary file."""
+    """The count, which is text in a binary file, too."""
     if isinstance(source, _Words):
         return int(source.take("size", 1)[0])
     end = source.content.find(b"\n", source.place)
@@ -182,7 +184,7 @@ def _elements_4(source: Source, latest: bool) -> Elements:
 
 
 def _elements_2(source: Source) -> Elements:
-    """In text each element is a row; in binary rows of one kind share a header."""
+    """Blocks of version 2: in text each element is a row; in binary, elements of one type have a common header."""
     left, found = _count_2(source), []
     if isinstance(source, _Words):
         for _ in range(left):

@@ -1,4 +1,4 @@
-"""The formats that meshio and trimesh read, brought to `Polygons`; each is imported only when needed.
+"""Mesh formats read by meshio and trimesh, each imported when it is needed.
 
 Each reader gets the bytes or the path of one local file; nothing that a file names (a texture, a script) is opened.
 """
@@ -17,7 +17,7 @@ from clothsim.io.polygons import Polygons
 from clothsim.mesh.weld import merge_coincident
 
 MOST_SHARED = 64
-"""How many times the elements of a file may use the same bytes, on average."""
+"""Largest number of elements per byte of a file, on average: accessors of a glb may overlap."""
 SURFACES = ("triangle", "quad", "polygon")
 """The cell types of meshio that are straight faces."""
 
@@ -27,7 +27,7 @@ def read_ply(path: Path, content: bytes) -> Polygons:
     import meshio.ply
 
     header, end, _ = content.partition(b"end_header")
-    if not end:  # meshio would look for it for ever
+    if not end:  # meshio would search for it without end
         raise InputError(f"{path} has no complete PLY header.")
     _refuse_promises(
         path, [int(count) for count in re.findall(rb"^\s*element\s+\S+\s+(\d{1,40})", header, re.M)], content
@@ -43,12 +43,12 @@ def read_vtu(path: Path, content: bytes) -> Polygons:
 
 
 def read_stl(path: Path, content: bytes) -> Polygons:
-    """An STL file. It repeats the corners of every triangle, so those at one place are merged."""
+    """An STL file, which repeats the corners of every triangle: coincident ones are merged."""
     return _of_trimesh(path, content, "stl")
 
 
 def read_glb(path: Path, content: bytes) -> Polygons:
-    """A binary glTF scene, every node where the scene puts it; vertices that it splits for textures are merged."""
+    """A binary glTF scene with the transform of each node; vertices that it splits for textures are merged."""
     start, size = 20, int.from_bytes(content[12:16], "little")
     accessors = json.loads(content[start : start + size])["accessors"]
     _refuse_promises(path, [int(accessor["count"]) for accessor in accessors], content)
@@ -64,7 +64,7 @@ LIBRARY_READERS: dict[str, Callable[[Path, bytes], Polygons]] = {
 
 
 def _refuse_promises(path: Path, counts: list[int], content: bytes) -> None:
-    """InputError where more elements are promised than there can be: the libraries would make room for them first."""
+    """InputError where a header declares more elements than the file can hold: the libraries allocate them first."""
     if max(counts, default=0) > len(content) or sum(counts) > MOST_SHARED * len(content):
         raise InputError(f"{path} promises {max(counts):,} elements in {len(content):,} bytes.", "It is cut or broken.")
 

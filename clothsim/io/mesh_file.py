@@ -1,4 +1,4 @@
-"""Reading a mesh file, or a part of it, as triangles in metres."""
+"""Mesh files, read as triangles in metres."""
 
 import contextlib
 import io
@@ -28,9 +28,20 @@ ENDINGS = (*TEXT_READERS, *BYTE_READERS, *LIBRARY_READERS)
 
 @dataclass(frozen=True)
 class MeshFile:
-    """What a file holds: positions (n, 3) [m], triangles (m, 3), texture (m, 3, 2) the texture coordinates of each
-    corner, or (0, 3, 2) where the file has none; messages: what was cut, merged, scaled, ignored or left out; groups:
-    the triangles of each group or object that the file names.
+    """A triangle mesh from a file.
+
+    Attributes
+    ----------
+    positions : (n, 3) ndarray
+        Vertices [m].
+    triangles : (m, 3) ndarray
+        Vertex numbers.
+    texture : (m, 3, 2) or (0, 3, 2) ndarray
+        Texture coordinates of each corner, where the file has them.
+    messages : tuple of str
+        Faces that were cut or ignored, vertices that were merged, the scale.
+    groups : dict of str to (k,) ndarray
+        Triangles of each group or object that the file names.
     """
 
     positions: Floats
@@ -48,12 +59,44 @@ def read_mesh(
     component: int | None = None,
     vertices: Sequence[int] | None = None,
 ) -> MeshFile:
-    """Read `path` (obj, ply, stl, off, vtk, vtu, msh or glb), its numbers times `scale` being metres.
+    """Read a mesh file or one part of it.
 
-    One part of the file: `group` a group or object of an OBJ (a node of a glb); `component` the connected pieces,
-    numbered from 0 by decreasing number of vertices; `vertices` = (lo, hi) the vertices lo..hi-1 of the file. A part
-    keeps the order of its vertices and triangles and drops the vertices it does not use; the whole file keeps them all.
-    InputError, one sentence with the path, and in an OBJ the line, for anything that cannot be read.
+    A part keeps the order of its vertices and triangles and drops the vertices that it does not use; the whole file
+    keeps them all.
+
+    Parameters
+    ----------
+    path : str or Path
+        An obj, ply, stl, off, vtk, vtu, msh or glb file.
+    scale : float
+        Metres per unit of the file.
+    group : str, optional
+        A group or object of an OBJ, or a node of a glb.
+    component : int, optional
+        A connected piece, numbered from 0 by decreasing number of vertices.
+    vertices : (lo, hi), optional
+        The vertices lo to hi - 1 of the file.
+
+    Returns
+    -------
+    MeshFile
+        Its triangles, in metres.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read; the sentence has the path, and of an OBJ the line.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> file = Path("quad.obj")
+    >>> _ = file.write_text("v 0 0 0\\nv 10 0 0\\nv 10 10 0\\nv 0 10 0\\nf 1 2 3 4\\n")
+    >>> mesh = read_mesh(file, scale=0.01)
+    >>> mesh.triangles.tolist(), float(mesh.positions.max())
+    ([[0, 1, 2], [0, 2, 3]], 0.1)
+    >>> mesh.messages
+    ('1 quads cut into triangles', 'scaled by 0.01')
     """
     file = Path(path)
     polygons = read_polygons(file)
@@ -63,7 +106,7 @@ def read_mesh(
 
 @dataclass(frozen=True)
 class Part:
-    """Which part of a file, in which unit: the keywords of `read_mesh`."""
+    """A part of a file and its unit: the keywords of `read_mesh`."""
 
     scale: float = 1.0
     group: str | None = None
@@ -72,12 +115,12 @@ class Part:
 
 
 def read_polygons(file: Path) -> Polygons:
-    """All of a file, uncut: faces of finite vertices that exist. InputError as `read_mesh`."""
+    """The polygons of a file, with finite vertices and corners in range. InputError as of `read_mesh`."""
     return _checked(file, _read(file))
 
 
 def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...]], part: Part) -> MeshFile:
-    """The `part` of `polygons` that `cut_polygons` cut as in `cut`; `file` is named in errors."""
+    """The `part` of `polygons` with the triangles `cut`, which `cut_polygons` made. InputError names `file`."""
     factor = as_positive("scale", part.scale)
     places, faces, messages = cut
     messages = (*polygons.messages, *messages)
@@ -120,7 +163,7 @@ def _read(file: Path) -> Polygons:
 
 
 def _read_with_library(file: Path, ending: str, content: bytes) -> Polygons:
-    """The libraries fail in many ways, some by ending the program, some after printing: all become one sentence."""
+    """Read by a library; all its exceptions, exits and prints become one sentence of an InputError."""
     try:
         nowhere = io.StringIO()
         with warnings.catch_warnings(), contextlib.redirect_stdout(nowhere), contextlib.redirect_stderr(nowhere):
@@ -134,7 +177,7 @@ def _read_with_library(file: Path, ending: str, content: bytes) -> Polygons:
 
 
 def _checked(file: Path, polygons: Polygons) -> Polygons:
-    """The polygons, if they are faces of finite vertices that exist."""
+    """The polygons. InputError for a vertex that is not finite and for a face of vertices that are not there."""
     points, corners = polygons.positions, polygons.corners
     said = "".join(f", {message}" for message in polygons.messages)
     if points.ndim != 2 or points.shape[1] != 3:

@@ -15,7 +15,7 @@ from clothsim.io.polygons import Polygons, cut_polygons
 
 
 def frame_files(directory: Path, pattern: str) -> list[Path]:
-    """The files that `pattern` ("kick/shell*.obj") names from `directory`, in natural order: shell2 before shell10.
+    """The files that match `pattern` ("kick/shell*.obj") in `directory`, in natural order: shell2 before shell10.
 
     InputError where there is none.
     """
@@ -31,9 +31,26 @@ def frame_files(directory: Path, pattern: str) -> list[Path]:
 
 
 def read_frames(files: Sequence[Path], part: Part) -> tuple[MeshFile, Floats]:
-    """The first of `files` as `read_mesh` reads it, and where its vertices are in each of them, (k, n, 3) [m].
+    """Read the frames of an animation.
 
-    Quads are cut in all as in the first. InputError for a file whose vertices or faces are not those of the first.
+    Parameters
+    ----------
+    files : sequence of Path
+        Meshes of the same vertices and faces.
+    part : Part
+        The part of each file, and its unit.
+
+    Returns
+    -------
+    mesh : MeshFile
+        The first file; its quads are cut in all frames alike.
+    positions : (k, n, 3) ndarray
+        Vertices in each frame [m].
+
+    Raises
+    ------
+    InputError
+        A file has other vertices or faces than the first.
     """
     first = read_polygons(files[0])
     cut = cut_polygons(first)
@@ -69,5 +86,5 @@ def _refuse_other_topology(file: Path, other: Polygons, first_file: Path, first:
 
 
 def _natural(name: str) -> list[tuple[int, str]]:
-    """Digits by their number, everything else as text."""
+    """The sort key of a name: digits by their number, everything else as text."""
     return [(int(word), "") if word.isdecimal() else (-1, word) for word in re.split(r"([0-9]+)", name)]

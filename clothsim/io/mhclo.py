@@ -1,7 +1,7 @@
-"""MakeHuman clothes (.mhclo): where each vertex of a garment lies on the base mesh that it was modelled on.
+"""MakeHuman clothes (.mhclo): the vertices of a garment relative to the base mesh that it was modelled on.
 
 A line is a vertex of the base, or three of them with weights and an offset, which is in units of the base's own size:
-`x_scale a b length` says that vertices a and b of the base were `length` apart in x when the garment was made.
+with `x_scale a b length` the vertices a and b of the base were `length` apart in x when the garment was made.
 """
 
 from dataclasses import dataclass
@@ -17,8 +17,10 @@ _SCALES = ("x_scale", "y_scale", "z_scale")
 
 @dataclass(frozen=True)
 class Clothes:
-    """obj_file: the garment's mesh; corners (n, 3): vertices of the base; weights (n, 3) and offsets (n, 3): theirs;
-    scales: for x, y and z the two vertices of the base and how far apart they were.
+    """A garment bound to a base mesh.
+
+    obj_file: the garment's mesh; corners (n, 3): vertices of the base, with weights (n, 3) and offsets (n, 3);
+    scales: for x, y and z two vertices of the base and their distance.
     """
 
     obj_file: Path

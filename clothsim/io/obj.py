@@ -1,4 +1,4 @@
-"""Wavefront OBJ: vertices, texture coordinates, faces of any size, groups (`g`) and objects (`o`); no more is used.
+"""Wavefront OBJ: vertices, texture coordinates, faces of any size, groups (`g`) and objects (`o`).
 
 Material files are never opened. Positive indices count from 1 over the whole file, negative ones back from the line.
 """
@@ -17,7 +17,7 @@ MOST_INDEX = 2**31
 
 
 def read_obj(path: Path, text: str) -> Polygons:
-    """The polygons of `text`; `path` is named in errors. InputError names the line that cannot be read."""
+    """The polygons of `text`. InputError names `path` and the line that cannot be read."""
     lines = _Lines(path)
     for number, line in enumerate(_joined(text), start=1):
         words = line.split("#", 1)[0].split() if "#" in line else line.split()
@@ -33,7 +33,7 @@ def read_obj(path: Path, text: str) -> Polygons:
 
 
 class _Lines:
-    """What was read so far."""
+    """Contents of the lines so far."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -51,7 +51,7 @@ class _Lines:
         self.ignored: Counter[str] = Counter()
 
     def take(self, keyword: str, words: list[str], line: int) -> None:
-        """One line; ValueError says what is wrong with it."""
+        """Take one line. ValueError names its fault."""
         if keyword == "v":
             self.points.append(_numbers(words, 3))
             self.point_lines.append(line)
@@ -81,7 +81,7 @@ class _Lines:
         self.face_lines.append(line)
 
     def polygons(self) -> Polygons:
-        """All that was read, checked across the lines."""
+        """The faces of all lines; InputError for an index or number that is out of range."""
         points = self._finite(np.array(self.points, float).reshape(-1, 3), self.point_lines)
         texture_points = self._finite(np.array(self.texture_points, float).reshape(-1, 2), self.texture_lines)
         starts = np.concatenate([[0], np.cumsum(np.array(self.sizes, np.int64))])
@@ -115,7 +115,7 @@ class _Lines:
 
 
 def _joined(text: str) -> list[str]:
-    """The lines; one that ends in a backslash goes on in the next, whose place an empty line takes."""
+    """The lines, continued ones joined; empty lines keep the line numbers."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if "\\\n" not in text.replace("\r", "\n"):
         return lines
@@ -139,7 +139,7 @@ def _numbers(words: list[str], count: int) -> list[float]:
 
 
 def _index(word: str, count: int) -> int:
-    """An OBJ index as a row from 0; `count` rows were read so far."""
+    """An OBJ index as a row from 0, after `count` rows."""
     index = int(word)
     row = index - 1 if index > 0 else count + index
     if index == 0 or row < 0 or row >= MOST_INDEX:

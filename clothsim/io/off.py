@@ -1,4 +1,4 @@
-"""Object File Format, as text: `OFF`, the counts, then vertices and faces of any size; colours are passed over."""
+"""Object File Format, as text: `OFF`, the counts, then vertices and faces of any size; colours are ignored."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ from clothsim.io.polygons import Polygons
 
 
 def read_off(path: Path, text: str) -> Polygons:
-    """The polygons of `text`; `path` is named in errors. InputError says what cannot be read."""
+    """The polygons of `text`. InputError names `path` and the fault."""
     lines = [line.split("#", 1)[0].split() for line in text.splitlines()]
     lines = [words for words in lines if words]
     if not lines or lines[0][0].upper() != "OFF":

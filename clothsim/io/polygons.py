@@ -1,4 +1,4 @@
-"""What a mesh file holds before it is cut into triangles, and the cutting of its quads and polygons."""
+"""Polygon meshes, and their triangulation."""
 
 from dataclasses import dataclass, field
 
@@ -17,7 +17,7 @@ class Polygons:
 
     positions: (n, 3) in the file's unit; corners: (c,) the vertices of all faces one after the other; starts: (f + 1,)
     face i has corners[starts[i]:starts[i + 1]]; texture: (c, 2) coordinates of each corner, or (0, 2) where absent;
-    groups: the faces of each named group; messages: what the reader had to do.
+    groups: the faces of each named group; messages: of the reader.
     """
 
     positions: Floats
@@ -31,10 +31,20 @@ class Polygons:
 def cut_polygons(polygons: Polygons) -> tuple[Ints, Ints, tuple[str, ...]]:
     """Cut every face into triangles, in the order of the faces.
 
-    Returns the triangles as places in `corners` (m, 3), the face of each (m,) and messages. A face of more than three
-    corners becomes a fan from the corner that turns fewest triangles over and then has the shortest diagonals: of a
-    quad the shorter diagonal, unless it lies outside. So the cut depends on the shape: of two files that share a
-    topology (frames, a start) take the triangles of one.
+    Returns
+    -------
+    corners : (m, 3) ndarray
+        The triangles, as indices into `polygons.corners`.
+    faces : (m,) ndarray
+        The face of each triangle.
+    messages : tuple of str
+        Counts of the faces that were cut.
+
+    Notes
+    -----
+    A face of more than three corners becomes a fan from the corner that inverts fewest triangles and then has the
+    shortest diagonals: of a quad the shorter diagonal, unless it lies outside. The triangulation depends on the shape:
+    for files of one topology (frames, a start) use that of the first.
     """
     sizes = np.diff(polygons.starts)
     places, faces, messages = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)], []
@@ -55,7 +65,7 @@ def cut_polygons(polygons: Polygons) -> tuple[Ints, Ints, tuple[str, ...]]:
 
 
 def _best_fans(points: Floats) -> tuple[Ints, NDArray[np.bool_]]:
-    """For polygons (k, n, 3) the fan of each as corner numbers (k, n - 2, 3), and where even it overlaps (k,)."""
+    """The fan of each polygon (k, n, 3) as corner numbers (k, n - 2, 3), and True where even that overlaps (k,)."""
     count, size = points.shape[:2]
     best = np.zeros((count, size - 2, 3), np.int64)
     least_turned, shortest = np.full(count, size), np.full(count, np.inf)

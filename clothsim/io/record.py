@@ -1,4 +1,4 @@
-"""What a run says about itself: `record.jsonl`, a line a step, and `summary.json`, written once at the end."""
+"""Record and summary of a run: `record.jsonl`, a line a step, and `summary.json`, written once at the end."""
 
 import json
 import math
@@ -17,10 +17,10 @@ SUMMARY_NAME = "summary.json"
 
 
 class RecordWriter:
-    """Appends one JSON object a line; each line is in the file before `append` returns."""
+    """A writer of one JSON object a line; each line is in the file before `append` returns."""
 
     def __init__(self, path: str | Path, resume_at: int | None = None) -> None:
-        """Start the file at `path` anew, or go on behind its first `resume_at` lines (those behind are dropped).
+        """Create the file at `path`, or continue it after its first `resume_at` lines; later ones are dropped.
 
         InputError where the file cannot be written or has fewer lines.
         """
@@ -29,13 +29,13 @@ class RecordWriter:
         self._file = Path(path).open("ab")  # noqa: SIM115  closed by `close`
 
     def __enter__(self) -> "RecordWriter":
-        """The writer itself; the file is closed at the end of the `with` block."""
+        """The writer itself, closed at the end of the `with` block."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the file; an error goes on."""
+        """Close the file; an exception is passed on."""
         self.close()
 
     def close(self) -> None:
@@ -49,9 +49,9 @@ class RecordWriter:
 
 
 def read_record(path: str | Path) -> list[dict[str, Any]]:
-    """The entries of a record; a last line cut short is left out. InputError names any other broken line."""
+    """The entries of a record, without an incomplete last line. InputError names any other broken line."""
     text, entries = _read(Path(path)), []
-    # A whole line ends with a line break: what stands behind the last one was cut short.
+    # A complete line ends with a line break: a run was killed while it wrote what follows the last one.
     for number, line in enumerate(text.split(b"\n")[:-1], start=1):
         entry = _parse(line)
         if entry is None:
@@ -61,12 +61,12 @@ def read_record(path: str | Path) -> list[dict[str, Any]]:
 
 
 def write_summary(path: str | Path, summary: Mapping[str, Any]) -> None:
-    """Write a summary as JSON that people can read too, keys sorted; the file is whole or not there."""
+    """Write a summary as indented JSON with sorted keys, atomically."""
     write_atomically(Path(path), (to_json(summary, indent=2) + "\n").encode())
 
 
 def read_summary(path: str | Path) -> dict[str, Any]:
-    """The summary in a file; InputError where it is missing or no JSON object."""
+    """Read a summary. InputError where the file is missing or holds no JSON object."""
     summary = _parse(_read(Path(path)))
     if summary is None:
         raise InputError(f"{path} is not a JSON object.")
@@ -74,7 +74,13 @@ def read_summary(path: str | Path) -> dict[str, Any]:
 
 
 def to_json(value: Any, indent: int | None = None) -> str:
-    """`value` as JSON: NumPy numbers and arrays as numbers and lists, null for inf and nan (JSON knows neither)."""
+    """`value` as JSON: NumPy numbers and arrays as numbers and lists, inf and nan as null.
+
+    Examples
+    --------
+    >>> to_json({"gap": float("inf"), "steps": 3})
+    '{"gap": null, "steps": 3}'
+    """
     return json.dumps(_plain(value), indent=indent, sort_keys=indent is not None, allow_nan=False)
 
 

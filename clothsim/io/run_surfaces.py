@@ -1,4 +1,4 @@
-"""What a trajectory is made of: the surfaces of a world, as rows of x and triangles."""
+"""Surfaces of a world: rows of x and triangles of each cloth and body."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +13,10 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class Surface:
-    """A cloth or body: its `rows` of x, its `triangles (m, 3)` in world numbering, and whether it ever moves."""
+    """A cloth or body.
+
+    rows: of x; triangles (m, 3): in rows of x; moving: False where its positions are the same in all frames.
+    """
 
     name: str
     role: Literal["cloth", "body"]
@@ -33,7 +36,7 @@ class Surface:
 
 
 def world_surfaces(world: World) -> tuple[Surface, ...]:
-    """The surfaces of a world, cloths first, as its rows of x are ordered."""
+    """The surfaces of a world in the order of its rows of x: cloths, then bodies."""
     cloths = [
         Surface(cloth.name, "cloth", rows, cloth.triangles + rows.start, True)
         for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True)

@@ -1,4 +1,4 @@
-"""One file a run, `trajectory.vtkhdf`: every cloth and body at every frame, for viewers and for reading back."""
+"""Trajectory of a run: `trajectory.vtkhdf`, every cloth and body at every frame."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,22 +14,43 @@ from numpy.typing import ArrayLike, NDArray
 from clothsim.arrays import Floats, Ints, as_points
 from clothsim.errors import InputError
 from clothsim.io.run_surfaces import Surface, check_surfaces, same_surfaces
-from clothsim.io.vtkhdf import STRETCHES, announce, blocks, cut, grow_tables, has_stretches, lay_out, write_frame
+from clothsim.io.vtkhdf import (
+    STRETCHES,
+    blocks,
+    cut,
+    grow_tables,
+    has_stretches,
+    lay_out,
+    set_frame_count,
+    write_frame,
+)
 
 TRAJECTORY_NAME = "trajectory.vtkhdf"
 
 
 class TrajectoryWriter:
-    """Appends frames to a trajectory; after each of them the file on disk is complete, whatever happens next."""
+    """A writer of frames; after each of them the file on disk is complete."""
 
     def __init__(
         self, path: str | Path, surfaces: Sequence[Surface], resume_at: int | None = None, stretches: bool = True
     ) -> None:
-        """Start the file at `path` anew, or go on from its first `resume_at` frames (those behind are dropped).
+        """Create the file at `path`, or continue it after its first `resume_at` frames; later ones are dropped.
 
-        surfaces: cloths, then bodies, as they follow one another in x; stretches: whether each frame holds the
-        principal stretches of the cloths' triangles. InputError where the file cannot be written, or the one to go on
-        from has fewer frames or other surfaces.
+        Parameters
+        ----------
+        path : str or Path
+            The file.
+        surfaces : sequence of Surface
+            Cloths, then bodies, in the order of their rows of x.
+        resume_at : int, optional
+            Number of frames to keep of an existing file.
+        stretches : bool
+            True where each frame holds the principal stretches of the cloths' triangles.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written, has fewer frames, or other surfaces.
         """
         check_surfaces(surfaces)
         self.surfaces = tuple(surfaces)
@@ -38,28 +59,40 @@ class TrajectoryWriter:
         self._file = start(Path(path), self.surfaces, stretches, resume_at or 0)
 
     def __enter__(self) -> "TrajectoryWriter":
-        """The writer itself; the file is closed at the end of the `with` block."""
+        """The writer itself, closed at the end of the `with` block."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the file; an error goes on."""
+        """Close the file; an exception is passed on."""
         self.close()
 
     def close(self) -> None:
-        """Close the file. All frames appended so far are in it already."""
+        """Close the file, which holds all frames already."""
         self._file.close()
 
     @property
     def n_frames(self) -> int:
-        """How many frames the file holds."""
+        """Number of frames in the file."""
         return int(self._file["VTKHDF/Steps"].attrs["NSteps"])
 
     def append(self, time: float, positions: ArrayLike, principal_stretches: ArrayLike | None = None) -> None:
-        """Write one frame: `time` [s], later than the last; `positions (N, 3)` of x [m]; `principal_stretches (m, 2)`.
+        """Write one frame.
 
-        Rows of x behind the last surface (ghosts) are not written. InputError names a position that is not finite.
+        Parameters
+        ----------
+        time : float
+            Later than the last frame [s].
+        positions : (N, 3) array_like
+            Rows of x [m]; those after the last surface, the ghosts of clamps, are not written.
+        principal_stretches : (m, 2) array_like, optional
+            Of all triangles of cloths.
+
+        Raises
+        ------
+        InputError
+            A position is not finite, or an array has another shape.
         """
         x = as_points("positions", positions)
         if len(x) < self.surfaces[-1].rows.stop:
@@ -74,9 +107,9 @@ class TrajectoryWriter:
                 write_frame(block, "Points", frame, x[surface.rows])
             if surface.name in stretches:
                 write_frame(block, f"CellData/{STRETCHES}", frame, stretches[surface.name])
-        # First the frame, then the number that announces it: a frame cut short is never announced.
+        # First the frame, then the number of frames: readers never see an incomplete one.
         self._file.flush()
-        announce(self._file, frame + 1, float(time))
+        set_frame_count(self._file, frame + 1, float(time))
         self._file.flush()
 
     def _per_cloth(self, principal_stretches: ArrayLike | None) -> dict[str, NDArray[np.float32]]:
@@ -94,7 +127,7 @@ class TrajectoryWriter:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """The frames of a run, read when asked for: `times (k,)` [s] and the `surfaces`, cloths first."""
+    """The frames of a run, read on demand: times (k,) [s] and surfaces, cloths first."""
 
     path: Path
     times: Floats
@@ -150,7 +183,7 @@ class Trajectory:
 
 
 def read_trajectory(path: str | Path) -> Trajectory:
-    """The trajectory in a file of `TrajectoryWriter`, also in one that is being written or was cut short.
+    """Open a file of `TrajectoryWriter`, also one that is still written or was cut short.
 
     InputError where the file is missing, broken or another program's.
     """

@@ -15,11 +15,11 @@ from clothsim.io.polygons import Polygons
 
 NUMBERS = {"float": ">f4", "double": ">f8", "int": ">i4", "vtktypeint32": ">i4", "long": ">i8", "vtktypeint64": ">i8"}
 FACE_TYPES = (5, 7, 9)
-"""VTK's numbers for triangle, polygon and quad."""
+"""VTK's cell types of triangle, polygon and quad."""
 
 
 def read_vtk(path: Path, content: bytes) -> Polygons:
-    """The faces in `content`; `path` is named in errors. InputError says what cannot be read."""
+    """The faces in `content`. InputError names `path` and the fault."""
     header = content.split(b"\n", 3)
     if len(header) < 4 or not header[0].startswith(b"# vtk DataFile"):
         raise InputError(f"{path} does not start with '# vtk DataFile'.", "Only legacy .vtk files can be read.")
@@ -32,7 +32,7 @@ def read_vtk(path: Path, content: bytes) -> Polygons:
 
 
 class _Sections:
-    """A place in the file, and how to read from there."""
+    """A cursor in the file."""
 
     def __init__(self, content: bytes, binary: bool) -> None:
         self.content, self.binary, self.place = content, binary, 0
@@ -69,7 +69,7 @@ class _Sections:
         return Polygons(points, corners, starts, messages=tuple(messages))
 
     def words(self) -> list[str]:
-        """The next line that is not blank, in words; none at the end of the file."""
+        """The words of the next line that is not blank; none at the end of the file."""
         while self.place < len(self.content):
             end = self.content.find(b"\n", self.place)
             end = len(self.content) if end < 0 else end
@@ -92,7 +92,7 @@ class _Sections:
         return values
 
     def faces(self, count: int, size: int) -> tuple[Ints, Ints]:
-        """Corners one after the other, and the number of corners of each of the faces."""
+        """Corners of all faces, one face after the other, and the number of corners of each."""
         here = self.place
         words = self.words()
         if words and words[0].upper() == "OFFSETS":
@@ -107,7 +107,7 @@ class _Sections:
 
 
 def _split_sizes(table: Ints, count: int) -> tuple[Ints, Ints]:
-    """`count` times a size and as many corners."""
+    """The corners and sizes of `count` faces, each given as its size and its corners."""
     if not 0 <= count <= len(table):
         raise ValueError(f"{count} faces promised in {len(table)} numbers")
     starts, place = np.zeros(count, np.int64), 0
@@ -122,7 +122,7 @@ def _split_sizes(table: Ints, count: int) -> tuple[Ints, Ints]:
 
 
 def _text_numbers(content: bytes, place: int, count: int, number: np.dtype) -> tuple[Floats | Ints, int]:
-    """`count` numbers in text from `place` on, and the place behind the line of the last."""
+    """`count` numbers in text from `place` on, and the start of the next line."""
     words: list[bytes] = []
     while len(words) < count:
         if place >= len(content):

@@ -1,15 +1,15 @@
-"""How a trajectory lies in an HDF5 file, so that ParaView and pyvista open it (VTKHDF, a MultiBlockDataSet).
+"""VTKHDF layout of a trajectory: an HDF5 file that ParaView and pyvista open as a MultiBlockDataSet.
 
     VTKHDF/surface0, surface1, ...   PolyData: Points of all frames one below the other, triangles once
-    VTKHDF/surface<k>/Steps          NSteps, and where in Points each frame begins (a still surface: always at 0)
+    VTKHDF/surface<k>/Steps          NSteps, and the offset in Points of each frame (always 0 where nothing moves)
     VTKHDF/Assembly/<name>           links that give the blocks their names and their order
     VTKHDF/Steps                     NSteps, the times [s], and the tables that are the same for all surfaces
 
 Source: docs.vtk.org, "VTKHDF format specification", version 2.2. VTK 9.5 to 9.7 (ParaView 6) read every frame of it.
-VTK 9.7 needs VTKHDF/Steps, which the specification does not ask for, or it shows the first frame for ever. In a
+VTK 9.7 needs VTKHDF/Steps, which the specification does not require, or it shows the first frame only. In a
 PartitionedDataSetCollection that group would show as an empty block. VTK before 9.5 reads no such file.
 
-`Values` is exactly as long as NSteps says (VTK copies all of it); all other tables may run ahead.
+`Values` has exactly NSteps entries, as VTK copies all of it; all other tables may be longer.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,7 +26,7 @@ _TABLE_ROWS = 256
 
 
 def lay_out(file: h5py.File, surfaces: Sequence[Surface], stretches: bool) -> None:
-    """Write everything that does not change from frame to frame into the empty `file`."""
+    """Write the parts that are the same in every frame into the empty `file`."""
     root = file.create_group("VTKHDF", track_order=True)
     _mark(root, "MultiBlockDataSet")
     steps = root.create_group("Steps")
@@ -41,8 +41,8 @@ def lay_out(file: h5py.File, surfaces: Sequence[Surface], stretches: bool) -> No
         assembly[_link_name(surface.name, list(assembly))] = h5py.SoftLink(f"/VTKHDF/surface{k}")
 
 
-def announce(file: h5py.File, frames: int, last_time: float | None) -> None:
-    """Tell readers that there are `frames`; `last_time` [s] of the last one where it is new."""
+def set_frame_count(file: h5py.File, frames: int, last_time: float | None) -> None:
+    """Set the number of frames that readers see; last_time [s]: of the last one where it is new."""
     steps = file["VTKHDF/Steps"]
     steps["Values"].resize(frames, axis=0)
     if last_time is not None:
@@ -52,7 +52,7 @@ def announce(file: h5py.File, frames: int, last_time: float | None) -> None:
 
 
 def write_frame(block: h5py.Group, name: str, frame: int, values: ArrayLike) -> None:
-    """Put the rows of one frame behind those of the frames before it."""
+    """Append the rows of one frame."""
     rows, dataset = np.asarray(values), block[name]
     first = frame * len(rows)
     dataset.resize(first + len(rows), axis=0)
@@ -60,7 +60,7 @@ def write_frame(block: h5py.Group, name: str, frame: int, values: ArrayLike) -> 
 
 
 def grow_tables(file: h5py.File, frame: int) -> None:
-    """Make room in the tables of Steps for `frame` and the next few hundred; all their entries are known beforehand."""
+    """Extend the tables of Steps to `frame` and the next few hundred, whose entries are all known."""
     rows = frame // _TABLE_ROWS * _TABLE_ROWS + _TABLE_ROWS
     shared = file["VTKHDF/Steps"]
     if len(shared["PartOffsets"]) >= rows:
@@ -75,8 +75,8 @@ def grow_tables(file: h5py.File, frame: int) -> None:
 
 
 def cut(file: h5py.File, frames: int) -> None:
-    """Drop the frames from number `frames` on, and what a frame cut short has left behind."""
-    announce(file, frames, None)
+    """Drop the frames from number `frames` on, and the data of an incomplete one."""
+    set_frame_count(file, frames, None)
     file.flush()
     for block in blocks(file):
         n, m = int(block["NumberOfPoints"][0]), int(block["Polygons/NumberOfCells"][0])
@@ -149,6 +149,6 @@ def _mark(group: h5py.Group, kind: str) -> None:
 
 
 def _link_name(name: str, taken: Sequence[str]) -> str:
-    """`name` without what HDF5 reads as a path, and unlike those `taken`."""
+    """`name` without the characters of HDF5 paths, different from those `taken`."""
     plain = name.replace("/", "_").replace("\0", "_").strip(".") or "surface"
     return plain if plain not in taken else _link_name(f"{plain}_", taken)

@@ -80,7 +80,29 @@ class FrameMotion:
         return points + (1 - fraction) * self.displacements[before] + fraction * self.displacements[before + 1]
 
 
-Motion = RigidMotion | FrameMotion
+@dataclass(frozen=True)
+class LaterMotion:
+    """x(t) = motion(places, t - since): a rigid motion that begins at `since` [s] from `places (n, 3)` [m].
+
+    A simulation that is stepped by hand sets it between two steps. It counts as moving even where `motion` stands
+    still, as the points may have to be moved to `places` first.
+    """
+
+    places: Floats
+    motion: RigidMotion
+    since: float
+
+    @property
+    def still(self) -> bool:
+        """False: the positions are prescribed in every step."""
+        return False
+
+    def apply(self, points: Floats, time: float) -> Floats:
+        """`places` carried to `time` [s]; `points`, the positions at time 0, do not matter any more."""
+        return self.motion.apply(self.places, time - self.since)
+
+
+Motion = RigidMotion | FrameMotion | LaterMotion
 
 
 def rigid_motion(

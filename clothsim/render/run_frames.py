@@ -7,24 +7,26 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
-from clothsim.io.results import Run
 from clothsim.io.run_surfaces import world_surfaces
+from clothsim.io.trajectory import Trajectory
 from clothsim.mesh.world import World
 from clothsim.render.surface_look import Surface
 
 
-def frame_surfaces(run: Run, frame: int) -> list[Surface]:
+def frame_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
     """The cloths, then the bodies of a frame; cloths without stretches where the run wrote none."""
-    positions = run.positions(frame)
-    cloths = [surface for surface in run.trajectory.surfaces if surface.role == "cloth"]
+    positions = trajectory.positions(frame)
+    cloths = [surface for surface in trajectory.surfaces if surface.role == "cloth"]
     ends = np.cumsum([len(cloth.triangles) for cloth in cloths])
-    stretches = np.split(_stretches(run, frame), ends[:-1])
+    stretches = np.split(_stretches(trajectory, frame), ends[:-1])
     made = [
         Surface(cloth.name, positions[cloth.rows], cloth.own_triangles, "cloth", part)
         for cloth, part in zip(cloths, stretches, strict=True)
     ]
     none = np.zeros((0, 2))
-    return made + [Surface(name, points, triangles, "body", none) for name, points, triangles in run.bodies(frame)]
+    return made + [
+        Surface(name, points, triangles, "body", none) for name, points, triangles in trajectory.bodies(frame)
+    ]
 
 
 def state_surfaces(world: World, x: Floats, stretches: Floats) -> list[Surface]:
@@ -41,11 +43,11 @@ def state_surfaces(world: World, x: Floats, stretches: Floats) -> list[Surface]:
 class Frames(Sequence[list[Surface]]):
     """All frames of a run, each read when it is asked for."""
 
-    def __init__(self, run: Run) -> None:
-        self._run = run
+    def __init__(self, trajectory: Trajectory) -> None:
+        self._trajectory = trajectory
 
     def __len__(self) -> int:
-        return len(self._run.times)
+        return len(self._trajectory.times)
 
     @overload
     def __getitem__(self, frame: int) -> list[Surface]: ...
@@ -55,14 +57,14 @@ class Frames(Sequence[list[Surface]]):
 
     def __getitem__(self, frame: int | slice) -> list[Surface] | list[list[Surface]]:
         if isinstance(frame, slice):
-            return [frame_surfaces(self._run, k) for k in range(*frame.indices(len(self)))]
+            return [frame_surfaces(self._trajectory, k) for k in range(*frame.indices(len(self)))]
         if not -len(self) <= frame < len(self):
             raise IndexError(frame)
-        return frame_surfaces(self._run, frame)
+        return frame_surfaces(self._trajectory, frame)
 
 
-def _stretches(run: Run, frame: int) -> Floats:
+def _stretches(trajectory: Trajectory, frame: int) -> Floats:
     try:
-        return np.asarray(run.stretches(frame), np.float64)
+        return np.asarray(trajectory.stretches(frame), np.float64)
     except InputError:  # a trajectory written without them
         return np.zeros((0, 2))

@@ -43,7 +43,7 @@ def write_bundle(directory: Path, target: Path) -> None:
     """
     saved = read_checkpoint(directory / CHECKPOINT_NAME)
     scene = scene_from_text(saved.scene_text, directory)
-    _refuse_functions("effects", scene.effects)
+    refuse_functions("effects", scene.effects)
     text, files = relocated(scene)
     summary = read_summary(directory / SUMMARY_NAME) if (directory / SUMMARY_NAME).is_file() else {}
     if target.exists():
@@ -72,13 +72,15 @@ def write_bundle(directory: Path, target: Path) -> None:
         beside.unlink(missing_ok=True)
 
 
-def _refuse_functions(where: str, keys: Mapping[str, Any]) -> None:
-    """InputError for a Python function among the keys: no archive replays it."""
+def refuse_functions(where: str, keys: Mapping[str, Any]) -> None:
+    """InputError for a Python function among the keys: no file holds it."""
     for key, value in keys.items():
+        if callable(value):
+            raise lost(f"{where}.{key}", {FUNCTION: getattr(value, "__qualname__", type(value).__name__)})
         if isinstance(value, Mapping):
             if set(value) == {FUNCTION}:
                 raise lost(f"{where}.{key}", value)
-            _refuse_functions(f"{where}.{key}", value)
+            refuse_functions(f"{where}.{key}", value)
 
 
 def unpack_bundle(file: Path, directory: Path) -> None:

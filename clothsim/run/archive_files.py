@@ -36,6 +36,11 @@ def relocated(scene: Scene) -> tuple[str, dict[str, Path]]:
     return json.dumps({**data, "directory": "."}), files
 
 
+def named_files(scene: Scene) -> list[str]:
+    """The files that a scene names, as it names them; of an animation the pattern."""
+    return [str(table[key]) for _, table, key in _named(json.loads(scene.to_text()))]
+
+
 def refuse_outside(text: str) -> None:
     """InputError where a scene's text is none, or names a file that is not in its own folder."""
     try:

@@ -67,7 +67,7 @@ def with_absent(receipt: Receipt, absent: Absent) -> Receipt:
 def explain_run(directory: Path) -> Receipt:
     """The receipt that a run left: of all its steps, or of those up to the last checkpoint of one that was stopped."""
     from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-    from clothsim.io.results import open_run
+    from clothsim.run.results import open_run
 
     run = open_run(directory)
     saved = read_checkpoint(directory / CHECKPOINT_NAME)

@@ -1,4 +1,4 @@
-"""A scene made ready to step: pattern, solver and integrator."""
+"""A scene made ready to step: sparsity pattern, linear solver and integrator."""
 
 import os
 import sys
@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clothsim.build.scene_world import Built
+from clothsim.energies.base import ByElement
 from clothsim.errors import InputError
-from clothsim.mesh.motion import RigidMotion
+from clothsim.mesh.motion import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
 from clothsim.scene.scene import Scene
 from clothsim.sim.integrators import BACKWARD_EULER
@@ -19,19 +20,19 @@ from clothsim.solve.linear_system import System
 from clothsim.solve.newton import NewtonSettings
 from clothsim.solve.potential import Potential
 from clothsim.solve.process_memory import keep_freed_memory
-from clothsim.solve.sparsity import make_pattern
+from clothsim.solve.sparsity import Pattern, make_pattern
 from clothsim.solve.timers import EffectCounters, Timers
 
 FINER = 0.1
-"""Newton's tolerance as share of the error asked for over the duration."""
+"""Newton's tolerance as a fraction of the requested error over the duration."""
 
 LARGEST_TURN = 45.0
-"""How far a body may turn in a step [degrees]: the straight way of a vertex then is 8 % of the radius off its arc."""
+"""Largest rotation of a body in a step [degrees]: a straight path then leaves the arc by 8 % of the radius."""
 
 
 @dataclass(frozen=True)
 class Session:
-    """A scene made ready to step; notes: what was chosen for the user and what the meshes had."""
+    """A scene made ready to step; notes: defaults that were chosen for the user, and remarks on the meshes."""
 
     scene: Scene
     built: Built
@@ -40,38 +41,96 @@ class Session:
 
 
 def prepare(scene: Scene, built: Built) -> Session:
-    """Pattern, solver and integrator of a built scene."""
-    settings, run = scene.solver_settings, scene.run_settings
+    """Make a built scene ready to step. InputError for settings that conflict."""
+    settings = scene.solver_settings
     _set_threads(settings.threads)
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
-    potential = Potential(built.energies, timers)
+    system = System(_pattern(built), settings.linear, settings.threads)
+    tolerance, finer = _tolerance(scene)
+    integrator = _integrator(scene, built, Potential(built.energies, timers), system, tolerance)
+    solver = system.solver  # one that is not installed is reported here, not in the first step
+    slow = slowness(solver) if settings.linear == "auto" else ""
+    notes = (*built.notes, *filter(None, [*_setting_notes(scene, integrator), slow, finer]))
+    return Session(scene, built, integrator, notes)
+
+
+def prepared_again(session: Session, scene: Scene, built: Built) -> Session:
+    """Make `scene` ready with what was `built` of it; where the pattern is unchanged the linear solver is taken over.
+
+    The solver and run settings of both scenes are the same.
+    """
+    before, settings = session.integrator, scene.solver_settings
+    timers = before.potential.timers
+    for name in built.energies:
+        timers.effects.setdefault(name, EffectCounters())
+    system = before.system
+    if not _same_couplings(session.built, built):
+        pattern = _pattern(built)
+        if not pattern.same_as(system.base):
+            system = System(pattern, settings.linear, settings.threads)
+    integrator = _integrator(scene, built, Potential(built.energies, timers), system, before.settings.tolerance)
+    return Session(scene, built, integrator, session.notes)
+
+
+def refuse_leaps(world: World, dt: float) -> None:
+    """InputError for a body that turns so far in a step that the straight path of a vertex is far from its arc."""
+    for name, speed in _turns(world).items():
+        turn = speed * dt
+        if turn > LARGEST_TURN:
+            raise InputError(
+                f"{name} turns {turn:.4g} degrees in a step, and contact follows it on straight paths.",
+                f"Take solver.dt below {dt * LARGEST_TURN / turn:.2g} s.",
+            )
+
+
+def _pattern(built: Built) -> Pattern:
+    """The blocks that the mesh and the energies couple at the start."""
     start = built.world.start()
     hessians = [energy.hessian(start) for energy in built.energies.values()]
-    pattern = make_pattern(built.world.n_cloth, built.world.triangles, hessians)
-    system = System(pattern, settings.linear, settings.threads)
-    tolerance, finer = _tolerance(scene)
+    return make_pattern(built.world.n_cloth, built.world.triangles, hessians)
+
+
+def _same_couplings(before: Built, built: Built) -> bool:
+    """True where every energy that was made again couples the same rows of x in its Hessian."""
+    if before.energies.keys() != built.energies.keys():
+        return False
+    start = built.world.start()
+    for name, energy in built.energies.items():
+        if energy is not before.energies[name]:
+            new, old = (each.hessian(start) for each in (energy, before.energies[name]))
+            if not (isinstance(new, ByElement) and isinstance(old, ByElement)):
+                return False
+            if not np.array_equal(new.elements, old.elements):
+                return False
+    return True
+
+
+def _integrator(scene: Scene, built: Built, potential: Potential, system: System, tolerance: float) -> Integrator:
+    settings, run = scene.solver_settings, scene.run_settings
     newton = NewtonSettings(tolerance, settings.max_iterations)
-    ramp = 0.0 if "inertia" in built.energies else run.duration
-    frame = 1 / run.frames_per_second
-    dt = min(settings.longest_step, run.duration, frame)
+    dynamic = "inertia" in built.energies
+    dt = min(settings.longest_step, run.duration, 1 / run.frames_per_second)
     if "body_contact" in built.energies:
         if settings.error:
             dt = min([dt, *(0.999 * LARGEST_TURN / turn for turn in _turns(built.world).values() if turn)])
-        _refuse_leaps(built.world, dt)
+        refuse_leaps(built.world, dt)
     if settings.error:
         _refuse_error(built)
     control = ErrorControl(settings.error, run.duration, dt) if settings.error else None
-    formula = settings.integrator if "inertia" in built.energies else BACKWARD_EULER
+    formula = settings.integrator if dynamic else BACKWARD_EULER
+    ramp = 0.0 if dynamic else run.duration
     integrator = Integrator(built.world, potential, built.constraints, system, newton, dt, ramp, formula=formula)
-    integrator = replace(integrator, control=control)
-    cut = not settings.error and frame < settings.dt
+    return replace(integrator, control=control)
+
+
+def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:
+    """Sentences on settings that were changed or have no effect, each empty where there is nothing to report."""
+    settings, dt = scene.solver_settings, integrator.dt
+    cut = not settings.error and 1 / scene.run_settings.frames_per_second < settings.dt
     shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if cut else ""
-    solver = system.solver  # one that is not installed is told here, not in the first step
-    slow = slowness(solver) if settings.linear == "auto" else ""
-    unheard = "" if formula == settings.integrator else f"{settings.integrator} does nothing without effects.inertia."
-    notes = (*built.notes, *filter(None, [shorter, slow, unheard, finer]))
-    return Session(scene, built, integrator, notes)
+    ignored = integrator.formula != settings.integrator
+    return shorter, f"{settings.integrator} does nothing without effects.inertia." if ignored else ""
 
 
 def _refuse_error(built: Built) -> None:
@@ -85,20 +144,11 @@ def _refuse_error(built: Built) -> None:
     raise InputError(why, "Give solver.dt.")
 
 
-def _refuse_leaps(world: World, dt: float) -> None:
-    """InputError for a body that turns so far in a step that its vertices' straight ways are no arcs any more."""
-    for name, speed in _turns(world).items():
-        turn = speed * dt
-        if turn > LARGEST_TURN:
-            raise InputError(
-                f"{name} turns {turn:.4g} degrees in a step, and contact follows it on straight ways.",
-                f"Take solver.dt below {dt * LARGEST_TURN / turn:.2g} s.",
-            )
-
-
 def _turns(world: World) -> dict[str, float]:
-    """How fast each rigid body turns [degrees/s]; animated ones are straight between their frames already."""
-    rigid = ((body.name, body.motion) for body in world.bodies if isinstance(body.motion, RigidMotion))
+    """The speed of rotation of each rigid body [degrees/s]; animated ones move straight between their frames."""
+    motions = {body.name: body.motion for body in world.bodies}
+    motions = {name: each.motion if isinstance(each, LaterMotion) else each for name, each in motions.items()}
+    rigid = ((name, motion) for name, motion in motions.items() if isinstance(motion, RigidMotion))
     return {name: float(np.degrees(np.linalg.norm(motion.angular_velocity))) for name, motion in rigid}
 
 

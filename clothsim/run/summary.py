@@ -132,7 +132,6 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
         step=state.step,
         positions=state.positions,
         velocities=state.velocities,
-        stiffness=0.0,  # set anew from the state at each step: nothing to keep
         scene_text=session.scene.to_text(),
         counters=counters,
         blocked_at=state.blocked_at,

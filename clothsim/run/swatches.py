@@ -18,7 +18,7 @@ from clothsim.scene.fabrics import FABRICS
 from clothsim.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from clothsim.io.results import Run
+    from clothsim.run.results import Run
 
 RADIUS, HELD = 0.15, 0.09
 """Of the cloth and of the discs that hold it [m]."""

@@ -11,7 +11,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from clothsim.energies.example import Example
 from clothsim.errors import InputError
 
 
@@ -37,13 +36,19 @@ class Effect:
         module, function = self.builder.split(":")
         return getattr(importlib.import_module(module), function)
 
-    def example(self) -> Example:
+    def example(self) -> Any:
         """The `EXAMPLE` beside the builder, for tests; one of default keys where there is none."""
-        return getattr(importlib.import_module(self.load().__module__), "EXAMPLE", Example())
+        own = getattr(importlib.import_module(self.load().__module__), "EXAMPLE", None)
+        return own or importlib.import_module("clothsim.energies.example").Example()
 
     def keys(self) -> dict[str, Any]:
         """The keys of a scene with their defaults: the builder's keywords."""
         return {key: default for key, default in self._keywords().items() if key not in SUPPLIED}
+
+    @property
+    def sees_others(self) -> bool:
+        """True where the builder looks at the effects built before it."""
+        return not {"contacts", "built"}.isdisjoint(self._keywords())
 
     def build(self, world: Any, keys: Mapping[str, Any], supplied: Mapping[str, Any]) -> Any:
         """Call the builder.

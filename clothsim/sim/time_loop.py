@@ -17,13 +17,25 @@ def steps(integrator: Integrator, state: State, duration: float, frames_per_seco
     StepReport
         The last one may be of a step that failed.
     """
-    frames = max(1, int(np.ceil(duration * frames_per_second - 1e-9)))
-    while state.frame < frames:
-        until = min((state.frame + 1) / frames_per_second, duration)
-        report = advance(integrator, state, until)
-        if report.converged and report.state.time == until:
-            report = replace(report, frame_done=True, state=replace(report.state, frame=state.frame + 1))
+    while state.frame < frame_count(duration, frames_per_second):
+        report = next_step(integrator, state, duration, frames_per_second)
         yield report
         if not report.converged:
             return
         state = report.state
+
+
+def next_step(integrator: Integrator, state: State, duration: float, frames_per_second: float) -> StepReport:
+    """One step from `state` towards the next frame; after `duration` [s] frames follow at the same rate."""
+    until = (state.frame + 1) / frames_per_second
+    if state.frame < frame_count(duration, frames_per_second):
+        until = min(until, duration)
+    report = advance(integrator, state, until)
+    if report.converged and report.state.time == until:
+        return replace(report, frame_done=True, state=replace(report.state, frame=state.frame + 1))
+    return report
+
+
+def frame_count(duration: float, frames_per_second: float) -> int:
+    """Number of frames after the start in a run of `duration` [s]."""
+    return max(1, int(np.ceil(duration * frames_per_second - 1e-9)))

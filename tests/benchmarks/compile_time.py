@@ -103,7 +103,7 @@ def _run(scene: Path, directory: Path) -> None:
     from clothsim.scene.toml_file import load_scene
 
     run = simulate(load_scene(scene), directory)
-    draw(directory / "picture.png", frame_surfaces(run, -1))
+    draw(directory / "picture.png", frame_surfaces(run.trajectory, -1))
 
 
 def _short(types: str) -> str:

@@ -23,11 +23,11 @@ from clothsim.fitting.inputs import Figure
 from clothsim.fitting.moving_body import Worn, carried, draped
 from clothsim.fitting.stage import Garment
 from clothsim.fitting.transfer_seed import transferred
-from clothsim.io.results import Run
 from clothsim.mesh.generators.garments.shirt_skirt_trousers import shirt
 from clothsim.mesh.generators.mannequin.generator import mannequin
 from clothsim.mesh.generators.shapes import capsule
 from clothsim.mesh.generators.sheets import tube
+from clothsim.run.results import Run
 from clothsim.text_table import text_table
 from transfer.errors import TransferError
 from transfer.signed_distance import body_surface

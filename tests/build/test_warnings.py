@@ -4,7 +4,7 @@ import pytest
 
 from clothsim import InputError, Scene
 from clothsim.build.scene_world import build
-from clothsim.run.simulate import prepare
+from clothsim.run.session import prepare
 
 CLOTH = {"mesh": "rectangle", "cells": [2, 2]}
 HELD = {"membrane": {}, "pins": {"select": "left"}}

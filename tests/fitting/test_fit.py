@@ -66,6 +66,21 @@ def test_a_fit_leaves_what_a_run_leaves_and_its_stages(files, tmp_path, monkeypa
     assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_arrays_give_the_bits_of_their_files(files, tmp_path):
+    meshes = {name: read_mesh(files[name]) for name in ("garment", "wide", "body")}
+    arrays = {name: (mesh.positions, mesh.triangles) for name, mesh in meshes.items()}
+    cloth = clothsim.Cloth(*arrays["garment"], name="garment.obj", fabric="denim")
+    wide, body = (clothsim.Body(*arrays[name]) for name in ("wide", "body"))
+    of_arrays = clothsim.fit(cloth, wide, body, tmp_path / "arrays")
+    of_files = clothsim.fit(files["garment"], files["wide"], files["body"], tmp_path / "files", fabric="denim")
+    assert of_arrays.status == of_files.status == "completed"
+    assert np.array_equal(of_arrays.positions, of_files.positions)
+    assert clothsim.fit(cloth, body, output=tmp_path / "own").source.name == "body"
+    for extra in ({"scale": 0.1}, {"part": (0, 3)}):
+        with pytest.raises(InputError):
+            clothsim.fit(cloth, body, output=tmp_path / "own", **extra)
+
+
 def test_without_the_other_body_a_garment_is_repaired_on_its_own(files, tmp_path):
     done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out")
     assert [stage.name for stage in done.stages] == ["garment", "refine", "simulate"]

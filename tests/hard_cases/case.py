@@ -14,7 +14,7 @@ from clothsim.errors import ClothsimError, InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.io.obj_writer import obj_text
 from clothsim.io.record import RECORD_NAME, read_record
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
 from clothsim.scene.scene import Scene, scene_from_text
 

@@ -8,8 +8,8 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
 from clothsim.io.obj_writer import obj_text
-from clothsim.io.results import Run
 from clothsim.mesh.generators.sheets import rectangle
+from clothsim.run.results import Run
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case, Check, all_of, energy_falls
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.io.obj_writer import obj_text
-from clothsim.io.results import Run
 from clothsim.mesh.generators.shapes import sphere
+from clothsim.run.results import Run
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case
 from tests.hard_cases.twist import ELASTIC

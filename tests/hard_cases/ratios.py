@@ -8,7 +8,7 @@ from clothsim.arrays import Floats
 from clothsim.build.scene_world import Built, build
 from clothsim.energies.base import Energy
 from clothsim.energies.step import Step
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from clothsim.scene.fabrics import FABRICS
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case, scene_of

@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.io.results import Run
-from clothsim.run.simulate import Progress, simulate
+from clothsim.run.results import Run
+from clothsim.run.simulate import simulate
+from clothsim.run.summary import Progress
 from clothsim.scene.scene import Scene
 from clothsim.solve.process_memory import peak_memory
 from tests.hard_cases.case import Case, Check, all_of, energy_falls, scene_of

@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.build.scene_world import Built, build
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case, Check, all_of, energy_falls, scene_of
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case, all_of, energy_falls
 from tests.hard_cases.twist import ELASTIC

@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.build.scene_world import build
 from clothsim.contact.barrier import Barrier
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case, all_of, scene_of, steps_descend
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case
 

@@ -4,7 +4,7 @@ import tempfile
 
 import numpy as np
 
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
 from clothsim.scene.fabrics import FABRICS
 from clothsim.scene.scene import Scene

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.io.results import Run
+from clothsim.run.results import Run
 from tests.hard_cases.case import Check
 
 

@@ -22,7 +22,6 @@ CHECKPOINT = Checkpoint(
     step=2**40 + 1,
     positions=odd_floats(0, 50),
     velocities=odd_floats(1, 50),
-    stiffness=np.nextafter(1e8, 2e8),
     scene_text='[cloth]\nname = "Röckchen 👗"\n\0',
     counters={"newton_iterations": 41, "seconds": 0.1 + 0.2, "effects": {"membrane": {"hessians": 12, "worst": None}}},
 )
@@ -159,3 +158,17 @@ def test_arrays_of_the_wrong_shape_are_refused(path, change):
 def test_a_directory_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InputError, match="cannot be written"):
         write_checkpoint(tmp_path / "nowhere" / "checkpoint.npz", CHECKPOINT)
+
+
+def test_an_earlier_checkpoint_is_read_too(path):
+    """Format 2 held the stiffness of contact, which nothing used."""
+    write_checkpoint(path, CHECKPOINT)
+    with np.load(path) as archive:
+        arrays = dict(archive)
+    assert arrays["format"].tobytes() == b"clothsim checkpoint 3"
+    earlier = np.frombuffer(b"clothsim checkpoint 2", np.uint8)
+    np.savez(path, **{**arrays, "format": earlier, "stiffness": np.zeros(1)})
+    assert_same(read_checkpoint(path), CHECKPOINT)
+    np.savez(path, **{**arrays, "format": np.frombuffer(b"clothsim checkpoint 1", np.uint8)})
+    with pytest.raises(InputError):
+        read_checkpoint(path)

@@ -89,6 +89,14 @@ def test_the_listener_hears_every_step():
     assert [progress.newton_iterations for progress in heard] == [e["newton_iterations"] for e in run.record()]
 
 
+def test_on_step_gets_the_state_of_every_step_and_changes_no_bit(run):
+    states = []
+    again = simulate(small_scene(), on_step=states.append)
+    assert [state.step for state in states] == list(range(1, 9))
+    assert np.array_equal(states[-1].positions["cloth"], run.positions(-1))
+    assert np.array_equal(frames(again), frames(run))
+
+
 def test_the_same_run_twice_has_the_same_bits(run, tmp_path):
     assert np.array_equal(frames(simulate(small_scene(), tmp_path)), frames(run))
 

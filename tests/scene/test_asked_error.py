@@ -5,7 +5,7 @@ from small_scenes import BALL, EFFECTS, small_scene, without
 
 from clothsim import InputError
 from clothsim.build.scene_world import build
-from clothsim.run.simulate import prepare
+from clothsim.run.session import prepare
 from clothsim.scene.overrides import override
 
 ASKED = {"error": 1e-3, "linear": "superlu", "threads": 1}

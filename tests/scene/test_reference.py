@@ -12,7 +12,7 @@ import pytest
 from clothsim import InputError, Scene
 from clothsim.cli import main
 from clothsim.mesh.fabric import Fabric
-from clothsim.mesh.generators.sheets import GENERATORS
+from clothsim.mesh.generators.table import GENERATORS
 from clothsim.scene.effects import EFFECTS, Effect
 from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.json_schema import json_schema

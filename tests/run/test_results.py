@@ -4,11 +4,11 @@ from meshes import cloth, grid
 
 from clothsim.errors import InputError
 from clothsim.io.record import RecordWriter, write_summary
-from clothsim.io.results import open_run
 from clothsim.io.run_surfaces import world_surfaces
 from clothsim.io.trajectory import TrajectoryWriter
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
+from clothsim.run.results import open_run
 
 WORLD = make_world([cloth(*grid(2, 2), name="sheet")], [make_body("floor", *grid(1, 1))])
 
@@ -91,3 +91,65 @@ def test_what_is_no_run_directory_says_so(directory, tmp_path):
     (directory / "trajectory.vtkhdf").unlink()
     with pytest.raises(InputError, match=r"holds no trajectory\.vtkhdf"):
         open_run(directory)
+
+
+# --- a sequence of frames -------------------------------------------------------------------------------------------
+
+
+def test_a_run_is_a_sequence_of_frames(directory):
+    run = open_run(directory)
+    assert len(run) == 3
+    assert [frame.time for frame in run] == run.times.tolist()
+    assert [frame.frame for frame in run[::2]] == [0, 2]
+    assert [frame.frame for frame in reversed(run)] == [2, 1, 0]
+    assert run[-1].frame == 2
+    assert run[5:] == []
+    assert set(run[1].positions) == {"sheet"}
+    assert np.array_equal(run[1].positions["sheet"], run.positions(1))
+    assert np.array_equal(run[1].bodies["floor"], run.bodies(1)[0][1])
+    for number in (3, -4):
+        with pytest.raises(IndexError):
+            run[number]
+
+
+def test_it_is_shown_in_a_line_and_as_a_table(directory):
+    run = open_run(directory)
+    assert repr(run) == f"<Run {str(directory)!r}: interrupted, 3 frames, to 0.08 s>"
+    assert repr(run[1]) == "<Frame 1 at 0.04 s>"
+    table = run._repr_html_()
+    assert "<td>interrupted</td>" in table
+    assert "<img" not in table
+    (directory / "picture.png").write_bytes(b"PNG")
+    certificate = {"intersection_free": True, "minimum_gap": 0.002}
+    write_summary(
+        directory / "summary.json", {"status": "failed", "reason": "a < b", "steps": 12, "certificate": certificate}
+    )
+    table = open_run(directory)._repr_html_()
+    assert "<td>a &lt; b</td>" in table
+    assert "<th>minimum gap</th><td>0.002</td>" in table
+    assert 'src="data:image/png;base64,UE5H"' in table
+
+
+def test_a_run_without_frames_is_shown_too(tmp_path):
+    TrajectoryWriter(tmp_path / "trajectory.vtkhdf", world_surfaces(WORLD)).close()
+    run = open_run(tmp_path)
+    assert (len(run), list(run), bool(run)) == (0, [], True)
+    assert repr(run).endswith("interrupted, 0 frames>")
+    assert "<td>0</td>" in run._repr_html_()
+
+
+def test_it_draws_its_frames(directory):
+    from PIL import Image
+
+    run, small = open_run(directory), {"size": (64, 80), "renderer": "ray"}
+    picture = run.plot(0, **small)
+    assert (picture.shape, picture.dtype) == ((80, 64, 3), np.uint8)
+    assert picture.std() > 0
+    file = run.plot(0, directory / "first.png", **small)
+    with Image.open(file) as image:
+        assert np.array_equal(np.asarray(image), picture)
+    drawn = []
+    movie = run.movie(directory / "all.gif", lambda done, total: drawn.append((done, total)), **small)
+    with Image.open(movie) as image:
+        assert image.n_frames == 3
+    assert drawn == [(1, 3), (2, 3), (3, 3)]

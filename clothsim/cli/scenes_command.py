@@ -1,0 +1,37 @@
+"""`clothsim scenes`: the example scenes."""
+
+import argparse
+from typing import Any
+
+_DESCRIPTION = """\
+List the example scenes. `clothsim run NAME` simulates one where no file has that name.
+
+  clothsim scenes --json
+  clothsim run sphere
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    scenes = commands.add_parser("scenes", help="list the example scenes", description=_DESCRIPTION)
+    scenes.add_argument("--json", action="store_true", help="as JSON: {name: {file, headline, missing}}")
+    scenes.add_argument("--debug", action="store_true", help="show tracebacks")
+    scenes.set_defaults(handler=_scenes)
+
+
+def _scenes(arguments: argparse.Namespace) -> int:
+    from clothsim.run.example_scenes import example_scenes
+
+    scenes = example_scenes()
+    if arguments.json:
+        from clothsim.io.record import to_json
+
+        fields = ("file", "headline", "missing")
+        print(to_json({each.name: {key: getattr(each, key) for key in fields} for each in scenes}, indent=2))
+        return 0
+    width = max(len(each.name) for each in scenes)
+    for each in scenes:
+        needs = f" (needs {', '.join(name.rsplit('/', 1)[-1] for name in each.missing)})" if each.missing else ""
+        print(f"{each.name:<{width}}  {each.headline}{needs}")
+    print(f"\n{scenes[0].file.parent}")
+    return 0

@@ -1,0 +1,121 @@
+"""Changes of a scene between two steps: keys of effects, fabrics, targets of pins and bodies."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.arrays import Floats, Ints, as_points
+from clothsim.build.meshes import FABRIC, fabric_of
+from clothsim.build.scene_world import Built, build_effects
+from clothsim.errors import InputError
+from clothsim.mesh.motion import LaterMotion, motion_of
+from clothsim.mesh.world import World, make_world
+from clothsim.run.hand_motions import HandMotions, pin_groups, standing
+from clothsim.run.session import Session, prepared_again
+from clothsim.scene.effects import EFFECTS
+from clothsim.scene.keys import refuse_unknown
+from clothsim.sim.state import State
+
+
+def with_effect(session: Session, by_hand: HandMotions, effect: str, keys: Mapping[str, Any]) -> Session:
+    """The session with keys of an effect changed; the other energies stay the same objects."""
+    scene, built = session.scene, session.built
+    if effect == "pins":
+        raise InputError("Pins are not changed by their keys.", "Use move_pins, drive_pins, add_pins, release_pins.")
+    refuse_unknown("The table of effects", [effect], EFFECTS)
+    if effect not in scene.effects:
+        raise InputError(f"The scene has no effects.{effect}.", "Name it in the scene; it may be off at the start.")
+    scene = replace(scene, effects={**scene.effects, effect: {**scene.effects[effect], **keys}})
+    built = build_effects(scene, built.world, before=built, changed=(effect,))
+    return prepared_again(session, scene, by_hand.applied(built))
+
+
+def with_fabric(
+    session: Session, by_hand: HandMotions, fabric: str | None, cloth: str | None, keys: Mapping[str, float]
+) -> Session:
+    """The session with the fabric of a cloth changed: masses, hinges and all energies are made again."""
+    world, scene = session.built.world, session.scene
+    refuse_unknown("A fabric", keys, FABRIC)
+    names = [each.name for each in world.cloths]
+    k = number_of("cloth", cloth, names)
+    table = {**scene.cloths[k], **keys, **({} if fabric is None else {"fabric": fabric})}
+    made, _ = fabric_of(table, names[k])
+    scene = replace(scene, cloth=[table if i == k else each for i, each in enumerate(scene.cloths)])
+    cloths = tuple(replace(each, fabric=made) if i == k else each for i, each in enumerate(world.cloths))
+    unclamped = replace(make_world(cloths, world.bodies), origin=world.origin)
+    return prepared_again(session, scene, by_hand.applied(build_effects(scene, unclamped)))
+
+
+def pins_at(built: Built, state: State, group: str, positions: ArrayLike) -> tuple[Ints, LaterMotion]:
+    """The rows of x of a group and the motion that keeps them at `positions` (k, 3) [m] from the next step on."""
+    rows = pinned_rows(built, group)
+    if (rows >= built.world.n_cloth).any():
+        raise InputError(f"{group} is clamped, so that positions alone do not say how it turns.", "Use drive_pins.")
+    points = _points(f"positions of {group}", positions, len(rows)) - built.world.origin
+    return rows, standing(points, state.time)
+
+
+def new_pins(
+    built: Built, state: State, group: str, vertices: Sequence[int], cloth: str | None
+) -> tuple[Ints, LaterMotion]:
+    """The rows of x of a new group of pins and the motion that keeps them where they are."""
+    world, groups = built.world, pin_groups(built)
+    if group in {each.name for each in groups}:
+        raise InputError(f"There is a group {group!r} of pins already.", "Choose another name.")
+    part = world.cloth_slices[number_of("cloth", cloth, [each.name for each in world.cloths])]
+    own = np.unique(np.asarray(vertices))
+    if not own.size or own.dtype.kind not in "iu" or own[0] < 0 or own[-1] >= part.stop - part.start:
+        raise InputError(f"vertices of {group} must be whole numbers from 0 to {part.stop - part.start - 1}.")
+    rows = (own + part.start).astype(np.int64)
+    for each in groups:
+        if np.isin(rows, each.vertices).any():
+            raise InputError(f"A vertex of {group} is pinned by {each.name}.", "Leave it out, or release_pins first.")
+    return rows, standing(state.positions[rows], state.time)
+
+
+def pinned_rows(built: Built, group: str) -> Ints:
+    """The rows of x of a group of pins, with those of the ghosts of a clamp."""
+    groups = {each.name: each.vertices for each in pin_groups(built)}
+    refuse_unknown("The scene's pins", [group], groups)
+    return groups[group]
+
+
+def body_at(world: World, state: State, name: str, positions: ArrayLike) -> LaterMotion:
+    """The motion that keeps a body at `positions` (n, 3) [m] from the next step on."""
+    rows = body_rows(world, name)
+    points = _points(f"positions of {name}", positions, rows.stop - rows.start) - world.origin
+    return standing(points, state.time)
+
+
+def body_rows(world: World, name: str) -> slice:
+    """The rows of x of a body."""
+    return world.body_slices[number_of("body", name, [each.name for each in world.bodies])]
+
+
+def driven(
+    world: World, state: State, name: str, rows: Ints | slice, keys: Mapping[str, Any], centre: ArrayLike | None
+) -> LaterMotion:
+    """The rigid motion of `rows` of x from where they are; centre [m]: their mean where it is not given."""
+    points: Floats = state.positions[rows]
+    about = points.mean(axis=0) + world.origin if centre is None else centre
+    return LaterMotion(points, motion_of(f"motion of {name}", {**keys, "centre": about}, world.origin), state.time)
+
+
+def number_of(kind: str, name: str | None, names: Sequence[str]) -> int:
+    """The number of a cloth or body, the only one where no name is given. InputError for one that is not there."""
+    if name is None:
+        if len(names) != 1:
+            raise InputError(f"The scene has {len(names)} cloths.", f"Name one: {', '.join(names)}.")
+        return 0
+    refuse_unknown(f"The scene ({kind})", [name], names)
+    return names.index(name)
+
+
+def _points(name: str, values: ArrayLike, count: int) -> Floats:
+    points = as_points(name, values)
+    if len(points) != count:
+        raise InputError(f"{name}: {len(points)} points for {count} vertices.")
+    return points

@@ -1,0 +1,75 @@
+"""Pictures and movies of a run."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clothsim.errors import InputError
+from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+from clothsim.io.trajectory import Trajectory
+from clothsim.mesh.world import World
+from clothsim.scene.scene import scene_from_text
+
+PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "movie.gif", "failure.png"
+
+
+def draw_frame(trajectory: Trajectory, target: Path, frame: int = -1, **settings: Any) -> str:
+    """Write a PNG of one frame; returns the line that names the renderer. settings: as of `render.picture.draw`."""
+    from clothsim.render.picture import draw
+    from clothsim.render.run_frames import frame_surfaces
+
+    return draw(target, frame_surfaces(trajectory, frame), title=_title(trajectory, frame), **settings)
+
+
+def frame_picture(trajectory: Trajectory, frame: int = -1, **settings: Any) -> np.ndarray:
+    """The picture of one frame, (height, width, 3) uint8."""
+    from clothsim.render.picture import expose, take_aim
+    from clothsim.render.run_frames import frame_surfaces
+
+    surfaces = frame_surfaces(trajectory, frame)
+    given = {"size": (1280, 960), "colour": "stretch", "view": "auto", "renderer": "auto", **settings}
+    return expose(take_aim([surfaces], title=_title(trajectory, frame), **given), surfaces)
+
+
+def draw_movie(
+    trajectory: Trajectory,
+    target: Path,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+    **settings: Any,
+) -> str:
+    """Write a movie of all frames, in real time unless a rate is given; returns the line that names the renderer."""
+    from clothsim.render.movie import movie
+    from clothsim.render.run_frames import Frames
+
+    times = trajectory.times
+    if "frames_per_second" not in settings and len(times) > 1:
+        settings["frames_per_second"] = (len(times) - 1) / (times[-1] - times[0])
+    return movie(target, Frames(trajectory), progress=progress, **settings)
+
+
+def draw_failure(directory: Path, failure: dict[str, Any], world: World, target: Path, up: Any) -> str:
+    """Write a PNG of the place where a run failed, in its last good state; returns the line that names the renderer."""
+    from clothsim.render.closeup import draw_place
+    from clothsim.render.run_frames import state_surfaces
+    from clothsim.sim.certificate import world_stretches
+
+    x = read_checkpoint(directory / CHECKPOINT_NAME).positions
+    surfaces = state_surfaces(world, x, world_stretches(world, x))
+    title = f"{failure['time']:.4g} s, {failure['cause']}: {failure['element']}"
+    return draw_place(target, surfaces, np.array(failure["position"]) - world.origin, title=title, up=up)
+
+
+def upright(directory: Path) -> tuple[float, ...] | str:
+    """The direction against the gravity of a run's scene; "z" where its checkpoint gives none."""
+    try:
+        scene = scene_from_text(read_checkpoint(directory / CHECKPOINT_NAME).scene_text)
+    except InputError:  # no checkpoint, or one of another version: a picture does not need it
+        return "z"
+    acceleration = scene.effects.get("gravity", {}).get("acceleration", (0.0, 0.0, -1.0))
+    return tuple(-float(a) for a in acceleration) if any(acceleration) else "z"
+
+
+def _title(trajectory: Trajectory, frame: int) -> str:
+    return f"{trajectory.times[frame]:.2f} s" if len(trajectory.times) else ""

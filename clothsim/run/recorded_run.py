@@ -1,0 +1,172 @@
+"""The steps of a run, written to a directory as they are taken."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+
+from clothsim.build.scene_world import Built
+from clothsim.energies.protocols import is_driven
+from clothsim.errors import InputError
+from clothsim.io.checkpoint import CHECKPOINT_NAME, write_checkpoint
+from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
+from clothsim.io.run_surfaces import world_surfaces
+from clothsim.io.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
+from clothsim.run.results import Run, open_run
+from clothsim.run.session import Session
+from clothsim.run.simulation_state import SimulationState, state_after
+from clothsim.run.summary import Progress, checkpoint_of, entry_of, progress_of, summary_of
+from clothsim.sim.certificate import Certificate, world_stretches
+from clothsim.sim.failure import Failure, crossing_failure
+from clothsim.sim.intersection_check import IntersectionCheck, intersection_check_of
+from clothsim.sim.iterate_log import IterateLog
+from clothsim.sim.state import State
+from clothsim.sim.stepping import StepReport
+from clothsim.sim.time_loop import steps
+
+Listener = Callable[[Progress], None]
+"""Called after each step."""
+
+StepListener = Callable[[SimulationState], None]
+"""Called after each step with the state at its end."""
+
+Announcement = Callable[[Session], None]
+"""Called once, when the scene is ready and before the first step."""
+
+
+def watched(session: Session, step: int | None, done: int) -> tuple[Session, IterateLog | None]:
+    """The session with a log of the Newton iterates of a step, which must come after the `done` ones."""
+    if step is None:
+        return session, None
+    if step <= done:
+        raise InputError(f"Step {step} cannot be dumped: {done} steps are done.", f"Name a step from {done + 1}.")
+    log = IterateLog(step)
+    return replace(session, integrator=replace(session.integrator, watch=log.watch)), log
+
+
+@dataclass(frozen=True)
+class _Output:
+    """The directory of a run, its two files that grow, and the intersection check of its frames."""
+
+    session: Session
+    directory: Path
+    trajectory: TrajectoryWriter
+    record: RecordWriter
+    check: IntersectionCheck
+
+    def frame(self, state: State) -> None:
+        """Append the state to the trajectory."""
+        world = self.session.built.world
+        stretches = world_stretches(world, state.positions)
+        self.trajectory.append(state.time, state.positions + world.origin, stretches)
+
+    def save(self, state: State, certificate: Certificate) -> None:
+        """Write the checkpoint."""
+        write_checkpoint(self.directory / CHECKPOINT_NAME, checkpoint_of(self.session, state, certificate))
+
+
+def recorded_run(
+    session: Session,
+    state: State,
+    certificate: Certificate,
+    directory: Path,
+    started: float,
+    listeners: tuple[Listener | None, StepListener | None],
+    log: IterateLog | None,
+    resumed: bool,
+) -> Run:
+    """Step to the end of the scene, writing as it goes; whatever stops it, the frames so far are on disk."""
+    surfaces = world_surfaces(session.built.world)
+    scripted = _scripted(session.built)
+    asked = session.scene.solver_settings.error
+    formula = session.integrator.formula
+    certificate = replace(certificate, moved_by_script=scripted, formula=formula, asked=asked)
+    check = intersection_check_of(surfaces, session.scene.effects, session.built.energies)
+    kept = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
+    if not resumed:
+        _remove(directory / SUMMARY_NAME)
+    with (
+        TrajectoryWriter(directory / TRAJECTORY_NAME, surfaces, resume_at=kept) as trajectory,
+        RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed else None) as record,
+    ):
+        _remove(directory / SUMMARY_NAME)  # of a resumed run only now: one that cannot go on keeps what it has
+        output = _Output(session, directory, trajectory, record, check)
+        if kept is None:
+            output.frame(state)
+        if not resumed:
+            if check.crossings(state.positions):
+                certificate = replace(certificate, intersecting_frames=(0,))
+            output.save(state, certificate)
+        warm = perf_counter() - started
+
+        def after_step(report: StepReport) -> None:
+            progress, on_step = listeners
+            if progress is not None:
+                progress(progress_of(report, session, perf_counter() - started))
+            if on_step is not None:
+                on_step(state_after(session.built.world, report))
+
+        state, certificate, failure = _stepped(output, state, certificate, log, after_step)
+    seconds = {"wall_seconds": perf_counter() - started, "warmup_seconds": warm}
+    entries = read_record(directory / RECORD_NAME)
+    write_summary(directory / SUMMARY_NAME, summary_of(session, state, certificate, check, failure, entries, seconds))
+    return open_run(directory)
+
+
+def _stepped(
+    output: _Output,
+    state: State,
+    certificate: Certificate,
+    log: IterateLog | None,
+    after_step: Callable[[StepReport], None],
+) -> tuple[State, Certificate, Failure | None]:
+    """All steps from `state` to the end or to a failure; the last state, its certificate, why it failed."""
+    session, run = output.session, output.session.scene.run_settings
+    world, timers = session.built.world, session.integrator.potential.timers
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second):
+        if log is not None and log.step == state.step + 1:
+            log.write(output.directory)
+        if report.failure is not None:
+            output.save(state, certificate)
+            return state, certificate, report.failure
+        before, state = state, report.state
+        with timers.phase("certificate"):
+            certificate = certificate.after(world, report, before)
+        with timers.phase("output"):
+            output.record.append(entry_of(report, certificate))
+        after_step(report)
+        if not report.frame_done:
+            continue
+        with timers.phase("output"):
+            output.frame(state)
+        with timers.phase("certificate"):
+            found = output.check.crossings(state.positions)
+        if found:
+            frames = (*certificate.intersecting_frames, state.frame)
+            certificate = replace(certificate, intersecting_frames=frames)
+        broken = output.check.violations(found)
+        if broken:
+            return state, certificate, crossing_failure(world, broken[0], state, report.dt)
+        with timers.phase("output"):
+            output.save(state, certificate)
+    return state, certificate, None
+
+
+def _frames_until(path: Path, time: float) -> int | None:
+    """How many frames of a trajectory are not later than `time` [s]; None where there is no trajectory."""
+    return int((read_trajectory(path).times <= time).sum()) if path.is_file() else None
+
+
+def _scripted(built: Built) -> bool:
+    """True where a body or a pin moves, or where the wind blows."""
+    held = built.constraints.values()
+    still = all([*(body.motion.still for body in built.world.bodies), *(constraint.still for constraint in held)])
+    return not still or any(is_driven(energy) for energy in built.energies.values())
+
+
+def _remove(file: Path) -> None:
+    """The summary of an earlier run, which the new one no longer is."""
+    try:
+        file.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{file} cannot be replaced: {error.strerror}.", "Choose another directory.") from error

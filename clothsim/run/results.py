@@ -1,0 +1,239 @@
+"""The results of a run: a sequence of frames."""
+
+from base64 import b64encode
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clothsim.arrays import Floats, Ints
+from clothsim.errors import InputError
+from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
+from clothsim.io.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
+from clothsim.run.pictures import PICTURE_NAME, draw_frame, draw_movie, frame_picture, upright
+
+_INTERRUPTED = {"status": "interrupted", "reason": "The run was stopped before its end, or is still going."}
+
+LARGEST_PICTURE = 2 << 20
+"""A larger picture.png is not put into the page of a notebook [bytes]."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame of a run; its arrays are read from the file when they are asked for.
+
+    Attributes
+    ----------
+    frame : int
+        Its number, from 0.
+    time : float
+        [s].
+    """
+
+    trajectory: Trajectory
+    frame: int
+
+    def __repr__(self) -> str:
+        return f"<Frame {self.frame} at {self.time:g} s>"
+
+    @property
+    def time(self) -> float:
+        """Time of the frame [s]."""
+        return float(self.trajectory.times[self.frame])
+
+    @cached_property
+    def positions(self) -> Mapping[str, Floats]:
+        """Vertices of each cloth by its name, (n, 3) [m]."""
+        points = self.trajectory.positions(self.frame)
+        return {each.name: points[each.rows] for each in self.trajectory.surfaces if each.role == "cloth"}
+
+    @cached_property
+    def bodies(self) -> Mapping[str, Floats]:
+        """Vertices of each body by its name, (n, 3) [m]."""
+        return {name: points for name, points, _ in self.trajectory.bodies(self.frame)}
+
+
+@dataclass(frozen=True, repr=False)
+class Run(Sequence[Frame]):
+    """The results of a run, also of one that failed, was stopped, or is still going.
+
+    A sequence of its frames: ``len(run)``, ``run[-1].positions["cloth"]``, ``run[::10]``, ``for frame in run``.
+
+    Attributes
+    ----------
+    directory : Path
+        Where its files are.
+    trajectory : Trajectory
+        The file of the frames.
+    summary : dict
+        The content of summary.json; empty where the run did not come to its end.
+    """
+
+    directory: Path
+    trajectory: Trajectory
+    summary: dict[str, Any]
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @overload
+    def __getitem__(self, frame: int) -> Frame: ...
+
+    @overload
+    def __getitem__(self, frame: slice) -> list[Frame]: ...
+
+    def __getitem__(self, frame: int | slice) -> Frame | list[Frame]:
+        if isinstance(frame, slice):
+            return [Frame(self.trajectory, k) for k in range(*frame.indices(len(self)))]
+        if not -len(self) <= frame < len(self):
+            raise IndexError(f"There is no frame {frame}: the run has {len(self)} frames.")
+        return Frame(self.trajectory, int(frame) % len(self))
+
+    def __bool__(self) -> bool:
+        return True  # a run without a frame is a run, too
+
+    def __repr__(self) -> str:
+        until = f", to {self.times[-1]:g} s" if len(self) else ""
+        return f"<Run {str(self.directory)!r}: {self.status}, {len(self)} frames{until}>"
+
+    def _repr_html_(self) -> str:
+        """A table for a notebook, with the picture of the run where it has one."""
+        rows = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in self._facts())
+        picture, file = "", self.directory / PICTURE_NAME
+        if file.is_file() and file.stat().st_size <= LARGEST_PICTURE:
+            data = b64encode(file.read_bytes()).decode()
+            picture = f'<img alt="last frame" width="480" src="data:image/png;base64,{data}">'
+        return f"<table>{rows}</table>{picture}"
+
+    def _facts(self) -> list[tuple[str, str]]:
+        """Names and values of the table."""
+        facts = [("run", str(self.directory)), ("status", self.status), ("reason", self.reason)]
+        facts.append(("frames", f"{len(self)}, to {self.times[-1]:g} s" if len(self) else "0"))
+        facts += [(name, str(self.summary[name])) for name in ("steps", "newton_iterations") if name in self.summary]
+        certificate = self.summary.get("certificate", {})
+        return facts + [(name.replace("_", " "), str(value)) for name, value in certificate.items()]
+
+    @property
+    def status(self) -> str:
+        """How it ended: "completed", "failed" or "interrupted"."""
+        return str((self.summary or _INTERRUPTED)["status"])
+
+    @property
+    def reason(self) -> str:
+        """The sentence that goes with the status."""
+        return str((self.summary or _INTERRUPTED).get("reason", ""))
+
+    @property
+    def times(self) -> Floats:
+        """The times of the frames, (k,) [s]."""
+        return self.trajectory.times
+
+    @property
+    def triangles(self) -> Ints:
+        """The triangles of all cloths, (m, 3)."""
+        return self.trajectory.triangles
+
+    @property
+    def cloth_names(self) -> tuple[str, ...]:
+        """The names of the cloths, in the order of their vertices."""
+        return self.trajectory.cloth_names
+
+    def positions(self, frame: int) -> Floats:
+        """The vertices of all cloths in a frame, (n, 3) [m]; negative frames count from the end."""
+        return self.trajectory.positions(frame)
+
+    def bodies(self, frame: int) -> list[tuple[str, Floats, Ints]]:
+        """Each body in a frame: name, vertices (n, 3) [m], triangles (m, 3) of its own vertices."""
+        return self.trajectory.bodies(frame)
+
+    def stretches(self, frame: int) -> NDArray[np.float32]:
+        """The principal stretches of the triangles in a frame, (m, 2); InputError where none were written."""
+        return self.trajectory.stretches(frame)
+
+    def record(self) -> list[dict[str, Any]]:
+        """The entries of the record, one a step; none where the run kept no record."""
+        path = self.directory / RECORD_NAME
+        return read_record(path) if path.is_file() else []
+
+    def plot(self, frame: int = -1, path: str | Path | None = None, **settings: Any) -> np.ndarray | Path:
+        """Draw one frame, coloured by its stretch.
+
+        Parameters
+        ----------
+        frame : int
+            Its number; negative ones count from the end.
+        path : str or Path, optional
+            A PNG file to be written.
+        **settings
+            size (width, height) in pixels, colour "stretch" or "plain", up and view as (3,) directions, renderer
+            "vtk", "ray" or "auto".
+
+        Returns
+        -------
+        ndarray or Path
+            The picture, (height, width, 3) uint8; with `path` that file.
+        """
+        given = {"up": upright(self.directory), **settings}
+        if path is None:
+            return frame_picture(self.trajectory, frame, **given)
+        draw_frame(self.trajectory, Path(path), frame, **given)
+        return Path(path)
+
+    def movie(
+        self, path: str | Path, progress: Callable[[int, int], None] = lambda done, total: None, **settings: Any
+    ) -> Path:
+        """Write a movie of all frames, in real time unless a rate is given.
+
+        Parameters
+        ----------
+        path : str or Path
+            A file that ends in .mp4 or .gif.
+        progress : callable, optional
+            Called with the frames drawn and all frames after each of them.
+        **settings
+            As of `plot`, and frames_per_second.
+
+        Returns
+        -------
+        Path
+            The file; a .gif of the same name where ffmpeg is not installed.
+        """
+        target = Path(path)
+        target.unlink(missing_ok=True)
+        draw_movie(self.trajectory, target, progress, **{"up": upright(self.directory), **settings})
+        return target if target.is_file() else target.with_suffix(".gif")
+
+
+def open_run(path: str | Path) -> Run:
+    """Open the run in a directory.
+
+    Parameters
+    ----------
+    path : str or Path
+        The output directory of `simulate` or ``clothsim run``.
+
+    Returns
+    -------
+    Run
+        Its frames and its summary.
+
+    Raises
+    ------
+    InputError
+        The directory is missing, holds no run, or a file of it is broken.
+    """
+    directory = Path(path)
+    if not directory.is_dir():
+        raise InputError(f"There is no run directory {directory}.")
+    if not (directory / TRAJECTORY_NAME).is_file():
+        raise InputError(f"{directory} holds no {TRAJECTORY_NAME}, so it is not the output of a run.")
+    summary_path = directory / SUMMARY_NAME
+    summary = read_summary(summary_path) if summary_path.exists() else {}
+    if summary_path.exists() and "status" not in summary:
+        raise InputError(f"{summary_path} has no status, so it is not the summary of a run.")
+    return Run(directory, read_trajectory(directory / TRAJECTORY_NAME), summary)

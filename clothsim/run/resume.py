@@ -1,0 +1,73 @@
+"""Continuation of a run from its checkpoint."""
+
+from pathlib import Path
+from time import perf_counter
+
+from clothsim.build.scene_world import build
+from clothsim.errors import InputError
+from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+from clothsim.io.record import SUMMARY_NAME
+from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
+from clothsim.run.results import Run
+from clothsim.run.session import prepare
+from clothsim.run.summary import restore, state_of
+from clothsim.scene.scene import scene_from_text
+from clothsim.sim.certificate import certificate_from
+
+FITTED = "fitted.obj"
+"""The file that only a fit leaves."""
+
+
+def resume(
+    directory: str | Path,
+    progress: Listener | None = None,
+    announce: Announcement | None = None,
+    dump_iterates: int | None = None,
+    on_step: StepListener | None = None,
+) -> Run:
+    """Continue a run from the checkpoint in its directory.
+
+    With ``threads = 1`` the frames equal those of a run that was not stopped, bit for bit. A failed run fails again,
+    from its last good state. A directory without a trajectory gets one that starts there.
+
+    Parameters
+    ----------
+    directory : str or Path
+        The output directory of `simulate` or ``clothsim run``.
+    progress, announce, dump_iterates, on_step
+        As of `simulate`.
+
+    Returns
+    -------
+    Run
+        The whole run.
+
+    Raises
+    ------
+    InputError
+        The directory has no checkpoint, its mesh files have changed, or it is a finished fit, which is more than its
+        drape.
+    """
+    folder = Path(directory)
+    _refuse_a_fit(folder)
+    started = perf_counter()
+    saved = read_checkpoint(folder / CHECKPOINT_NAME)
+    scene = scene_from_text(saved.scene_text, folder)
+    session, log = watched(prepare(scene, build(scene)), dump_iterates, saved.step)
+    if len(saved.positions) != session.built.world.n_vertices:
+        raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
+    state = state_of(saved)
+    restore(session.integrator.potential.timers, saved.counters)
+    if announce is not None:
+        announce(session)
+    certificate = certificate_from(saved.counters["certificate"])
+    return recorded_run(session, state, certificate, folder, started, (progress, on_step), log, resumed=True)
+
+
+def _refuse_a_fit(folder: Path) -> None:
+    """InputError for a finished fit: its drape alone would count as completed, whatever the status of the fit."""
+    summary = folder / SUMMARY_NAME
+    if (folder / FITTED).is_file() and summary.is_file() and b'"fit_seconds"' in summary.read_bytes():
+        raise InputError(
+            f"{folder} is a finished fit.", "`clothsim bundle` it: its drape is replayed from the archive."
+        )

@@ -1,0 +1,359 @@
+"""Stepping a scene by hand.
+
+A trimesh cloth falls on a pyvista body; half way through, wind begins to blow along x:
+
+>>> import numpy, pyvista, trimesh
+>>> import clothsim
+>>> x, y = 0.125 * numpy.indices((9, 9)).reshape(2, 81) - 0.5
+>>> corners = numpy.arange(72).reshape(8, 9)[:, :8].reshape(64, 1)
+>>> triangles = numpy.concatenate([corners + [0, 10, 1], corners + [0, 9, 10]])
+>>> sheet = trimesh.Trimesh(numpy.stack([x, y, numpy.full(81, 0.32)], axis=1), triangles, process=False)
+>>> ball = pyvista.Sphere(radius=0.3, theta_resolution=16, phi_resolution=16)
+>>> elastic = [clothsim.Membrane(), clothsim.Bending()]
+>>> loads = [clothsim.Inertia(), clothsim.Gravity(), clothsim.Air(), clothsim.BodyContact()]
+>>> scene = clothsim.Scene(
+...     cloth=clothsim.Cloth(sheet, name="sheet", fabric="cotton"),
+...     body=clothsim.Body(ball, name="ball"),
+...     effects=elastic + loads,
+...     solver=clothsim.Solver(dt=0.02, threads=1),
+...     run=clothsim.RunSettings(duration=0.2),
+... )
+>>> simulation = clothsim.Simulation(scene)
+>>> for state in simulation:
+...     if state.step == 5:
+...         simulation.wind = (8.0, 0.0, 0.0)
+>>> bool(state.positions["sheet"][:, 0].mean() > 0.02), state.minimum_gap > 0
+(True, True)
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from math import nan
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import ArrayLike
+
+from clothsim.arrays import Floats
+from clothsim.build.scene_world import build
+from clothsim.errors import ClothsimError, InputError
+from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
+from clothsim.io.run_surfaces import world_surfaces
+from clothsim.run.archive import refuse_functions
+from clothsim.run.changes import body_at, body_rows, driven, new_pins, pinned_rows, pins_at, with_effect, with_fabric
+from clothsim.run.hand_motions import HandMotions, hand_motions_from, pin_groups
+from clothsim.run.session import Session, prepare, refuse_leaps
+from clothsim.run.simulation_state import SimulationState, starting_state, state_after
+from clothsim.run.summary import checkpoint_of, state_of
+from clothsim.scene.effects import EFFECTS
+from clothsim.scene.keys import refuse_unknown
+from clothsim.scene.scene import Scene, scene_from_text
+from clothsim.sim.certificate import Certificate
+from clothsim.sim.failure import Failure, crossing_failure
+from clothsim.sim.intersection_check import intersection_check_of
+from clothsim.sim.state import State, first_state
+from clothsim.sim.time_loop import frame_count, next_step
+
+
+class SimulationError(ClothsimError):
+    """A step that cannot be taken.
+
+    Attributes
+    ----------
+    failure : Failure
+        The cause, the element by its name, its position, and the remedy, as in the summary of a failed run.
+    """
+
+    def __init__(self, failure: Failure) -> None:
+        self.failure = failure
+        super().__init__(failure.reason, failure.remedy)
+
+
+class Simulation:
+    """A scene that is stepped by hand.
+
+    Iterating takes one step at a time until the duration of the scene; `step` goes on beyond it. Between two steps
+    wind, gravity, the keys of effects, fabrics, pins and bodies can be read and changed. A change acts from the next
+    step on and is exact: the steps after it are those, bit for bit with ``threads = 1``, of a scene that had the value
+    from the start and came to the same state. Steps without changes are those of `clothsim.simulate`.
+
+    A step that cannot be taken raises `SimulationError`. The simulation stays at its last good state, so that it can
+    go on after a change (a pin moved back, a body slowed down), or be saved.
+
+    Parameters
+    ----------
+    scene : Scene
+        From `clothsim.load_scene`, or made of tables or arrays.
+
+    Attributes
+    ----------
+    state : SimulationState
+        The end of the last step.
+    scene : Scene
+        The scene with the changes that it can express (all but those of pins and bodies).
+    failure : Failure or None
+        Of the last step, None where it was taken.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        session = prepare(scene, build(scene))
+        self._begin(session, first_state(session.built.world, session.integrator.dt), HandMotions())
+
+    def _begin(self, session: Session, state: State, by_hand: HandMotions) -> None:
+        self._session, self._state, self._by_hand = session, state, by_hand
+        self.state: SimulationState = starting_state(session.built.world, state)
+        self.failure: Failure | None = None
+
+    def __repr__(self) -> str:
+        ended = ", failed" if self.failure is not None else ""
+        return f"<Simulation at {self.state.time:g} s of {self.duration:g} s, step {self.state.step}{ended}>"
+
+    # --- stepping ---
+
+    @property
+    def scene(self) -> Scene:
+        """The scene with the changes that it can express."""
+        return self._session.scene
+
+    @property
+    def duration(self) -> float:
+        """Duration of the scene [s]."""
+        return self.scene.run_settings.duration
+
+    @property
+    def finished(self) -> bool:
+        """True where the duration of the scene is simulated."""
+        return self._state.frame >= frame_count(self.duration, self.scene.run_settings.frames_per_second)
+
+    def __iter__(self) -> Iterator[SimulationState]:
+        """Take the steps that are left of the duration of the scene, one state a step."""
+        while not self.finished:
+            yield self.step()
+
+    def step(self) -> SimulationState:
+        """Take one step, beyond the duration of the scene too.
+
+        Returns
+        -------
+        SimulationState
+            The end of the step.
+
+        Raises
+        ------
+        SimulationError
+            The step cannot be taken, or its frame intersects; the state is then the one before it.
+        """
+        integrator, run = self._session.integrator, self.scene.run_settings
+        if integrator.control is not None and self.finished:
+            raise InputError("solver.error is for the duration of the scene.", "Give a longer run.duration.")
+        report = next_step(integrator, self._state, run.duration, run.frames_per_second)
+        self.failure = report.failure
+        if report.failure is None and report.frame_done:
+            self.failure = self._intersection(report.state, report.dt)
+        if self.failure is not None:
+            raise SimulationError(self.failure)
+        self._state, self.state = report.state, state_after(self._session.built.world, report)
+        return self.state
+
+    def _intersection(self, state: State, dt: float) -> Failure | None:
+        """The failure of a frame that intersects where contact should have prevented it."""
+        built = self._session.built
+        check = intersection_check_of(world_surfaces(built.world), self.scene.effects, built.energies)
+        broken = check.violations(check.crossings(state.positions))
+        return crossing_failure(built.world, broken[0], state, dt) if broken else None
+
+    # --- changes of effects and fabrics ---
+
+    @property
+    def wind(self) -> Any:
+        """Wind of the effect "air" as a scene gives it: (3,) [m/s], a table with its kind, or a function."""
+        return self._key("air", "wind")
+
+    @wind.setter
+    def wind(self, value: Any) -> None:
+        self.change("air", wind=value)
+
+    @property
+    def gravity(self) -> Any:
+        """Acceleration of the effect "gravity", (3,) [m/s2]."""
+        return self._key("gravity", "acceleration")
+
+    @gravity.setter
+    def gravity(self, value: ArrayLike) -> None:
+        self.change("gravity", acceleration=value)
+
+    def change(self, effect: str, **keys: Any) -> None:
+        """Change keys of an effect; those that are not given stay.
+
+        Parameters
+        ----------
+        effect : str
+            An effect that the scene names, other than "pins".
+        **keys
+            As in the scene: ``change("friction", coefficient=0.5)``.
+
+        Raises
+        ------
+        InputError
+            For an effect that the scene does not name, an unknown key or a bad value; nothing is changed then.
+        """
+        self._session = with_effect(self._session, self._by_hand, effect, keys)
+
+    def _key(self, effect: str, key: str) -> Any:
+        refuse_unknown("The scene's effects", [effect], self.scene.effects)
+        return self.scene.effects[effect].get(key, EFFECTS[effect].keys()[key])
+
+    def set_fabric(self, fabric: str | None = None, *, cloth: str | None = None, **keys: float) -> None:
+        """Give a cloth another fabric: its masses and all energies are made again, its shape at rest stays.
+
+        Parameters
+        ----------
+        fabric : str, optional
+            A named fabric; that of the scene where it is not given.
+        cloth : str, optional
+            The name of the cloth; not needed where there is one.
+        **keys
+            Keys of the cloth that override the fabric: ``density``, ``bending_stiffness``, ...
+        """
+        self._session = with_fabric(self._session, self._by_hand, fabric, cloth, keys)
+
+    # --- pins ---
+
+    @property
+    def pins(self) -> dict[str, Floats]:
+        """Positions of the pinned vertices of each group by its name ("pins", "pins.group[0]"), (k, 3) [m]."""
+        x = self._state.positions + self._session.built.world.origin
+        n = self._session.built.world.n_cloth
+        return {group.name: x[group.vertices[group.vertices < n]] for group in pin_groups(self._session.built)}
+
+    def move_pins(self, positions: ArrayLike, group: str = "pins") -> None:
+        """Prescribe where the vertices of a group are at the end of the next step and after it.
+
+        Parameters
+        ----------
+        positions : (k, 3) array
+            In the order of ``simulation.pins[group]`` [m].
+        group : str
+            A name of `pins`. A clamped group holds directions too and is moved by `drive_pins` only.
+        """
+        pinned = pins_at(self._session.built, self._state, group, positions)
+        self._set_motions(self._by_hand.with_pins(group, pinned))
+
+    def drive_pins(
+        self,
+        group: str = "pins",
+        *,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        rotate_degrees_per_second: ArrayLike = (0.0, 0.0, 0.0),
+        centre: ArrayLike | None = None,
+    ) -> None:
+        """Move a group of pins rigidly from where it is now; without arguments it stops.
+
+        Parameters
+        ----------
+        group : str
+            A name of `pins`.
+        velocity, rotate_degrees_per_second, centre : (3,) array
+            As in the motion of a scene [m/s], [degrees/s], [m]; centre: the mean of the group where it is not given.
+        """
+        keys = {"velocity": velocity, "rotate_degrees_per_second": rotate_degrees_per_second}
+        rows = pinned_rows(self._session.built, group)
+        motion = driven(self._session.built.world, self._state, group, rows, keys, centre)
+        self._set_motions(self._by_hand.with_pins(group, (rows, motion)))
+
+    def add_pins(self, group: str, vertices: Sequence[int], cloth: str | None = None) -> None:
+        """Pin vertices of a cloth where they are now.
+
+        Parameters
+        ----------
+        group : str
+            A name for the new group.
+        vertices : sequence of int
+            Vertices of the cloth, none of them pinned yet.
+        cloth : str, optional
+            The name of the cloth; not needed where there is one.
+        """
+        pinned = new_pins(self._session.built, self._state, group, vertices, cloth)
+        self._set_motions(self._by_hand.with_pins(group, pinned))
+
+    def release_pins(self, group: str = "pins") -> None:
+        """Let a group of pins go: its vertices move freely from the next step on."""
+        if (pinned_rows(self._session.built, group) >= self._session.built.world.n_cloth).any():
+            raise InputError(f"{group} is clamped and cannot be released.", "Use clamp = false in the scene.")
+        self._set_motions(self._by_hand.with_pins(group, None))
+
+    # --- bodies ---
+
+    def move_body(self, name: str, positions: ArrayLike) -> None:
+        """Prescribe where the vertices of a body are at the end of the next step and after it; (n, 3) [m]."""
+        motion = body_at(self._session.built.world, self._state, name, positions)
+        self._set_motions(self._by_hand.with_body(name, motion))
+
+    def drive_body(
+        self,
+        name: str,
+        *,
+        velocity: ArrayLike = (0.0, 0.0, 0.0),
+        rotate_degrees_per_second: ArrayLike = (0.0, 0.0, 0.0),
+        centre: ArrayLike | None = None,
+    ) -> None:
+        """Move a body rigidly from where it is now; without arguments it stops. Parameters as of `drive_pins`."""
+        keys = {"velocity": velocity, "rotate_degrees_per_second": rotate_degrees_per_second}
+        world = self._session.built.world
+        motion = driven(world, self._state, name, body_rows(world, name), keys, centre)
+        self._set_motions(self._by_hand.with_body(name, motion))
+
+    def _set_motions(self, by_hand: HandMotions) -> None:
+        session = self._session
+        built = by_hand.applied(session.built)
+        if "body_contact" in built.energies:
+            refuse_leaps(built.world, session.integrator.dt)
+        integrator = replace(session.integrator, world=built.world, constraints=built.constraints)
+        self._session, self._by_hand = replace(session, built=built, integrator=integrator), by_hand
+        self._state = replace(self._state, blocked_at=nan, blocked=0)
+
+    # --- copies ---
+
+    def branch(self) -> "Simulation":
+        """A second simulation at the same state, which goes its own way; no array is copied.
+
+        Both share the scene's energies and the linear solver, so that they are not for use in two threads at a time.
+        """
+        other = object.__new__(Simulation)
+        other._session, other._state, other._by_hand = self._session, self._state, self._by_hand
+        other.state, other.failure = self.state, self.failure
+        return other
+
+    def save(self, path: str | Path) -> None:
+        """Write the state, the scene and all changes to a file (.npz), for `restore`.
+
+        Mesh files are not copied. InputError where a key of an effect is a Python function, which no file holds.
+        """
+        refuse_functions("effects", self.scene.effects)
+        saved = checkpoint_of(self._session, self._state, Certificate())
+        write_checkpoint(path, replace(saved, counters={**saved.counters, "by_hand": self._by_hand.as_json()}))
+
+    @classmethod
+    def restore(cls, path: str | Path) -> "Simulation":
+        """The simulation that `save` wrote, or one at the last good state of a run.
+
+        Parameters
+        ----------
+        path : str or Path
+            A file of `save`, or the directory of a run.
+
+        Returns
+        -------
+        Simulation
+            Its steps are those that the saved one would have taken, bit for bit with ``threads = 1``.
+        """
+        file = Path(path) / CHECKPOINT_NAME if Path(path).is_dir() else Path(path)
+        saved = read_checkpoint(file)
+        scene = scene_from_text(saved.scene_text, file.parent)
+        by_hand = hand_motions_from(saved.counters.get("by_hand", {"pins": {}, "bodies": {}}))
+        built = by_hand.applied(build(scene))
+        if len(saved.positions) != built.world.n_vertices:
+            raise InputError(f"{file} is of another mesh than its scene.", "Restore the mesh files of the scene.")
+        simulation = object.__new__(cls)
+        simulation._begin(prepare(scene, built), state_of(saved), by_hand)
+        return simulation

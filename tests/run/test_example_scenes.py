@@ -1,0 +1,65 @@
+"""The example scenes: which there are, what they need, and how a command names one."""
+
+from pathlib import Path
+
+import pytest
+
+from clothsim import InputError, load_scene
+from clothsim.run import example_scenes as module
+from clothsim.run.example_scenes import example_scenes, headline, scene_file
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_every_scene_of_the_repository_is_listed():
+    listed = {each.name: each for each in example_scenes()}
+    assert set(listed) == {file.stem for file in (ROOT / "scenes").glob("*.toml")}
+    assert all(3 < len(each.headline) < 120 for each in listed.values())
+    assert listed["sphere"].headline == "A square metre of cotton falls on a ball"
+    assert listed["sphere"].missing == ()
+
+
+def test_files_that_are_not_installed_are_named(tmp_path, monkeypatch):
+    for name in ("sphere", "shoulders"):
+        (tmp_path / f"{name}.toml").write_bytes((ROOT / "scenes" / f"{name}.toml").read_bytes())
+    monkeypatch.setattr(module, "_folders", lambda: iter([tmp_path / "none", tmp_path]))
+    missing = {each.name: each.missing for each in example_scenes()}
+    assert missing["sphere"] == ()
+    [name] = missing["shoulders"]
+    assert name.endswith("mean_all.obj")
+
+
+def test_a_name_is_that_of_a_file_first(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert load_scene(scene_file(Path("sphere"))).bodies
+    assert scene_file(Path("sphere.toml")) == Path("sphere.toml")
+    assert scene_file(Path("folder/sphere")) == Path("folder/sphere")
+    Path("sphere").mkdir()  # the output of a run of that name
+    assert scene_file(Path("sphere")).is_file()
+    Path("sphere").rmdir()
+    Path("sphere").write_text("of my own")
+    assert scene_file(Path("sphere")) == Path("sphere")
+
+
+def test_an_unknown_name_is_answered_with_the_nearest():
+    with pytest.raises(InputError) as caught:
+        scene_file(Path("spher"))
+    assert "'sphere'" in caught.value.remedy
+
+
+def test_scenes_that_are_not_installed_are_reported(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "_folders", lambda: iter([tmp_path]))
+    with pytest.raises(InputError):
+        example_scenes()
+
+
+@pytest.mark.parametrize(
+    ("text", "first"),
+    [
+        ("# A ball. It falls.\n[cloth]", "A ball"),
+        ("# A ball of 2.3 kg\n# falls: soon.\n\n# no more", "A ball of 2.3 kg falls"),
+        ("[cloth]\n# later", ""),
+    ],
+)
+def test_the_headline_is_the_first_clause_of_the_comment(text, first):
+    assert headline(text) == first

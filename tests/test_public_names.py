@@ -1,0 +1,39 @@
+"""The public names of both packages."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import clothsim
+import transfer
+
+
+@pytest.mark.parametrize("package", [clothsim, transfer])
+def test_dir_shows_the_public_names_and_each_is_there(package):
+    names = [name for name in dir(package) if name != "__version__"]
+    assert names == sorted(package.__all__)
+    assert set(package._HOMES) == set(names)
+    for name in names:
+        assert getattr(package, name) is not None
+    with pytest.raises(AttributeError, match="nothing_of_this_name"):
+        package.nothing_of_this_name  # noqa: B018
+
+
+@pytest.mark.parametrize("package", [clothsim, transfer])
+def test_no_public_name_is_that_of_a_module_which_would_hide_it(package):
+    modules = {file.stem for file in Path(package.__file__).parent.iterdir()}
+    assert modules.isdisjoint(package.__all__)
+
+
+@pytest.mark.parametrize("package", [clothsim, transfer])
+def test_the_packages_are_typed(package):
+    assert (Path(package.__file__).parent / "py.typed").is_file()
+
+
+@pytest.mark.parametrize("package", ["clothsim", "transfer"])
+def test_to_import_a_package_loads_nothing_else(package):
+    code = f"import sys, {package}; print([name for name in sys.modules if name.startswith({package!r})])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == str([package])
