@@ -109,11 +109,11 @@ def test_picture_and_movie_are_left(capsys, tmp_path, monkeypatch):
 
 
 def test_a_movie_without_ffmpeg_is_a_gif(tmp_path, monkeypatch):
-    from clothsim.cli import render_command
+    from clothsim.run import pictures
 
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     small = {"size": (64, 64), "renderer": "ray"}
-    monkeypatch.setattr(render_command, "draw_movie", with_keywords(render_command.draw_movie, small))
+    monkeypatch.setattr(pictures, "draw_movie", with_keywords(pictures.draw_movie, small))
     assert main(["run", "free.toml", "--movie", "--no-picture", "--frames-per-second", "25", "--quiet"]) == 0
     assert [file.name for file in (tmp_path / "free").glob("movie.*")] == ["movie.gif"]
 
@@ -350,7 +350,7 @@ def test_explain_counts_only_the_steps_that_were_asked_for():
         (["render", "RUN", "-o", "a.gif", "--frame", "1"], "--frame is for pictures."),
         (["render", "RUN", "-o", "a.png", "--frames-per-second", "9"], "--frames-per-second is for movies."),
         (["render", "."], "holds no trajectory.vtkhdf"),
-        (["check", "nowhere"], "There is no nowhere."),
+        (["check", "nowhere"], "There is no scene file nowhere"),
         (["check", "notes.txt"], "notes.txt"),
         (["check", "free.toml", "--body"], "free.toml is no mesh file."),
         (["check", "bad.obj", "--component", "x"], "--component is 'x'."),

@@ -130,7 +130,7 @@ def test_a_registered_effect_has_its_example_and_its_headline(folder):
     effect = EFFECTS["trampoline"]
     assert effect.keys() == {"strength": 1.0, "level": 0.0}
     assert effect.example().external
-    assert "strength" in effect.says
+    assert "strength" in effect.summary
 
 
 @pytest.mark.parametrize(

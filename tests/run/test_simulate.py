@@ -320,7 +320,7 @@ def test_pins_driven_into_a_body_end_the_run_with_the_reason_and_keep_its_frames
     pins = {"select": [12], "motion": {"velocity": [0.0, 0.0, -0.5]}}
     run = simulate(small_scene(effects=without("gravity") | {"pins": pins}), tmp_path)
     assert run.status == "failed"
-    assert "blocked: vertex 12 of cloth (pins)" in run.reason
+    assert "vertex 12 of cloth (pins)" in run.reason
     assert "of ball are" in run.reason
     assert "it is infeasible." in run.reason
     assert len(run.times) >= 2
