@@ -191,11 +191,13 @@ def test_a_right_hand_side_of_any_size_keeps_its_digits(scale):
 @pytest.mark.parametrize(("code", "said"), [(-2, "not enough memory to factorise"), (-3, "its error -3")])
 def test_what_pardiso_gives_up_is_said_in_a_sentence(code, said, monkeypatch):
     solver, _, data, _ = mixed()
+    library = solver._single._library
+    integer = ctypes.POINTER(np.ctypeslib.as_ctypes_type(library.integer))
 
     def giving_up(*arguments):
-        ctypes.cast(arguments[-1], ctypes.POINTER(ctypes.c_int32))[0] = code
+        ctypes.cast(arguments[-1], integer)[0] = code
 
-    monkeypatch.setattr(solver._single, "_library", replace(solver._single._library, pardiso=giving_up))
+    monkeypatch.setattr(solver._single, "_library", replace(library, pardiso=giving_up))
     with pytest.raises(ClothsimError, match=said):
         solver.factorise(data)
     monkeypatch.undo()
