@@ -8,7 +8,7 @@ TWICE = """
 from clothsim.cli import ahead
 ahead.CORES = 1
 first = ahead.start()
-print(first is not None, first.wait(timeout=300), ahead.start() is None)
+print(first is not None, first.wait(), ahead.start() is None)
 """
 
 
