@@ -8,7 +8,7 @@ TWICE = """
 from clothsim.cli import precompile
 precompile.CORES = 1
 first = precompile.start()
-print(first is not None, first.wait(timeout=300), precompile.start() is None)
+print(first is not None, first.wait(), precompile.start() is None)
 """
 
 

@@ -72,7 +72,6 @@ def told(folder, package):
         capture_output=True,
         text=True,
         check=False,
-        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     seen = json.loads((folder / "told.json").read_text())

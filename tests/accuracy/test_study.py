@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import replace
-from zlib import crc32
 
 import numpy as np
 import pytest
@@ -170,12 +169,14 @@ def test_a_scene_that_fails_itself_is_one_sentence(tmp_path):
 
 
 def test_chaotic_folds_are_compared_by_their_heights(tmp_path):
+    phases = {}
+
     def folds(job):
         """Each settings' waves have another phase, so places differ and heights do not."""
         said = answer(job)
         with np.load(job.target) as arrays:
             kept = dict(arrays)
-        phase = crc32(f"{job.scene} {job.seed}".encode()) % 1000
+        phase = phases.setdefault((job.scene, job.seed), 2.4 * len(phases))  # golden angle: no two are close
         kept["positions"] = (
             kept["positions"] + [[0.0, 0.3, 0.0]] * np.sin(phase + np.arange(len(kept["rest_0"])))[:, None]
         )
@@ -214,11 +215,11 @@ def test_real_processes(tmp_path):
         run={"duration": 0.04},
         solver={"dt": 0.02},
     )
-    result = study_accuracy(scene, tmp_path, ["dt", "tolerance"], budget=90.0, workers=1).result
+    result = study_accuracy(scene, tmp_path, ["dt", "tolerance"], budget=900.0, workers=1).result
     assert not result["chaotic"]
     assert {each["label"] for each in result["points"]} >= {"base", "dt +1", "dt -1", "tolerance +1"}
     assert all(each["seconds"] > 0 for each in result["points"])
-    assert result["seconds"] < 90
+    assert result["seconds"] < 900
     assert 0.8 < result["knobs"]["dt"]["observed_slope"] < 1.3
 
 

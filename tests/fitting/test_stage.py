@@ -21,7 +21,7 @@ def test_a_stage_is_counted_timed_and_heard():
     assert kept["penetrating_vertices"] == stage.counts.penetrating_vertices == len(garment.positions)
     assert kept["intersecting_pairs"] == stage.counts.body_pairs
     assert kept["said"] == "said"
-    assert 0 <= kept["seconds"] < 60
+    assert kept["seconds"] == stage.seconds >= 0
 
 
 def test_a_stage_may_have_begun_before():

@@ -313,7 +313,9 @@ WORDS = st.sampled_from(["v", "vt", "f", "g", "o", "\\", "#", "/", "1", "-1", "2
 LINES = st.lists(st.lists(WORDS, max_size=6).map(" ".join), max_size=12)
 
 
-@settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(st.one_of(LINES.map("\n".join), st.text(max_size=80), LINES.map(lambda lines: TRIANGLE + "\n".join(lines))))
 def test_any_text_is_a_mesh_or_an_input_error(tmp_path, text):
     path = tmp_path / "fuzz.obj"
