@@ -1,4 +1,4 @@
-"""Bending, by the model that the scene names."""
+"""Bending stiffness: the effect `bending`, with a choice of models."""
 
 from collections.abc import Callable
 from dataclasses import fields
@@ -18,14 +18,26 @@ MODELS: dict[str, Callable[[Hinges, World], Energy]] = {
     "quadratic": lambda hinges, world: quadratic_bending(hinges, world.start()),
     "midedge": midedge_bending,
 }
-"""A model is its name and what builds its energy for some hinges of a world."""
+"""Bending models by name: each builds the energy of hinges of a world."""
 
 
 def bending(world: World, *, model: str = "hinge") -> Energy | Off:
-    """The bending energy of a world: `model` is "hinge" (angle springs), "quadratic" (constant Hessian) or "midedge"
-    (the one that converges on any mesh and knows the material's Poisson ratio).
+    """The bending energy of all cloths, over the hinges that have a stiffness.
 
-    Hinges of no stiffness are dropped. InputError where the model is unknown.
+    Parameters
+    ----------
+    model : str
+        "hinge" (springs on dihedral angles), "quadratic" (constant Hessian) or "midedge" (convergent on any mesh, with
+        the material's Poisson ratio).
+
+    Returns
+    -------
+    Energy, or Off without interior edges or stiffness.
+
+    Raises
+    ------
+    InputError
+        For an unknown model; names the nearest one.
     """
     build = _model(model)
     hinges = world.hinges
