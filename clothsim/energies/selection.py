@@ -18,7 +18,7 @@ def check_tables(
 ) -> None:
     """InputError unless `tables` is a list of tables of `known` keys that include all `needed` ones."""
     if isinstance(tables, str | Mapping) or not isinstance(tables, Sequence):
-        raise InputError(f"{where} must be a list of tables.", f"Write [[{where}]].")
+        raise InputError(f"{where} is of the wrong type: it must be a list of tables.", f"Write [[{where}]].")
     for number, table in enumerate(tables):
         if not isinstance(table, Mapping):
             raise InputError(f"{where}[{number}] must be a table of keys, not {table!r}.")
