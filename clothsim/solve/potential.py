@@ -156,8 +156,12 @@ class Potential:
         return booked
 
     def couplings(self, x: Floats, dx: Floats) -> list[Ints]:
-        """Rows (m, k) that contact may couple on the way x -> x + dx, energy by energy; none where there is none."""
-        return [energy.couplings(x, dx) for energy in self._acting_as(Coupling)]
+        """Rows (m, k) that energies are expected to couple on the path x -> x + dx, energy by energy.
+
+        Contact predicts pairs only where one is active at x: the order of elimination depends on the pattern, so that a
+        predicted pair that never becomes active would change every bit of a run without contact.
+        """
+        return [energy.couplings(x, dx) for energy in self._acting_as(Coupling) if _is_active(energy, x)]
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """The smallest of the energies' step limits, in [0, 1]: each is told what those before it allow."""
@@ -201,3 +205,7 @@ class Potential:
                     account["parts"][key] = account["parts"].get(key, 0.0) + count
             accounts[name] = account
         return accounts
+
+
+def _is_active(energy: Coupling, x: Floats) -> bool:
+    return not isinstance(energy, ContactGap) or energy.minimum_gap(x) < np.inf
