@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 import pytest
-from import_graph import home, own
+from import_graph import home, own, reached
 from small_scenes import BALL, EFFECTS, SHEET, SOLVER, changed, small_scene, without
 
 import clothsim.contact
@@ -177,6 +177,17 @@ def test_the_poison_works(tmp_path, monkeypatch, name):
     poison(monkeypatch, name)
     with pytest.raises(AssertionError, match=f"{name} is absent"):
         run_of(tmp_path, effects=ALL)
+
+
+LAZY = ("fibres", "strain_limit", "bending", "damping", "air", "gravity", "pressure", "springs")
+
+
+@pytest.mark.parametrize("name", LAZY)
+def test_no_kernel_is_imported_for_a_coefficient_of_zero(name):
+    """Kernels are imported within the builder, after its last Off."""
+    wanted = reached("clothsim.run.simulate", *map(home, ("inertia", "membrane")), within_functions=False)
+    more = reached(home(name), within_functions=False) - wanted
+    assert not [module for module in more if module.endswith("_kernels")]
 
 
 # --- what is not zero in the matrix ---------------------------------------------------------------------------------

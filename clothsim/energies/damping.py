@@ -11,10 +11,8 @@ from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_
 from clothsim.energies.elementwise import Elementwise
 from clothsim.energies.example import Example
 from clothsim.energies.hessians import ByElement, ElementHessian
-from clothsim.energies.hinge_bending import HingeBending, hinge_bending
 from clothsim.energies.protocols import Restrictable, restricted
 from clothsim.energies.step import Step
-from clothsim.energies.strain_damping import HingeDamping, StrainDamping
 from clothsim.energies.varying_values import over_cloth
 from clothsim.mesh.world import World
 
@@ -119,14 +117,13 @@ def damping(world: World, *, rate: Any = 1.0, stiffness: float = 0.0, strain_rat
     beta = as_positive("effects.damping.stiffness", stiffness, zero=True)
     eta = over_cloth("effects.damping.strain_rate", strain_rate, world, least=0.0)
     shear, trace = eta + 2 * beta * world.per_triangle("shear_modulus"), beta * world.per_triangle("lame_modulus")
-    spring = hinge_bending(world.hinges)
     parts: list[Energy] = []
     if rates.any():
         parts.append(_mass_damping(world, rates))
     if shear.any():
         parts.append(_strain_damping(world, shear, trace))
-    if beta and spring.stiffnesses.any():
-        parts.append(_hinge_damping(spring, beta))
+    if beta and world.hinges.stiffness.any():
+        parts.append(_hinge_damping(world, beta))
     if not parts:
         given = beta > 0  # but no part of the fabric has a stiffness
         return Off("the fabric has no stiffness to be proportional to" if given else "rate is 0")
@@ -142,14 +139,20 @@ def _mass_damping(world: World, rates: Floats) -> MassDamping:
     return MassDamping(rows, weights, 1.0, start, 1.0)
 
 
-def _strain_damping(world: World, shear: Floats, trace: Floats) -> StrainDamping:
+def _strain_damping(world: World, shear: Floats, trace: Floats) -> Energy:
+    from clothsim.energies.strain_damping import StrainDamping
+
     kept = np.flatnonzero(shear)
     inverses, areas = world.rest_shape_inverses[kept], world.rest_areas[kept]
     none = np.zeros((len(kept), 2, 2))
     return StrainDamping(world.triangles[kept], inverses, areas, shear[kept], trace[kept], none, 1.0)
 
 
-def _hinge_damping(spring: HingeBending, beta: float) -> HingeDamping:
+def _hinge_damping(world: World, beta: float) -> Energy:
+    from clothsim.energies.hinge_bending import HingeBending, hinge_bending
+    from clothsim.energies.strain_damping import HingeDamping
+
+    spring = hinge_bending(world.hinges)
     stiff = np.flatnonzero(spring.stiffnesses)
     hinges = HingeBending(spring.vertices[stiff], spring.rest_angles[stiff], spring.stiffnesses[stiff])
     return HingeDamping(beta * hinges.stiffnesses, hinges)

@@ -27,6 +27,7 @@ from clothsim.energies.hessians import LanesHessian
 from clothsim.linalg import dot
 from clothsim.memo import Lately
 from clothsim.mesh.hinges import Hinges
+from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,6 @@ class HingeBending(Elementwise, Energy):
         return np.where(np.isfinite(bent), self.stiffnesses * bent, 0.0)
 
 
-def hinge_bending(hinges: Hinges) -> HingeBending:
-    """The bending energy of hinges with the stiffness D [N m] of their cloth."""
+def hinge_bending(hinges: Hinges, world: World | None = None) -> HingeBending:
+    """The bending energy of hinges with the stiffness D [N m] of their cloth (`world`: other models need it)."""
     return HingeBending(hinges.vertices, hinges.rest_angles, hinges.stiffness * hinges.edge_lengths**2 / hinges.areas)

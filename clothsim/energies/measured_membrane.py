@@ -67,7 +67,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class MeasuredThreads:
-    """The law (`fibres.ThreadLaw`) of three tables, less the stress of the sheet of modulus mu [N/m]."""
+    """The law (`threads.ThreadLaw`) of three tables, less the stress of the sheet of modulus mu [N/m]."""
 
     warp: Curve
     weft: Curve

@@ -6,7 +6,7 @@ shear [N/m] and nu^2 = nu12 nu21 (nu12 E2 = nu21 E1, so nu12 = nu sqrt(E1/E2)),
     C11 = E1/(1 - nu^2),  C22 = E2/(1 - nu^2),  C12 = nu sqrt(E1 E2)/(1 - nu^2),  C33 = G
 
 which is stable for every |nu| < 1. The energy is the sum of a Neo-Hookean sheet of shear modulus mu and lam = 0, which
-prevents collapsed triangles and resists shear, and of threads (`fibres`) with the remaining stiffness
+prevents collapsed triangles and resists shear, and of threads (`threads`) with the remaining stiffness
 C - diag(2 mu, 2 mu, mu): mu = min(G, half the smaller eigenvalue of [[C11, C12], [C12, C22]]) is the largest for which
 it is semi-definite. For E1 = E2 = 2 (1 + nu) G the small-strain limit is that of the isotropic membrane.
 """
@@ -18,10 +18,10 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy
-from clothsim.energies.fibres import Fibres, LinearThreads, ThreadLaw
 from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
 from clothsim.energies.protocols import Report, Restrictable
+from clothsim.energies.threads import Fibres, LinearThreads, ThreadLaw
 from clothsim.mesh.world import World
 
 

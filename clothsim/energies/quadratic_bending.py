@@ -29,6 +29,7 @@ from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.step import Step
 from clothsim.linalg import kabsch
 from clothsim.mesh.hinges import Hinges
+from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
@@ -90,8 +91,9 @@ class QuadraticBending(Energy):
         return targets
 
 
-def quadratic_bending(hinges: Hinges, start: Floats) -> QuadraticBending:
-    """The bending energy of hinges, with the frames R of the positions `start` (N, 3) [m]."""
+def quadratic_bending(hinges: Hinges, world: World) -> QuadraticBending:
+    """The bending energy of hinges, with the frames R of the start."""
+    start = world.start()
     height1, height2 = hinges.corners[:, 2, 1], -hinges.corners[:, 3, 1]
     u, w = (hinges.corners[:, k, 0] / hinges.edge_lengths for k in (2, 3))
     weights = np.column_stack(

@@ -11,7 +11,8 @@ from small_scenes import SHEET, SOLVER
 
 from clothsim import Scene, simulate
 from clothsim.energies.base import Off
-from clothsim.energies.strain_limit import SLACK, strain_limit
+from clothsim.energies.strain_limit import strain_limit
+from clothsim.energies.stretch_barrier import SLACK
 from clothsim.errors import InputError
 from clothsim.mesh.world import make_world
 
