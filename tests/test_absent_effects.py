@@ -12,7 +12,7 @@ import sys
 
 import numpy as np
 import pytest
-from import_graph import home, own
+from import_graph import home, own, reached
 from small_scenes import BALL, EFFECTS, SHEET, SOLVER, changed, small_scene, without
 
 import clothsim.contact
@@ -20,6 +20,7 @@ from clothsim import simulate
 from clothsim.scene.effects import EFFECTS as TABLE
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
+SELF = {"self_contact": {}}
 PINS = {"pins": {"select": "corners"}}
 EXAMPLES = {name: effect.example() for name, effect in TABLE.items()}
 ALL = EFFECTS | {name: example.scene_keys for name, example in EXAMPLES.items() if name not in EFFECTS}
@@ -69,6 +70,20 @@ def test_a_body_out_of_reach_is_absent_bit_for_bit(tmp_path):
     assert np.array_equal(frames(far), frames(none))
     assert far.summary["effects"]["body_contact"]["pairs"] == 0
     assert far.summary["effects"]["body_contact"]["hessian_nonzeros"] == 0
+
+
+def test_self_contact_without_a_pair_is_absent_bit_for_bit(tmp_path):
+    """The upper sheet is damped above the lower one: pairs are predicted in both steps, and none is active."""
+    low = SHEET | {"name": "low", "cells": [6, 6]}
+    high = low | {"name": "high", "position": [0.1, 0.07, SHEET["position"][2] + 0.053], "velocity": [0, 0, -2.0]}
+    effects = without("body_contact") | {"damping": {"rate": 50.0}, "pins": {"select": [0, 6, 42, 48]}}
+    sections = {"cloth": (low, high), "body": (), "solver": SOLVER | {"linear": "auto"}}
+    sections["run"] = {"duration": 0.04, "frames_per_second": 50}
+    runs = [run_of(tmp_path / str(k), effects=effects | more, **sections) for k, more in enumerate(({}, SELF))]
+    assert np.array_equal(frames(runs[0]), frames(runs[1]))
+    contact = runs[1].summary["effects"]["self_contact"]
+    assert contact["pairs"] == contact["hessian_nonzeros"] == 0
+    assert contact["hessians"] > 0
 
 
 # --- nothing absent is imported or run ------------------------------------------------------------------------------
@@ -162,6 +177,17 @@ def test_the_poison_works(tmp_path, monkeypatch, name):
     poison(monkeypatch, name)
     with pytest.raises(AssertionError, match=f"{name} is absent"):
         run_of(tmp_path, effects=ALL)
+
+
+LAZY = ("fibres", "strain_limit", "bending", "damping", "air", "gravity", "pressure", "springs")
+
+
+@pytest.mark.parametrize("name", LAZY)
+def test_no_kernel_is_imported_for_a_coefficient_of_zero(name):
+    """Kernels are imported within the builder, after its last Off."""
+    wanted = reached("clothsim.run.simulate", *map(home, ("inertia", "membrane")), within_functions=False)
+    more = reached(home(name), within_functions=False) - wanted
+    assert not [module for module in more if module.endswith("_kernels")]
 
 
 # --- what is not zero in the matrix ---------------------------------------------------------------------------------

@@ -1,17 +1,17 @@
-"""The effect `air`: drag and lift on every triangle in the wind that it feels.
+"""Aerodynamic drag and lift: the effect `air`.
 
-A triangle of area A and normal n that moves with v against the air w, v_rel = v - w, feels
+The force on a triangle of area A and normal n that moves with v through air of velocity w, v_rel = v - w, is
 
     F = -(rho / 2) A |v_rel| (C_n n n' + C_t (1 - n n')) v_rel,    C_n = drag, C_t = (1 - lift) drag
 
 (normal and tangential parts as in Wejchert & Haumann 1991, "Animation aerodynamics", with the square of the speed).
-Face on that is rho/2 A drag v^2; at an angle b between plate and wind the part across the wind, the lift, is
+Face on, that is rho/2 A drag v^2; at an angle b between plate and wind the component across the wind, the lift, is
 rho/2 A drag lift v^2 sin b cos b. lift = 1 is a thin plate without skin friction, lift = 0 pure drag along the wind.
 
-|v_rel|, A and n are taken at the start of the step and held within it. Then the force is linear in v_rel and has the
-potential T |v_rel|^2 h / 2 with a tensor T that is positive semi-definite: the step is implicit in the velocity, its
-derivatives are exact and it cannot overshoot the wind, whatever dt is. The coefficient lags by a step: an error of
-first order in dt, also in BDF2.
+|v_rel|, A and n are lagged: taken at the start of the step and constant within it. Then the force is linear in v_rel
+and has the potential v_rel.T v_rel h / 2 with a positive semi-definite tensor T: the step is implicit in the velocity,
+its derivatives are exact and the cloth cannot overshoot the wind, whatever dt is. The lag is an error of first order in
+dt, also with BDF2.
 """
 
 from dataclasses import dataclass, replace
@@ -34,11 +34,26 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class Air(Energy, Driven, Idling):
-    """E = sum d' T d / (2 h), d = y - y_n - h w, y the mean of a triangle's corners, so that d / h = v_rel.
+    """E = sum d.T d / (2 h), d = y - y_n - h w, y the centroid of a triangle, so that d / h = v_rel.
 
-    triangles (m, 3); pressures rho C_n / 2 and rho C_t / 2, across and along (m,) [kg/m3]; wind and its strength, a
-    factor; origin (3,) [m] of x. Bound to a step: tensors T (m, 3, 3) [N s/m]; carried y_n + h w (m, 3) [m], where the
-    air would take the triangles; dt h [s]. In BDF2 x^ and b h (FORMULAS 2).
+    With BDF2 x^ and b h replace x_n and h (FORMULAS 2).
+
+    Parameters
+    ----------
+    triangles : (m, 3) int array
+        Rows of x.
+    across, along : (m,) arrays
+        rho C_n / 2 and rho C_t / 2 [kg/m3].
+    wind, strength : Wind, Schedule
+        Velocity field of the air and a factor over time.
+    origin : (3,) array
+        Origin of x in the scene's coordinates [m].
+    tensors : (m, 3, 3) array
+        T of the step [N s/m].
+    drifted : (m, 3) array
+        y_n + h w: the centroids displaced with the air [m].
+    dt : float
+        h [s].
     """
 
     triangles: Ints
@@ -48,7 +63,7 @@ class Air(Energy, Driven, Idling):
     strength: Schedule
     origin: Floats
     tensors: Floats
-    carried: Floats
+    drifted: Floats
     dt: float
 
     incremental = True
@@ -60,26 +75,26 @@ class Air(Energy, Driven, Idling):
 
     @property
     def idle(self) -> bool:
-        """True where no triangle moves against the air."""
+        """True where no triangle moves relative to the air."""
         return not self.tensors.any()
 
     def begin(self, step: Step) -> Self:
-        """Bound to |v_rel|, areas and normals at the start of the step, and to the wind at its end.
+        """A copy with |v_rel|, areas and normals of the start of the step, and the wind of its end.
 
-        A quasi-static ramp scales a wind of constant strength; one that varies in time is its own ramp.
+        A quasi-static ramp scales a wind of constant strength; a strength that varies over time is a ramp of its own.
         """
         past, corners = step.past, step.positions[self.triangles]
         now = step.time + step.dt
-        share = self.strength.at(now) * (step.load if self.strength.is_constant else 1.0)
-        wind = share * self.wind.at(corners.mean(axis=1) + self.origin, now)
+        factor = self.strength.at(now) * (step.load if self.strength.is_constant else 1.0)
+        wind = factor * self.wind.at(corners.mean(axis=1) + self.origin, now)
         twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         areas = np.linalg.norm(twice, axis=1) / 2
         normals = twice / np.maximum(2 * areas, np.finfo(float).tiny)[:, None]
-        felt = np.linalg.norm(step.velocities[self.triangles].mean(axis=1) - wind, axis=1)
+        speeds = np.linalg.norm(step.velocities[self.triangles].mean(axis=1) - wind, axis=1)
         projector = normals[:, :, None] * normals[:, None, :]
         shape = self.along[:, None, None] * np.eye(3) + (self.across - self.along)[:, None, None] * projector
-        carried = past.positions[self.triangles].mean(axis=1) + past.dt * wind
-        return replace(self, tensors=(areas * felt)[:, None, None] * shape, carried=carried, dt=past.dt)
+        drifted = past.positions[self.triangles].mean(axis=1) + past.dt * wind
+        return replace(self, tensors=(areas * speeds)[:, None, None] * shape, drifted=drifted, dt=past.dt)
 
     def value(self, x: Floats) -> float:
         """Incremental dissipation [J]."""
@@ -88,17 +103,17 @@ class Air(Energy, Driven, Idling):
 
     def gradient(self, x: Floats) -> Floats:
         """T d / (3 h) on each corner, (N, 3) [N]."""
-        pulls = np.einsum("tij,tj->ti", self.tensors, self._relative(x)) / (3 * self.dt)
+        forces = np.einsum("tij,tj->ti", self.tensors, self._relative(x)) / (3 * self.dt)
         corners = self.triangles.ravel()
-        thirds = np.repeat(pulls, 3, axis=0)
+        thirds = np.repeat(forces, 3, axis=0)
         return np.stack([np.bincount(corners, thirds[:, k], len(x)) for k in range(3)], axis=1)
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
-        """T / (9 h) for each pair of corners [N/m]: constant, positive semi-definite and exact in one."""
+        """T / (9 h) for each pair of corners [N/m]: constant, positive semi-definite and exact."""
         return ElementHessian(self.triangles, np.tile(self.tensors / (9 * self.dt), (1, 3, 3)))
 
     def _relative(self, x: Floats) -> Floats:
-        return x[self.triangles].mean(axis=1) - self.carried
+        return x[self.triangles].mean(axis=1) - self.drifted
 
 
 def air(
@@ -110,10 +125,29 @@ def air(
     wind: ArrayLike | Any = (0.0, 0.0, 0.0),
     strength: Any = 1.0,
 ) -> Energy | Off:
-    """Air of a `density` [kg/m3], still or with a `wind` (`energies.wind`) times its `strength` over time.
+    """Drag and lift of all triangles in still air or wind.
 
-    drag: the coefficient of a triangle face on; lift, 0 to 1: how much of it acts along the normal alone; both may vary
-    over the cloth (`energies.values`). Off where the density or every drag is 0.
+    Parameters
+    ----------
+    density : float
+        Density of the air [kg/m3].
+    drag : number or values over the cloth
+        Drag coefficient of a triangle face on (`energies.varying_values`).
+    lift : number or values over the cloth
+        From 0, drag along the wind alone, to 1, force along the normal alone.
+    wind : (3,) vector, table or function
+        Velocity of the air [m/s] (`energies.wind`).
+    strength : number, key frames or function
+        Factor on the wind over time.
+
+    Returns
+    -------
+    Air, or Off where the density or every drag is 0.
+
+    Raises
+    ------
+    InputError
+        For a value out of its range; names the key and the triangle.
     """
     rho = as_positive("effects.air.density", density, zero=True)
     across = over_cloth("effects.air.drag", drag, world, least=0.0)
@@ -123,13 +157,13 @@ def air(
     field, pace = wind_of("effects.air.wind", wind), schedule("effects.air.strength", strength)
     if rho == 0:
         return Off("the density of the air is 0")
-    felt = np.flatnonzero(across)
-    if not len(felt):
+    kept = np.flatnonzero(across)
+    if not len(kept):
         return Off("drag is 0")
-    across, along = rho / 2 * across[felt], rho / 2 * (across * (1 - lifts))[felt]
-    none = np.zeros((len(felt), 3))
-    tensors = np.zeros((len(felt), 3, 3))
-    return Air(world.triangles[felt], across, along, field, pace, world.origin, tensors, none, 1.0)
+    across, along = rho / 2 * across[kept], rho / 2 * (across * (1 - lifts))[kept]
+    none = np.zeros((len(kept), 3))
+    tensors = np.zeros((len(kept), 3, 3))
+    return Air(world.triangles[kept], across, along, field, pace, world.origin, tensors, none, 1.0)
 
 
 EXAMPLE = Example(

@@ -41,12 +41,15 @@ class Energy(abc.ABC):
 
         Parameters
         ----------
-        x : (N, 3) positions [m].
-        project : True for a positive semi-definite approximation (the Newton direction), False for the exact one.
+        x : (N, 3) array
+            Positions [m].
+        project : bool
+            True for a positive semi-definite approximation (the Newton direction), False for the exact one.
 
         Returns
         -------
-        One block an element, or a (3N, 3N) matrix.
+        ByElement or (3N, 3N) sparse array
+            Blocks by element, or the matrix.
         """
 
     def begin(self, step: Step) -> Self:

@@ -1,33 +1,42 @@
-"""Bending, by the model that the scene names."""
+"""Bending stiffness: the effect `bending`, with a choice of models."""
 
-from collections.abc import Callable
+import importlib
 from dataclasses import fields
 from difflib import get_close_matches
 
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example
-from clothsim.energies.hinge_bending import hinge_bending
-from clothsim.energies.midedge_bending import midedge_bending
-from clothsim.energies.quadratic_bending import quadratic_bending
 from clothsim.errors import InputError
 from clothsim.mesh.hinges import Hinges
 from clothsim.mesh.world import World
 
-MODELS: dict[str, Callable[[Hinges, World], Energy]] = {
-    "hinge": lambda hinges, world: hinge_bending(hinges),
-    "quadratic": lambda hinges, world: quadratic_bending(hinges, world.start()),
-    "midedge": midedge_bending,
+MODELS = {
+    "hinge": "clothsim.energies.hinge_bending:hinge_bending",
+    "quadratic": "clothsim.energies.quadratic_bending:quadratic_bending",
+    "midedge": "clothsim.energies.midedge_bending:midedge_bending",
 }
-"""A model is its name and what builds its energy for some hinges of a world."""
+"""Bending models by name: the function that builds the energy of hinges of a world, imported when it is chosen."""
 
 
 def bending(world: World, *, model: str = "hinge") -> Energy | Off:
-    """The bending energy of a world: `model` is "hinge" (angle springs), "quadratic" (constant Hessian) or "midedge"
-    (the one that converges on any mesh and knows the material's Poisson ratio).
+    """The bending energy of all cloths, over the hinges that have a stiffness.
 
-    Hinges of no stiffness are dropped. InputError where the model is unknown.
+    Parameters
+    ----------
+    model : str
+        "hinge" (springs on dihedral angles), "quadratic" (constant Hessian) or "midedge" (convergent on any mesh, with
+        the material's Poisson ratio).
+
+    Returns
+    -------
+    Energy, or Off without interior edges or stiffness.
+
+    Raises
+    ------
+    InputError
+        For an unknown model; names the nearest one.
     """
-    build = _model(model)
+    builder = _builder(model)
     hinges = world.hinges
     if not len(hinges.vertices):
         return Off("the cloth has no interior edge")
@@ -35,10 +44,12 @@ def bending(world: World, *, model: str = "hinge") -> Energy | Off:
     if not stiff.any():
         return Off("bending stiffness is zero")
     kept = Hinges(*(getattr(hinges, field.name)[stiff] for field in fields(hinges)))
-    return build(kept, world)
+    module, function = builder.split(":")
+    return getattr(importlib.import_module(module), function)(kept, world)
 
 
-def _model(name: str) -> Callable[[Hinges, World], Energy]:
+def _builder(name: str) -> str:
+    """The builder of a model; InputError where there is none of this name."""
     if not isinstance(name, str) or name not in MODELS:
         nearest = get_close_matches(str(name), MODELS, n=1, cutoff=0.0)[0]
         raise InputError(

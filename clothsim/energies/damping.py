@@ -1,4 +1,4 @@
-"""The effect `damping`: drags that let a drape settle, on velocity, on the rate of strain and on that of folding."""
+"""Damping of velocity, of the strain rate and of the bending rate: the effect `damping`."""
 
 from dataclasses import dataclass, replace
 from typing import Any, Self
@@ -11,10 +11,8 @@ from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_
 from clothsim.energies.elementwise import Elementwise
 from clothsim.energies.example import Example
 from clothsim.energies.hessians import ByElement, ElementHessian
-from clothsim.energies.hinge_bending import HingeBending, hinge_bending
 from clothsim.energies.protocols import Restrictable, restricted
 from clothsim.energies.step import Step
-from clothsim.energies.strain_damping import HingeDamping, StrainDamping
 from clothsim.energies.varying_values import over_cloth
 from clothsim.mesh.world import World
 
@@ -23,8 +21,20 @@ from clothsim.mesh.world import World
 class MassDamping(Elementwise, Energy):
     """E = rate sum m |x - x_n|^2 / (2 h): the force is -rate m v (Rayleigh's mass term).
 
-    rows (n, 1) of x; masses (n,) [kg]; rate [1/s]; start x_n (n, 3) [m] and dt h [s] of the step; in BDF2 x^ and
-    b h (FORMULAS 2).
+    With BDF2 x^ and b h replace x_n and h (FORMULAS 2).
+
+    Parameters
+    ----------
+    rows : (n, 1) int array
+        Rows of x.
+    masses : (n,) array
+        [kg].
+    rate : float
+        [1/s].
+    start : (n, 3) array
+        x_n of the step [m].
+    dt : float
+        h [s].
     """
 
     rows: Ints
@@ -37,7 +47,7 @@ class MassDamping(Elementwise, Energy):
     incremental = True
 
     def begin(self, step: Step) -> Self:
-        """Bound to x_n and h of the step."""
+        """A copy with x_n and h of the step."""
         past = step.past
         return replace(self, start=past.positions[self.rows[:, 0]], dt=past.dt)
 
@@ -56,18 +66,18 @@ class MassDamping(Elementwise, Energy):
 
 @dataclass(frozen=True)
 class Dampings(Energy, Restrictable):
-    """The sum of several drags."""
+    """Sum of several dampings."""
 
     parts: tuple[Energy, ...]
 
     incremental = True
 
     def begin(self, step: Step) -> Self:
-        """Each bound to the step."""
+        """A copy with each part bound to the step."""
         return replace(self, parts=tuple(part.begin(step) for part in self.parts))
 
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
-        """Each around what moves."""
+        """A copy with each part restricted to the moving vertices."""
         return replace(self, parts=tuple(restricted(part, moving, x) for part in self.parts))
 
     def value(self, x: Floats) -> float:
@@ -79,7 +89,7 @@ class Dampings(Energy, Restrictable):
         return np.sum([part.gradient(x) for part in self.parts], axis=0)
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
-        """All blocks in the size of the largest [N/m]: a smaller one repeats its last vertex, with zeros."""
+        """Blocks of one size [N/m]: a smaller one repeats its last vertex, with zeros."""
         hessians = [part.hessian(x, project) for part in self.parts]
         size = max(h.elements.shape[1] for h in hessians)
         padded = [_padded(h, size) for h in hessians]
@@ -88,27 +98,34 @@ class Dampings(Energy, Restrictable):
 
 
 def damping(world: World, *, rate: Any = 1.0, stiffness: float = 0.0, strain_rate: Any = 0.0) -> Energy | Off:
-    """Three drags; off where all of them are 0.
+    """Dampings of all cloths; those on strain and bending leave rigid motions undamped.
 
-    rate [1/s], 1 where it is not given: proportional to mass and velocity, it also slows a free fall. stiffness [s]:
-    Rayleigh's beta, proportional to the stiffness of the fabric in its plane and about its hinges. strain_rate [N s/m]:
-    on the rate of strain in the plane. The last two leave rigid motions alone. rate and strain_rate may vary over the
-    cloth (`energies.values`).
+    Parameters
+    ----------
+    rate : number or values over the cloth
+        Damping proportional to mass and velocity [1/s] (Rayleigh's alpha); it also slows a free fall.
+    stiffness : float
+        Damping proportional to the in-plane and bending stiffness [s] (Rayleigh's beta).
+    strain_rate : number or values over the cloth
+        Viscosity of the in-plane strain [N s/m].
+
+    Returns
+    -------
+    Energy, or Off where all three are 0.
     """
     rates = over_cloth("effects.damping.rate", rate, world, least=0.0)
     beta = as_positive("effects.damping.stiffness", stiffness, zero=True)
     eta = over_cloth("effects.damping.strain_rate", strain_rate, world, least=0.0)
     shear, trace = eta + 2 * beta * world.per_triangle("shear_modulus"), beta * world.per_triangle("lame_modulus")
-    spring = hinge_bending(world.hinges)
     parts: list[Energy] = []
     if rates.any():
         parts.append(_mass_damping(world, rates))
     if shear.any():
         parts.append(_strain_damping(world, shear, trace))
-    if beta and spring.stiffnesses.any():
-        parts.append(_hinge_damping(spring, beta))
+    if beta and world.hinges.stiffness.any():
+        parts.append(_hinge_damping(world, beta))
     if not parts:
-        given = beta > 0  # and nothing is stiff
+        given = beta > 0  # but no part of the fabric has a stiffness
         return Off("the fabric has no stiffness to be proportional to" if given else "rate is 0")
     return parts[0] if len(parts) == 1 else Dampings(tuple(parts))
 
@@ -122,17 +139,23 @@ def _mass_damping(world: World, rates: Floats) -> MassDamping:
     return MassDamping(rows, weights, 1.0, start, 1.0)
 
 
-def _strain_damping(world: World, shear: Floats, trace: Floats) -> StrainDamping:
-    felt = np.flatnonzero(shear)
-    inverses, areas = world.rest_shape_inverses[felt], world.rest_areas[felt]
-    none = np.zeros((len(felt), 2, 2))
-    return StrainDamping(world.triangles[felt], inverses, areas, shear[felt], trace[felt], none, 1.0)
+def _strain_damping(world: World, shear: Floats, trace: Floats) -> Energy:
+    from clothsim.energies.strain_damping import StrainDamping
+
+    kept = np.flatnonzero(shear)
+    inverses, areas = world.rest_shape_inverses[kept], world.rest_areas[kept]
+    none = np.zeros((len(kept), 2, 2))
+    return StrainDamping(world.triangles[kept], inverses, areas, shear[kept], trace[kept], none, 1.0)
 
 
-def _hinge_damping(spring: HingeBending, beta: float) -> HingeDamping:
-    felt = np.flatnonzero(spring.stiffnesses)
-    kept = HingeBending(spring.vertices[felt], spring.rest_angles[felt], spring.stiffnesses[felt])
-    return HingeDamping(beta * kept.stiffnesses, kept)
+def _hinge_damping(world: World, beta: float) -> Energy:
+    from clothsim.energies.hinge_bending import HingeBending, hinge_bending
+    from clothsim.energies.strain_damping import HingeDamping
+
+    spring = hinge_bending(world.hinges)
+    stiff = np.flatnonzero(spring.stiffnesses)
+    hinges = HingeBending(spring.vertices[stiff], spring.rest_angles[stiff], spring.stiffnesses[stiff])
+    return HingeDamping(beta * hinges.stiffnesses, hinges)
 
 
 def _padded(hessian: ByElement, size: int) -> tuple[np.ndarray, Floats]:

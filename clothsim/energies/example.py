@@ -16,11 +16,16 @@ class Idle:
 
     Parameters
     ----------
-    always : keys with which it idles in every step of a small scene (a sheet of 1 m, 4x4 cells, falling on a ball).
-    sometimes : keys with which it idles in some of eight steps of .02 s and acts in others.
-    scene : sections of the small scene that `always` needs, changed.
-    searches : True for an energy that is never skipped but has neither value nor derivatives (contact without pairs).
-    kernels : modules of which no kernel of a value or derivative may be called then.
+    always : mapping
+        Keys with which it idles in every step of a small scene (a sheet of 1 m, 4x4 cells, falling on a ball).
+    sometimes : mapping
+        Keys with which it idles in some of eight steps of .02 s and acts in others.
+    scene : mapping
+        Sections of the small scene that `always` needs, changed.
+    searches : bool
+        True for an energy that is never skipped but has neither value nor derivatives (contact without pairs).
+    kernels : tuple of str
+        Modules of which no kernel of a value or derivative may be called then.
     """
 
     always: Keys = field(default_factory=dict)
@@ -36,14 +41,23 @@ class Example:
 
     Parameters
     ----------
-    keys : with them the effect acts on a small bent cloth over a triangle, all numbers of order one.
-    in_scene : with them it acts in the small scene (see `Idle`); None: `keys`.
-    zero : keys with which the builder returns `Off`; None where it never does.
-    zero_scene : sections of the small scene that `zero` needs, changed ({"body": ()} for contact).
-    external : True where forces and torques need not balance: the energy depends on places, velocities or the past.
-    with_bodies : True where the energy depends on the vertices of bodies.
-    linear : True where the Hessian is zero.
-    idle : keys with which it idles; None where it acts in each step.
+    keys : mapping
+        With them the effect acts on a small bent cloth over a triangle, all numbers of order one.
+    in_scene : mapping or None
+        With them it acts in the small scene (see `Idle`); None: `keys`.
+    zero : mapping or None
+        Keys with which the builder returns `Off`; None where it never does.
+    zero_scene : mapping
+        Sections of the small scene that `zero` needs, changed ({"body": ()} for contact).
+    external : bool
+        True where forces and torques need not balance: the energy depends on positions in space, velocities or the
+        past.
+    with_bodies : bool
+        True where the energy depends on the vertices of bodies.
+    linear : bool
+        True where the Hessian is zero.
+    idle : Idle or None
+        Keys with which it idles; None where it acts in each step.
     """
 
     keys: Keys = field(default_factory=dict)

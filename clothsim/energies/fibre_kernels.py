@@ -1,4 +1,4 @@
-"""Element loops of what depends on the threads: their stretches and the angle between them.
+"""Element loops of thread measures: stretches along warp and weft, and shear.
 
 With F the deformation gradient and a, b the warp and the weft: u = F a, v = F b, and the measures
 la = |u|, lb = |v| (thread stretches, the roots of I4 and I6) and I8 = u.v (shear). [u v] = [x1 - x0, x2 - x0] B with
@@ -31,11 +31,11 @@ def gradient(x, triangles, inverses, measured, slopes):
     for t in range(len(triangles)):
         B = inverses[t]
         deformation_gradient(x, triangles[t], B, F)
-        pull_u, pull_v, shear = slopes[t, 0] / measured[t, 0], slopes[t, 1] / measured[t, 1], slopes[t, 2]
+        along_u, along_v, shear = slopes[t, 0] / measured[t, 0], slopes[t, 1] / measured[t, 1], slopes[t, 2]
         i, j, m = natural(triangles[t, 0]), natural(triangles[t, 1]), natural(triangles[t, 2])
         for k in range(3):
-            du = pull_u * F[k, 0] + shear * F[k, 1]
-            dv = pull_v * F[k, 1] + shear * F[k, 0]
+            du = along_u * F[k, 0] + shear * F[k, 1]
+            dv = along_v * F[k, 1] + shear * F[k, 0]
             g1 = du * B[0, 0] + dv * B[0, 1]
             g2 = du * B[1, 0] + dv * B[1, 1]
             out[i, k] -= g1 + g2

@@ -1,135 +1,42 @@
-"""The effect `fibres`: threads laid into a cloth, that resist their own stretch and the change of angle between them.
+"""Two families of threads, with stiffness along warp and weft and in shear: the effect `fibres`.
 
 With warp a, weft b and F: the stretches la = |F a|, lb = |F b| (roots of the invariants I4, I6) and I8 = F a . F b.
 
     psi = Ka/2 (la - 1)^2 + Kb/2 (lb - 1)^2 + Kab (la - 1)(lb - 1) + G/2 I8^2     [J/m2]
 
-In simple shear by g I8 = g, and for small strains G is the shear modulus. (Invariants of two families of fibres:
-Spencer 1984, "Constitutive theory for strongly anisotropic solids"; the thread stretch instead of I4 - 1, so that the
-nominal stress of a thread is Ka times its engineering strain.)
+In simple shear by g I8 = g, and for small strains G is the shear modulus. Invariants of two families of fibres:
+Spencer 1984, "Constitutive theory for strongly anisotropic solids"; with the thread stretch instead of I4 - 1 the
+nominal stress of a thread is Ka times its engineering strain.
 
-It acts beside `membrane`, as a tape or a net sewn on would: what it gives is added. A cloth whose own stiffness differs
-between warp and weft is `effects.membrane.material = "orthotropic"`.
+The energy is added to that of `membrane`, like a tape or a net sewn on. A cloth whose own stiffness differs between
+warp and weft has `effects.membrane.material = "orthotropic"`.
 """
 
-from dataclasses import dataclass, fields, replace
-from typing import Any, Protocol, Self
+from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies import fibre_kernels as kernels
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example
-from clothsim.energies.hessians import ElementHessian
-from clothsim.energies.protocols import Restrictable
 from clothsim.energies.varying_values import over_cloth
-from clothsim.kinematics.warp_weft import thread_axes
 from clothsim.mesh.world import World
-
-
-class ThreadLaw(Protocol):
-    """What a material says of its threads, triangle by triangle, from their measures (m, 3) = la, lb, I8."""
-
-    def density(self, measured: Floats) -> Floats:
-        """psi, (m,) [J/m2]."""
-
-    def slopes(self, measured: Floats) -> Floats:
-        """d psi/d(la, lb, I8), (m, 3) [N/m]."""
-
-    def curvatures(self, measured: Floats) -> Floats:
-        """The second derivatives aa, ab, bb and 88, (m, 4) [N/m]; those of I8 with la and lb must be 0."""
-
-    def of(self, triangles: Ints) -> Self:
-        """The law of some of its triangles, by their numbers."""
-
-
-ARRAYS = "triangles", "inverses", "areas"
-
-
-@dataclass(frozen=True)
-class LinearThreads:
-    """Stiffnesses (m,) [N/m]: warp Ka, weft Kb, coupled Kab, shear G."""
-
-    warp: Floats
-    weft: Floats
-    coupled: Floats
-    shear: Floats
-
-    def of(self, triangles: Ints) -> Self:
-        """The stiffnesses of some triangles."""
-        return replace(self, **{field.name: getattr(self, field.name)[triangles] for field in fields(self)})
-
-    def density(self, measured: Floats) -> Floats:
-        """psi, (m,) [J/m2]."""
-        strain, slopes = self._strain(measured), self.slopes(measured)
-        return 0.5 * (strain * slopes).sum(axis=1)
-
-    def slopes(self, measured: Floats) -> Floats:
-        """Nominal stresses of the threads and shear stress, (m, 3) [N/m]."""
-        a, b, shear = self._strain(measured).T
-        pull_a, pull_b = self.warp * a + self.coupled * b, self.coupled * a + self.weft * b
-        return np.column_stack([pull_a, pull_b, self.shear * shear])
-
-    def curvatures(self, measured: Floats) -> Floats:
-        """The stiffnesses, (m, 4) [N/m]."""
-        return np.column_stack([self.warp, self.coupled, self.weft, self.shear])
-
-    def _strain(self, measured: Floats) -> Floats:
-        return measured - np.array([1.0, 1.0, 0.0])
-
-
-@dataclass(frozen=True)
-class Fibres(Energy, Restrictable):
-    """E = sum over triangles of A psi(la, lb, I8).
-
-    triangles (m, 3); inverses Dm^-1 [a b] (m, 2, 2) [1/m]; areas at rest (m,) [m2]; law: psi and its derivatives.
-    """
-
-    triangles: Ints
-    inverses: Floats
-    areas: Floats
-    law: ThreadLaw
-
-    @classmethod
-    def of(cls, world: World, chosen: Ints, angles: Floats, law: ThreadLaw) -> Self:
-        """The threads of the `chosen (k,)` triangles of a world; angles (m,) of the warp [rad], of all of them."""
-        inverses = world.rest_shape_inverses @ thread_axes(world, angles)
-        return cls(world.triangles[chosen], inverses[chosen], world.rest_areas[chosen], law)
-
-    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
-        """The threads of the triangles that a moving vertex touches."""
-        kept = np.flatnonzero(moving[self.triangles].any(axis=1))
-        return replace(self, law=self.law.of(kept), **{name: getattr(self, name)[kept] for name in ARRAYS})
-
-    def measured(self, x: Floats) -> Floats:
-        """la, lb, I8 of each triangle, (m, 3)."""
-        return kernels.measures(x, self.triangles, self.inverses)
-
-    def value(self, x: Floats) -> float:
-        """Elastic energy [J]."""
-        return float(np.sum(self.areas * self.law.density(self.measured(x))))
-
-    def gradient(self, x: Floats) -> Floats:
-        """dE/dx, (N, 3) [N]."""
-        measured = self.measured(x)
-        slopes = self.areas[:, None] * self.law.slopes(measured)
-        return kernels.gradient(x, self.triangles, self.inverses, measured, slopes)
-
-    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
-        """Blocks (m, 9, 9) [N/m]; projected in (u, v)-space in closed form, or exact."""
-        measured, areas = self.measured(x), self.areas[:, None]
-        slopes, curvatures = areas * self.law.slopes(measured), areas * self.law.curvatures(measured)
-        blocks = kernels.hessian(x, self.triangles, self.inverses, measured, slopes, curvatures, project)
-        return ElementHessian(self.triangles, blocks)
 
 
 def fibres(
     world: World, *, warp: Any = 0.0, weft: Any = 0.0, shear: Any = 0.0, angle_degrees: Any = 0.0
 ) -> Energy | Off:
-    """Threads beside the membrane: stiffness along warp and weft and in shear [N/m]; off where all are 0.
+    """Threads in addition to the membrane.
 
-    angle_degrees turns the warp from the cloth's first axis (see `kinematics.threads`). Each may vary over the cloth.
+    Parameters
+    ----------
+    warp, weft, shear : numbers or values over the cloth
+        Stiffness of the threads, and in shear [N/m].
+    angle_degrees : number or values over the cloth
+        Angle of the warp from the cloth's first axis (`kinematics.warp_weft`).
+
+    Returns
+    -------
+    Fibres, or Off where warp, weft and shear are 0.
     """
     keys = {"warp": warp, "weft": weft, "shear": shear}
     stiffness = {key: over_cloth(f"effects.fibres.{key}", value, world, 0.0) for key, value in keys.items()}
@@ -137,6 +44,8 @@ def fibres(
     stiff = np.flatnonzero(sum(stiffness.values()))
     if not len(stiff):
         return Off('warp, weft and shear are 0 (a fabric\'s own: effects.membrane.material = "orthotropic")')
+    from clothsim.energies.threads import Fibres, LinearThreads  # after the last Off: no kernel is imported for a zero
+
     a, b, g = (stiffness[key][stiff] for key in keys)
     return Fibres.of(world, stiff, angles, LinearThreads(a, b, np.zeros(len(stiff)), g))
 

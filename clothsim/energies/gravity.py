@@ -1,4 +1,4 @@
-"""The effect `gravity`: weight in a uniform field."""
+"""Weight in a uniform field: the effect `gravity`."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,9 +20,20 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class Gravity(Elementwise, Energy):
-    """E = -sum m g . (x - origin). rows (n, 1) of x; masses (n,) [kg]; acceleration g (3,) [m/s2].
+    """E = -sum m g.(x - origin).
 
-    Heights are taken from `origin (3,)` [m], so that the value stays small and a difference of two values stays exact.
+    Parameters
+    ----------
+    rows : (n, 1) int array
+        Rows of x.
+    masses : (n,) array
+        [kg].
+    acceleration : (3,) array
+        g [m/s2].
+    origin : (3,) array
+        Reference of the potential [m], near the cloth, so that differences of E do not cancel.
+    load : float
+        Fraction of the load that acts.
     """
 
     rows: Ints
@@ -34,31 +45,41 @@ class Gravity(Elementwise, Energy):
     per_element = ("rows", "masses")
 
     def begin(self, step: Step) -> Self:
-        """Bound to the share of the load that acts."""
+        """A copy with the load of the step."""
         return replace(self, load=step.load)
 
     def value(self, x: Floats) -> float:
-        """Potential energy over the origin [J]."""
+        """Potential energy relative to the origin [J]."""
         moment = self.masses @ (taken(x, as_rows(self.rows[:, 0])) - self.origin)
         return float(-self.load * (moment @ self.acceleration))
 
     def gradient(self, x: Floats) -> Floats:
         """-m g, (N, 3) [N]."""
         out = np.zeros_like(x)
-        out[as_rows(self.rows[:, 0])] = self._pull
+        out[as_rows(self.rows[:, 0])] = self._gradient
         return out
 
     @cached_property
-    def _pull(self) -> Floats:
+    def _gradient(self) -> Floats:
         return -self.load * self.masses[:, None] * self.acceleration
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
-        """Nothing: the energy is linear."""
+        """No blocks: the energy is linear."""
         return diagonal_hessian(every_vertex(0), np.zeros(0))
 
 
 def gravity(world: World, *, acceleration: ArrayLike = (0.0, 0.0, -9.81)) -> Energy | Off:
-    """The weight of all cloths; off where the acceleration is zero."""
+    """The weight of all cloths.
+
+    Parameters
+    ----------
+    acceleration : (3,) vector
+        Gravitational acceleration [m/s2].
+
+    Returns
+    -------
+    Gravity, or Off where the acceleration is zero.
+    """
     vector = as_vector("effects.gravity.acceleration", acceleration)
     if not vector.any():
         return Off("acceleration is zero")

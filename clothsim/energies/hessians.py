@@ -20,9 +20,11 @@ class ElementHessian:
 
     Parameters
     ----------
-    elements : (m, k) rows of x, the vertices of each element. Rows that are no unknowns (bodies, ghosts) are allowed:
-        the assembly drops them.
-    blocks : (m, 3k, 3k) second derivatives [N/m], the coordinates of a vertex side by side.
+    elements : (m, k) int array
+        Rows of x, the vertices of each element. Rows that are no unknowns (bodies, ghosts) are allowed: the assembly
+        drops them.
+    blocks : (m, 3k, 3k) array
+        Second derivatives [N/m], the coordinates of a vertex side by side.
 
     Examples
     --------
@@ -61,9 +63,12 @@ class LowRankHessian:
 
     Parameters
     ----------
-    elements : (m, k) rows of x, none twice in one element.
-    first, count : (m,) the factors of element e are the `count[e]` rows of `factors` from `first[e]` on.
-    factors : (s, 3k) the vectors v [(N/m)^1/2].
+    elements : (m, k) int array
+        Rows of x, none twice in one element.
+    first, count : (m,) int arrays
+        The factors of element e are the `count[e]` rows of `factors` from `first[e]` on.
+    factors : (s, 3k) array
+        The vectors v [(N/m)^1/2].
     """
 
     elements: Ints
@@ -111,10 +116,12 @@ class LanesHessian:
 
     Parameters
     ----------
-    elements : (m, k) rows of x.
-    fill : fill(lanes, first) writes the blocks of the elements from `first` on, as many as fit, to `lanes` (g, size):
-        for each group of LANES elements the blocks of corners a <= b in this order, each row by row, every entry for
-        all lanes side by side. The last lanes of the last group may belong to no element.
+    elements : (m, k) int array
+        Rows of x.
+    fill : function
+        fill(lanes, first) writes the blocks of the elements from `first` on, as many as fit, to `lanes` (g, size): for
+        each group of LANES elements the blocks of corners a <= b in this order, each row by row, every entry for all
+        lanes side by side. The last lanes of the last group may belong to no element.
     """
 
     elements: Ints

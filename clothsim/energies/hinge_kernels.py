@@ -1,4 +1,4 @@
-"""Loops over hinges: their angles, and the gradient and the Hessian that moments about them make.
+"""Element loops over hinges: angles, and gradient and Hessian of moments about them.
 
 vertices (h, 4): a, b, c, d of `kinematics.hinge`; moments M (h,) [N m], 0 where a hinge has no angle.
 """
@@ -29,18 +29,18 @@ def angles(vertices: Ints, x: Floats) -> Floats:
 
 
 @kernel
-def pull(vertices: Ints, moments: Floats, x: Floats) -> Floats:
+def gradient(vertices: Ints, moments: Floats, x: Floats) -> Floats:
     """sum M dtheta/dx, (N, 3) [N]."""
-    gradient = np.zeros_like(x)
+    out = np.zeros_like(x)
     for h in range(len(vertices)):
-        if moments[h] != 0.0:  # most of a flat sheet
+        if moments[h] != 0.0:  # skips most hinges of a flat sheet
             a, b, c, d = four_points(x, vertices, h)
             g = hinge_angle_gradient(a, b, c, d)
             for k in range(4):
                 row = natural(vertices[h, k])
                 for i in range(3):
-                    gradient[row, i] += moments[h] * g[k][i]
-    return gradient
+                    out[row, i] += moments[h] * g[k][i]
+    return out
 
 
 @kernel
@@ -70,7 +70,7 @@ def fill(lanes: Floats, first: int, vertices: Ints, moments: Floats, stiffnesses
 
 @inlined
 def _gather(points, vertices, x, first):
-    """The points of a group of hinges, side by side; a lane without a hinge keeps what it has."""
+    """Gather the points of a group of hinges into lanes; a lane without a hinge is left as it is."""
     for lane in range(min(LANES, len(vertices) - first)):
         a, b, c, d = four_points(x, vertices, first + lane)
         for k in range(3):

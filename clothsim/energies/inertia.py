@@ -1,4 +1,4 @@
-"""The effect `inertia`: the term that turns a sum of potentials into a time step."""
+"""Incremental inertia: the effect `inertia`, which makes the minimiser of E a time step."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,10 +16,20 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class Inertia(Elementwise, Energy):
-    """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n; in BDF2 with x^, v^ and b h in their places (FORMULAS 2).
+    """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n; with BDF2 x^, v^ and b h replace them (FORMULAS 2).
 
-    Gravity is an Energy of its own and no part of x~. rows (n, 1) of x; masses (n,) [kg]; target x~ (n, 3) [m];
-    dt: h or b h [s].
+    Gravity is an energy of its own and no part of x~.
+
+    Parameters
+    ----------
+    rows : (n, 1) int array
+        Rows of x.
+    masses : (n,) array
+        [kg].
+    target : (n, 3) array
+        x~ [m].
+    dt : float
+        h or b h [s].
     """
 
     rows: Ints
@@ -31,7 +41,7 @@ class Inertia(Elementwise, Energy):
     incremental = True
 
     def begin(self, step: Step) -> Self:
-        """Bound to x~ and h of the step."""
+        """A copy with x~ and h of the step."""
         rows, past = self.rows[:, 0], step.past
         return replace(self, target=past.positions[rows] + past.dt * past.velocities[rows], dt=past.dt)
 
@@ -53,7 +63,7 @@ class Inertia(Elementwise, Energy):
 
 
 def inertia(world: World) -> Energy:
-    """The inertia of all cloth vertices; bound to its step by `begin`."""
+    """The inertia of all cloth vertices."""
     return Inertia(every_vertex(world.n_cloth), world.masses, world.start()[: world.n_cloth], 1.0)
 
 

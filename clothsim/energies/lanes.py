@@ -1,17 +1,17 @@
-"""Reading and writing the numbers of elements that lie side by side (`compiled.LANES`)."""
+"""SIMD lanes: entries of LANES elements side by side (`jit.LANES`)."""
 
 from clothsim.jit import LANES, inlined, kernel
 
 
 @inlined
 def point(numbers, k, lane):
-    """Numbers k, k + 1 and k + 2 of the element in a lane."""
+    """Read entries k, k + 1 and k + 2 of the element in a lane."""
     return numbers[k * LANES + lane], numbers[(k + 1) * LANES + lane], numbers[(k + 2) * LANES + lane]
 
 
 @inlined
 def write(numbers, block, lane, rows):
-    """A block of 3x3, given as three rows, among the blocks of the element in a lane."""
+    """Write a 3 x 3 block, given as three rows, to the blocks of the element in a lane."""
     at = 9 * block * LANES + lane
     numbers[at], numbers[at + LANES], numbers[at + 2 * LANES] = rows[0]
     numbers[at + 3 * LANES], numbers[at + 4 * LANES], numbers[at + 5 * LANES] = rows[1]
@@ -20,7 +20,7 @@ def write(numbers, block, lane, rows):
 
 @kernel
 def unpack(blocks, lanes):
-    """Writes lanes (g, numbers LANES) to the dense `blocks` (m, 3 k, 3 k), m of them."""
+    """Copy lanes (g, size) to the dense `blocks` (m, 3k, 3k)."""
     corners = blocks.shape[1] // 3
     for e in range(len(blocks)):
         numbers, lane = lanes[e // LANES], e % LANES

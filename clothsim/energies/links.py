@@ -1,10 +1,11 @@
-"""Straight links: springs and strings between points of the cloth, or from them to places.
+"""Straight links: springs and strings between points of the cloth, or between points and positions in space.
 
     E = sum k/2 (|r| - L)^2,   r = sum w x - c        [J]
 
-over the rows x of a link, with weights w; c is a place, or 0 where the weights sum to 0. A slack link is a string: it
-adds nothing, exactly, where |r| <= L. With n = r/|r| the Hessian in r is k n n' + k (1 - L/|r|) (I - n n'); projected,
-its second eigenvalue, negative in a compressed spring, is cut at 0. A stretched string is semi-definite as it is.
+over the rows x of a link with weights w; c is a position in space, or 0 where the weights sum to 0. A slack link is a
+string: where |r| <= L it contributes exactly nothing. With n = r/|r| the Hessian in r is
+k n n' + k (1 - L/|r|) (I - n n'); its second eigenvalue, negative in a compressed spring, is projected to 0. The
+Hessian of a stretched string is semi-definite.
 """
 
 from dataclasses import dataclass
@@ -20,18 +21,32 @@ from clothsim.energies.protocols import Idling
 
 @dataclass(frozen=True)
 class Links(Elementwise, Energy, Idling):
-    """rows (m, j) of x and weights w (m, j); places c (m, 3) [m]; lengths L (m,) [m]; stiffnesses k (m,) [N/m];
-    slack (m,): which are strings. A link of no stiffness is not there.
+    """E = sum k/2 (|r| - L)^2 over links; links of stiffness 0 are left out.
+
+    Parameters
+    ----------
+    rows : (m, j) int array
+        Rows of x.
+    weights : (m, j) array
+        w.
+    targets : (m, 3) array
+        c [m].
+    lengths : (m,) array
+        L [m].
+    stiffnesses : (m,) array
+        k [N/m].
+    slack : (m,) bool array
+        The links that are strings.
     """
 
     rows: Ints
     weights: Floats
-    places: Floats
+    targets: Floats
     lengths: Floats
     stiffnesses: Floats
     slack: np.ndarray
 
-    per_element = ("rows", "weights", "places", "lengths", "stiffnesses", "slack")
+    per_element = ("rows", "weights", "targets", "lengths", "stiffnesses", "slack")
 
     @property
     def idle(self) -> bool:
@@ -48,13 +63,13 @@ class Links(Elementwise, Energy, Idling):
         active, lines, distances = self._active(x)
         gradient = np.zeros_like(x)
         tension = self.stiffnesses[active] * (distances - self.lengths[active])
-        pulls = (tension / np.where(distances > 0, distances, 1.0))[:, None] * lines
-        shares = self.weights[active][:, :, None] * pulls[:, None]
-        np.add.at(gradient, self.rows[active].ravel(), shares.reshape(-1, 3))
+        forces = (tension / np.where(distances > 0, distances, 1.0))[:, None] * lines
+        parts = self.weights[active][:, :, None] * forces[:, None]
+        np.add.at(gradient, self.rows[active].ravel(), parts.reshape(-1, 3))
         return gradient
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
-        """Blocks (m', 3 j, 3 j) [N/m] of the links that act."""
+        """Blocks (m', 3 j, 3 j) [N/m] of the active links."""
         active, lines, distances = self._active(x)
         known = distances > 0
         directions = lines / np.where(known, distances, 1.0)[:, None]
@@ -70,10 +85,10 @@ class Links(Elementwise, Energy, Idling):
 
     def lines(self, x: Floats) -> Floats:
         """r of every link, (m, 3) [m]."""
-        return np.einsum("mj,mjp->mp", self.weights, x[self.rows]) - self.places
+        return np.einsum("mj,mjp->mp", self.weights, x[self.rows]) - self.targets
 
     def _active(self, x: Floats) -> tuple[Ints, Floats, Floats]:
-        """The links that act, their r (m', 3) and |r| (m',) [m]."""
+        """The active links, their r (m', 3) and |r| (m',) [m]."""
         lines = self.lines(x)
         distances = np.linalg.norm(lines, axis=1)
         active = np.flatnonzero((self.stiffnesses > 0) & (~self.slack | (distances > self.lengths)))

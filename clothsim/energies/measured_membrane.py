@@ -1,13 +1,13 @@
-"""A membrane from a table of stress and strain: what a tensile test of a strip along warp and weft printed.
+"""Membrane from measured stress-strain tables, as of tensile tests of strips along warp and weft.
 
 Each table is rows [strain, stress], the strain an engineering one and the stress in newtons per metre of width as cut.
-Between the rows it is a monotone cubic (Fritsch, Carlson 1980; scipy's PCHIP), integrated to an energy; beyond the last
-row it goes on straight, and in compression, which no such test measures, as straight as it begins. Shear is given by
-[sine of the angle by which warp and weft turn from their right angle, shear stress].
+Between the rows the stress is a monotone cubic (Fritsch, Carlson 1980; scipy's PCHIP), integrated to an energy; beyond
+the last row it continues with the slope there, and in compression, which no such test measures, with the initial slope.
+Rows of shear are [sine of the change of angle between warp and weft, shear stress].
 
-Warp and weft are not coupled: a strip that is pulled does not narrow, and returns its table exactly. As in
-`orthotropic`, a Neo-Hookean sheet with lam = 0 keeps triangles from collapsing; mu is a tenth of the softest beginning
-of a table, and what it adds along the threads, mu (l - 1/l), and in shear, mu I8 to third order, is taken off again.
+Warp and weft are not coupled: a stretched strip does not narrow, and reproduces its table exactly. As in `orthotropic`,
+a Neo-Hookean sheet with lam = 0 prevents collapsed triangles; mu is a tenth of the smallest initial secant of a table,
+and the stress that it adds along the threads, mu (l - 1/l), and in shear, mu I8 to third order, is subtracted.
 """
 
 from dataclasses import dataclass
@@ -22,14 +22,21 @@ from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
 SHEET = 0.1
-"""mu of the sheet, in shares of the softest beginning of a table."""
+"""mu of the sheet relative to the smallest initial secant of a table."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """A stress over strain from 0 to `last`, and straight outside: stress, its integral and its slope as polynomials.
+    """Stress over strain from 0 to `last`, linear outside, with its integral and slope.
 
-    first, end: the slopes [N/m] at 0 and at `last`, with which it goes on.
+    Parameters
+    ----------
+    stress, energy, slope : piecewise polynomials
+        Stress [N/m], its integral [J/m2] and its derivative [N/m].
+    last : float
+        Strain of the last row.
+    first, end : float
+        Slopes at 0 and `last` [N/m], with which the curve continues.
     """
 
     stress: Any
@@ -60,7 +67,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class MeasuredThreads:
-    """The law (see `fibres.ThreadLaw`) of three tables, less what the sheet of modulus mu [N/m] does there."""
+    """The law (`threads.ThreadLaw`) of three tables, less the stress of the sheet of modulus mu [N/m]."""
 
     warp: Curve
     weft: Curve
@@ -68,7 +75,7 @@ class MeasuredThreads:
     mu: float
 
     def of(self, triangles: Ints) -> Self:
-        """The same: it is one for all triangles."""
+        """The law itself, which is the same for all triangles."""
         return self
 
     def density(self, measured: Floats) -> Floats:
@@ -93,10 +100,20 @@ class MeasuredThreads:
 
 
 def measured(world: World, angles: Floats, warp: ArrayLike, weft: ArrayLike, shear: ArrayLike) -> ThreadedMembrane:
-    """The sheets of all cloths by tables (k, 2); angles (m,) of the warp [rad].
+    """The measured membrane of all cloths.
 
-    An empty weft is as the warp; an empty shear is straight with the fabric's own modulus. InputError names the row of
-    a table that is no rising curve.
+    Parameters
+    ----------
+    angles : (m,) array
+        Angle of the warp in each triangle [rad].
+    warp, weft, shear : (k, 2) tables
+        Rows of strain and stress [N/m]. An empty weft equals the warp; an empty shear is linear with the
+        fabric's modulus.
+
+    Raises
+    ------
+    InputError
+        Names the row of a table that is not increasing.
     """
     rows = {"warp": warp, "weft": weft if np.size(weft) else warp, "shear": shear}
     if not np.size(shear):
@@ -113,14 +130,14 @@ def measured(world: World, angles: Floats, warp: ArrayLike, weft: ArrayLike, she
         )
     curves = {name: Curve.through(*table.T) for name, table in tables.items()}
     mu = SHEET * min(float(table[1, 1] / table[1, 0]) for table in tables.values())
-    said = tuple(
-        f"the table of {name} ends at {100 * curves[name].last:g} %, beyond it goes on straight with "
+    notes = tuple(
+        f"the table of {name} ends at {100 * curves[name].last:g} %, beyond it continues with the slope "
         f"{curves[name].end:.4g} N/m"
         for name in ("warp", "weft")
     )
     every = np.arange(len(world.triangles))
     law = MeasuredThreads(curves["warp"], curves["weft"], curves["shear"], mu)
-    return ThreadedMembrane.of(world, every, angles, np.full(len(every), mu), law, said)
+    return ThreadedMembrane.of(world, every, angles, np.full(len(every), mu), law, notes)
 
 
 def _table(name: str, given: ArrayLike) -> Floats:
@@ -133,14 +150,14 @@ def _table(name: str, given: ArrayLike) -> Floats:
         raise InputError(f"{name} must be rows [strain, stress].", "Such as [[0.02, 5.0], [0.05, 20.0]].")
     skipped = int(not rows[0].any())
     if len(rows) == skipped:
-        raise InputError(f"{name} has no row but 0, 0.", "Give one with a stress.")
+        raise InputError(f"{name} has only the row 0, 0.", "Give a row with a stress.")
     whole = np.concatenate([np.zeros((1, 2)), rows[skipped:]])
     for k, (before, row) in enumerate(zip(whole[:-1], whole[1:], strict=True), start=skipped):
         if not np.isfinite(row).all():
             raise InputError(f"{name}[{k}] is {row.tolist()}, not two finite numbers.")
         if row[0] <= before[0]:
-            raise InputError(f"{name}[{k}] has strain {row[0]:g}, not above {before[0]:g}.", "Put the rows in order.")
+            raise InputError(f"{name}[{k}] has strain {row[0]:g}, not above {before[0]:g}.", "Sort the rows by strain.")
         if row[1] <= before[1]:
             sentence = f"{name}[{k}] has stress {row[1]:g} N/m, not above {before[1]:g}."
-            raise InputError(sentence, "A curve that does not rise is no stable sheet: leave the row out.")
+            raise InputError(sentence, "Stress must increase for a stable sheet: leave the row out.")
     return whole

@@ -62,8 +62,9 @@ def gradient(x, triangles, inverses, areas, mu, lam):
 def fill(lanes, first, x, triangles, inverses, areas, mu, lam, project):
     """`LanesHessian.fill` of d2E/dx2. With `project` the negative eigenvalues of d2psi/dF2 are set to zero first.
 
-    In the frame w1, w2, n and with corner a's rates alpha_a, beta_a along v1, v2 (rows of Dm^-1 V), the modes are
-    block diagonal: stretch [[a, b], [b, c]] over (w1 v1, w2 v2), twist and flip over (w2 v1, w1 v2), n v1, n v2.
+    In the frame w1, w2, n and with the shape-function gradients alpha, beta of the corners along v1, v2 (rows of Dm^-1
+    V) the modes are block diagonal: stretch [[a, b], [b, c]] over (w1 v1, w2 v2), twist and flip over (w2 v1, w1 v2), n
+    v1, n v2.
     """
     F, n, V, W = np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3))
     alpha, beta = np.empty(3), np.empty(3)

@@ -1,9 +1,10 @@
-"""Mid-edge bending: the plate energy of the material on the curvature of every triangle; it converges on any mesh.
+"""Mid-edge bending: Kirchhoff plate energy of the curvature of each triangle, convergent on any mesh.
 
-E = sum A D/2 [(1 - nu) |S|^2 + nu tr(S)^2] = |G (theta - theta0)|^2/2, with S the mid-edge curvature less that at rest
-and G its constant matrix over the angles of the hinges (`kinematics.curvature`). D and nu are the material's own. Where
-the hinge model has a spring on each angle, this one couples the nine angles in and round each triangle: the moments are
-M (theta - theta0) with M = G'G.
+    E = sum A D/2 [(1 - nu) |S|^2 + nu tr(S)^2] = |G (theta - theta0)|^2/2
+
+with S the mid-edge curvature less that at rest and G its constant matrix over the angles of the hinges
+(`kinematics.curvature`). D and nu are the material's. Where the hinge model has a spring on each angle, this one
+couples the angles in and around each triangle: the moments are M (theta - theta0) with M = G'G.
 
 As in the hinge model angles are not wrapped and all lengths are those at rest. A free strip bends with D (1 - nu^2), a
 wide plate with D: D is the plate's stiffness, E t^3/(12 (1 - nu^2)).
@@ -28,12 +29,27 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class MidedgeBending(Energy):
-    """vertices (h, 4); rest_angles (h,) [rad]; strains G (3 m, h) [sqrt(J)].
+    """E = |G (theta - theta0)|^2/2; +inf where a triangle beside a hinge has no area.
 
-    The Hessian's elements are triangles with their neighbours: stencils (m, j) the hinges, weights (m, 3, j) their
-    entries in G, elements (m, k) their vertices, places (m, j, 4) where each hinge's vertices stand among those, owners
-    (h, 2) an element that holds the hinge, and where. Short rows are filled up with their first entry, weight 0.
-    The value is +inf where a triangle beside a hinge has no area; such a hinge adds nothing to gradient and Hessian.
+    Such a hinge adds nothing to gradient and Hessian. An element of the Hessian is a triangle with its neighbours.
+    Short rows of an element are padded with their first entry, at weight 0.
+
+    Parameters
+    ----------
+    vertices : (h, 4) int array
+        Rows of x of the hinges.
+    rest_angles : (h,) array
+        theta0 [rad].
+    strains : (3m, h) sparse array
+        G [sqrt(J)].
+    stencils, weights : (m, j) int array, (m, 3, j) array
+        The hinges of each element and their entries in G.
+    elements : (m, k) int array
+        Rows of x of each element.
+    slots : (m, j, 4) int array
+        Positions of the hinges' vertices in `elements`.
+    owners : (h, 2) int array
+        An element that contains the hinge, and the hinge's position in its stencil.
     """
 
     vertices: Ints
@@ -42,7 +58,7 @@ class MidedgeBending(Energy):
     stencils: Ints
     weights: Floats
     elements: Ints
-    places: Ints
+    slots: Ints
     owners: Ints
 
     def value(self, x: Floats) -> float:
@@ -57,10 +73,10 @@ class MidedgeBending(Energy):
         return _gradient(self.vertices, self._moments(x), x)
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
-        """3 k x 3 k a triangle [N/m]; projected: Gauss-Newton, else with the moments times d2theta/dx2 too."""
-        blocks = _gauss_newton(self.vertices, self.stencils, self.weights, self.places, self.elements.shape[1], x)
+        """3k x 3k a triangle [N/m]; projected: Gauss-Newton; exact: plus the moments times d2theta/dx2."""
+        blocks = _gauss_newton(self.vertices, self.stencils, self.weights, self.slots, self.elements.shape[1], x)
         if not project:
-            _add_moments(blocks, self.vertices, self._moments(x), self.owners, self.places, x)
+            _add_moments(blocks, self.vertices, self._moments(x), self.owners, self.slots, x)
         return ElementHessian(self.elements, blocks)
 
     def _moments(self, x: Floats) -> Floats:
@@ -71,18 +87,18 @@ class MidedgeBending(Energy):
 
 
 def midedge_bending(hinges: Hinges, world: World) -> MidedgeBending:
-    """The energy of `hinges`, all or some of a world's."""
+    """The bending energy of hinges, all or some of a world's."""
     strains = bending_strains(world, hinges)
     stencils, weights = _rows_in_threes(strains)
-    elements, places = _distinct(hinges.vertices[stencils])
+    elements, slots = _distinct(hinges.vertices[stencils])
     owners = np.zeros((len(hinges.vertices), 2), np.int64)
     rows, columns = np.indices(stencils.shape)
     owners[stencils] = np.stack([rows, columns], axis=2)
-    return MidedgeBending(hinges.vertices, hinges.rest_angles, strains, stencils, weights, elements, places, owners)
+    return MidedgeBending(hinges.vertices, hinges.rest_angles, strains, stencils, weights, elements, slots, owners)
 
 
 def _rows_in_threes(matrix: sparse.csr_array) -> tuple[Ints, Floats]:
-    """The columns (m, j) and entries (m, 3, j) of a matrix (3 m, h), three rows at a time, but for threes of zeros."""
+    """The columns (m, j) and entries (m, 3, j) of a matrix (3m, h), three rows at a time, without rows of zeros."""
     m = matrix.shape[0] // 3
     threes = (sparse.kron(sparse.eye_array(m), np.ones((1, 3))) @ abs(matrix)).tocsr()
     threes.sort_indices()
@@ -97,17 +113,17 @@ def _rows_in_threes(matrix: sparse.csr_array) -> tuple[Ints, Floats]:
 
 
 def _distinct(vertices: Ints) -> tuple[Ints, Ints]:
-    """The distinct numbers of each of m blocks `vertices (m, j, 4)`, (m, k), and where each entry stands in them."""
+    """The distinct numbers (m, k) in each block of `vertices` (m, j, 4), and the position of each entry in them."""
     flat = vertices.reshape(len(vertices), -1)
     order = np.argsort(flat, axis=1, kind="stable")
     ordered = np.take_along_axis(flat, order, axis=1)
     rank = np.zeros_like(flat)
     rank[:, 1:] = np.cumsum(ordered[:, 1:] != ordered[:, :-1], axis=1)
-    places = np.empty_like(flat)
-    np.put_along_axis(places, order, rank, axis=1)
+    slots = np.empty_like(flat)
+    np.put_along_axis(slots, order, rank, axis=1)
     distinct = np.repeat(ordered[:, :1], rank.max(initial=0) + 1, axis=1)
     np.put_along_axis(distinct, rank, ordered, axis=1)
-    return distinct, places.reshape(vertices.shape)
+    return distinct, slots.reshape(vertices.shape)
 
 
 @kernel
@@ -136,17 +152,17 @@ def _gradient(vertices: Ints, moments: Floats, x: Floats) -> Floats:
 
 
 @kernel
-def _gauss_newton(vertices: Ints, stencils: Ints, weights: Floats, places: Ints, n_places: int, x: Floats) -> Floats:
+def _gauss_newton(vertices: Ints, stencils: Ints, weights: Floats, slots: Ints, n_slots: int, x: Floats) -> Floats:
     """Sum of s s' over the three strains of a triangle, s = sum_j weight_j dtheta_j/dx."""
     angle_gradients = _angle_gradients(vertices, x)
-    size = 3 * n_places
+    size = 3 * n_slots
     blocks = np.empty((len(stencils), size, size))
     strains = np.empty((3, size))
     for t in range(len(stencils)):
         strains[:] = 0.0
         for j in range(stencils.shape[1]):
             for k in range(4):
-                at = 3 * places[t, j, k]
+                at = 3 * slots[t, j, k]
                 for i in range(3):
                     slope = angle_gradients[stencils[t, j], k, i]
                     for q in range(3):
@@ -160,16 +176,16 @@ def _gauss_newton(vertices: Ints, stencils: Ints, weights: Floats, places: Ints,
 
 
 @kernel
-def _add_moments(blocks: Floats, vertices: Ints, moments: Floats, owners: Ints, places: Ints, x: Floats) -> None:
-    """Each hinge's moment times d2theta/dx2, added to the block of an element that holds the hinge."""
+def _add_moments(blocks: Floats, vertices: Ints, moments: Floats, owners: Ints, slots: Ints, x: Floats) -> None:
+    """Add each hinge's moment times d2theta/dx2 to the block of an element that contains the hinge."""
     curved = np.empty((12, 12))
     for h in range(len(vertices)):
         a, b, c, d = four_points(x, vertices, h)
         hinge_hessian(a, b, c, d, moments[h], 0.0, curved)
         t = owners[h, 0]
-        place = places[t, owners[h, 1]]
+        slot = slots[t, owners[h, 1]]
         for k in range(4):
             for i in range(3):
                 for m in range(4):
                     for j in range(3):
-                        blocks[t, 3 * place[k] + i, 3 * place[m] + j] += curved[3 * k + i, 3 * m + j]
+                        blocks[t, 3 * slot[k] + i, 3 * slot[m] + j] += curved[3 * k + i, 3 * m + j]

@@ -1,14 +1,14 @@
-"""A woven or knitted sheet: warp, weft and shear each with a stiffness of its own.
+"""Orthotropic membrane of woven and knitted sheets: stiffness along warp and weft, and in shear.
 
 For small strains it is orthotropic plane stress: with the stiffnesses E1 along the warp, E2 along the weft and G in
 shear [N/m] and nu^2 = nu12 nu21 (nu12 E2 = nu21 E1, so nu12 = nu sqrt(E1/E2)),
 
     C11 = E1/(1 - nu^2),  C22 = E2/(1 - nu^2),  C12 = nu sqrt(E1 E2)/(1 - nu^2),  C33 = G
 
-which is stable for every |nu| < 1. It is the sum of a Neo-Hookean sheet of shear modulus mu and lam = 0, which keeps
-the triangles from collapsing and resists shear, and of threads (see `fibres`) that hold the rest, C - diag(2 mu, 2 mu,
-mu): mu = min(G, half the smaller eigenvalue of [[C11, C12], [C12, C22]]) is the largest that leaves them semi-definite.
-Under E1 = E2 = 2 (1 + nu) G the small-strain limit is that of the isotropic membrane.
+which is stable for every |nu| < 1. The energy is the sum of a Neo-Hookean sheet of shear modulus mu and lam = 0, which
+prevents collapsed triangles and resists shear, and of threads (`threads`) with the remaining stiffness
+C - diag(2 mu, 2 mu, mu): mu = min(G, half the smaller eigenvalue of [[C11, C12], [C12, C22]]) is the largest for which
+it is semi-definite. For E1 = E2 = 2 (1 + nu) G the small-strain limit is that of the isotropic membrane.
 """
 
 from dataclasses import dataclass, replace
@@ -18,29 +18,29 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy
-from clothsim.energies.fibres import Fibres, LinearThreads, ThreadLaw
 from clothsim.energies.hessians import ElementHessian
-from clothsim.energies.membrane import NeoHookeanMembrane
+from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
 from clothsim.energies.protocols import Report, Restrictable
+from clothsim.energies.threads import Fibres, LinearThreads, ThreadLaw
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
 class ThreadedMembrane(Energy, Restrictable, Report):
-    """A sheet and the threads in it, over the same triangles; +inf where one has lost its area. said: its choices."""
+    """A Neo-Hookean sheet with threads over the same triangles; `notes`: its report of defaults used."""
 
     sheet: NeoHookeanMembrane
     threads: Fibres
-    said: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def of(
-        cls, world: World, chosen: Ints, angles: Floats, mu: Floats, law: ThreadLaw, said: tuple[str, ...] = ()
+        cls, world: World, chosen: Ints, angles: Floats, mu: Floats, law: ThreadLaw, notes: tuple[str, ...] = ()
     ) -> Self:
         """The `chosen (k,)` triangles of a world; mu (k,) of the sheet [N/m], angles (m,) of the warp [rad]."""
         shapes, areas = world.rest_shape_inverses[chosen], world.rest_areas[chosen]
         sheet = NeoHookeanMembrane(world.triangles[chosen], shapes, areas, mu, np.zeros(len(chosen)))
-        return cls(sheet, Fibres.of(world, chosen, angles, law), said)
+        return cls(sheet, Fibres.of(world, chosen, angles, law), notes)
 
     @property
     def triangles(self) -> Ints:
@@ -53,11 +53,11 @@ class ThreadedMembrane(Energy, Restrictable, Report):
         return replace(self, sheet=self.sheet.with_triangles(triangles), threads=threads)
 
     def defaults_used(self) -> tuple[str, ...]:
-        """What it chose where the scene was silent."""
-        return self.said
+        """The notes of the material."""
+        return self.notes
 
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
-        """Both over the triangles that a moving vertex touches."""
+        """Both parts over the triangles with a moving vertex."""
         return replace(self, sheet=self.sheet.restricted_to(moving, x), threads=self.threads.restricted_to(moving, x))
 
     def value(self, x: Floats) -> float:

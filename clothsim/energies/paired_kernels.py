@@ -1,7 +1,8 @@
 """Element loops of the membrane on pairs of triangles: value, gradient and Hessian blocks.
 
-An element is four vertices with a few parts of constant deformation gradient: the quadrilateral as a whole, and its two
-triangles. F = sum over vertices of x_v g_v', g_v (2,) the rates of a part's shape functions. E = sum of weight psi(F),
+An element is four vertices with three parts of constant deformation gradient: the quadrilateral as a whole, and its two
+triangles. F = sum over vertices of x_v g_v', g_v (2,) the gradients of a part's shape functions. E = sum of weight
+psi(F),
 
     psi = mu/2 (tr C - 2 - ln det C) + lam/8 (ln det C)^2,      C = F'F
     S = 2 dpsi/dC = mu 1 + c C^-1,    c = lam/2 ln det C - mu
@@ -76,7 +77,7 @@ def hessian(x, elements, rates, weights, mu, lam, project):
 
 @kernel
 def _add(block, x, vertices, rates, weight, mu, lam, project, F, strain):
-    """Adds the second derivatives of weight psi(F): S on the rates, and the tangent on the strains.
+    """Add the second derivatives of weight psi(F): S on the rates, and the tangent on the strains.
 
     dS = lam/2 tr(C^-1 dC) C^-1 - c C^-1 dC C^-1. With L the symmetric root of C^-1 and M = L dC L / 2 that adds
     lam (tr M)^2 - 2 c |M|^2: positive where c <= 0. So with `project` c is at most 0, and S has no negative part.

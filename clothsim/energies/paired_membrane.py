@@ -1,14 +1,14 @@
-"""The membrane on pairs of triangles: it locks less where folds are about as fine as the mesh.
+"""Membrane on pairs of triangles, with less locking where folds are about as fine as the mesh.
 
-Triangles of constant strain cannot bend about a line that is not one of their edges without stretching: a sheet whose
-folds run across the edges is held flat by its membrane. Here two neighbours that make the best quadrilateral answer to
-the mean of their deformation gradients, which is that of the quadrilateral's diagonals alone (Green's theorem): a net
-of quadrilaterals whose diagonals keep their lengths and angle bends freely (Jiang et al. 2020, "Quad-mesh based
-isometric mappings and developable surfaces"). Two diagonals cannot tell all: a share `own` of the energy stays with the
-triangles, against the hourglass of the quadrilateral.
+Triangles of constant strain cannot bend about a line other than one of their edges without stretch: the membrane locks
+folds that cross the edges. Here the energy of two neighbours depends on the mean of their deformation gradients, which
+is determined by the diagonals of their quadrilateral alone (Green's theorem): a net of quadrilaterals whose diagonals
+keep lengths and angle bends freely (Jiang et al. 2020, "Quad-mesh based isometric mappings and developable surfaces").
+The mean does not resist the hourglass mode of the quadrilateral, so that a fraction `own` of the energy remains with
+the triangles.
 
-The patch test holds, for in an affine state all F are alike. A rest shape that is not flat is at rest: there the mean F
-is taken from the stretch that it has in that shape.
+The patch test holds, since in an affine state all F are equal. A curved rest shape is free of stress: there the mean F
+is taken relative to its stretch in that shape.
 """
 
 from dataclasses import dataclass
@@ -24,18 +24,25 @@ from clothsim.mesh.topology import interior_edges
 from clothsim.mesh.world import World
 
 OWN = 0.05
-"""Share of the energy that stays with each triangle."""
+"""Fraction of the energy that remains with each triangle."""
 SHARP = 1.0
-"""Rest angle [rad] from which two neighbours are no pair."""
+"""Rest angle [rad] from which two neighbours do not form a pair."""
 
 
 @dataclass(frozen=True)
 class PairedMembrane(Elementwise, Energy):
     """E = sum over pairs of A [(1 - own) psi(w1 F1 + w2 F2) + own (w1 psi(F1) + w2 psi(F2))], psi Neo-Hookean.
 
-    elements (p, 4): the shared edge and the two corners beside it (a triangle without a partner has its last corner
-    twice); rates (p, 3, 4, 2) [1/m]: of the shape functions of the pair and of both triangles, in one frame; weights
-    (p, 3) [m2]: the part of the area that each answers for; mu, lam (p,) [N/m].
+    Parameters
+    ----------
+    elements : (p, 4) int array
+        Rows of x: the shared edge and both opposite corners; a single triangle has its last corner twice.
+    rates : (p, 3, 4, 2) array
+        Gradients of the shape functions of the pair and of both triangles, in one frame [1/m].
+    weights : (p, 3) array
+        Areas that the three parts are weighted with [m2].
+    mu, lam : (p,) arrays
+        Lame parameters [N/m].
     """
 
     elements: Ints
@@ -64,7 +71,7 @@ class PairedMembrane(Elementwise, Energy):
 
 
 def paired_membrane(world: World, own: float = OWN) -> PairedMembrane:
-    """The membrane of all triangles that have a stiffness, in pairs as far as they go."""
+    """The membrane of all triangles that have a stiffness, in pairs where possible."""
     mu, lam = world.per_triangle("shear_modulus"), world.per_triangle("lame_modulus")
     corners, both = pairs(world)
     n, alone = len(both), np.setdiff1d(np.arange(len(world.triangles)), both)
@@ -87,8 +94,8 @@ def paired_membrane(world: World, own: float = OWN) -> PairedMembrane:
 def pairs(world: World) -> tuple[Ints, Ints]:
     """Disjoint pairs of neighbours of one fabric: (p, 4) shared edge and the corners beside it; (p, 2) the triangles.
 
-    Greedy, the most rectangular first: whose angles opposite to the shared edge are nearest to right ones. None is bent
-    by more than SHARP at rest: across a sharp crease the diagonals say nothing.
+    Greedy, by how near the angles opposite to the shared edge are to right angles. No pair is bent by more than SHARP
+    at rest: across a sharp crease the diagonals do not determine the strain.
     """
     corners, both = interior_edges(world.triangles)
     mu, lam = world.per_triangle("shear_modulus"), world.per_triangle("lame_modulus")
@@ -109,7 +116,7 @@ def pairs(world: World) -> tuple[Ints, Ints]:
 
 
 def _rest(world: World) -> tuple[np.ndarray, Floats]:
-    """For each cloth vertex whether its cloth is flat at rest (n,), and its place at rest (n, 3) [m]."""
+    """For each cloth vertex whether its cloth is flat at rest (n,), and its rest position (n, 3) [m]."""
     flat = np.concatenate([np.full(len(cloth.positions), cloth.flat) for cloth in world.cloths])
     return flat, np.concatenate([cloth.rest_positions for cloth in world.cloths])
 
@@ -119,21 +126,21 @@ def _material(world: World) -> Floats:
     return np.concatenate([cloth.material_coordinates for cloth in world.cloths])
 
 
-def _places(world: World, corners: Ints, triangles: Ints) -> Floats:
-    """Where the vertices `corners (p, k)` lie at rest, each in the frame of its triangle (p,), (p, k, 2) [m]."""
+def _rest_positions(world: World, corners: Ints, triangles: Ints) -> Floats:
+    """Rest positions of the vertices `corners` (p, k) in the frames of `triangles` (p,), (p, k, 2) [m]."""
     where = (world.triangles[triangles][:, None, :] == corners[:, :, None]).argmax(axis=2)
     return np.asarray(np.take_along_axis(_material(world)[triangles], where[:, :, None], axis=1), np.float64)
 
 
 def _cosines(world: World, corners: Ints, triangles: Ints, opposite: int) -> Floats:
-    """Of the angle at the corner number `opposite` over the shared edge, (p,)."""
-    a, b, c = np.moveaxis(_places(world, corners[:, [0, 1, opposite]], triangles), 1, 0)
+    """Cosines of the angles at the corner number `opposite`, opposite to the shared edge, (p,)."""
+    a, b, c = np.moveaxis(_rest_positions(world, corners[:, [0, 1, opposite]], triangles), 1, 0)
     u, v = a - c, b - c
     return np.asarray((u * v).sum(axis=1) / np.linalg.norm(u, axis=1) / np.linalg.norm(v, axis=1), np.float64)
 
 
 def _rates(world: World, corners: Ints, triangles: Ints) -> Floats:
-    """Rates of the shape functions of four vertices in a triangle's own frame, 0 of one it has not, (p, 4, 2) [1/m]."""
+    """Shape-function gradients of four vertices in a triangle's frame, 0 for a vertex of the other, (p, 4, 2) [1/m]."""
     inverses = world.rest_shape_inverses[triangles]
     own = np.concatenate([-inverses.sum(axis=1, keepdims=True), inverses], axis=1)
     there = world.triangles[triangles][:, None, :] == corners[:, :, None]
@@ -141,8 +148,8 @@ def _rates(world: World, corners: Ints, triangles: Ints) -> Floats:
 
 
 def _turns(world: World, corners: Ints, both: Ints) -> Floats:
-    """The rotations (p, 2, 2) from the frame of the second triangle to that of the first: the shared edge agrees."""
-    edges = [np.diff(_places(world, corners[:, :2], both[:, k]), axis=1)[:, 0] for k in range(2)]
+    """Rotations (p, 2, 2) from the frame of the second triangle to that of the first, matching the shared edge."""
+    edges = [np.diff(_rest_positions(world, corners[:, :2], both[:, k]), axis=1)[:, 0] for k in range(2)]
     z = [edge[:, 0] + 1j * edge[:, 1] for edge in edges]
     turn = z[0] / z[1]
     turn = turn / np.abs(turn)
@@ -150,7 +157,7 @@ def _turns(world: World, corners: Ints, both: Ints) -> Floats:
 
 
 def _unbent(world: World, corners: Ints, rates: Floats) -> Floats:
-    """U^-1 (p, 2, 2), U the stretch of the pairs' mean F in the rest shape: 1 where that is flat."""
+    """U^-1 (p, 2, 2), U the stretch of the pairs' mean F in the rest shape, 1 where that is flat."""
     flat, rest = _rest(world)
     F = np.einsum("pvk,pvi->pki", rest[corners], rates)
     C = np.where(flat[corners[:, 0], None, None], np.eye(2), np.einsum("pki,pkj->pij", F, F))

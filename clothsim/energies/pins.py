@@ -1,4 +1,4 @@
-"""The effect `pins`: vertices that are held, or carried along a scripted rigid motion."""
+"""Prescribed vertices, fixed or on a rigid motion: the effect `pins`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,9 +20,18 @@ GROUP = ("select", "clamp", "motion")
 
 @dataclass(frozen=True)
 class PinGroup:
-    """Vertices that move together: rows of x `vertices (k,)`, where they start `start (k, 3)` [m], and their motion.
+    """Vertices with one prescribed motion.
 
-    name: what the scene calls it, "pins" or "pins.group[1]".
+    Parameters
+    ----------
+    vertices : (k,) int array
+        Rows of x.
+    start : (k, 3) array
+        Positions at time 0 [m].
+    motion : RigidMotion
+        Prescribed motion.
+    name : str
+        The scene's name, "pins" or "pins.group[1]".
     """
 
     vertices: Ints
@@ -33,7 +42,7 @@ class PinGroup:
 
 @dataclass(frozen=True)
 class Pins(Constraint):
-    """Prescribes the positions of its groups, and of the ghosts that hold the direction at a clamped edge."""
+    """Prescribed positions of the groups, with the ghost vertices that fix the direction at clamped edges."""
 
     groups: tuple[PinGroup, ...]
 
@@ -43,14 +52,14 @@ class Pins(Constraint):
         return all(group.motion.still for group in self.groups)
 
     def at(self, time: float) -> Prescribed:
-        """The pinned vertices and where they are at `time` [s]."""
+        """The pinned vertices and their positions at `time` [s]."""
         return Prescribed(
             np.concatenate([group.vertices for group in self.groups]),
             np.concatenate([group.motion.apply(group.start, time) for group in self.groups]),
         )
 
     def holder(self, row: int) -> str:
-        """The name of the group that holds a row of x, empty where none does."""
+        """The name of the group that prescribes a row of x, empty if none does."""
         return next((group.name for group in self.groups if row in group.vertices), "")
 
 
@@ -62,9 +71,27 @@ def pins(
     motion: Mapping[str, Sequence[float]] | None = None,
     group: Sequence[Mapping[str, object]] = (),
 ) -> tuple[World, Constraint] | Off:
-    """Pins from a scene's keys: one selection, or several groups each with select, clamp and its own motion.
+    """Pinned vertices: one selection, and groups with a selection and motion each.
 
-    Returns the world, which clamps enlarge by ghosts, and the constraint; Off where nothing is selected.
+    Parameters
+    ----------
+    select : str, sequence of int or {"box": [lo, hi]}
+        Vertices (`energies.selection`).
+    clamp : bool
+        True to fix the rest direction at the edge too.
+    motion : table, optional
+        Rigid motion (`mesh.motion`).
+    group : sequence of tables
+        Further groups, each with `select` and optionally `clamp` and `motion`.
+
+    Returns
+    -------
+    The world, which clamps enlarge by ghost vertices, and the constraint; or Off where no vertex is selected.
+
+    Raises
+    ------
+    InputError
+        For unknown selections and motions, or a vertex in two groups.
     """
     check_tables("effects.pins.group", group, GROUP, ("select",))
     specs: list[Mapping[str, object]] = [{"select": select, "clamp": clamp, "motion": motion}, *group]

@@ -1,16 +1,16 @@
-"""The effect `plastic_bending`: folds beyond a yield angle stay.
+"""Plastic bending with kinematic hardening: the effect `plastic_bending`.
 
-Each hinge has a plastic angle p, by which its rest angle is shifted (`shifted_hinges`). With the elastic angle
-e = theta - theta0 - p, the yield angle y and linear kinematic hardening H (Prager 1956; the return mapping of Simo and
-Hughes 1998, "Computational inelasticity", box 1.4), p flows where |e - H p| > y, without regard to how fast:
+The rest angle of each hinge is shifted by a plastic angle p (`shifted_hinges`). With the elastic angle
+e = theta - theta0 - p, the yield angle y and linear kinematic hardening H (Prager 1956; return mapping: Simo and Hughes
+1998, "Computational inelasticity", box 1.4), p flows where |e - H p| > y, independent of the rate:
 
     p += sign(e - H p) (|e - H p| - y) / (1 + H).
 
-So a fold held at theta_m keeps (theta_m - y) / (1 + H) once it is let go. y is given as an angle, or as a curvature
+A fold held at theta_m retains (theta_m - y) / (1 + H) when it is released. y is given as an angle, or as a curvature
 kappa, y = kappa (A1 + A2)/|e|, which is a property of the fabric and not of the mesh.
 
-p flows at the start of a step, from the angles there, and stays during it: within a step the moment may pass the yield
-by what the fold moves in dt, an error of first order. A fold at the start of a run flows at once.
+p is updated at the start of a step, from the angles there, and constant within it: an error of first order in dt. A
+fold at the start of a run flows at once.
 """
 
 from collections.abc import Mapping
@@ -34,7 +34,17 @@ NAME = "plastic_bending"
 
 @dataclass(frozen=True)
 class PlasticBending(ShiftedHinges, History):
-    """rest_angles (h,) [rad] without creases; yields y (h,) [rad]; hardening H, as share of the hinge's stiffness."""
+    """Plastic shifts of rest angles.
+
+    Parameters
+    ----------
+    rest_angles : (h,) array
+        Rest angles without creases [rad].
+    yields : (h,) array
+        y [rad].
+    hardening : float
+        H, relative to the stiffness of the hinge.
+    """
 
     rest_angles: Floats
     yields: Floats
@@ -45,11 +55,11 @@ class PlasticBending(ShiftedHinges, History):
 
     @property
     def carry_over(self) -> Floats:
-        """p of every hinge, (h,) [rad]."""
+        """p of each hinge, (h,) [rad]."""
         return self.shifts
 
     def begin(self, step: Step) -> Self:
-        """Bound to the p that the angles at the start of the step leave, over the rest angles with their creases."""
+        """A copy with p after the return mapping at the start of the step, relative to rest angles with creases."""
         references = self.rest_angles.copy()
         for other in step.bound.values():
             if isinstance(other, ShiftedHinges):
@@ -60,7 +70,7 @@ class PlasticBending(ShiftedHinges, History):
 
 
 def flowed(bend: Floats, plastic: Floats, yields: Floats, hardening: float) -> Floats:
-    """The plastic angles (h,) after the return mapping, from those before and theta - theta0 (h,) [rad]."""
+    """Return mapping: the plastic angles (h,) from the previous ones and theta - theta0 (h,) [rad]."""
     driving = np.where(np.isfinite(bend), bend, 0.0) - (1 + hardening) * plastic
     beyond = np.where(np.isfinite(bend), np.maximum(np.abs(driving) - yields, 0.0), 0.0)
     return np.asarray(plastic + np.sign(driving) * beyond / (1 + hardening), np.float64)
@@ -74,14 +84,34 @@ def plastic_bending(
     hardening: float = 0.0,
     built: Mapping[str, Energy] | None = None,
 ) -> Energy | Off:
-    """Folds that stay where a hinge bends by more than yield_angle_degrees, or the cloth by more than yield_curvature
-    [1/m]: one of the two; 0 is never. hardening: how much the yield moves along, as share of the bending stiffness.
+    """Permanent folds beyond a yield angle or curvature.
+
+    Parameters
+    ----------
+    yield_angle_degrees : float
+        Yield angle of a hinge; 0: none.
+    yield_curvature : float
+        Yield curvature of the cloth [1/m]; 0: none. At most one of both is given.
+    hardening : float
+        Kinematic hardening relative to the bending stiffness.
+    built : mapping, optional
+        The energies built so far, with the bending whose angles are shifted.
+
+    Returns
+    -------
+    PlasticBending, or Off without yield or bending.
+
+    Raises
+    ------
+    InputError
+        For both kinds of yield, or a bending model without rest angles.
     """
     degrees = as_positive("effects.plastic_bending.yield_angle_degrees", yield_angle_degrees, zero=True)
     curvature = as_positive("effects.plastic_bending.yield_curvature", yield_curvature, zero=True)
     ratio = as_positive("effects.plastic_bending.hardening", hardening, zero=True)
     if degrees and curvature:
-        raise InputError("effects.plastic_bending has yield_angle_degrees and yield_curvature.", "Give one of them.")
+        sentence = "effects.plastic_bending has both yield_angle_degrees and yield_curvature."
+        raise InputError(sentence, "Give one of them.")
     if not degrees and not curvature:
         return Off("no yield is given")
     hinges = hinges_of_bending(NAME, (built or {}).get("bending"))

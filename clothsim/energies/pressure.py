@@ -1,11 +1,11 @@
-"""The effect `pressure`: a fluid pushes on every triangle along its normal, wherever it turns (a follower load).
+"""Uniform fluid pressure, a follower load along the normals: the effect `pressure`.
 
-For a closed cloth E = -p V is exact, V the sum of the tetrahedra from its triangles to a point (Hibbitt 1979: the load
-of a uniform pressure has a potential where its region is closed or its border is held). For an open cloth the point is
-the mean of its border and V the volume over that cone: the forces on all vertices but the border's are p A n / 3 from
-each triangle, as they should be, and the border's do not matter where it is held. On a free border no energy gives them
-(the load does work around a closed path there), so what is missing is added as a dead load taken at the start of the
-step, and so is the point: the border's forces are then those of one step ago, an error of first order in dt.
+For a closed cloth E = -p V is exact, V the sum of the tetrahedra from its triangles to an apex (Hibbitt 1979: a uniform
+pressure has a potential where its surface is closed or its border is fixed). For an open cloth the apex is the mean of
+its border and V the volume of that cone: the forces on all interior vertices are p A n / 3 from each triangle, and
+those on a fixed border do not matter. On a free border they have no potential (the load does work around a closed
+path), so the difference is added as a dead load, taken at the start of the step, as is the apex: forces on a free
+border lag by one step, an error of first order in dt.
 """
 
 from dataclasses import dataclass, replace
@@ -27,8 +27,16 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class Patch:
-    """One cloth under pressure: triangles (m, 3) and border (b,) as rows of x, pressure [Pa]; outward: +1, or -1 where
-    the triangles of a closed cloth face inward.
+    """One cloth under pressure.
+
+    Parameters
+    ----------
+    triangles, border : (m, 3) and (b,) int arrays
+        Rows of x.
+    pressure : Schedule
+        [Pa].
+    outward : float
+        1, or -1 where the triangles of a closed cloth face inward.
     """
 
     triangles: Ints
@@ -39,10 +47,20 @@ class Patch:
 
 @dataclass(frozen=True)
 class Pressure(Energy, Idling):
-    """E = -sum p (x0 - c) . ((x1 - c) x (x2 - c)) / 6 - sum f . (x - x_n), c the apex of the cone.
+    """E = -sum p (x0 - c).((x1 - c) x (x2 - c)) / 6 - sum f.(x - x_n), c the apex of the cone.
 
-    patches: the cloths; bound to a step: triangles (m, 3), pressures p (m,) [Pa], apexes c (m, 3) [m], border (b,),
-    its missing forces f (b, 3) [N] and places x_n (b, 3) [m] at the start of the step.
+    Parameters
+    ----------
+    patches : tuple of Patch
+        The cloths.
+    triangles, border : (m, 3) and (b,) int arrays
+        Rows of x of all patches.
+    pressures : (m,) array
+        p of the step [Pa].
+    apexes : (m, 3) array
+        c [m].
+    missing, start : (b, 3) arrays
+        Dead load f [N] and position x_n [m] of the border at the start of the step.
     """
 
     patches: tuple[Patch, ...]
@@ -51,21 +69,21 @@ class Pressure(Energy, Idling):
     apexes: Floats
     border: Ints
     missing: Floats
-    places: Floats
+    start: Floats
 
     @property
     def idle(self) -> bool:
-        """True where there is no pressure at this time."""
+        """True where all pressures of the step are 0."""
         return not self.pressures.any()
 
     def begin(self, step: Step) -> Self:
-        """Bound to the pressure at the end of the step and to the borders at its start.
+        """A copy with the pressure of the end of the step and the borders of its start.
 
-        A quasi-static ramp scales a pressure that is constant; one that varies in time is its own ramp.
+        A quasi-static ramp scales a constant pressure; one that varies over time is a ramp of its own.
         """
         now, x = step.time + step.dt, step.positions
-        shares = [step.load if patch.pressure.is_constant else 1.0 for patch in self.patches]
-        levels = [share * p.outward * p.pressure.at(now) for share, p in zip(shares, self.patches, strict=True)]
+        loads = [step.load if patch.pressure.is_constant else 1.0 for patch in self.patches]
+        levels = [load * p.outward * p.pressure.at(now) for load, p in zip(loads, self.patches, strict=True)]
         counts = [len(patch.triangles) for patch in self.patches]
         rims = [patch.border if len(patch.border) else patch.triangles[:, 0] for patch in self.patches]
         centres = [x[rim].mean(axis=0) for rim in rims]
@@ -74,7 +92,7 @@ class Pressure(Energy, Idling):
             pressures=np.repeat(levels, counts),
             apexes=np.repeat(centres, counts, axis=0),
             missing=np.zeros_like(self.missing),
-            places=x[self.border],
+            start=x[self.border],
         )
         if bound.idle:
             return bound
@@ -84,13 +102,13 @@ class Pressure(Energy, Idling):
         """E(x) [J]."""
         a, b, c = self._arms(x)
         volumes = np.einsum("ti,ti->t", a, np.cross(b, c)) / 6
-        return -float(self.pressures @ volumes + np.sum(self.missing * (x[self.border] - self.places)))
+        return -float(self.pressures @ volumes + np.sum(self.missing * (x[self.border] - self.start)))
 
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]."""
         a, b, c = self._arms(x)
-        shares = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
-        out = _gathered(-self.pressures[:, None, None] / 6 * shares, self.triangles, len(x))
+        normals = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
+        out = _gathered(-self.pressures[:, None, None] / 6 * normals, self.triangles, len(x))
         out[self.border] -= self.missing
         return out
 
@@ -117,10 +135,16 @@ class Pressure(Energy, Idling):
 
 
 def pressure(world: World, *, value: Any = 0.0) -> Energy | Off:
-    """A pressure `value` [Pa] on all cloths: a number, key frames or a function of the time, or a table by cloth.
+    """Pressure on all cloths, outward of a closed cloth and along the normals of an open one (+z for generated sheets).
 
-    It pushes out of a closed cloth, and along the normals of an open one (a flat sheet's, as generated: +z). Off where
-    it is 0 at all times. `energies.values` has the errors.
+    Parameters
+    ----------
+    value : number, key frames, function of time, or table of these by cloth
+        Pressure [Pa] (`energies.varying_values`).
+
+    Returns
+    -------
+    Pressure, or Off where it is 0 at all times.
     """
     levels = by_cloth("effects.pressure.value", value, world)
     cloths = [each for each in zip(world.cloths, world.cloth_slices, levels, strict=True) if not each[2].is_zero]
@@ -129,8 +153,8 @@ def pressure(world: World, *, value: Any = 0.0) -> Energy | Off:
         return Off("the pressure is 0")
     triangles = np.concatenate([patch.triangles for patch in patches])
     border = np.concatenate([patch.border for patch in patches])
-    none, places = np.zeros(len(triangles)), np.zeros((len(border), 3))
-    return Pressure(patches, triangles, none, np.zeros((len(triangles), 3)), border, places, places)
+    none, still = np.zeros(len(triangles)), np.zeros((len(border), 3))
+    return Pressure(patches, triangles, none, np.zeros((len(triangles), 3)), border, still, still)
 
 
 def _patch(triangles: Ints, rows: slice, positions: Floats, level: Schedule) -> Patch:
@@ -140,9 +164,9 @@ def _patch(triangles: Ints, rows: slice, positions: Floats, level: Schedule) -> 
     return Patch(triangles + rows.start, border + rows.start, level, -1.0 if inward else 1.0)
 
 
-def _gathered(shares: Floats, triangles: Ints, n_vertices: int) -> Floats:
-    """The sum of each triangle's shares (m, 3, 3) on its corners, (N, 3)."""
-    corners, flat = triangles.ravel(), shares.reshape(-1, 3)
+def _gathered(forces: Floats, triangles: Ints, n_vertices: int) -> Floats:
+    """Sum of the forces (m, 3, 3) on the corners of triangles, (N, 3)."""
+    corners, flat = triangles.ravel(), forces.reshape(-1, 3)
     return np.stack([np.bincount(corners, flat[:, k], n_vertices) for k in range(3)], axis=1)
 
 
@@ -150,10 +174,10 @@ def _positive_part(corners: Floats, pressures: Floats) -> Floats:
     """The positive part of -p K, K the symmetric part of the follower stiffness of each triangle, (m, 9, 9).
 
     On corner i acts p (o_j x dx_j) / 6 summed over j, o_j the edge opposite to j: K_ij = [o_j - o_i]x / 12. Summed over
-    the triangles around a vertex this is the Hessian of V, but it depends on the edges only, not on the apex.
-    It couples motions in the plane u with motions w along the normal n by u . B w, so its eigenvalues are +- the
-    singular values s of B, with the vectors (B v +- s v n) / (s sqrt 2). All is in proportion to |p|, which comes last.
-    A triangle without area has no normal, and adds nothing.
+    the triangles around a vertex this is the Hessian of V, but it depends on the edges only, not on the apex. It
+    couples in-plane displacements u with displacements w along the normal n by u.B w, so that its eigenvalues are +-
+    the singular values s of B, with the vectors (B v +- s v n) / (s sqrt 2). B has the sign of p; the factor |p| is
+    applied to the blocks. A triangle without area has no normal and adds nothing.
     """
     opposite = np.stack([corners[:, (k + 2) % 3] - corners[:, (k + 1) % 3] for k in range(3)], axis=1)
     normals = np.cross(opposite[:, 0], opposite[:, 1])

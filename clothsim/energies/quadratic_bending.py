@@ -1,18 +1,20 @@
 """Quadratic bending: a constant Hessian, exact for isometric deformations of a flat sheet.
 
-E = sum (D/2) |e|^2/(A1 + A2) |K x - R K X|^2. Per hinge K x = sum_i K_i x_i with the cotangent stencil of Bergou et al.
+    E = sum (D/2) |e|^2/(A1 + A2) |K x - R K X|^2
+
+Per hinge K x = sum_i K_i x_i with the cotangent stencil of Bergou et al.
 2006, divided by |e|: with the corners at heights h1, h2 over the edge and at fractions u, w along it (at rest)
 
     K_c = 1/h1,  K_d = 1/h2,  K_b = -(u/h1 + w/h2),  K_a = -((1-u)/h1 + (1-w)/h2)
 
 K annihilates affine maps of the unfolded hinge, so on a flat sheet that does not stretch |K x| = 2 sin(theta/2): the
-hinge energy up to terms of fourth order in theta. Uneven stretch in the plane costs bending energy too, and a fold
-beyond 90 degrees resists less and less: the price of being quadratic.
+hinge energy up to terms of fourth order in theta. Non-uniform in-plane stretch costs bending energy too, and the moment
+of a fold decreases beyond 90 degrees: both follow from the quadratic form.
 
-A rest shape that is bent has K X = -2 sin(theta0/2) along the mean normal of the hinge, and R turns that with the
-cloth: the Kabsch frame of the hinge's four points, taken at the start of each step (`begin`) and held fixed within it.
-About a rest shape folded by theta0 the stiffness in theta is cos^2(theta0/2) times D: for sharp creases take the hinge
-model.
+A rest shape that is bent has K X = -2 sin(theta0/2) along the mean normal of the hinge, and R rotates it
+with the cloth: the Kabsch frame of the hinge's four points, taken at the start of each step (`begin`) and constant
+within it. About a rest shape folded by theta0 the stiffness in theta is cos^2(theta0/2) times D: sharp creases need the
+hinge model.
 """
 
 from dataclasses import dataclass, replace
@@ -27,14 +29,31 @@ from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.step import Step
 from clothsim.linalg import kabsch
 from clothsim.mesh.hinges import Hinges
+from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
 class QuadraticBending(Energy):
-    """vertices: (h, 4); stiffnesses: (h,) D |e|^2/(A1 + A2) [N m]; stencils: K as (h, N) sparse [1/m];
-    blocks: (h, 12, 12) the constant Hessian [N/m]; bent: (k,) the hinges whose rest angle is not 0,
-    rest_points: (k, 4, 3) their corners at rest, folded [m]; rest_bend: (k,) their K X along the third axis;
-    targets: (h, 3) R K X in the frames of the last `begin`.
+    """E = sum k/2 |K x - R K X|^2.
+
+    Parameters
+    ----------
+    vertices : (h, 4) int array
+        Rows of x.
+    stiffnesses : (h,) array
+        k = D |e|^2/(A1 + A2) [N m].
+    stencils : (h, N) sparse array
+        K [1/m].
+    blocks : (h, 12, 12) array
+        The constant Hessian [N/m].
+    bent : (k,) int array
+        Hinges with a rest angle other than 0.
+    rest_points : (k, 4, 3) array
+        Their corners at rest, folded [m].
+    rest_bend : (k,) array
+        Their K X along the third axis.
+    targets : (h, 3) array
+        R K X in the frames of the step.
     """
 
     vertices: Ints
@@ -56,11 +75,11 @@ class QuadraticBending(Energy):
         return self.stencils.T @ (self.stiffnesses[:, None] * (self.stencils @ x - self.targets))
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
-        """Constant, positive semi-definite and exact in one: 12 x 12 a hinge [N/m]."""
+        """12 x 12 a hinge [N/m]: constant, positive semi-definite and exact."""
         return ElementHessian(self.vertices, self.blocks)
 
     def begin(self, step: Step) -> Self:
-        """A copy with the rest shape turned as the hinges are in `step.positions`; itself where that is flat."""
+        """A copy with the rest shape rotated to the hinges at the start; the energy itself where all is flat."""
         if not len(self.bent):
             return self
         return replace(self, targets=self._targets_at(step.positions))
@@ -72,8 +91,9 @@ class QuadraticBending(Energy):
         return targets
 
 
-def quadratic_bending(hinges: Hinges, start: Floats) -> QuadraticBending:
-    """The energy of `hinges` in a world that starts at `start (N, 3)` [m], the positions of the first frames."""
+def quadratic_bending(hinges: Hinges, world: World) -> QuadraticBending:
+    """The bending energy of hinges, with the frames R of the start."""
+    start = world.start()
     height1, height2 = hinges.corners[:, 2, 1], -hinges.corners[:, 3, 1]
     u, w = (hinges.corners[:, k, 0] / hinges.edge_lengths for k in (2, 3))
     weights = np.column_stack(
@@ -101,7 +121,7 @@ def quadratic_bending(hinges: Hinges, start: Floats) -> QuadraticBending:
 
 
 def folded(corners: Floats, angles: Floats) -> Floats:
-    """Unfolded hinges (k, 4, 2) [m] folded by `angles (k,)` [rad] about their edge, (k, 4, 3): both sides by a half.
+    """Flat hinges (k, 4, 2) [m] folded by `angles` (k,) [rad] about their edge, (k, 4, 3): each side by a half.
 
     The edge stays on the first axis, the mean normal is the third; a positive angle folds against it.
     """

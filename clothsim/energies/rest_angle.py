@@ -1,12 +1,12 @@
-"""The effect `rest_angle`: creases and pleats, lines along which the cloth is at rest when it is folded.
+"""Creases and pleats, lines with a rest angle: the effect `rest_angle`.
 
-The hinges along a crease get the rest angle that the scene names, constant or over time; their stiffness stays
-bending's, k = D |e|^2/(A1 + A2), so that a crease holds its angle against loads no better than the cloth bends.
-Two flat panels joined by one crease are at rest at exactly its angle, whatever k is. Angles count as hinges' do: 0 is
-flat, and positive folds the cloth towards its back.
+The hinges along a crease have the rest angle that the scene gives, constant or over time; their stiffness remains that
+of bending, k = D |e|^2/(A1 + A2), so that a crease resists loads no more than the cloth resists bending. Two flat
+panels joined by one crease are at rest at exactly its angle, whatever k is. Angle 0 is flat; a positive angle folds the
+cloth towards its back.
 
-A line is snapped to the edges of the mesh (`mesh.paths`): along rows of a grid it is exact; across a mesh it zigzags,
-and hinges that are not on one line cannot all turn by the angle without stretch: draw creases along edges.
+A line is snapped to the edges of the mesh (`mesh.edge_paths`): along rows of a grid it is exact; across a mesh it
+zigzags, and hinges off one line cannot all rotate by the angle without stretch: draw creases along edges.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,32 +34,54 @@ KEYS = ("angle_degrees", "through", "vertices", "cloth")
 
 @dataclass(frozen=True)
 class RestAngle(ShiftedHinges, Driven):
-    """schedules: the angle of each crease [degrees]; counts_of_hinges: how many of the hinges are along each."""
+    """Shifted rest angles along creases.
+
+    Parameters
+    ----------
+    schedules : tuple of Schedule
+        Rest angle of each crease [degrees].
+    counts_of_hinges : tuple of int
+        Number of hinges along each crease.
+    """
 
     schedules: tuple[Schedule, ...]
     counts_of_hinges: tuple[int, ...]
 
     @property
     def drives(self) -> bool:
-        """True where an angle changes in time: a crease that folds does work on the cloth."""
+        """True where a rest angle varies over time, which does external work."""
         return not all(angle.is_constant for angle in self.schedules)
 
     def begin(self, step: Step) -> Self:
-        """Bound to the angles at the end of the step; a quasi-static ramp folds along constant ones bit by bit."""
+        """A copy with the rest angles of the end of the step; a quasi-static ramp scales constant ones."""
         now = step.time + step.dt
         goals = np.repeat([_radians(angle, now) for angle in self.schedules], self.counts_of_hinges)
-        shares = np.repeat([step.load if a.is_constant else 1.0 for a in self.schedules], self.counts_of_hinges)
-        return replace(self, shifts=shares * (goals - self.references))
+        loads = np.repeat([step.load if a.is_constant else 1.0 for a in self.schedules], self.counts_of_hinges)
+        return replace(self, shifts=loads * (goals - self.references))
 
 
 def rest_angle(
     world: World, *, crease: Sequence[Mapping[str, Any]] = (), built: Mapping[str, Energy] | None = None
 ) -> Energy | Off:
-    """Creases, each a table: angle_degrees, a number or key frames, and where it is: `through`, a line [[x, y, z], ...]
-    in the coordinates of the mesh before it is placed [m], or `vertices`, numbers of its vertices: all edges with both
-    ends among them that lie inside; `cloth`: its name, where there are several.
+    """Creases from a list of tables.
 
-    InputError for a crease that is nowhere, at a border, at another one's edge, or of 180 degrees and more.
+    Parameters
+    ----------
+    crease : sequence of tables
+        Each has `angle_degrees`, a number or key frames, and its line: `through`, points [[x, y, z], ...] in the
+        coordinates of the mesh before its placement [m], or `vertices`, numbers: every interior edge with both ends
+        among them; `cloth`, its name, if there are several.
+    built : mapping, optional
+        The energies built so far, with the bending whose angles are shifted.
+
+    Returns
+    -------
+    RestAngle, or Off without creases or bending, or where all is flat.
+
+    Raises
+    ------
+    InputError
+        For a crease on no edge, at a border, on another crease's edge, or of 180 degrees and more.
     """
     check_tables("effects.rest_angle.crease", crease, KEYS, ("angle_degrees",))
     if not crease:
@@ -79,7 +101,7 @@ def rest_angle(
     _refuse_twice(hinges, chosen)
     references, stiffnesses = hinges.rest_angles[chosen], hinges.stiffnesses[chosen]
     if not references.any() and all(angle.is_zero for angle in schedules):
-        return Off("every crease is flat, and so is the cloth at rest")
+        return Off("every crease is flat, as is the cloth at rest")
     none = np.zeros(len(chosen))
     return RestAngle(hinges.vertices[chosen], references, stiffnesses, none, chosen, schedules, tuple(map(len, rows)))
 
@@ -87,14 +109,14 @@ def rest_angle(
 def _radians(angle: Schedule, time: float) -> float:
     degrees = angle.at(time)
     if not abs(degrees) < 180:
-        raise InputError(f"{angle.name} is {degrees:g} at {time:g} s.", "A fold is flat again at 180 degrees: less.")
+        raise InputError(f"{angle.name} is {degrees:g} at {time:g} s.", "Give less than 180 degrees.")
     return float(np.radians(degrees))
 
 
 def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: HingeBending) -> Ints:
     """The numbers of the hinges along a crease."""
     if ("through" in keys) == ("vertices" in keys):
-        raise InputError(f"{name} needs through or vertices, one of them.", "through = [[x, y, z], [x, y, z]].")
+        raise InputError(f"{name} needs either through or vertices.", "Such as through = [[x, y, z], [x, y, z]].")
     number = cloth_number(name, world, keys.get("cloth"))
     cloth, first = world.cloths[number], world.cloth_slices[number].start
     edges = unique_edges(cloth.triangles)
@@ -103,18 +125,18 @@ def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: Hing
         group = vertex_numbers(f"{name}.vertices", keys["vertices"], len(cloth.positions)) + first
         found = np.flatnonzero(np.isin(bent, group).all(axis=1))
         if not len(found):
-            raise InputError(f"{name} has no edge between two triangles.", "Give neighbours inside the cloth.")
+            raise InputError(f"{name} has no interior edge.", "Give neighbouring vertices inside the cloth.")
         return found
     points = as_points(f"{name}.through", keys["through"])
     path = path_along(f"{name}.through", cloth.rest_positions, edges, points)
     if len(path) < 2:
-        raise InputError(f"{name}.through begins and ends at the vertex {path[0]}.", "Draw a longer line.")
+        raise InputError(f"{name}.through begins and ends at the vertex {path[0]}.", "Give a longer line.")
     along = np.sort(np.column_stack([path[:-1], path[1:]]), axis=1)
     numbers, wanted = ((pairs * [world.n_vertices, 1]).sum(axis=1) for pairs in (bent, along + first))
     order = np.argsort(numbers)
     found = order[np.minimum(np.searchsorted(numbers, wanted, sorter=order), len(order) - 1)]
     for a, b in along[numbers[found] != wanted][:1]:
-        raise InputError(f"{name}: nothing bends at the edge {a}-{b}.", "A crease lies between two triangles.")
+        raise InputError(f"{name}: the edge {a}-{b} has no hinge.", "Draw the crease along interior edges.")
     return found
 
 

@@ -1,18 +1,18 @@
-"""The effect `seams`: borders that are pulled together over time, and then stay together.
+"""Seams: borders drawn together over time, then held together; the effect `seams`.
 
-Vertices are matched along the lengths of both borders (`mesh.stitches`). Each stitch is a string (`links`) that is
-shortened from the gap that it finds at `start` to nothing at `end`,
+Vertices are matched along the lengths of both borders (`mesh.stitches`). Each stitch is a string (`links`) whose length
+falls from the gap at `start` to 0 at `end`,
 
     E = sum k/2 max(|r| - L, 0)^2,   L(t + dt) = |r(t)| (1 - u(t + dt)) / (1 - u(t)),   u = (t - start) / (end - start),
 
-so that all gaps close linearly and no stitch jerks; a seam that something holds open pulls hardest at its end. From
-then on L = 0 and it is a spring of stiffness k, not an exact weld: a seam under the force f a stitch gapes by f/k. The
-default k is 100 times the fabric's stiffness in stretch: at a strain of 1 % that is a ten-thousandth of an edge. The
-run's summary says how wide each seam gapes in the end.
+so that all gaps close linearly without impulses; the force of a seam that is held open is largest at its end. From then
+on L = 0 and a stitch is a spring of stiffness k, no exact weld: under the force f it gapes by f/k. The default k is 100
+times the fabric's stiffness in stretch: at a strain of 1 % the gap is a ten-thousandth of an edge. The summary of a run
+lists the final gap of each seam.
 
-Where the vertices of two borders meet one to one, the closed seam also bends as the cloth does, by hinges over it
-(`hinge_bending`). With self_contact the strings end at d_hat + offset, where contact begins to push, and not at 0: the
-two would fight, and a cloth that is sewn to itself would count as intersecting.
+Where the vertices of both borders correspond one to one, the closed seam also resists bending, with hinges across it
+(`hinge_bending`). With self_contact the strings end at d_hat + offset, where the barrier begins, and not at 0, where
+the barrier is infinite and the cloth intersects itself.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,12 +40,12 @@ KEYS = ("from", "to", "start", "end", "stiffness", "flip", "bends")
 SIDE = ("cloth", "side", "through", "vertices")
 SIDES = ("left", "right", "top", "bottom")
 STIFFER = 100.0
-"""How many times stiffer than the fabric in stretch a stitch is."""
+"""Ratio of the default stiffness of a stitch to that of the fabric in stretch."""
 
 
 @dataclass(frozen=True)
 class Seam:
-    """What the scene calls it; when it starts to pull and is closed [s]; how many stitches and hinges it has."""
+    """One seam: its name in the scene, start and end of closing [s], numbers of stitches and hinges."""
 
     name: str
     start: float
@@ -53,15 +53,27 @@ class Seam:
     stitches: int
     hinges: int
 
-    def left(self, time: float) -> float:
-        """The share of the way that is left at `time` [s], from 1 to 0."""
+    def open_fraction(self, time: float) -> float:
+        """Fraction 1 - u of the initial gap at `time` [s], from 1 to 0."""
         return float(1 - np.clip((time - self.start) / (self.end - self.start), 0.0, 1.0))
 
 
 @dataclass(frozen=True)
 class Seams(Links, Coupling, Driven, Report):
-    """all seams; stiffness (m,) of their stitches [N/m]; gap [m]: where the strings end; across: all hinges over them;
-    bending: those of the seams that are closed in this step.
+    """Strings of all seams, and hinges across the closed ones.
+
+    Parameters
+    ----------
+    seams : tuple of Seam
+        The seams, in the order of their stitches.
+    stiffness : (m,) array
+        k of the stitches [N/m].
+    gap : float
+        Final length of the strings [m].
+    across : HingeBending
+        Hinges across all seams.
+    bending : HingeBending
+        Those of the seams that are closed in this step.
     """
 
     seams: tuple[Seam, ...]
@@ -72,27 +84,27 @@ class Seams(Links, Coupling, Driven, Report):
 
     @property
     def drives(self) -> bool:
-        """True: closing a seam does work on the cloth."""
+        """True: closing a seam does external work."""
         return True
 
     @property
     def idle(self) -> bool:
-        """True where no stitch pulls and no closed seam bends."""
+        """True where no stitch acts and no closed seam bends."""
         return super().idle and not self._bends
 
     def begin(self, step: Step) -> Self:
-        """Bound to the lengths of the strings at the end of the step."""
+        """A copy with the lengths of the strings at the end of the step."""
         now, then = step.time, step.time + step.dt
         counts = [seam.stitches for seam in self.seams]
-        left = [(seam.left(now), seam.left(then)) for seam in self.seams]
-        pulling = np.repeat([after < 1 for _, after in left], counts)
-        ratios = np.repeat([after / before if before else 0.0 for before, after in left], counts)
+        fractions = [(seam.open_fraction(now), seam.open_fraction(then)) for seam in self.seams]
+        active = np.repeat([after < 1 for _, after in fractions], counts)
+        ratios = np.repeat([after / before if before else 0.0 for before, after in fractions], counts)
         gaps = np.linalg.norm(self.lines(step.positions), axis=1)
-        closed = np.repeat([after == 0 for _, after in left], [seam.hinges for seam in self.seams])
+        closed = np.repeat([after == 0 for _, after in fractions], [seam.hinges for seam in self.seams])
         return replace(
             self,
             lengths=self.gap + ratios * np.maximum(gaps - self.gap, 0.0),
-            stiffnesses=np.where(pulling, self.stiffness, 0.0),
+            stiffnesses=np.where(active, self.stiffness, 0.0),
             bending=_those(self.across, np.flatnonzero(closed)),
         )
 
@@ -107,7 +119,7 @@ class Seams(Links, Coupling, Driven, Report):
         return stitched + self.bending.gradient(x) if self._bends else stitched
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
-        """Blocks of the stitches, (m, 9, 9) [N/m]; where hinges bend, 12 x 12, stitches with a row of no weight."""
+        """Blocks (m, 9, 9) of the stitches [N/m]; with hinges 12 x 12, stitches with a fourth vertex of weight 0."""
         stitched = super().hessian(x, project)
         if not self._bends:
             return stitched
@@ -118,7 +130,7 @@ class Seams(Links, Coupling, Driven, Report):
         return ElementHessian(rows, np.concatenate([blocks, bent.blocks]))
 
     def couplings(self, x: Floats, dx: Floats) -> Ints:
-        """The rows (m, 4) of the stitches that pull in this step, and of the hinges over closed seams."""
+        """The rows (m, 4) of the active stitches and of the hinges across closed seams."""
         return np.concatenate([_four(self.rows[self.stiffnesses > 0]), self.bending.vertices])
 
     @property
@@ -126,14 +138,14 @@ class Seams(Links, Coupling, Driven, Report):
         return len(self.bending.stiffnesses) > 0
 
     def defaults_used(self) -> tuple[str, ...]:
-        """The stitches, their stiffness, and the gap that contact leaves."""
+        """Number and stiffness of the stitches, their final gap, and the hinges."""
         bent = sum(seam.hinges for seam in self.seams)
         gap = f", to a gap of {self.gap:g} m for self_contact" if self.gap else ""
-        over = f"{bent} hinges over them" if bent else "no hinges over them, so that they fold freely"
+        over = f"{bent} hinges across them" if bent else "no hinges across them: they fold freely"
         return (f"{len(self.rows)} stitches of {self.stiffness.max():.3g} N/m at most{gap}; {over}",)
 
     def final_notes(self, x: Floats) -> tuple[str, ...]:
-        """How wide each seam gapes at x."""
+        """The largest gap of each seam at x."""
         gaps = np.split(np.linalg.norm(self.lines(x), axis=1), np.cumsum([seam.stitches for seam in self.seams])[:-1])
         return tuple(
             f"{seam.name} gapes by {1e3 * gap.max():.3g} mm at most" for seam, gap in zip(self.seams, gaps, strict=True)
@@ -143,13 +155,27 @@ class Seams(Links, Coupling, Driven, Report):
 def seams(
     world: World, *, seam: Sequence[Mapping[str, Any]] = (), built: Mapping[str, Energy] | None = None
 ) -> Energy | Off:
-    """Seams, each a table: `from` and `to`, two lines of vertices; start and end [s] of the pulling (0 and 1);
-    stiffness [N/m] of a stitch (default: 100 times the fabric's); flip: true turns `to` around; bends: false for a seam
-    that folds freely.
+    """Seams from a list of tables.
 
-    A line is a table: cloth, its name, where there are several; and `side` ("left", "right", from bottom to top, or
-    "bottom", "top", from left to right), `through`, points [[x, y, z], ...] along its border, in the coordinates of the
-    mesh before it is placed [m], or `vertices`, numbers in their order. InputError names a line that is none.
+    Parameters
+    ----------
+    seam : sequence of tables
+        Each has `from` and `to`, two lines of vertices, and optionally `start` and `end` of closing [s] (0 and 1),
+        `stiffness` [N/m] of a stitch (100 times the fabric's), `flip` = true to reverse `to`, and `bends` = false for a
+        seam that folds freely. A line is a table of `cloth`, its name, if there are several, and one of `side` ("left",
+        "right", from bottom to top, or "bottom", "top", from left to right), `through`, points [[x, y, z], ...] along
+        the border in the coordinates of the mesh before its placement [m], and `vertices`, numbers in their order.
+    built : mapping, optional
+        The energies built so far: seams bend if bending is on, and leave a gap for self_contact.
+
+    Returns
+    -------
+    Seams, or Off without a seam.
+
+    Raises
+    ------
+    InputError
+        Names the seam and line.
     """
     check_tables("effects.seams.seam", seam, KEYS, ("from", "to"))
     if not seam:
@@ -167,31 +193,31 @@ def seams(
 def _seam(
     name: str, world: World, keys: Mapping[str, Any], bending: bool
 ) -> tuple[Seam, Ints, Floats, Floats, Ints, Ints]:
-    """A seam, its stitches' rows, weights and stiffnesses, its hinges and the triangles beside them."""
+    """A seam with its stitches (rows, weights, stiffnesses), its hinges and the triangles beside them."""
     first, second = (_line(f"{name}.{key}", world, keys[key]) for key in ("from", "to"))
     flip, bends = (as_flag(f"{name}.{key}", keys.get(key, usual)) for key, usual in (("flip", False), ("bends", True)))
     if flip:
         second = Line(second.vertices[::-1], 1 - second.parameters[::-1])
     start, end = (as_positive(f"{name}.{key}", keys.get(key, at), zero=True) for key, at in (("start", 0), ("end", 1)))
     if end <= start:
-        raise InputError(f"{name} pulls from {start:g} s to {end:g} s.", "Its end comes after its start.")
+        raise InputError(f"{name} closes from {start:g} s to {end:g} s.", "Its end must be after its start.")
     rows, weights = stitches(first, second)
     if not len(rows):
-        raise InputError(f"{name} sews a line to itself.", "Give two lines.")
+        raise InputError(f"{name} joins a line to itself.", "Give two lines.")
     fabric = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft")).max()
     if "stiffness" not in keys and not fabric > 0:
         raise InputError(f"{name} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
     stiffness = as_positive(f"{name}.stiffness", keys.get("stiffness", STIFFER * float(fabric)))
     hinges, beside = hinges_across(first, second, world.triangles)
     n = len(hinges) if bending and bends else 0
-    said = Seam(name.removeprefix("effects.seams."), start, end, len(rows), n)
-    return said, rows, weights, np.full(len(rows), stiffness), hinges[:n], beside[:n]
+    made = Seam(name.removeprefix("effects.seams."), start, end, len(rows), n)
+    return made, rows, weights, np.full(len(rows), stiffness), hinges[:n], beside[:n]
 
 
 def _line(name: str, world: World, keys: object) -> Line:
-    """The line of vertices of one side of a seam."""
+    """The line of vertices on one side of a seam."""
     if not isinstance(keys, Mapping) or not set(keys) <= set(SIDE):
-        raise InputError(f"{name} is {keys!r}.", f"It is a table of {', '.join(SIDE)}.")
+        raise InputError(f"{name} is {keys!r}.", f"Give a table of {', '.join(SIDE)}.")
     number = cloth_number(name, world, keys.get("cloth"))
     cloth, rows = world.cloths[number], world.cloth_slices[number]
     rest = cloth.rest_positions
@@ -214,7 +240,7 @@ def _line(name: str, world: World, keys: object) -> Line:
 
 
 def _bending(world: World, hinges: Ints, triangles: Ints) -> HingeBending:
-    """The energy of hinges (h, 4) over closed seams between triangles (h, 2), weighted as any other's."""
+    """The energy of hinges (h, 4) across closed seams between triangles (h, 2), weighted as all hinges."""
     rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
     edges = rest[hinges[:, 1]] - rest[hinges[:, 0]]
     stiffness = world.per_triangle("bending_stiffness")[triangles].mean(axis=1)
@@ -227,7 +253,7 @@ def _those(hinges: HingeBending, chosen: Ints) -> HingeBending:
 
 
 def _four(rows: Ints) -> Ints:
-    """Rows (m, 3) with the last one twice."""
+    """Rows (m, 3) with the last column twice."""
     return np.column_stack([rows, rows[:, -1]])
 
 

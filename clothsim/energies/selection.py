@@ -1,4 +1,4 @@
-"""What the scene's keys select: vertices, lines of vertices, one of the cloths, and lists of tables of keys."""
+"""Selections of scene keys: vertices, cloths by name, and lists of tables."""
 
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
@@ -16,7 +16,7 @@ NAMED = ("corners", "left", "right", "top", "bottom", "boundary")
 def check_tables(
     where: str, tables: Sequence[Mapping[str, Any]], known: Sequence[str], needed: Collection[str]
 ) -> None:
-    """InputError unless each of `tables` is a table, of `known` keys, with all the `needed` ones."""
+    """InputError unless `tables` is a list of tables of `known` keys that include all `needed` ones."""
     if isinstance(tables, str | Mapping) or not isinstance(tables, Sequence):
         raise InputError(f"{where} is of the wrong type: it must be a list of tables.", f"Write [[{where}]].")
     for number, table in enumerate(tables):
@@ -31,25 +31,25 @@ def check_tables(
 
 
 def as_flag(name: str, value: object) -> bool:
-    """`value` as true or false; InputError otherwise."""
+    """`value`, which must be true or false; InputError otherwise."""
     if not isinstance(value, bool):
         raise InputError(f"{name} must be true or false, not {value!r}.")
     return value
 
 
 def cloth_number(where: str, world: World, name: object) -> int:
-    """Which of the world's cloths is called `name`; None is the only one. InputError where that is not clear."""
+    """Number of the cloth called `name`; None is the only cloth. InputError where that is ambiguous or unknown."""
     names = [cloth.name for cloth in world.cloths]
     if name is None and len(names) == 1:
         return 0
     if name not in names:
-        said = "does not say which cloth" if name is None else f"names {name!r}, which is no cloth"
-        raise InputError(f"{where} {said}.", f"Cloths: {', '.join(names)}.")
+        problem = "needs the name of a cloth" if name is None else f"names {name!r}, which is no cloth"
+        raise InputError(f"{where} {problem}.", f"Cloths: {', '.join(names)}.")
     return names.index(str(name))
 
 
 def selected_vertices(where: str, world: World, select: object) -> Ints:
-    """Rows of x that `select` names: a side of every cloth, { box = [lo, hi] } at the start [m], or vertex numbers."""
+    """Rows of x selected by a side of every cloth, { box = [lo, hi] } at the start [m], or vertex numbers."""
     if isinstance(select, str):
         if select not in NAMED:
             raise InputError(f"{where} is {select!r}.", f"Known: {', '.join(NAMED)}, [indices], {{ box = [lo, hi] }}.")
@@ -67,7 +67,7 @@ def selected_vertices(where: str, world: World, select: object) -> Ints:
 
 
 def vertex_numbers(where: str, numbers: Any, n_vertices: int) -> Ints:
-    """`numbers` as (k,) vertices of a cloth that has `n_vertices`, in their order."""
+    """`numbers` as vertices (k,) of a cloth with `n_vertices`, in their order."""
     indices = np.asarray(numbers)
     if indices.ndim != 1 or not np.issubdtype(indices.dtype, np.integer):
         raise InputError(f"{where} must be vertex numbers, not {numbers!r}.")
@@ -90,12 +90,12 @@ def _in_box(where: str, world: World, select: Mapping[str, Any]) -> Ints:
     start = world.start()[: world.n_cloth] + world.origin
     found = np.flatnonzero(((start >= low) & (start <= high)).all(axis=1))
     if not len(found):
-        raise InputError(f"{where}.box holds no cloth vertex.", "Move or enlarge it.")
+        raise InputError(f"{where}.box contains no cloth vertex.", "Move or enlarge it.")
     return found
 
 
 def _named(name: str, rest: Floats, triangles: Ints) -> Ints:
-    """A named selection in the mesh's own frame: left and right along its x, bottom and top along its y."""
+    """A named selection in the rest frame of the mesh: left and right along x, bottom and top along y."""
     border = border_vertices(triangles)
     if name == "boundary":
         return border

@@ -1,12 +1,12 @@
-"""What creases have in common: hinges whose angle at rest is shifted, as a moment beside the bending energy.
+"""Shifted rest angles of hinges, as moments added to the bending energy.
 
-Bending is k/2 (theta - theta0)^2 a hinge. With the rest angle at theta0 + s it is k/2 (theta - theta0 - s)^2, and the
-difference is the moment energy of this file,
+The bending energy of a hinge is k/2 (theta - theta0)^2. With the rest angle theta0 + s it is
+k/2 (theta - theta0 - s)^2; the difference is the energy of this file,
 
     E = sum k s^2 / 2 - k s (theta - theta0)        [J].
 
-So an effect that shifts rest angles leaves bending as it is. The Gauss-Newton Hessian of bending, k g g', does not know
-s: projected, there is nothing to add to it; exact, it is -k s d2theta/dx2.
+so that an effect that shifts rest angles leaves the bending energy unchanged. The Gauss-Newton Hessian of bending,
+k g g', does not depend on s: the projected Hessian here is zero, the exact one is -k s d2theta/dx2.
 """
 
 from dataclasses import dataclass
@@ -27,10 +27,22 @@ from clothsim.linalg import dot
 
 @dataclass(frozen=True)
 class ShiftedHinges(Elementwise, Energy, Idling):
-    """vertices (h, 4); references theta0 (h,) [rad]; stiffnesses k (h,) [N m], those of bending; shifts s (h,) [rad];
-    numbers (h,): which of bending's hinges they are.
+    """E = sum k s^2/2 - k s (theta - theta0); +inf where a triangle beside a hinge has no area.
 
-    The value is +inf where a triangle beside a hinge has no area; such a hinge adds nothing to gradient and Hessian.
+    Such a hinge adds nothing to gradient and Hessian.
+
+    Parameters
+    ----------
+    vertices : (h, 4) int array
+        Rows of x.
+    references : (h,) array
+        theta0 [rad].
+    stiffnesses : (h,) array
+        k of bending [N m].
+    shifts : (h,) array
+        s [rad].
+    numbers : (h,) int array
+        Numbers of the hinges in the bending energy.
     """
 
     vertices: Ints
@@ -43,7 +55,7 @@ class ShiftedHinges(Elementwise, Energy, Idling):
 
     @property
     def idle(self) -> bool:
-        """True where no angle is shifted."""
+        """True where no rest angle is shifted."""
         return not self.shifts.any()
 
     def value(self, x: Floats) -> float:
@@ -56,10 +68,10 @@ class ShiftedHinges(Elementwise, Energy, Idling):
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]."""
         active = self._active()
-        return kernels.pull(self.vertices[active], -self._moments(active), x)
+        return kernels.gradient(self.vertices[active], -self._moments(active), x)
 
     def hessian(self, x: Floats, project: bool = True) -> LanesHessian:
-        """Exact: 12 x 12 for each hinge that is shifted [N/m]; projected: none."""
+        """Exact: 12 x 12 for each shifted hinge [N/m]; projected: none."""
         active = self._active() if not project else np.zeros(0, np.int64)
         hinges = self.vertices[active], -self._moments(active), np.zeros(len(active))
         return LanesHessian(hinges[0], lambda lanes, first: kernels.fill(lanes, first, *hinges, x))
@@ -72,10 +84,16 @@ class ShiftedHinges(Elementwise, Energy, Idling):
 
 
 def hinges_of_bending(name: str, bending: Energy | None) -> HingeBending | None:
-    """The hinges that the effect `name` shifts, None without bending. InputError where bending has no angles."""
+    """The hinges whose rest angles the effect `name` shifts, None without bending.
+
+    Raises
+    ------
+    InputError
+        For a bending model without rest angles that can be shifted.
+    """
     if bending is not None and not isinstance(bending, HingeBending):
         raise InputError(
             f"effects.{name} sets the rest angles of hinges, and {type(bending).__name__} has none that can change.",
-            'Take effects.bending.model = "hinge".',
+            'Set effects.bending.model = "hinge".',
         )
     return bending

@@ -1,8 +1,8 @@
-"""The effect `springs`: vertices tied to places, which may move: springs, tethers that can go slack, soft pins.
+"""Springs, tethers and soft pins between vertices and positions in space: the effect `springs`.
 
-E = k/2 (|x - c| - L)^2 for each vertex (`links`), k in N/m a vertex. Of length 0, a spring is a soft pin: it pulls its
-vertex to c with k |x - c|, where a pin would hold it exactly. A tether (slack = true) pulls where it is longer than L
-and is not there else, bit for bit.
+E = k/2 (|x - c| - L)^2 for each vertex (`links`), k [N/m] a vertex, c constant or moving. With L = 0 a spring is a soft
+pin: the force k |x - c| draws its vertex to c, where a pin prescribes it. A tether (slack = true) acts where it is
+longer than L; elsewhere it contributes exactly nothing.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,9 +27,19 @@ KEYS = ("select", "stiffness", "to", "offset", "rest_length", "slack", "motion",
 
 
 @dataclass(frozen=True)
-class Places:
-    """Where the springs of one table end: start (k, 3) [m] at time 0, carried by a rigid motion, and then shifted by
-    what is between the key frames shifts (f, 3) [m] at times (f,) [s]; stiffness [N/m].
+class Anchors:
+    """End positions c of the springs of one table over time: a rigid motion of `start`, then a translation.
+
+    Parameters
+    ----------
+    start : (k, 3) array
+        Positions at time 0 [m].
+    motion : RigidMotion
+        Prescribed motion.
+    times, shifts : (f,) and (f, 3) arrays
+        Key frames of the translation [s], [m], linear between them.
+    stiffness : Schedule
+        [N/m].
     """
 
     start: Floats
@@ -44,43 +54,57 @@ class Places:
         return self.motion.still and not self.shifts.any() and self.stiffness.is_constant
 
     def at(self, time: float) -> Floats:
-        """The places at `time` [s], (k, 3) [m]."""
+        """The positions at `time` [s], (k, 3) [m]."""
         shift = [np.interp(time, self.times, self.shifts[:, axis]) for axis in range(3)]
         return self.motion.apply(self.start, time) + np.array(shift)
 
 
 @dataclass(frozen=True)
 class Springs(Links, Anchored, Driven):
-    """ends: where the springs of each table end."""
+    """Links of single vertices; `anchors`: the end positions of each table's springs over time."""
 
-    ends: tuple[Places, ...]
+    anchors: tuple[Anchors, ...]
 
     @property
     def drives(self) -> bool:
-        """True where a place moves or a stiffness changes."""
-        return not all(places.still for places in self.ends)
+        """True where an anchor moves or a stiffness changes."""
+        return not all(anchors.still for anchors in self.anchors)
 
     @property
     def anchored_rows(self) -> Ints:
-        """The vertices that are tied."""
+        """The tied vertices, (m,)."""
         return self.rows[:, 0]
 
     def begin(self, step: Step) -> Self:
-        """Bound to the places and stiffnesses at the end of the step."""
+        """A copy with the anchors and stiffnesses of the end of the step."""
         now = step.time + step.dt
-        levels = [np.full(len(places.start), places.stiffness.at(now)) for places in self.ends]
+        levels = [np.full(len(anchors.start), anchors.stiffness.at(now)) for anchors in self.anchors]
         return replace(
             self,
-            places=np.concatenate([places.at(now) for places in self.ends]),
+            targets=np.concatenate([anchors.at(now) for anchors in self.anchors]),
             stiffnesses=np.concatenate(levels),
         )
 
 
 def springs(world: World, *, spring: Sequence[Mapping[str, Any]] = ()) -> Energy | Off:
-    """Springs, each a table: `select` as pins have it; stiffness [N/m] of each vertex's, a number or key frames; `to`,
-    one place [m] for all, or `offset`, from where each vertex starts to its own (default: a soft pin where it starts);
-    rest_length [m] (default: as at the start); slack: true for a tether; `motion` of the places, with the keys of pins;
-    path, key frames [[time, dx, dy, dz], ...] of a shift besides.
+    """Springs from a list of tables.
+
+    Parameters
+    ----------
+    spring : sequence of tables
+        Each has `select` (as pins), `stiffness` [N/m] a vertex, a number or key frames, and optionally `to`, one
+        position [m] for all, or `offset` [m] from each vertex's start to its own anchor (default 0, a soft pin);
+        `rest_length` [m] (default: the length at the start); `slack` = true for a tether; `motion` of the anchors, with
+        the keys of pins; `path`, key frames [[time, dx, dy, dz], ...] of a translation.
+
+    Returns
+    -------
+    Springs, or Off where every stiffness is 0.
+
+    Raises
+    ------
+    InputError
+        Names the table and key.
     """
     check_tables("effects.springs.spring", spring, KEYS, ("select", "stiffness"))
     tables = [(f"effects.springs.spring[{k}]", keys) for k, keys in enumerate(spring)]
@@ -94,37 +118,37 @@ def springs(world: World, *, spring: Sequence[Mapping[str, Any]] = ()) -> Energy
         vertices = selected_vertices(f"{name}.select", world, keys["select"])
         if not len(vertices):
             raise InputError(f"{name} selects no vertex.")
-        places = _places(name, keys, world, start[vertices], stiffness)
-        distances = np.linalg.norm(start[vertices] - places.start, axis=1)
+        anchors = _anchors(name, keys, world, start[vertices], stiffness)
+        distances = np.linalg.norm(start[vertices] - anchors.start, axis=1)
         given = as_positive(f"{name}.rest_length", keys.get("rest_length", 0.0), zero=True)
         lengths.append(np.full(len(vertices), given) if "rest_length" in keys else distances)
         slack.append(np.full(len(vertices), as_flag(f"{name}.slack", keys.get("slack", False))))
         rows.append(vertices)
-        ends.append(places)
+        ends.append(anchors)
     tied = np.concatenate(rows)
-    first = np.concatenate([places.start for places in ends])
-    levels = np.concatenate([np.full(len(p.start), p.stiffness.at(0.0)) for p in ends])
+    first = np.concatenate([anchors.start for anchors in ends])
+    levels = np.concatenate([np.full(len(each.start), each.stiffness.at(0.0)) for each in ends])
     ones = np.ones((len(tied), 1))
     return Springs(tied[:, None], ones, first, np.concatenate(lengths), levels, np.concatenate(slack), tuple(ends))
 
 
-def _places(name: str, keys: Mapping[str, Any], world: World, start: Floats, stiffness: Schedule) -> Places:
-    """Where the springs of a table end; start (k, 3) [m] are its vertices."""
+def _anchors(name: str, keys: Mapping[str, Any], world: World, start: Floats, stiffness: Schedule) -> Anchors:
+    """The anchors of a table; start (k, 3): positions of its vertices [m]."""
     if "to" in keys and "offset" in keys:
-        raise InputError(f"{name} has to and offset.", "Give one of them.")
+        raise InputError(f"{name} has both to and offset.", "Give one of them.")
     if "to" in keys:
-        places = np.tile(as_vector(f"{name}.to", keys["to"]) - world.origin, (len(start), 1))
+        ends = np.tile(as_vector(f"{name}.to", keys["to"]) - world.origin, (len(start), 1))
     else:
-        places = start + as_vector(f"{name}.offset", keys.get("offset", (0, 0, 0)))
+        ends = start + as_vector(f"{name}.offset", keys.get("offset", (0, 0, 0)))
     frames = as_points(f"{name}.path", keys.get("path", [[0.0, 0.0, 0.0, 0.0]]), 4)
     late = np.flatnonzero(np.diff(frames[:, 0]) <= 0)
     if late.size:
-        raise InputError(f"{name}.path[{late[0] + 1}] is not after the key frame before it.", "Put them in order.")
+        raise InputError(f"{name}.path[{late[0] + 1}] is not after the key frame before it.", "Sort them by time.")
     motion = keys.get("motion", {})
     if not isinstance(motion, Mapping):
         raise InputError(f"{name}.motion must be a table of keys, not {motion!r}.")
-    centred = {"centre": places.mean(axis=0) + world.origin, **motion}
-    return Places(places, motion_of(f"{name}.motion", centred, world.origin), frames[:, 0], frames[:, 1:], stiffness)
+    centred = {"centre": ends.mean(axis=0) + world.origin, **motion}
+    return Anchors(ends, motion_of(f"{name}.motion", centred, world.origin), frames[:, 0], frames[:, 1:], stiffness)
 
 
 _CORNERS = {"select": "corners"}

@@ -19,8 +19,10 @@ class Past:
 
     Parameters
     ----------
-    positions, velocities : (N, 3) [m], [m/s].
-    dt : effective length of the step [s].
+    positions, velocities : (N, 3) arrays
+        [m], [m/s].
+    dt : float
+        Effective length of the step [s].
     """
 
     positions: Floats
@@ -34,15 +36,22 @@ class Step:
 
     Parameters
     ----------
-    time, dt : start and length of the step [s].
-    positions, velocities : (N, 3) at the start [m], [m/s], in the order of the world: cloths, bodies, ghosts.
-    load : fraction of the loads that acts; below 1 only during a quasi-static ramp.
-    gradient : (N, 3) sum of the gradients of the energies that do not begin last, at the start [N].
-    bound : the energies already bound to this step, by name. `gradient` and `bound` are complete only for energies
-        that begin last.
-    memory : the `History.carry_over` of each energy from the step before, by name.
-    weighed : the past of a difference formula other than backward Euler, else None.
-    contact_time_scale : time in which the barrier stops a motion [s], None for dt.
+    time, dt : float
+        Start and length of the step [s].
+    positions, velocities : (N, 3) arrays
+        At the start [m], [m/s], in the order of the world: cloths, bodies, ghosts.
+    load : float
+        Fraction of the loads that acts; below 1 only during a quasi-static ramp.
+    gradient : (N, 3) array
+        Sum of the gradients of the energies that do not begin last, at the start [N].
+    bound : mapping
+        The energies already bound to this step, by name. Complete, as `gradient` is, for energies that begin last.
+    memory : mapping
+        The `History.carry_over` of each energy from the step before, by name.
+    weighed : Past or None
+        The past of a difference formula other than backward Euler.
+    contact_time_scale : float or None
+        Time in which the barrier stops a motion [s], None for dt.
     """
 
     time: float

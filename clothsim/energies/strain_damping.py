@@ -1,12 +1,12 @@
-"""Drag on the rate of strain and on that of folding: internal friction, which leaves rigid motions alone exactly.
+"""Viscosity of strain and bending (Kelvin-Voigt), exactly zero in rigid motions.
 
-In the plane of a triangle, with Green's strain E = (F'F - 1) / 2 and its rate (E - E^) / h (Kelvin and Voigt's solid):
+In the plane of a triangle, with the Green strain E = (F'F - 1) / 2 and its rate (E - E^) / h:
 
     E = sum A / (2 h) (a |E - E^|^2 + l tr(E - E^)^2)
 
-About a hinge: beta k (theta - theta^)^2 / (2 h), k its stiffness: the spring of `hinge_bending` with theta^ at rest.
+About a hinge of stiffness k: beta k (theta - theta^)^2 / (2 h), the spring of `hinge_bending` with rest angle theta^.
 With a = 2 beta mu, l = beta lam this is Rayleigh's beta K in small strains: a mode of frequency w decays with
-exp(-beta w^2 t / 2). E^, theta^: the past of strain and angle as the step's formula weighs it (see `history`).
+exp(-beta w^2 t / 2). E^, theta^: past strain and angle in the difference formula of the step (`history`).
 """
 
 from dataclasses import dataclass, replace
@@ -30,9 +30,22 @@ from clothsim.mesh.hinges import dihedral_angles
 
 @dataclass(frozen=True)
 class StrainDamping(Elementwise, Energy):
-    """triangles (m, 3); inverses Dm^-1 (m, 2, 2) [1/m]; areas at rest (m,) [m2]; shear a, trace l (m,) [N s/m].
+    """E = sum A / (2 h) (a |E - E^|^2 + l tr(E - E^)^2).
 
-    Bound to a step: past E^ (m, 2, 2) and dt h [s].
+    Parameters
+    ----------
+    triangles : (m, 3) int array
+        Rows of x.
+    inverses : (m, 2, 2) array
+        Dm^-1 [1/m].
+    areas : (m,) array
+        A at rest [m2].
+    shear, trace : (m,) arrays
+        a and l [N s/m].
+    past : (m, 2, 2) array
+        E^ of the step.
+    dt : float
+        h [s].
     """
 
     triangles: Ints
@@ -48,7 +61,7 @@ class StrainDamping(Elementwise, Energy):
     incremental = True
 
     def begin(self, step: Step) -> Self:
-        """Bound to the strains before the step."""
+        """A copy with the past strains."""
         return replace(self, past=past_of(step, self._strain), dt=step.past.dt)
 
     def value(self, x: Floats) -> float:
@@ -57,14 +70,14 @@ class StrainDamping(Elementwise, Energy):
 
     def gradient(self, x: Floats) -> Floats:
         """F S g_p on corner p, (N, 3) [N]; F = sum of x_p g_p'."""
-        shares = np.einsum("tij,tjk,tpk->tpi", self._deformation(x), self._stress(x), self._g)
-        corners, flat = self.triangles.ravel(), shares.reshape(-1, 3)
+        forces = np.einsum("tij,tjk,tpk->tpi", self._deformation(x), self._stress(x), self._g)
+        corners, flat = self.triangles.ravel(), forces.reshape(-1, 3)
         return np.stack([np.bincount(corners, flat[:, k], len(x)) for k in range(3)], axis=1)
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Blocks (m, 9, 9) [N/m]: g_p.S g_q 1 + A/h (a/2 (g_p.g_q F F' + F g_q (F g_p)') + l F g_p (F g_q)').
 
-        Projected: S without its compression; the rest is positive semi-definite by itself.
+        Projected: the positive part of S; the other terms are positive semi-definite.
         """
         F, S, g = self._deformation(x), self._stress(x), self._g
         if project:
@@ -94,7 +107,15 @@ class StrainDamping(Elementwise, Energy):
 
 @dataclass(frozen=True)
 class HingeDamping(Energy, Restrictable):
-    """viscosities beta k (h,) [N m s]; spring: the hinges, with beta k / h and theta^ once they are bound to a step."""
+    """Viscous hinges.
+
+    Parameters
+    ----------
+    viscosities : (h,) array
+        beta k [N m s].
+    spring : HingeBending
+        The hinges; bound to a step with stiffness beta k / h and rest angle theta^.
+    """
 
     viscosities: Floats
     spring: HingeBending
@@ -102,12 +123,12 @@ class HingeDamping(Energy, Restrictable):
     incremental = True
 
     def begin(self, step: Step) -> Self:
-        """Bound to the angles before the step."""
+        """A copy with the past angles."""
         angles = past_of(step, lambda x: dihedral_angles(x, self.spring.vertices))
         return replace(self, spring=HingeBending(self.spring.vertices, angles, self.viscosities / step.past.dt))
 
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
-        """The hinges around what moves."""
+        """The hinges with a moving vertex."""
         return replace(self, spring=self.spring.restricted_to(moving, x))
 
     def value(self, x: Floats) -> float:

@@ -1,4 +1,4 @@
-"""Element loops of the strain limit: stretches of a triangle, and what depends on its principal stretches.
+"""Element loops of the strain limit: stretches, and gradient and Hessian by principal stretches.
 
 [u v] = F [a b] as in `fibre_kernels`: the principal stretches of F are those of [u v].
 """
@@ -16,7 +16,7 @@ from clothsim.energies.triangle_kernels import (
 from clothsim.jit import LANES, kernel, natural
 
 ALIKE = 1e-5
-"""Difference of two stretches below which a slope between them is taken as the curvature at their mean."""
+"""Difference of two stretches below which a divided difference is replaced by the curvature at their mean."""
 
 
 @kernel

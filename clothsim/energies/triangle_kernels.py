@@ -1,4 +1,4 @@
-"""What the element loops over triangles share: F, its principal stretches and directions, and the block of their modes.
+"""Kernels of a triangle: deformation gradient, principal stretches and directions, and blocks of their modes.
 
 F = [x1 - x0, x2 - x0] Dm^-1 (3x2), columns f1, f2; F = W' diag(s1, s2) V'.
 """
@@ -63,7 +63,7 @@ def principal(F, n, J, V, W):
 
 @inlined
 def principal_rates(B, V, alpha, beta):
-    """The rates of each corner along v1 and v2: alpha, beta (3,) are the rows of Dm^-1 V, that of corner 0 closing."""
+    """Shape-function gradients along v1 and v2: alpha, beta (3,), rows of Dm^-1 V; that of corner 0 closes the sum."""
     for k in range(2):
         alpha[k + 1] = B[k, 0] * V[0, 0] + B[k, 1] * V[1, 0]
         beta[k + 1] = B[k, 0] * V[0, 1] + B[k, 1] * V[1, 1]
@@ -72,7 +72,7 @@ def principal_rates(B, V, alpha, beta):
 
 @inlined
 def principal_state(x, triangle, B, F, n, V, W, alpha, beta):
-    """Fills in F, its frames and the rates of the corners; returns s1 and s2."""
+    """Fill in F, its frames and the shape-function gradients; returns s1 and s2."""
     deformation_gradient(x, triangle, B, F)
     s1, s2 = principal(F, n, normal(F, n), V, W)
     principal_rates(B, V, alpha, beta)
@@ -80,12 +80,12 @@ def principal_state(x, triangle, B, F, n, V, W, alpha, beta):
 
 
 KEPT = 23
-"""Numbers of a triangle from which its block is made: W, n, rates, area and modes."""
+"""Numbers of a triangle that determine its block: W, n, shape-function gradients, area and modes."""
 
 
 @inlined
 def keep(kept, lane, area, alpha, beta, W, n, stretch, others):
-    """Puts what `fill_lanes` needs of a triangle into its lane of kept (KEPT LANES,)."""
+    """Store the numbers of a triangle that `fill_lanes` needs in its lane of kept (KEPT LANES,)."""
     for k in range(3):
         kept[k * LANES + lane], kept[(3 + k) * LANES + lane], kept[(6 + k) * LANES + lane] = W[0, k], W[1, k], n[k]
         kept[(9 + k) * LANES + lane], kept[(12 + k) * LANES + lane] = alpha[k], beta[k]
@@ -97,7 +97,7 @@ def keep(kept, lane, area, alpha, beta, W, n, stretch, others):
 
 @inlined
 def fill_lanes(out, kept):
-    """A group of `LanesHessian` from what is kept of its triangles."""
+    """Fill a group of `LanesHessian` from the stored numbers of its triangles."""
     for lane in range(LANES):
         w1, w2, n = point(kept, 0, lane), point(kept, 3, lane), point(kept, 6, lane)
         alpha, beta, stretch = point(kept, 9, lane), point(kept, 12, lane), point(kept, 15, lane)
@@ -116,7 +116,7 @@ def principal_blocks(area, alpha, beta, w1, w2, n, stretch, others):
     """A triangle's blocks 00, 01, 02, 11, 12, 22, three rows each, from its modes.
 
     stretch (a, b, c), others (twist, flip, out_1, out_2): [[a, b], [b, c]] over (w1 v1, w2 v2), twist and flip over
-    (w2 v1, w1 v2), out_i over n v_i. The rows and columns of corner 0 follow from rest under translation.
+    (w2 v1, w1 v2), out_i over n v_i. The rows and columns of corner 0 follow from invariance under translation.
     """
     b11 = _modes(area, (alpha[1], beta[1]), (alpha[1], beta[1]), w1, w2, n, stretch, others)
     b12 = _modes(area, (alpha[1], beta[1]), (alpha[2], beta[2]), w1, w2, n, stretch, others)
@@ -127,7 +127,7 @@ def principal_blocks(area, alpha, beta, w1, w2, n, stretch, others):
 
 @part
 def _modes(area, p, q, w1, w2, n, stretch, others):
-    """The block of two corners with the rates p and q along v1 and v2."""
+    """The block of two corners with shape-function gradients p and q along v1 and v2."""
     a, b, c = stretch
     twist, flip, out1, out2 = others
     same, swap = 0.5 * (flip + twist), 0.5 * (flip - twist)
@@ -149,7 +149,7 @@ def _row(x, u, y, v, z, w):
 
 @part
 def _closing(a, b):
-    """What makes the sum of three blocks zero."""
+    """-(a + b), the block that makes the sum of three zero."""
     return (
         (-a[0][0] - b[0][0], -a[0][1] - b[0][1], -a[0][2] - b[0][2]),
         (-a[1][0] - b[1][0], -a[1][1] - b[1][1], -a[1][2] - b[1][2]),
@@ -165,7 +165,7 @@ def _transposed(a):
 @part
 def half_angle(y, x):
     """cos and sin of atan2(y, x) / 2, without either."""
-    length = np.hypot(x, y)  # no square: they may be 1e200
+    length = np.hypot(x, y)  # squares would overflow: the arguments may be 1e200
     if not length > 0.0:
         return 1.0, 0.0
     if x >= 0.0:
@@ -184,5 +184,5 @@ def project_2x2(a, b, c):
         return a, b, c
     if high <= 0.0:
         return 0.0, 0.0, 0.0
-    share = high / (high - low)
-    return share * (a - low), share * b, share * (c - low)
+    scale = high / (high - low)
+    return scale * (a - low), scale * b, scale * (c - low)

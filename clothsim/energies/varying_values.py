@@ -1,10 +1,10 @@
-"""Values that vary: over the cloth, from triangle to triangle, and over time.
+"""Values that vary over the cloth and over time.
 
-Over the cloth a scene may say a number; an array with one for each triangle or for each vertex (averaged over the
-corners; where there are as many triangles as vertices they are the triangles'); a table of these by the name of a
-cloth, or of numbers by the name of a panel (a group of the cloth's file), "other" standing for what it does not name.
-Over time it may say a number; key frames [[t0, v0], [t1, v1]], linear between and held outside; in Python a function of
-the time. A table by cloth may hold key frames.
+Over the cloth a scene gives a number; an array with one number for each triangle or for each vertex (averaged over the
+corners; if there are as many triangles as vertices, for the triangles); a table of these by the name of a cloth, or of
+numbers by the name of a panel (a group of the cloth's file), with "other" for the rest. Over time it gives a number;
+key frames [[t0, v0], [t1, v1]], linear between them and constant outside; in Python a function of time. A table by
+cloth may contain key frames.
 """
 
 import math
@@ -19,15 +19,24 @@ from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
 FUNCTION = "function"
-"""What the scene file of a run says in the place of a Python function: {function = "its name"}."""
+"""Key that stands for a Python function in the scene file of a run: {function = "its name"}."""
 OTHER = "other"
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """A number over time: times (k,) [s] and values (k,), k >= 1, or a function of the time in their place.
+    """A number over time, by key frames or a function.
 
-    name: the scene's key, for what is said of it; least: no value may be less.
+    Parameters
+    ----------
+    name : str
+        The scene's key, for messages.
+    times, values : (k,) arrays
+        Key frames [s], k >= 1; empty for a function.
+    least : float
+        Lower bound of the values.
+    function : function of time, optional
+        In place of key frames.
     """
 
     name: str
@@ -37,19 +46,19 @@ class Schedule:
     function: Callable[[float], float] | None = None
 
     def at(self, time: float) -> float:
-        """The value at `time` [s]. InputError where the function gives no finite number, or too small a one."""
+        """The value at `time` [s]. InputError where the function returns no finite number or one below `least`."""
         if self.function is None:
             return float(np.interp(time, self.times, self.values))
         return _bounded(f"{self.name} at {time:g} s", self.function(time), self.least)
 
     @property
     def is_constant(self) -> bool:
-        """True where it is the same at all times."""
+        """True where the value is the same at all times."""
         return self.function is None and bool((self.values == self.values[0]).all())
 
     @property
     def is_zero(self) -> bool:
-        """True where it is 0 at all times: what it drives is off."""
+        """True where the value is 0 at all times."""
         return self.is_constant and float(self.values[0]) == 0.0
 
 
@@ -58,7 +67,9 @@ def schedule(name: str, value: Any, least: float = -math.inf) -> Schedule:
     if callable(value):
         return Schedule(name, np.zeros(0), np.zeros(0), least, value)
     if isinstance(value, Mapping):
-        raise lost(name, value) if set(value) == {FUNCTION} else InputError(f"{name} must be a number or key frames.")
+        if set(value) == {FUNCTION}:
+            raise lost_function(name, value)
+        raise InputError(f"{name} must be a number or key frames.")
     if not isinstance(value, list | tuple | np.ndarray) or np.ndim(np.asarray(value, object)) == 0:
         return Schedule(name, np.zeros(1), np.array([_bounded(name, value, least)]), least)
     if not len(value):
@@ -66,16 +77,16 @@ def schedule(name: str, value: Any, least: float = -math.inf) -> Schedule:
     times, values = np.empty(len(value)), np.empty(len(value))
     for k, frame in enumerate(value):
         if not isinstance(frame, list | tuple | np.ndarray) or len(frame) != 2:
-            raise InputError(f"{name}[{k}] is {frame!r}, no key frame.", "Key frames are [[time, value], ...].")
+            raise InputError(f"{name}[{k}] is {frame!r}, no key frame.", "Give [[time, value], ...].")
         times[k] = _bounded(f"{name}[{k}][0]", frame[0], -math.inf)
         values[k] = _bounded(f"{name}[{k}][1]", frame[1], least)
         if k and times[k] <= times[k - 1]:
-            raise InputError(f"{name}[{k}] is at {times[k]:g} s, not after {times[k - 1]:g} s.", "Put them in order.")
+            raise InputError(f"{name}[{k}] is at {times[k]:g} s, not after {times[k - 1]:g} s.", "Sort them by time.")
     return Schedule(name, times, values, least)
 
 
 def by_cloth(name: str, value: Any, world: World, least: float = -math.inf) -> tuple[Schedule, ...]:
-    """A schedule for each cloth: one value for all, or a table of them by name. InputError names what is wrong."""
+    """A schedule for each cloth, from one value for all or a table by name. InputError names the invalid key."""
     if isinstance(value, Mapping) and set(value) != {FUNCTION}:
         named = _of_each_cloth(name, value, world)
         return tuple(
@@ -85,7 +96,7 @@ def by_cloth(name: str, value: Any, world: World, least: float = -math.inf) -> t
 
 
 def over_cloth(name: str, value: Any, world: World, least: float = -math.inf) -> Floats:
-    """A number for each triangle of the world's cloths, (m,). InputError names the cloth and index of a bad one."""
+    """A number for each triangle of all cloths, (m,). InputError names the cloth and index of an invalid one."""
     if not isinstance(value, Mapping):
         return _over(name, value, world.triangles, world.n_cloth, least)
     panels = {key: one for key, one in value.items() if any(key in cloth.groups for cloth in world.cloths)}
@@ -104,27 +115,27 @@ def over_cloth(name: str, value: Any, world: World, least: float = -math.inf) ->
 
 
 def _refuse_uncovered(name: str, panels: Mapping[str, Any], world: World) -> None:
-    """InputError where the panels leave triangles of a cloth without a value."""
+    """InputError where the panels do not cover all triangles of a cloth."""
     for cloth in world.cloths:
         covered = [cloth.groups[panel] for panel in panels if panel in cloth.groups]
         left = np.setdiff1d(np.arange(len(cloth.triangles)), np.concatenate([np.zeros(0, np.int64), *covered]))
         if len(left):
-            said = f"{name} says nothing of {len(left)} triangles of the cloth {cloth.name!r}, the first {left[0]}."
-            raise InputError(said, "Add a value for `other`.")
+            sentence = f"{name} has no value for {len(left)} triangles of the cloth {cloth.name!r}, such as {left[0]}."
+            raise InputError(sentence, "Add a value for `other`.")
 
 
-def lost(name: str, value: Mapping[str, Any]) -> InputError:
-    """What to say where a run's scene only has the name of the Python function that it was made with."""
+def lost_function(name: str, value: Mapping[str, Any]) -> InputError:
+    """The error for a run's scene that has the name of a Python function only."""
     return InputError(
-        f"{name} was the Python function {value[FUNCTION]!r}, which the run's own scene does not hold.",
+        f"{name} was the Python function {value[FUNCTION]!r}, which is not in the scene of the run.",
         "Simulate from the Python program again, or give key frames.",
     )
 
 
 def _of_each_cloth(name: str, table: Mapping[str, Any], world: World) -> list[Any]:
-    """What a table says of each cloth."""
+    """The value of each cloth in a table."""
     if set(table) == {FUNCTION}:
-        raise lost(name, table)
+        raise lost_function(name, table)
     names = [cloth.name for cloth in world.cloths]
     unknown = next((key for key in table if key not in (*names, OTHER)), None)
     if unknown is not None:
@@ -135,12 +146,12 @@ def _of_each_cloth(name: str, table: Mapping[str, Any], world: World) -> list[An
         )
     silent = next((cloth for cloth in names if cloth not in table and OTHER not in table), None)
     if silent is not None:
-        raise InputError(f"{name} says nothing of the cloth {silent!r}.", "Add it, or a value for `other`.")
+        raise InputError(f"{name} has no value for the cloth {silent!r}.", "Add one, or a value for `other`.")
     return [table.get(cloth, table.get(OTHER)) for cloth in names]
 
 
 def _over(name: str, value: Any, triangles: np.ndarray, n_vertices: int, least: float) -> Floats:
-    """(m,) from a number, an array by triangle or one by vertex."""
+    """Values (m,) from a number, an array by triangle or an array by vertex."""
     if callable(value) or isinstance(value, Mapping):
         raise InputError(f"{name} must be a number or an array over the cloth.")
     if not isinstance(value, list | tuple | np.ndarray) or np.ndim(np.asarray(value, object)) == 0:

@@ -1,4 +1,4 @@
-"""Wind as a field: the velocity of the air at any point and time [m/s]."""
+"""Wind fields: the velocity of the air over space and time."""
 
 import abc
 from collections.abc import Callable, Mapping
@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 
 from clothsim.arrays import Floats, as_number, as_positive, as_vector
-from clothsim.energies.varying_values import FUNCTION, lost
+from clothsim.energies.varying_values import FUNCTION, lost_function
 from clothsim.errors import InputError
 
 UP = np.array([0.0, 0.0, 1.0])
 
 
 class Wind(abc.ABC):
-    """A field of velocities."""
+    """A velocity field of the air."""
 
     @abc.abstractmethod
     def at(self, points: Floats, time: float) -> Floats:
@@ -29,7 +29,7 @@ class Wind(abc.ABC):
 
 @dataclass(frozen=True)
 class Uniform(Wind):
-    """The same velocity (3,) everywhere and always."""
+    """A uniform, constant velocity (3,) [m/s]."""
 
     velocity: Floats
 
@@ -45,11 +45,21 @@ class Uniform(Wind):
 
 @dataclass(frozen=True)
 class Gust(Wind):
-    """A mean velocity V (3,) whose strength and direction swing, in a pattern that it carries along (Taylor 1938).
+    """A mean velocity V with fluctuations of strength and direction that are convected by V (Taylor 1938).
 
-    w = |V| (1 + amplitude g(u)) (cos a V/|V| + sin a side), a = sway g(u + 5), u = (t - x . V/|V|^2) / period. side is
-    level; g swings between -1 and 1 as the sum of three sines whose periods have no common multiple. period [s];
-    sway [rad].
+    w = |V| (1 + amplitude g(u)) (cos a V/|V| + sin a side), a = sway g(u + 5), u = (t - x.V/|V|^2) / period, with a
+    horizontal unit vector `side` and g the sum of three sines of incommensurable periods, between -1 and 1.
+
+    Parameters
+    ----------
+    velocity : (3,) array
+        V [m/s].
+    amplitude : float
+        Relative fluctuation of the strength.
+    period : float
+        [s].
+    sway : float
+        Largest angle from V [rad].
     """
 
     velocity: Floats
@@ -58,23 +68,31 @@ class Gust(Wind):
     sway: float
 
     def at(self, points: Floats, time: float) -> Floats:
-        """The velocity of the gust that is there at that time."""
+        """The velocity of the gust at the points, (m, 3) [m/s]."""
         speed = float(np.linalg.norm(self.velocity))
-        ahead = self.velocity / speed
-        side = np.cross(UP, ahead)
+        along = self.velocity / speed
+        side = np.cross(UP, along)
         length = float(np.linalg.norm(side))
         side = side / length if length > 1e-9 else np.array([1.0, 0.0, 0.0])
-        u = (time - points @ ahead / speed) / self.period
+        u = (time - points @ along / speed) / self.period
         strength, angle = speed * (1 + self.amplitude * swing(u)), self.sway * swing(u + 5)
-        return strength[:, None] * (np.cos(angle)[:, None] * ahead + np.sin(angle)[:, None] * side)
+        return strength[:, None] * (np.cos(angle)[:, None] * along + np.sin(angle)[:, None] * side)
 
 
 @dataclass(frozen=True)
 class Vortex(Wind):
-    """Air that turns about a line: v = circulation r / (2 pi (r^2 + core^2)) at the distance r from it (Scully 1975).
+    """A line vortex, v = circulation r / (2 pi (r^2 + core^2)) at the distance r from the line (Scully 1975).
 
-    The line goes through `centre` (3,) [m] along the unit vector `axis` (3,), and is carried along by the wind
-    `velocity` (3,) [m/s], which adds to it; circulation [m2/s]; core [m]: where v is largest.
+    Parameters
+    ----------
+    centre, axis : (3,) arrays
+        A point of the line at time 0 [m] and its unit vector.
+    circulation : float
+        [m2/s].
+    core : float
+        Distance at which v is largest [m].
+    velocity : (3,) array
+        Uniform wind that is added and convects the line [m/s].
     """
 
     centre: Floats
@@ -84,7 +102,7 @@ class Vortex(Wind):
     velocity: Floats
 
     def at(self, points: Floats, time: float) -> Floats:
-        """The velocity of the vortex where it is at that time."""
+        """The velocity of the vortex at the points, (m, 3) [m/s]."""
         arms = points - (self.centre + self.velocity * time)
         arms = arms - (arms @ self.axis)[:, None] * self.axis
         rate = self.circulation / (2 * np.pi * ((arms**2).sum(axis=1) + self.core**2))
@@ -93,38 +111,41 @@ class Vortex(Wind):
 
 @dataclass(frozen=True)
 class Field(Wind):
-    """A Python function of points (m, 3) [m] and time [s] that returns velocities (m, 3) or one (3,) [m/s]."""
+    """A Python function of points (m, 3) [m] and time [s] that returns velocities (m, 3) or (3,) [m/s]."""
 
     name: str
     function: Callable[[Floats, float], Floats]
 
     def at(self, points: Floats, time: float) -> Floats:
-        """What the function returns. InputError for another shape or numbers that are not finite."""
+        """The velocities that the function returns. InputError for another shape or non-finite numbers."""
         velocities = np.asarray(self.function(points.copy(), time), np.float64)
         if velocities.shape not in (points.shape, (3,)):
             raise InputError(f"{self.name} returned an array of shape {velocities.shape}, not {points.shape}.")
         if not np.isfinite(velocities).all():
-            raise InputError(f"{self.name} returned a number that is not finite at {time:g} s.")
+            raise InputError(f"{self.name} returned a non-finite number at {time:g} s.")
         return np.broadcast_to(velocities, points.shape)
 
 
 def swing(u: Floats) -> Floats:
-    """g(u), between -1 and 1 and without period."""
+    """The aperiodic fluctuation g(u), between -1 and 1."""
     turns = (0.5, 1.0, 0.0), (0.3, 2**0.5, 1.0), (0.2, 5**0.5, 2.0)
-    return sum((share * np.sin(2 * np.pi * pace * u + phase) for share, pace, phase in turns), np.zeros_like(u))
+    return sum((weight * np.sin(2 * np.pi * pace * u + phase) for weight, pace, phase in turns), np.zeros_like(u))
 
 
 def wind_of(name: str, value: Any) -> Wind:
-    """The wind of a scene's value: a vector, {kind = "gust" or "vortex", ...}, or in Python a function (see `Field`).
+    """The wind of a scene's value: a vector, {kind = "gust" or "vortex", ...}, or in Python a function (`Field`).
 
-    InputError names what is wrong.
+    Raises
+    ------
+    InputError
+        Names the unknown, missing or invalid key.
     """
     if callable(value):
         return Field(name, value)
     if not isinstance(value, Mapping):
         return Uniform(as_vector(name, value))
     if set(value) == {FUNCTION}:
-        raise lost(name, value)
+        raise lost_function(name, value)
     keys = dict(value)
     kind = keys.pop("kind", None)
     if not isinstance(kind, str) or kind not in KINDS:
@@ -154,7 +175,7 @@ def _gust(name: str, keys: Mapping[str, Any]) -> Gust:
 def _vortex(name: str, keys: Mapping[str, Any]) -> Vortex:
     axis = as_vector(f"{name}.axis", keys["axis"])
     if not axis.any():
-        raise InputError(f"{name}.axis is zero.", "Give the direction of the line that the air turns about.")
+        raise InputError(f"{name}.axis is zero.", "Give the direction of the vortex line.")
     circulation = as_number(f"{name}.circulation", keys["circulation"])
     if not np.isfinite(circulation):
         raise InputError(f"{name}.circulation is {circulation}, not a finite number.")
@@ -174,4 +195,4 @@ KINDS: dict[str, tuple[Callable[[str, Mapping[str, Any]], Wind], dict[str, Any]]
         {"circulation": None, "core": None, "centre": (0, 0, 0), "axis": UP, "velocity": (0, 0, 0)},
     ),
 }
-"""Kind of wind: what builds it, and its keys with their defaults; None: it must be given."""
+"""Kinds of wind: builder, and keys with their defaults; None for a key that must be given."""

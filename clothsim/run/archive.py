@@ -13,7 +13,7 @@ from shutil import copyfileobj
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from clothsim.energies.varying_values import FUNCTION, lost
+from clothsim.energies.varying_values import FUNCTION, lost_function
 from clothsim.errors import InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, Checkpoint, read_checkpoint, write_checkpoint
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary
@@ -76,10 +76,10 @@ def refuse_functions(where: str, keys: Mapping[str, Any]) -> None:
     """InputError for a Python function among the keys: no file holds it."""
     for key, value in keys.items():
         if callable(value):
-            raise lost(f"{where}.{key}", {FUNCTION: getattr(value, "__qualname__", type(value).__name__)})
+            raise lost_function(f"{where}.{key}", {FUNCTION: getattr(value, "__qualname__", type(value).__name__)})
         if isinstance(value, Mapping):
             if set(value) == {FUNCTION}:
-                raise lost(f"{where}.{key}", value)
+                raise lost_function(f"{where}.{key}", value)
             refuse_functions(f"{where}.{key}", value)
 
 

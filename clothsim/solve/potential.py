@@ -164,8 +164,12 @@ class Potential:
         return timed
 
     def couplings(self, x: Floats, dx: Floats) -> list[Ints]:
-        """Return rows (m, k) that contact may couple along x -> x + dx, energy by energy."""
-        return [energy.couplings(x, dx) for energy in self._acting_as(Coupling)]
+        """Rows (m, k) that energies are expected to couple on the path x -> x + dx, energy by energy.
+
+        Contact predicts pairs only where one is active at x: the order of elimination depends on the pattern, so that a
+        predicted pair that never becomes active would change every bit of a run without contact.
+        """
+        return [energy.couplings(x, dx) for energy in self._acting_as(Coupling) if _is_active(energy, x)]
 
     def step_limit(self, x: Floats, dx: Floats) -> float:
         """Return the smallest step limit of the energies, in [0, 1]; each starts from the limit of those before it."""
@@ -209,3 +213,7 @@ class Potential:
                     account["parts"][key] = account["parts"].get(key, 0.0) + count
             effect_counters[name] = account
         return effect_counters
+
+
+def _is_active(energy: Coupling, x: Floats) -> bool:
+    return not isinstance(energy, ContactGap) or energy.minimum_gap(x) < np.inf

@@ -94,8 +94,8 @@ def test_soft_pins_follow_motion_and_path():
     energy = one(world, motion=motion, path=[[0.0, 0, 0, 0], [1.0, 0, 0, 2.0]])
     assert energy.drives
     there = energy.begin(replace(step_at(world.start(), dt=0.5), time=0.5))
-    np.testing.assert_allclose(there.places, [[1, 0, 2], [1, 1, 2], [0, 0, 2]], atol=1e-12)
-    x = equilibrium(world, {"springs": replace(energy, ends=tuple(energy.ends))}, world.start())
+    np.testing.assert_allclose(there.targets, [[1, 0, 2], [1, 1, 2], [0, 0, 2]], atol=1e-12)
+    x = equilibrium(world, {"springs": replace(energy, anchors=tuple(energy.anchors))}, world.start())
     np.testing.assert_allclose(x, [[1, 0, 2], [1, 1, 2], [0, 0, 2]], atol=1e-9)  # the step ends at 1 s
 
 
@@ -137,7 +137,7 @@ def test_the_world_s_own_origin_does_not_matter():
         "motion": turn,
     }
     here, there = (springs(w, spring=[keys]).begin(step_at(w.start())) for w in (world, shifted))
-    np.testing.assert_allclose(here.places - [500, 0, 0], there.places, atol=1e-12)
+    np.testing.assert_allclose(here.targets - [500, 0, 0], there.targets, atol=1e-12)
     np.testing.assert_allclose(here.lengths, there.lengths)
 
 

@@ -1,5 +1,6 @@
 """The strain limit: a barrier of one stretch in closed form, nothing at all below it, and no step past it."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,8 @@ from small_scenes import SHEET, SOLVER
 
 from clothsim import Scene, simulate
 from clothsim.energies.base import Off
-from clothsim.energies.strain_limit import SLACK, strain_limit
+from clothsim.energies.strain_limit import strain_limit
+from clothsim.energies.stretch_barrier import SLACK
 from clothsim.errors import InputError
 from clothsim.mesh.world import make_world
 
@@ -233,4 +235,4 @@ def test_a_pin_that_pulls_past_the_limit_is_told_of_it(tmp_path):
     )
     run = simulate(scene, tmp_path)
     assert run.status == "failed"
-    assert "effects.strain_limit holds the cloth: it is stretched to 1.05 of 1.05" in run.reason
+    assert re.search(r"effects\.strain_limit .* 1\.05 of 1\.05", run.reason)

@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.gravity import gravity
-from clothsim.energies.membrane import NeoHookeanMembrane
+from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
 from clothsim.errors import ClothsimError
 from clothsim.mesh.fabric import Fabric
 from clothsim.mesh.topology import border_edges, border_vertices

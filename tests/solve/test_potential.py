@@ -13,7 +13,7 @@ from clothsim.energies.bending import bending
 from clothsim.energies.gravity import gravity
 from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.membrane import membrane
-from clothsim.energies.protocols import ContactGap, Idling, Lagged
+from clothsim.energies.protocols import ContactGap, Coupling, Idling, Lagged
 from clothsim.energies.step import Step
 from clothsim.solve.potential import Potential
 from clothsim.solve.timers import Timers
@@ -95,6 +95,21 @@ def test_the_smallest_limit_and_gap_count():
     both = Potential({"a": Limited(0.5, 0.2), **energies_of(world), "b": Limited(0.25, 0.3)}, Timers())
     assert both.step_limit(x, x) == 0.25
     assert both.minimum_gap(x) == 0.2
+
+
+class Coupled(Limited, Coupling):
+    """A contact that predicts one pair."""
+
+    def couplings(self, x, dx):
+        return np.array([[0, 1]])
+
+
+@pytest.mark.parametrize(("gap", "pairs"), [(np.inf, []), (0.2, [[[0, 1]]])])
+def test_contact_without_an_active_pair_predicts_none(gap, pairs):
+    world = small_world()
+    potential = Potential({"contact": Coupled(1.0, gap), **energies_of(world)}, Ledger())
+    found = potential.couplings(world.start(), np.zeros_like(world.start()))
+    assert [each.tolist() for each in found] == pairs
 
 
 def test_what_begins_last_is_told_the_gradient_of_the_others_and_the_order_stays():
