@@ -68,8 +68,8 @@ def shifted(x, y, z):
 
 
 GAP = 0.02
-PLACES = {
-    # upper layer from the lower one; whether closest points lie on borders of regions
+ARRANGEMENTS = {
+    # columns, map from the lower to the upper layer, ties: closest points on borders of regions
     "vertices over vertices": (EVEN, shifted(0, 0, GAP), True),
     "vertices over edges": (EVEN, shifted(0.5 * CELL, 0, GAP), True),
     "edges parallel": (EVEN, shifted(0.37 * CELL, 0.21 * CELL, GAP), False),
@@ -85,7 +85,7 @@ PLACES = {
 
 def adversarial() -> dict[str, Pose]:
     """Every hard configuration in every world."""
-    return {f"{name}, {kind}": pose for name, place in PLACES.items() for kind, pose in _poses(*place)}
+    return {f"{name}, {kind}": pose for name, arrange in ARRANGEMENTS.items() for kind, pose in _poses(*arrange)}
 
 
 def at_random(seeds=3) -> dict[str, Pose]:
@@ -112,10 +112,10 @@ def close(gaps=(1e-2, 1e-4, 1e-6, 1e-8)) -> dict[str, Pose]:
     return found
 
 
-def _poses(columns, place, tie) -> Iterator[tuple[str, Pose]]:
+def _poses(columns, arrange, tie) -> Iterator[tuple[str, Pose]]:
     flat, _ = layer(columns)
     for kind, builder, world, first in layer_worlds(columns):
         x = world.start()
         lower = (np.arange(len(x)) - first) % len(x) >= len(flat)
-        x[lower], x[~lower] = flat, place(flat)
+        x[lower], x[~lower] = flat, arrange(flat)
         yield kind, Pose(builder, world, x, tie)

@@ -18,7 +18,7 @@ def test_a_second_process_compiles_where_nothing_is_compiled_and_ends(tmp_path):
     assert done.stdout.split() == ["True", "0", "True"]
     kernels = {".".join(file.name.split("-")[0].split(".")[-2:]) for file in tmp_path.rglob("*.kernel")}
     assert {"membrane_kernels.fill", "hinge_kernels.fill", "sparsity._times"} <= kernels
-    assert {"barrier_hessian.squares", "psd_projection.positive_squares", "assembly.add_low_rank"} <= kernels
+    assert {"barrier_hessian.rank_one_factors", "psd_projection.positive_factors", "assembly.add_low_rank"} <= kernels
 
 
 def test_one_core_compiles_alone(tmp_path):

@@ -44,6 +44,16 @@ def body_contact(
     ------
     InputError
         A key is out of range, or a cloth starts in contact with a body.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> from clothsim.build.scene_world import build
+    >>> cloth, ball = {"mesh": "rectangle", "position": [0, 0, 0.5]}, {"mesh": "sphere", "radius": 0.3}
+    >>> scene = clothsim.Scene(cloth=cloth, body=ball, effects={"body_contact": {"d_hat": 0.01, "offset": 0.002}})
+    >>> contact = build(scene).energies["body_contact"]
+    >>> contact.d_hat, contact.offset
+    (0.01, 0.002)
     """
     if not world.bodies:
         return Off("the scene has no body")

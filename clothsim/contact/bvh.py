@@ -82,7 +82,7 @@ def refit(tree: BoxTree, before: Floats, after: Floats, moved: np.ndarray) -> No
 
 @kernel
 def _incident(incident_starts: Ints, incident_leaves: Ints, rows: np.ndarray, m: int) -> np.ndarray:
-    """As `BoxTree.incident`."""
+    """Compiled part of `BoxTree.incident`."""
     incident = np.zeros(m, np.bool_)
     for i in range(len(rows)):
         if rows[i]:

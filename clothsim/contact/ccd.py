@@ -272,4 +272,5 @@ def _displaced(y: Points, dy: Points, t: float) -> Points:
 
 @part
 def _displaced_point(y: Point, dy: Point, t: float) -> Point:
+    """A vertex at fraction t."""
     return y[0] + t * dy[0], y[1] + t * dy[1], y[2] + t * dy[2]

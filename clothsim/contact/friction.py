@@ -180,6 +180,16 @@ def friction(
     ------
     InputError
         A value is out of range or a name unknown.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> from clothsim.build.scene_world import build
+    >>> cloth, ball = {"mesh": "rectangle", "position": [0, 0, 0.5]}, {"mesh": "sphere", "name": "ball"}
+    >>> effects = {"body_contact": {}, "friction": {"coefficient": 0.3, "pairs": [["cloth", "ball", 0.1]]}}
+    >>> build(clothsim.Scene(cloth=cloth, body=ball, effects=effects)).energies["friction"].coefficients
+    array([[0.3, 0.1],
+           [0.1, 0.3]])
     """
     table = np.full((len(world.names),) * 2, as_positive("effects.friction.coefficient", coefficient, zero=True))
     entries: dict[frozenset[int], int] = {}

@@ -96,7 +96,7 @@ class IpctkBarrier(Barrier):
     exact_in_newton = False
 
     def begin(self, step: Step) -> Self:
-        """As `Barrier.begin`; clears the cache, as ipctk sums in its search order and a resumed run must repeat it."""
+        """Copy for the step; clears the cache, as ipctk sums in its search order and a resumed run must repeat it."""
         self.candidates.clear()
         return super().begin(step)
 

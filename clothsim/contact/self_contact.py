@@ -47,6 +47,15 @@ def self_contact(
     ------
     InputError
         A key is out of range, or cloth starts in contact with cloth.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> from clothsim.build.scene_world import build
+    >>> sheet = {"mesh": "rectangle", "size": [1.0, 1.0], "cells": [10, 10]}
+    >>> scene = clothsim.Scene(cloth=sheet, effects={"self_contact": {}})
+    >>> build(scene).energies["self_contact"].d_hat
+    0.01
     """
     surface = cloth_surface(world, excluded_pairs("self_contact", world, exclude))
     if not surface.allowed.any():

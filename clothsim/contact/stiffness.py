@@ -6,7 +6,13 @@ from clothsim.arrays import Floats
 
 
 def default_d_hat(edge_lengths: Floats) -> float:
-    """A tenth of the median edge [m], to two digits: a gap that the mesh's own facets do not resolve."""
+    """A tenth of the median edge [m], to two digits: a gap that the mesh's own facets do not resolve.
+
+    Examples
+    --------
+    >>> default_d_hat(np.array([0.01, 0.0123, 0.02]))
+    0.0012
+    """
     length = 0.1 * float(np.median(edge_lengths))
     digits = 1 - int(np.floor(np.log10(length)))
     return round(length, digits)
@@ -34,6 +40,18 @@ def barrier_stiffness(
     contact_time_scale : float
         Contact time scale T [s]; rho_A d_hat / T^2 moves the cloth through d_hat in that time: a softer barrier would
         let it sink before it responds.
+
+    Returns
+    -------
+    float
+        kappa [Pa].
+
+    Examples
+    --------
+    A light cloth at rest, for which the contact time scale is decisive:
+
+    >>> round(barrier_stiffness(0.15 * 9.81, 0.15, 0.0, 1e-3, 0.01, 0.01), 3)
+    1.5
     """
     rate = min(1 / dt, max(1 / contact_time_scale, speed / d_hat))
     return max(pressure, area_density * speed * rate, area_density * d_hat / contact_time_scale**2)

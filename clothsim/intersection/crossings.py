@@ -90,6 +90,16 @@ def crossings(
     -------
     tuple of Crossing
         One for each pair of surfaces that intersect.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from types import SimpleNamespace
+    >>> x = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0], [1, 1, -1], [1, 1, 1], [9, 9, 0]])
+    >>> sheet = SimpleNamespace(name="sheet", role="cloth", triangles=np.array([[0, 1, 2]]))
+    >>> peg = SimpleNamespace(name="peg", role="body", triangles=np.array([[3, 4, 5]]))
+    >>> [crossing.summary for crossing in crossings(x, [sheet, peg], cloth_cloth=True)]
+    ['sheet and peg intersect']
     """
     found = []
     for one, other in combinations_with_replacement(parts, 2):

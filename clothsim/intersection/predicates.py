@@ -60,7 +60,7 @@ def orient2d(x, a, b, c, axis):
 
 @part
 def _exact_orient3d(x, a, b, c, d):
-    """det [a - d, b - d, c - d] = det abc - det dbc - det adc - det abd: 24 products of coordinates, each exact."""
+    """Exact sign of det abc - det dbc - det adc - det abd: 24 exact products of coordinates."""
     e = np.empty(96)
     n = _add_determinant3(e, 0, x, a, b, c, 1.0)
     n = _add_determinant3(e, n, x, d, b, c, -1.0)

@@ -74,7 +74,7 @@ def test_a_d_hat_wider_than_the_edges_is_told_and_one_wider_than_the_cloth_refus
 def test_two_coefficients_for_one_pair_are_refused():
     above = {**SMALL, "position": [0, 0, 0.7]}
     effects = {"body_contact": {}, "friction": {"pairs": [["cloth", "ball", 0.2], ["ball", "cloth", 0.4]]}}
-    with pytest.raises(InputError, match=r"pairs\[1\].*ball and cloth"):
+    with pytest.raises(InputError, match=r"pairs\[1\] .*ball and cloth"):
         contact_notes(above, effects, BALL)
 
 

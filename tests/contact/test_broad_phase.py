@@ -26,8 +26,8 @@ def tree_of(lower, upper):
 
 def overlap_by_comparison(lower, upper, tree_lower, tree_upper):
     """Pairs (p, 2), sorted: closed overlap in all three axes."""
-    meet = (lower[:, None] <= tree_upper[None]) & (tree_lower[None] <= upper[:, None])
-    return np.argwhere(meet.all(axis=2))
+    overlap = (lower[:, None] <= tree_upper[None]) & (tree_lower[None] <= upper[:, None])
+    return np.argwhere(overlap.all(axis=2))
 
 
 def found_pairs(queries, tree, inflation=0.0, only=None, without=None):
@@ -86,9 +86,9 @@ def test_huge_and_tiny_boxes_mixed():
     assert_all_pairs(lower, upper, *mixed_boxes(200, rng), tree_of(lower, upper))
 
 
-@pytest.mark.parametrize("place", [0.0, 1e6, -1e-12])
-def test_identical_boxes_all_overlap(place):
-    lower = np.full((300, 3), place)
+@pytest.mark.parametrize("coordinate", [0.0, 1e6, -1e-12])
+def test_identical_boxes_all_overlap(coordinate):
+    lower = np.full((300, 3), coordinate)
     tree = tree_of(lower, lower)
     assert len(pairs_within_tree(tree)) == 300 * 299 // 2
     assert_all_pairs(lower, lower, lower[:5], lower[:5], tree)

@@ -270,14 +270,16 @@ def test_follows_path_measures_the_offset_at_one_common_fraction():
     rows = np.arange(3)
 
     def margin_of(x, start, end):
-        """The least room in which x keeps to the way."""
+        """The least margin with which x follows the path."""
         margins = np.linspace(0.0, 2.0, 2001)
         return margins[np.argmax([follows_path(x, start, end, rows, margin) for margin in margins])]
 
     halfway = 0.5 * end + np.array([[0, 0.3, 0], [0, 0, 0.2], [0, 0, 0.1]])
     assert margin_of(halfway, start, end) == pytest.approx(0.3, abs=1e-3)
     uneven = np.array([[2.0, 0, 0], [0, 0, 0], [0, 0, 0]])  # the first arrived, the third stayed
-    assert margin_of(uneven, start, end) == pytest.approx(0.8, abs=1e-3)  # at the share .8, the third is .8 behind
+    assert margin_of(uneven, start, end) == pytest.approx(
+        0.8, abs=1e-3
+    )  # at the fraction .8 the third row is .8 behind
     assert margin_of(start + 0.1, start, start) == pytest.approx(0.1 * np.sqrt(3), abs=1e-3)
     invalid = halfway.copy()
     invalid[0] = np.nan

@@ -114,7 +114,7 @@ def test_couplings_predict_the_active_pairs():
     expected = energy.couplings(x, down)
     assert np.array_equal(expected, energy.candidates.active(x + down).elements)
     assert len(expected)
-    down[high, 2] = -0.12  # and through: they are near on the way
+    down[high, 2] = -0.12  # through the other sheet: active on the path
     assert len(energy.couplings(x, down)) >= len(expected)
     world = sheet_on_ball()
     assert not len(body_contact(world).couplings(world.start(), -world.start()))  # a body's vertices are no unknowns

@@ -93,7 +93,7 @@ def features(contact, x):
 
 
 def features_of_ipctk(contact, x):
-    """The same of ipctk's collisions."""
+    """`features` of ipctk's collisions."""
     mesh, collisions = contact.candidates.mesh, contact.candidates.collisions(x)
     edges, faces = mesh.edges, mesh.faces
     found = {}
@@ -121,9 +121,9 @@ def test_regions_and_areas_against_ipctk(name):
 
 
 def test_every_kind_of_collision_occurs():
-    met = {
+    sizes = {
         tuple(sorted(map(len, key)))
         for name in GENERAL
         for key in features_of_ipctk(POSES[name].contact(backend="ipctk"), POSES[name].x)
     }
-    assert met == {(1, 1), (1, 2), (2, 2), (1, 3)}
+    assert sizes == {(1, 1), (1, 2), (2, 2), (1, 3)}

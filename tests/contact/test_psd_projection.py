@@ -69,9 +69,7 @@ def test_projected_blocks_of_mollified_pairs_against_lapack(poses):
     for name, pose in poses().items():
         contact = pose.contact()
         projected_hessian, exact_hessian = contact.hessian(pose.x), contact.hessian(pose.x, project=False)
-        assert (
-            projected_hessian.elements is exact_hessian.elements
-        )  # so that their places in the matrix are looked up once
+        assert projected_hessian.elements is exact_hessian.elements  # so that their block offsets are looked up once
         blocks = projected_hessian.blocks
         thresholds = contact.candidates.active(pose.x).thresholds
         for k in range(len(thresholds)):

@@ -197,7 +197,7 @@ def test_rotation_in_space_leaves_u_unchanged():
 
 
 def test_simple_shear():
-    """J = 1, l1 = 1/l2 = (g + sqrt(g^2 + 4))/2; C = [[1, g], [g, 1 + g^2]], so v1 stands at atan2(2 g, -g^2)/2."""
+    """J = 1, l1 = 1/l2 = (g + sqrt(g^2 + 4))/2; C = [[1, g], [g, 1 + g^2]], so v1 has the angle atan2(2 g, -g^2)/2."""
     g = 0.8
     F = np.array([[[1, g], [0, 1], [0, 0]]])
     stretch = polar_decomposition(F)

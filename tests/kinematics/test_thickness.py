@@ -19,7 +19,7 @@ def closed_form(J, nu):
 
 
 def residual(l3, J, nu):
-    """Of (1 - 2 nu)(l3^2 - 1) + 2 nu ln(J l3) = 0, relative to its largest term where that is above 1."""
+    """Residual of (1 - 2 nu)(l3^2 - 1) + 2 nu ln(J l3) = 0, relative to its largest term where that is above 1."""
     terms = np.array([(1 - 2 * nu) * l3**2, np.full_like(J, -(1 - 2 * nu)), 2 * nu * np.log(J), 2 * nu * np.log(l3)])
     return np.abs(terms.sum(0)) / (1 + np.abs(terms).max(0))
 
@@ -56,7 +56,7 @@ def test_small_strains(nu, strains):
 
 
 def test_plane_stress_lam_underestimates_thinning_by_30_percent():
-    """lam/mu = 2 nu/(1 - nu) in place of 2 nu/(1 - 2 nu) is what the right equation gives at nu' = nu/(1 + nu)."""
+    """lam/mu = 2 nu/(1 - nu) in place of 2 nu/(1 - 2 nu) is equivalent to the correct equation at nu' = nu/(1 + nu)."""
     nu = 0.3
     wrong_nu = nu / (1 + nu)
     assert np.isclose(2 * wrong_nu / (1 - 2 * wrong_nu), 2 * nu / (1 - nu))

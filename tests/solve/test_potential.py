@@ -107,7 +107,7 @@ class Coupled(Limited, Coupling):
 @pytest.mark.parametrize(("gap", "pairs"), [(np.inf, []), (0.2, [[[0, 1]]])])
 def test_contact_without_an_active_pair_predicts_none(gap, pairs):
     world = small_world()
-    potential = Potential({"contact": Coupled(1.0, gap), **energies_of(world)}, Ledger())
+    potential = Potential({"contact": Coupled(1.0, gap), **energies_of(world)}, Timers())
     found = potential.couplings(world.start(), np.zeros_like(world.start()))
     assert [each.tolist() for each in found] == pairs
 

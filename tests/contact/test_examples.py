@@ -1,0 +1,13 @@
+"""Doctests of contact."""
+
+import doctest
+from importlib import import_module
+
+import pytest
+
+
+@pytest.mark.parametrize("name", ["body_contact", "friction", "self_contact", "stiffness"])
+def test_examples_of_the_docstrings(name):
+    result = doctest.testmod(import_module(f"clothsim.contact.{name}"))
+    assert result.attempted > 0
+    assert result.failed == 0
