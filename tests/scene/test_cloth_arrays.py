@@ -116,6 +116,8 @@ OUTSIDE[2, 0] = 99
         (lambda: Cloth(POINTS, FACES, rest=BROKEN), r"cloth\.rest\[4, 1\]"),
         (lambda: Cloth(POINTS, FACES, density=-1), r"cloth\.density must be above 0"),
         (lambda: Cloth(POINTS, FACES, position=[1, 2]), r"cloth\.position must be 3 numbers"),
+        (lambda: Scene(cloth=Body(POINTS, FACES)), r"cloth is a clothsim\.Body.*clothsim\.Cloth"),
+        (lambda: Scene(cloth=(POINTS, FACES)), r"cloth\[0\] .*clothsim\.Cloth\(vertices"),
         (lambda: Cloth("shirt.obj"), r"'shirt\.obj'.*cloth=\{\"mesh\": 'shirt\.obj'\}"),
         (lambda: Cloth(POINTS), r"cloth.* ndarray, which is no mesh"),
         (lambda: Body(POINTS, FACES, frames=POINTS), r"body\.frames .*\(12, 3\).*\(frames, 12, 3\)"),
