@@ -147,7 +147,7 @@ def type_in_words(annotation: Any, key: Key) -> str:
     several = choices(annotation)
     parts = [" | ".join(f'"{word}"' for word in several)] if several else []
     parts += [text for part in members(annotation) if (text := _one_in_words(part, key))]
-    *first, last = dict.fromkeys(parts)
+    *first, last = dict.fromkeys(parts or ["any"])  # an effect of a user's own may have no annotations
     return f"{', '.join(first)} or {last}" if first else last
 
 
