@@ -1,6 +1,7 @@
 """Cloths and bodies from arrays: checks, locks, tables, and the text of a scene."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -168,3 +169,10 @@ class TestText:
         again = resume(tmp_path / "there")
         assert again.status == "completed"
         assert np.array_equal(again.positions(-1), run.positions(-1))
+
+
+def test_a_replaced_key_keeps_the_arrays():
+    cloth = Cloth(POINTS, FACES, rest=POINTS[:, :2])
+    heavy = replace(cloth, density=0.3)
+    assert (heavy.density, cloth.density) == (0.3, None)
+    assert np.array_equal(heavy.arrays.rest, cloth.arrays.rest)
