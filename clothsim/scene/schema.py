@@ -78,7 +78,7 @@ class Key:
         high = f"at most {self.most:,g}" if self.most is not None else high
         return " and ".join(filter(None, [low, high]))
 
-    def holds(self, number: float) -> bool:
+    def contains(self, number: float) -> bool:
         """True for a number within the bounds."""
         open_ends = (self.above is None or number > self.above) and (self.below is None or number < self.below)
         return open_ends and (self.least is None or number >= self.least) and (self.most is None or number <= self.most)

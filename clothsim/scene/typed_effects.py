@@ -1,6 +1,6 @@
 """Effects as frozen dataclasses: the keys of each effect with default, unit, range and meaning.
 
-`effects=[clothsim.Gravity(), clothsim.Bending(model="midedge")]` says the same as
+`effects=[clothsim.Gravity(), clothsim.Bending(model="midedge")]` is the same as
 `effects={"gravity": {}, "bending": {"model": "midedge"}}`. Importing this module imports no effect: the fields repeat
 the keywords and defaults of the builders in `scene.effects`, and a test compares them.
 """

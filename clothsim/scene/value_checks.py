@@ -23,7 +23,7 @@ def check_table(where: str, given: Any, section: type) -> Mapping[str, Any]:
     where : str
         Dotted name of the table, for messages.
     given : Any
-        What the scene says.
+        Value in the scene.
     section : type
         A section of the schema.
 
@@ -90,7 +90,7 @@ def _in_range(where: str, value: Any, known: SceneKey, whole: bool) -> float | i
         number = float(value)
     except OverflowError as error:
         raise InputError(f"{where} must be a number that a float can hold.", _example(where, known)) from error
-    if not (math.isfinite(number) and key.holds(number)):
+    if not (math.isfinite(number) and key.contains(number)):
         unit = "" if key.unit in ("-", "1") else f" [{key.unit}]"
         raise InputError(f"{where} must be {key.range or 'finite'}{unit}, not {shown(value)}.", _example(where, known))
     return number
