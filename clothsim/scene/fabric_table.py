@@ -113,7 +113,19 @@ _OF_WARP_AND_WEFT = "of warp and weft the geometric mean"
 
 @dataclass(frozen=True)
 class NamedFabric:
-    """A fabric, what it is made of, who measured it, and of each value its source or the rule of an estimate."""
+    """A fabric with the sources of its values.
+
+    Parameters
+    ----------
+    fabric : Fabric
+        The values.
+    made_of : str
+        Composition.
+    measured_by : str
+        Publication, in short.
+    sources : dict of str to str
+        Source of each value, or the rule of an estimate.
+    """
 
     fabric: Fabric
     made_of: str
