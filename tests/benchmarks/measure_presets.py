@@ -40,7 +40,8 @@ def written_into(source: str, rows: Sequence[Measured], date: str) -> str:
     """The source of `preset_errors` with other rows, in the order of PRESETS."""
     order = sorted(rows, key=lambda row: (list(PRESETS).index(row.preset), row.scene))
     lines = [
-        f'    Measured("{r.preset}", "{r.scene}", {r.error!r}, {r.relative_error!r}, {r.own!r}, {r.seconds!r}),' for r in order
+        f'    Measured("{r.preset}", "{r.scene}", {r.error!r}, {r.relative_error!r}, {r.own!r}, {r.seconds!r}),'
+        for r in order
     ]
     table = (
         "\n".join(["MEASURED: tuple[Measured, ...] = (", *lines, ")"])
@@ -70,7 +71,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ClothsimError as error:
         print(error, file=sys.stderr)
         return 2
-    cells = [[r.preset, r.scene, f"{r.error:g}", f"{100 * r.relative_error:.2g}", f"{r.own:g}", f"{r.seconds:g}"] for r in rows]
+    cells = [
+        [r.preset, r.scene, f"{r.error:g}", f"{100 * r.relative_error:.2g}", f"{r.own:g}", f"{r.seconds:g}"]
+        for r in rows
+    ]
     print(text_table(("preset", "scene", "error [mm]", "of size [%]", "reference's own [mm]", "seconds"), cells))
     if arguments.write:
         file = Path(preset_errors.__file__)
