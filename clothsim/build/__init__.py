@@ -1,1 +1,1 @@
-"""A world and its energies, built from a scene."""
+"""Worlds and energies built from scenes."""

@@ -147,7 +147,7 @@ def _from_arrays(mesh: MeshArrays, keys: Mapping[str, Any], where: str) -> Shape
 
 
 def fabric_of(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
-    """The named fabric with the keys that override it; a Young's modulus takes the place of what its threads have."""
+    """The named fabric with the keys that override it; a Young's modulus replaces the stiffnesses of the threads."""
     name = keys.get("fabric", "cotton")
     named = fabric_named(f"{where}.fabric", name)
     own = {key: as_number(f"{where}.{key}", keys[key]) for key in FABRIC if key in keys}

@@ -1,13 +1,24 @@
-"""What the presets were worth on the scenes they were measured on; `tests.benchmarks.measure_presets` writes it."""
+"""Measured errors of the presets on study scenes; `tests.benchmarks.measure_presets` writes this file."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Measured:
-    """A preset on a scene: RMS error of the last frame [mm], as a share of the cloth's size, processor seconds.
+    """Error and cost of a preset on a scene.
 
-    own: the reference's own error [mm].
+    Parameters
+    ----------
+    preset, scene : str
+        Names.
+    error : float
+        RMS error of the last frame [mm].
+    relative_error : float
+        The same as a fraction of the cloth's size.
+    own : float
+        Error of the reference itself [mm].
+    seconds : float
+        Processor time [s].
     """
 
     preset: str
@@ -33,7 +44,7 @@ MEASURED: tuple[Measured, ...] = (
 
 
 def measured(preset: str) -> list[str]:
-    """A line for each scene on which a preset was measured."""
+    """One line for each scene on which a preset was measured."""
     return [
         f"{row.scene}: {row.error:.2g} mm ({100 * row.relative_error:.2g} % of its size) in {row.seconds:.2g} s"
         for row in MEASURED

@@ -1,4 +1,4 @@
-"""Named settings: how fine a mesh, how short a step, how tight a solve. What they were worth is in `preset_errors`."""
+"""Presets: named settings of mesh, time step, tolerance and bending model; `preset_errors` has their errors."""
 
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -11,7 +11,21 @@ from clothsim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Preset:
-    """What a preset sets: cells, times the scene's own; dt [s]; tolerance [m/s]; Newton iterations; bending model."""
+    """Settings of a preset.
+
+    Parameters
+    ----------
+    cells : Fraction
+        Factor of the scene's own cells.
+    dt : float
+        Time step [s].
+    tolerance : float
+        Convergence tolerance [m/s].
+    max_iterations : int
+        Newton iterations of a step.
+    bending : str
+        Bending model.
+    """
 
     cells: Fraction
     dt: float
@@ -27,31 +41,56 @@ PRESETS = {
 }
 
 OF_HINGES = ("rest_angle", "plastic_bending")
-"""Effects that go with no other bending model than "hinge"."""
+"""Effects that need the bending model "hinge"."""
 
 
 def with_preset(scene: Scene, name: str, models: bool = True) -> tuple[Scene, str]:
-    """`scene` with the settings of a preset, and what it set in words. InputError for a name that there is not.
+    """A scene with the settings of a preset.
 
-    A cloth that is a file keeps its mesh, and the words say so; a scene without bending gets none. models: False keeps
-    the scene's own bending model, and so does an effect that shifts the rest angles of hinges.
+    Parameters
+    ----------
+    scene : Scene
+        Scene to change; it stays as it is.
+    name : str
+        A name of PRESETS.
+    models : bool
+        False: the scene's own bending model stays, as it does beside an effect of OF_HINGES.
+
+    Returns
+    -------
+    scene : Scene
+        A cloth of a file keeps its mesh; a scene without bending gets none.
+    settings : str
+        The settings in words.
+
+    Raises
+    ------
+    InputError
+        For an unknown name.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "cells": [8, 8]})
+    >>> with_preset(scene, "draft")[1]
+    'cells x 1/2, dt 0.04 s, tolerance 0.01 m/s'
     """
     if name not in PRESETS:
         raise InputError(f"There is no preset {name!r}.", nearest(name, PRESETS) or f"Known: {', '.join(PRESETS)}.")
     preset = PRESETS[name]
-    said = [f"dt {preset.dt:g} s", f"tolerance {preset.tolerance:g} m/s"]
+    settings = [f"dt {preset.dt:g} s", f"tolerance {preset.tolerance:g} m/s"]
     try:
         scene = with_cells(scene, preset.cells, nearest=True)
-        said.insert(0, f"cells x {preset.cells}" if preset.cells != 1 else "the scene's own cells")
+        settings.insert(0, f"cells x {preset.cells}" if preset.cells != 1 else "the scene's own cells")
     except InputError as error:
-        said.insert(0, f"the mesh as it is ({error.sentence.rstrip('.')})")
+        settings.insert(0, f"the mesh as it is ({error.sentence.rstrip('.')})")
     solver = {key: value for key, value in scene.solver.items() if key != "error"}
     solver.update(dt=preset.dt, tolerance=preset.tolerance, max_iterations=preset.max_iterations)
     effects = dict(scene.effects)
     shifted = next((name for name in OF_HINGES if name in effects), None)
     if models and "bending" in effects and shifted is not None:
-        said.append(f"bending as it is, for {shifted}")
+        settings.append(f"bending as it is, for {shifted}")
     elif models and "bending" in effects:
         effects["bending"] = {**effects["bending"], "model": preset.bending}
-        said.append(f"bending {preset.bending}")
-    return replace(scene, solver=solver, effects=effects), ", ".join(said)
+        settings.append(f"bending {preset.bending}")
+    return replace(scene, solver=solver, effects=effects), ", ".join(settings)

@@ -1,4 +1,4 @@
-"""The same scene on a finer or coarser mesh: the cells of its generated cloths multiplied."""
+"""Refinement of a scene: the cells of its generated cloths multiplied."""
 
 import inspect
 from collections.abc import Mapping, Sequence
@@ -16,21 +16,43 @@ from clothsim.mesh.topology import unique_edges
 from clothsim.scene.scene import Scene
 
 SAME_POSITION = 1e-9
-"""Share of the mesh's size within which a vertex is at the place of another."""
+"""Fraction of the mesh's size within which two vertices coincide."""
 SELECTING = {"pins": "group", "springs": "spring"}
-"""The effects that select vertices, and the key of their list of tables."""
+"""Effects that select vertices, and the key of their list of tables."""
 
 
 def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
-    """`scene` with the cells of every cloth times `factor`; bodies stay as they are.
+    """A scene with the cells of every cloth multiplied; bodies stay as they are.
 
-    Pins and springs that are given by vertex number go to the vertices of the new mesh at the same material places.
-    nearest: cells that are no whole numbers are rounded, up to one at least. InputError where a cloth is a file, where
-    cells would be no whole numbers, and where pins, springs, seams, creases, an array over the cloth or a seed file
-    belong to the vertices or triangles of one mesh.
+    Parameters
+    ----------
+    scene : Scene
+        Scene to change; it stays as it is.
+    factor : Fraction
+        Factor of the cells.
+    nearest : bool
+        True: cells that are no whole numbers are rounded, to one at least.
+
+    Returns
+    -------
+    Scene
+        Pins and springs by vertex number are at the vertices of the new mesh with the same material points.
+
+    Raises
+    ------
+    InputError
+        For a cloth of a file, for cells that are no whole numbers, and where pins, springs, seams, creases, an array
+        over the cloth or a seed file belong to the vertices or triangles of one mesh.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "cells": [8, 8]})
+    >>> with_cells(scene, Fraction(1, 2)).cloth["cells"]
+    [4, 4]
     """
     if scene.seed_settings.from_ == "file":
-        raise InputError("seed.file gives a place to each vertex of one mesh.", "Leave the cells as they are.")
+        raise InputError("seed.file has a position for each vertex of one mesh.", "Leave the cells as they are.")
     _refuse_numbered_lines(scene.effects)
     _refuse_arrays("effects", scene.effects)
     cloths = [_scaled(keys, factor, nearest) for keys in scene.cloths]
@@ -44,12 +66,12 @@ def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
 
 
 def cells_of(keys: Mapping[str, Any]) -> list[int] | int:
-    """The cells of a [cloth] table, its generator's own where it gives none. InputError where it has none."""
+    """The cells of a [cloth] table, else its generator's default. InputError for a mesh without cells."""
     mesh = keys.get("mesh")
     parameters = inspect.signature(GENERATORS[mesh]).parameters if mesh in GENERATORS else {}
     if "cells" not in parameters:
-        kind = f"generated {mesh}" if mesh in GENERATORS else "file"
-        raise InputError(f"the mesh {mesh!r} is a {kind} without cells", "Only rectangle, disk and tube have cells.")
+        kind = f"generated {mesh}" if mesh in GENERATORS else "file" if isinstance(mesh, str) else "mesh in memory"
+        raise InputError(f"The mesh {mesh!r} is a {kind} without cells.", "Only rectangle, disk and tube have cells.")
     cells = keys.get("cells", parameters["cells"].default)
     return list(cells) if isinstance(cells, Sequence) else cells
 
@@ -73,23 +95,23 @@ def _refuse_numbered_lines(effects: Mapping[str, Any]) -> None:
     creases = [(f"effects.rest_angle.crease[{k}]", crease) for k, crease in _tables(effects, "rest_angle", "crease")]
     for name, keys in (*sides, *creases):
         if isinstance(keys, Mapping) and "vertices" in keys:
-            raise InputError(f"{name}.vertices are those of one mesh.", "Draw the line with `through`.")
+            raise InputError(f"{name}.vertices are those of one mesh.", "Give the line by `through`.")
 
 
 def _refuse_arrays(where: str, keys: Mapping[str, Any]) -> None:
-    """InputError for a number a triangle or a vertex, as an array or in a file: another mesh has more or fewer."""
+    """InputError for values by triangle or vertex, as an array or in a file: another mesh has more or fewer."""
     for key, value in keys.items():
         name = f"{where}.{key}"
-        if key == "select":  # vertices, which go to their places on the other mesh
+        if key == "select":  # vertices, which are found again on the other mesh
             continue
         if isinstance(value, Mapping):
             _refuse_arrays(name, value)
         elif (isinstance(value, np.ndarray) and value.size > 3) or (isinstance(value, str) and value.endswith(".npy")):
-            raise InputError(f"{name} has its numbers for one mesh.", "Give a number, or a table by cloth.")
+            raise InputError(f"{name} has values for one mesh.", "Give a number, or a table by cloth.")
 
 
 def _tables(effects: Mapping[str, Any], name: str, key: str) -> list[tuple[int, Mapping[str, Any]]]:
-    """The numbered tables of a list of an effect; what is none is refused when the effect is built."""
+    """The numbered tables of a list of an effect; other entries are refused when the effect is built."""
     tables = effects.get(name, {}).get(key, ())
     return [(k, table) for k, table in enumerate(tables) if isinstance(table, Mapping)] if _is_list(tables) else []
 
@@ -112,7 +134,7 @@ def _moved(where: str, keys: Mapping[str, Any], tables: str, old: Scene, new: Sc
 
 
 def _moved_selection(where: str, select: Any, old: Scene, new: Scene) -> Any:
-    """Names and boxes as they are; numbers as those of the vertices of `new` at the same places of the same cloth."""
+    """Names and boxes as they are; numbers as those of the vertices of `new` at the same points of the same cloth."""
     if isinstance(select, str | Mapping) or not np.size(select):
         return select
     before, triangles, first = _rest(old)
@@ -133,13 +155,13 @@ def _moved_selection(where: str, select: Any, old: Scene, new: Scene) -> Any:
     ]
 
 
-def _vertex_at(where: str, place: Floats, rest: Floats, low: int, high: int) -> int:
-    """The vertex of rest[low:high] at `place`."""
-    distances = np.linalg.norm(rest[low:high] - place, axis=1)
+def _vertex_at(where: str, point: Floats, rest: Floats, low: int, high: int) -> int:
+    """The vertex of rest[low:high] at `point`."""
+    distances = np.linalg.norm(rest[low:high] - point, axis=1)
     found = int(distances.argmin())
     if distances[found] > SAME_POSITION * float(np.ptp(rest[low:high], axis=0).max()):
         raise InputError(
-            f"{where} names a vertex by number, and the other mesh has none at its place.",
+            f"{where} names a vertex by number, and the other mesh has none at its point.",
             "Select it by name or by { box = [lo, hi] }.",
         )
     return low + found

@@ -1,4 +1,4 @@
-"""From a scene to its world and the energies that it names; nothing that it does not name is built, nor imported."""
+"""World and energies of a scene: only the effects that it names are built, and imported."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -19,7 +19,21 @@ from clothsim.scene.scene import Scene
 
 @dataclass(frozen=True)
 class Built:
-    """A scene made ready: world, energies by name, constraints by name, {named effect that is off: reason}, notes."""
+    """World, energies and constraints of a scene.
+
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies at the start.
+    energies : dict of str to Energy
+        The effects that are on, in the order of the table.
+    constraints : dict of str to Constraint
+        The effects that prescribe positions.
+    off : dict of str to str
+        The reason why a named effect is off.
+    notes : tuple of str
+        Defaults that were chosen, and warnings.
+    """
 
     world: World
     energies: dict[str, Energy]
@@ -29,7 +43,29 @@ class Built:
 
 
 def build(scene: Scene) -> Built:
-    """Build the world, then each named effect in the order of the table. InputError, one sentence, for bad input."""
+    """Build the world of a scene, then each effect that it names, in the order of the table.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+
+    Returns
+    -------
+    Built
+
+    Raises
+    ------
+    InputError
+        For bad input, in one sentence.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "cells": [2, 2]}, effects=[clothsim.Inertia()])
+    >>> build(scene).world.n_cloth
+    9
+    """
     world, notes = _world(scene)
     return build_effects(scene, world, notes)
 
@@ -59,7 +95,10 @@ def build_effects(
         try:
             made = effect.build(world, keys, supplied)
         except (TypeError, ValueError) as error:
-            raise InputError(f"effects.{name} has a value of the wrong type: {error}.") from error
+            raise InputError(
+                f"effects.{name} has a value of the wrong type: {error}.",
+                f"`clothsim keys effects.{name}` lists the types.",
+            ) from error
         if isinstance(made, Off):
             off[name] = made.reason
         elif isinstance(made, Energy):
@@ -73,8 +112,7 @@ def build_effects(
         )
     refuse_unsupported(world, energies, constraints.values())
     dt = min(scene.solver_settings.longest_step, 1 / scene.run_settings.frames_per_second)
-    said = (*notes, *scene_warnings(world, energies, dt))
-    return Built(world, energies, constraints, off, said)
+    return Built(world, energies, constraints, off, (*notes, *scene_warnings(world, energies, dt)))
 
 
 def _take_over(
@@ -96,13 +134,13 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
     shapes = [cloth_shape(keys, where, scene.directory) for keys, where in zip(scene.cloths, names, strict=True)]
     starts = initial_positions(scene.seed_settings, scene.directory, [len(shape.positions) for shape in shapes])
     for shape, keys, where, start in zip(shapes, scene.cloths, names, starts, strict=True):
-        cloth, said = cloth_of(shape, keys, where, start)
+        cloth, cloth_notes = cloth_of(shape, keys, where, start)
         cloths.append(cloth)
-        notes.extend(said)
+        notes.extend(cloth_notes)
     for k, keys in enumerate(scene.bodies):
-        body, said = body_of(keys, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
+        body, body_notes = body_of(keys, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
         bodies.append(body)
-        notes.extend(said)
+        notes.extend(body_notes)
     world = make_world(cloths, bodies)
     if scene.seed_settings.untangle:
         world, done = untangled(world)

@@ -1,4 +1,4 @@
-"""Whether a quasi-static scene can have an equilibrium at all: a load on a cloth that nothing holds has none."""
+"""Existence of a quasi-static equilibrium: a load on a cloth without any support has none."""
 
 from collections.abc import Iterable, Mapping
 
@@ -12,16 +12,32 @@ from clothsim.errors import InputError
 from clothsim.mesh.world import World
 
 ROUND_OFF = 1e-9
-"""Share of the forces on a piece below which their sum counts as none: internal forces cancel to the last digits."""
+"""Fraction of the forces on a piece below which their sum counts as zero: internal forces cancel to the last digits."""
 
 
 def refuse_unsupported(world: World, energies: Mapping[str, Energy], constraints: Iterable[Constraint]) -> None:
-    """InputError for a piece of cloth with a load, no pin or spring, no contact with a body, and no inertia or damping.
+    """Refuse a piece of cloth under a load without pin, spring, contact with a body, inertia or damping.
 
-    The forces within a piece cancel, so that what is left of their sum is a load. With self_contact all pieces count as
-    one, as one may lie on another.
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies at the start.
+    energies : dict of str to Energy
+        The effects that are on.
+    constraints : iterable of Constraint
+        The prescribed positions.
+
+    Raises
+    ------
+    InputError
+        With the name of the piece and its load.
+
+    Notes
+    -----
+    The internal forces of a piece cancel, so that the sum of its forces is the load. With self_contact all pieces count
+    as one, as one may lie on another.
     """
-    # Friction resists too, but only where something touches: it begins last, with the forces of contact.
+    # Friction resists only where there is contact, whose forces are known last.
     resisted = any(_resists(world, energy) for energy in energies.values() if not energy.begins_last)
     if resisted or "body_contact" in energies:
         return
@@ -40,20 +56,20 @@ def refuse_unsupported(world: World, energies: Mapping[str, Energy], constraints
             own = of_piece[0] - world.cloth_slices[label].start
             part = f"the piece of {world.names[label]} with vertex {own}" if own else world.names[label]
             raise InputError(
-                f"Nothing holds {part} against its load of {load:.3g} N: no pin, no body_contact and no inertia.",
+                f"Nothing supports {part} against its load of {load:.3g} N: no pin, no body_contact and no inertia.",
                 "Add effects.pins, a body and effects.body_contact, or effects.inertia.",
             )
 
 
 def _resists(world: World, energy: Energy) -> bool:
-    """Whether an incremental energy pulls back on what is moved as a whole: a drag on strain does not."""
+    """True for an incremental energy with a force against a translation: damping of the strain rate has none."""
     if not energy.incremental:
         return False
     start = world.start()
     none = np.zeros_like(start)
     bound = energy.begin(Step(0.0, 1.0, start, none, 1.0, none))
-    pull = bound.gradient(start + 1.0) - bound.gradient(start)
-    return bool(np.abs(pull.sum(axis=0)).max() > ROUND_OFF * np.abs(pull).sum())
+    change = bound.gradient(start + 1.0) - bound.gradient(start)
+    return bool(np.abs(change.sum(axis=0)).max() > ROUND_OFF * np.abs(change).sum())
 
 
 def _pieces(world: World) -> Ints:
@@ -64,7 +80,7 @@ def _pieces(world: World) -> Ints:
 
 
 def _forces(world: World, energies: Mapping[str, Energy]) -> Floats:
-    """Minus the gradient of the energies that stand alone, at the start under full load, (n_cloth, 3) [N]."""
+    """Minus the gradient of the energies at the start under full load, (n_cloth, 3) [N]; without those of contact."""
     start = world.start()
     none = np.zeros_like(start)
     step = Step(0.0, 1.0, start, none, 1.0, none)

@@ -1,8 +1,8 @@
-"""Freeing a start of intersections: the key `untangle` of [seed]. A heuristic, told as such; only the start moves.
+"""Untangling: a start freed of intersections, the key `untangle` of [seed].
 
-A drape that comes from elsewhere may cross itself, or a body, by a millimetre: panels that were not sewn, seams whose
-vertices do not match. Contact can only start where nothing intersects. And it may hold triangles squeezed to nothing,
-whose energy would throw them about in the first step.
+A drape from elsewhere may intersect itself, or a body, by a millimetre: panels that were not sewn, seams whose vertices
+do not match. Contact needs a start without intersections. And it may hold collapsed triangles, whose energy would
+dominate the first step. This is a heuristic, and the notes of a run say so; the rest shape stays as it is.
 """
 
 from dataclasses import replace
@@ -16,22 +16,40 @@ from clothsim.mesh.topology import unique_edges, vertex_rings
 from clothsim.mesh.world import World
 
 ROUNDS = 200
-"""After so many the crossings are no accident of the seams."""
+"""Largest number of rounds."""
 PUSH = 0.03
-"""How far a round moves cloth off a body, as a share of the median edge."""
+"""Displacement of cloth away from a body in a round, as fraction of the median edge."""
 STRETCHES = (0.3, 1.4)
-"""The principal stretches with which a triangle may start."""
+"""Bounds of the principal stretches of a triangle at the start."""
 INSIDE = (0.32, 1.38)
-"""Those to which a triangle beyond is brought: a little inside, or it would come near to them for ever."""
+"""Stretches to which a triangle beyond the bounds is projected: a little inside, for the rounds converge slowly."""
 
 
 def untangled(world: World) -> tuple[World, str]:
-    """The world with its cloths' start freed of intersections, and what was done.
+    """Free the start of the cloths of intersections.
 
-    In each round the corners of triangles that intersect cloth go half of the way to the mean of their neighbours,
-    those of triangles that intersect a body go PUSH edges along its normals (bodies are wound outwards), and triangles
-    stretched beyond STRETCHES come back to INSIDE. The material's rest shape stays. InputError names a place where
-    ROUNDS rounds do not free the start.
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies; bodies are wound outwards.
+
+    Returns
+    -------
+    world : World
+        The same with other initial positions.
+    summary : str
+        The number of intersections and the displacement of vertices, in a sentence.
+
+    Raises
+    ------
+    InputError
+        With a point where ROUNDS rounds do not free the start.
+
+    Notes
+    -----
+    In each round the corners of triangles that intersect cloth move half of the displacement to the mean of their
+    neighbours, those of triangles that intersect a body move PUSH edges along its normals, and triangles stretched
+    beyond STRETCHES are projected to INSIDE.
     """
     from clothsim.intersection.intersecting_pairs import intersecting_pairs
 
@@ -70,7 +88,7 @@ def _gradients(world: World, x: Floats) -> Floats:
 
 
 def _smooth(x: Floats, vertices: Ints, rings: tuple[Ints, Ints]) -> None:
-    """Move `vertices` half of the way to the mean of their neighbours, all at once."""
+    """Move `vertices` by half of the displacement to the mean of their neighbours, all at once."""
     starts, neighbours = rings
     means = [x[neighbours[starts[v] : starts[v + 1]]].mean(axis=0) for v in vertices]
     if means:
@@ -78,7 +96,7 @@ def _smooth(x: Floats, vertices: Ints, rings: tuple[Ints, Ints]) -> None:
 
 
 def _push(x: Floats, cloth: Ints, body: Ints, pairs: Ints, distance: float) -> None:
-    """Move the corners of `cloth[pairs[:, 0]]` by `distance` [m] along the mean normal of the body triangles there."""
+    """Move the corners of `cloth[pairs[:, 0]]` by `distance` [m] along the mean normal of their body triangles."""
     if not len(pairs):
         return
     corners = x[body[pairs[:, 1]]]
@@ -92,7 +110,7 @@ def _push(x: Floats, cloth: Ints, body: Ints, pairs: Ints, distance: float) -> N
 
 
 def _relax(world: World, x: Floats, beyond: Ints) -> None:
-    """Bring each triangle of `beyond` to the nearest shape with stretches INSIDE; corners take the mean of theirs.
+    """Project each triangle of `beyond` to stretches INSIDE; a vertex takes the mean of its corners.
 
     F = U S V' -> U clip(S) V' about the triangle's centre: the local step of projective dynamics (Bouaziz et al. 2014).
     """
@@ -110,7 +128,7 @@ def _relax(world: World, x: Floats, beyond: Ints) -> None:
 
 
 def _refuse(x: Floats, cloth: Ints, body: Ints, own: Ints, with_body: Ints, beyond: Ints) -> None:
-    """InputError: the start could not be freed, with a place."""
+    """InputError for a start that still intersects, with a point."""
     from clothsim.intersection.intersecting_pairs import places
 
     if len(own) or len(with_body):
@@ -125,7 +143,7 @@ def _refuse(x: Floats, cloth: Ints, body: Ints, own: Ints, with_body: Ints, beyo
     at = ", ".join(f"{value:.4g}" for value in place)
     raise InputError(
         f"seed.untangle: {what} after {ROUNDS} rounds, one at ({at}) m.",
-        "Start from a drape that is nearer to free of intersections.",
+        "Start from a drape with fewer intersections.",
     )
 
 

@@ -1,4 +1,4 @@
-"""Sewing the panels of a cloth before it is made: the key `weld`."""
+"""Sewing of panels before a cloth is made: the key `weld`."""
 
 from dataclasses import replace
 
@@ -12,15 +12,35 @@ from clothsim.mesh.weld import flaps, mean_of_parts, weld
 
 
 def sewn(label: str, shape: Shape, start: Floats | None, gap: float, at_start: bool) -> tuple[Shape, Floats | None]:
-    """`shape` with the borders closer than `gap` [m] joined, and its `start (n, 3)` with them; flaps are left out.
+    """A shape whose borders closer than a gap are joined; triangles folded onto one another are left out.
 
-    Whether borders are close is judged in the shape; at_start: in the start, which then is the sewn shape's positions
-    too. Only what sewing makes is excused afterwards: a mesh with faults of its own is refused here (InputError).
+    Parameters
+    ----------
+    label : str
+        Name of the cloth.
+    shape : Shape
+        Its mesh.
+    start : (n, 3) ndarray [m], optional
+        Initial positions, which are joined with the shape.
+    gap : float
+        Largest distance of borders that are joined [m].
+    at_start : bool
+        True: distances are those of the start, which becomes the positions of the sewn shape; else of the shape.
+
+    Returns
+    -------
+    shape : Shape
+    start : (k, 3) ndarray [m] or None
+
+    Raises
+    ------
+    InputError
+        For a mesh with faults other than those that sewing makes.
     """
     report = examine(label, shape.positions, shape.triangles)
     refuse(replace(report, findings=tuple(fault for fault in report.findings if fault.kind != "soup")))
-    touching = start if at_start and start is not None else shape.positions
-    positions, triangles, number = weld(touching, shape.triangles, gap)
+    measured = start if at_start and start is not None else shape.positions
+    positions, triangles, number = weld(measured, shape.triangles, gap)
     notes = [*shape.notes, f"{len(number) - len(positions)} border vertices were welded"]
     folded = flaps(triangles)
     if len(folded):
@@ -28,6 +48,6 @@ def sewn(label: str, shape: Shape, start: Floats | None, gap: float, at_start: b
     kept = np.delete(np.arange(len(triangles)), folded)
     used, faces = np.unique(triangles[kept], return_inverse=True)
     texture = shape.texture[kept] if len(shape.texture) else shape.texture
-    together = None if start is None else mean_of_parts(start, number)[used]
+    joined = None if start is None else mean_of_parts(start, number)[used]
     groups = kept_groups(shape.groups, kept)
-    return Shape(positions[used], faces.reshape(-1, 3).astype(np.int64), texture, tuple(notes), groups), together
+    return Shape(positions[used], faces.reshape(-1, 3).astype(np.int64), texture, tuple(notes), groups), joined

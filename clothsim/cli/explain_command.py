@@ -89,11 +89,8 @@ def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
     left = {name: entry for name, entry in off.items() if absent is None or name not in absent.effects}
     if left:
         width = max(len(name) for name in left)
-        lines += [
-            "",
-            "Off:",
-            *(f"  {name:<{width}}  {EFFECTS[name].summary}: {e['reason']}" for name, e in left.items()),
-        ]
+        reasons = {name: f"{EFFECTS[name].summary}: {effect['reason']}" for name, effect in left.items()}
+        lines += ["", "Off:", *(f"  {name:<{width}}  {reason}" for name, reason in reasons.items())]
     return "\n".join([*lines, *(_added(absent) if absent is not None else [])])
 
 

@@ -1,1 +1,1 @@
-"""Floor 7: a scene is data; the table of effects turns its names into energies."""
+"""Scenes: data, their schema, and the table of effects that names the energies."""

@@ -1,8 +1,8 @@
-"""THE table of effects: a name in a scene and the function that builds it. A new effect is one file and one line here.
+"""Table of effects: the names of a scene and the functions that build them.
 
-A builder takes the world and, by keyword, what the scene says of that effect: its keywords are the scene's keys.
-It returns an Energy; or Off with the reason why there is nothing to do; or, where it holds vertices, the world and a
-Constraint. A module is imported only when a scene names its effect.
+A new effect is one file and one line here. A builder takes the world and, by keyword, the keys of the effect in a
+scene. It returns an Energy; or Off with the reason why there is nothing to do; or, where it constrains vertices, the
+world and a Constraint. A module is imported only when a scene names its effect.
 """
 
 import importlib
@@ -14,7 +14,15 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Effect:
-    """Where an effect's builder is ("module:function") and what it does, in a few words."""
+    """An effect of the table.
+
+    Parameters
+    ----------
+    builder : str
+        Module and function that build it, "module:function".
+    summary : str
+        A few words on what it is.
+    """
 
     builder: str
     summary: str
@@ -25,7 +33,7 @@ class Effect:
         return getattr(importlib.import_module(module), function)
 
     def keys(self) -> dict[str, Any]:
-        """The keys that a scene may give, with their defaults."""
+        """The keys of a scene with their defaults: the builder's keywords."""
         return {key: default for key, default in self._keywords().items() if key not in SUPPLIED}
 
     @property
@@ -34,7 +42,21 @@ class Effect:
         return not {"contacts", "built"}.isdisjoint(self._keywords())
 
     def build(self, world: Any, keys: Mapping[str, Any], supplied: Mapping[str, Any]) -> Any:
-        """Call the builder with the scene's keys, and with those of `supplied` (see SUPPLIED) that it has."""
+        """Call the builder.
+
+        Parameters
+        ----------
+        world : World
+            Cloths and bodies.
+        keys : dict
+            Keys of the scene.
+        supplied : dict
+            Values of SUPPLIED, passed where the builder has a keyword of the name.
+
+        Returns
+        -------
+        Energy, Off, or (World, Constraint)
+        """
         own = self._keywords()
         return self.load()(world, **keys, **{key: value for key, value in supplied.items() if key in own})
 
@@ -45,27 +67,29 @@ class Effect:
 
 SUPPLIED = ("backend", "contacts", "built")
 """Keywords of builders that no scene gives: the backend of [contact], the names of the contacts that are on, and the
-energies that are on so far, by name."""
+energies built so far, by name."""
 
 
 EFFECTS = {
-    "pins": Effect("clothsim.energies.pins:pins", "vertices held or carried"),
+    "pins": Effect("clothsim.energies.pins:pins", "fixed vertices, or in prescribed motion"),
     "inertia": Effect("clothsim.energies.inertia:inertia", "mass times acceleration"),
     "membrane": Effect("clothsim.energies.membrane:membrane", "stretch and shear"),
-    "fibres": Effect("clothsim.energies.fibres:fibres", "threads along warp and weft"),
-    "strain_limit": Effect("clothsim.energies.strain_limit:strain_limit", "stretches stay below a limit"),
-    "bending": Effect("clothsim.energies.bending:bending", "resistance to folding"),
-    "rest_angle": Effect("clothsim.energies.rest_angle:rest_angle", "creases and pleats, folded at rest"),
+    "fibres": Effect("clothsim.energies.fibres:fibres", "stiffness along warp and weft"),
+    "strain_limit": Effect("clothsim.energies.strain_limit:strain_limit", "upper limit of the stretches"),
+    "bending": Effect("clothsim.energies.bending:bending", "resistance to curvature"),
+    "rest_angle": Effect("clothsim.energies.rest_angle:rest_angle", "creases and pleats: rest angles of hinges"),
     "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
-    "springs": Effect("clothsim.energies.springs:springs", "vertices tied to places: springs, tethers, soft pins"),
-    "pressure": Effect("clothsim.energies.pressure:pressure", "a fluid that pushes along the normals"),
+    "springs": Effect("clothsim.energies.springs:springs", "springs, tethers and soft pins to points"),
+    "pressure": Effect("clothsim.energies.pressure:pressure", "pressure of a fluid along the normals"),
     "air": Effect("clothsim.energies.air:air", "drag and lift in still air or wind"),
-    "damping": Effect("clothsim.energies.damping:damping", "drag on velocity, strain and folding"),
+    "damping": Effect("clothsim.energies.damping:damping", "damping of velocity, strain rate and bending rate"),
     "body_contact": Effect("clothsim.contact.body_contact:body_contact", "cloth against bodies"),
     "self_contact": Effect("clothsim.contact.self_contact:self_contact", "cloth against cloth"),
-    "seams": Effect("clothsim.energies.seams:seams", "borders pulled together over time, then held"),
-    "plastic_bending": Effect("clothsim.energies.plastic_bending:plastic_bending", "folds beyond a yield angle stay"),
-    "friction": Effect("clothsim.contact.friction:friction", "resistance of contacts to sliding"),
+    "seams": Effect("clothsim.energies.seams:seams", "borders joined over time"),
+    "plastic_bending": Effect(
+        "clothsim.energies.plastic_bending:plastic_bending", "plastic folds beyond a yield angle"
+    ),
+    "friction": Effect("clothsim.contact.friction:friction", "Coulomb friction of contacts"),
 }
 
 CONTACTS = ("body_contact", "self_contact")

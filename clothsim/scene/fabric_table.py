@@ -1,4 +1,4 @@
-"""The table of named fabrics: what was measured, by whom, in their units, and how it becomes a `Fabric`.
+"""Table of named fabrics: measurements with their sources and units, and their conversion to a `Fabric`.
 
 WANG: Wang, O'Brien, Ramamoorthi 2011, "Data-driven elastic models for cloth: modeling and measurement", ACM Trans.
 Graph. 30(4); their published material files. A row holds density [kg/m2], the stretch stiffness (c11, c12, c22, c33)
@@ -113,7 +113,19 @@ _OF_WARP_AND_WEFT = "of warp and weft the geometric mean"
 
 @dataclass(frozen=True)
 class NamedFabric:
-    """A fabric, what it is made of, who measured it, and of each value its source or the rule of an estimate."""
+    """A fabric with the sources of its values.
+
+    Parameters
+    ----------
+    fabric : Fabric
+        The values.
+    made_of : str
+        Composition.
+    measured_by : str
+        Publication, in short.
+    sources : dict of str to str
+        Source of each value, or the rule of an estimate.
+    """
 
     fabric: Fabric
     made_of: str

@@ -34,7 +34,7 @@ class KeyTable:
         where : str
             Dotted name of the table, for messages.
         given : Any
-            What the scene says: a table, or the section itself.
+            Table of the scene.
 
         Raises
         ------

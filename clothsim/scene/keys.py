@@ -9,6 +9,9 @@ from clothsim.errors import InputError
 DEEPEST = 12
 """Largest depth of nested tables and lists."""
 
+LONGEST = 120
+"""Letters of a value in a message."""
+
 
 def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> None:
     """InputError for the first key of `given` that is not `known`, with the nearest known one."""
@@ -52,5 +55,13 @@ def table(where: str, value: Any, remedy: str = "") -> Mapping[str, Any]:
     """`value` as a table of keys; InputError otherwise."""
     if not isinstance(value, Mapping):
         hint = remedy or f"Write its keys under [{where}]."
-        raise InputError(f"{where} must be a table of keys, not {value!r}.", hint)
+        raise InputError(f"{where} must be a table of keys, not {shown(value)}.", hint)
     return value
+
+
+def shown(value: Any) -> str:
+    """A value in a message: on one line and short, of an array its shape."""
+    if getattr(value, "shape", ()):
+        return f"an array of shape {value.shape}"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST else f"{text[: LONGEST // 2]} ... {text[-LONGEST // 2 :]}"

@@ -1,6 +1,6 @@
 """Vertices and triangles of the mesh objects of other libraries: trimesh, pyvista, meshio and scikit-fem.
 
-Objects are told apart by their attributes, so that none of the libraries is imported.
+Objects are distinguished by their attributes, so that none of the libraries is imported.
 """
 
 from collections.abc import Callable, Iterable
@@ -82,8 +82,8 @@ def _triangles(where: str, vertices: Floats, blocks: Faces) -> Ints:
     bad = np.flatnonzero((corners < 0) | (corners >= len(vertices)))
     if len(bad):
         raise InputError(f"{where} names vertex {corners[bad[0]]}, outside 0..{len(vertices) - 1}.", "Correct it.")
-    places, _, _ = cut_polygons(Polygons(vertices, corners, np.concatenate([[0], np.cumsum(sizes)])))
-    return corners[places]
+    rows, _, _ = cut_polygons(Polygons(vertices, corners, np.concatenate([[0], np.cumsum(sizes)])))
+    return corners[rows]
 
 
 def _wound_alike(vertices: Floats, triangles: Ints) -> Ints:
@@ -109,11 +109,11 @@ def _of_polydata(where: str, mesh: Any) -> tuple[Any, Faces]:
     padded = np.asarray(mesh.faces, np.int64)
     if len(padded) and len(padded) % 4 == 0 and (padded[::4] == 3).all():
         return mesh.points, [padded.reshape(-1, 4)[:, 1:]]
-    faces, place = [], 0
-    while place < len(padded):
-        count = int(padded[place])
-        faces.append(padded[None, place + 1 : place + 1 + count])
-        place += 1 + count
+    faces, offset = [], 0
+    while offset < len(padded):
+        count = int(padded[offset])
+        faces.append(padded[None, offset + 1 : offset + 1 + count])
+        offset += 1 + count
     return mesh.points, faces
 
 

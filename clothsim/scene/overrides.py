@@ -88,7 +88,7 @@ def _with_mesh(section: str, new: dict[str, Any], old: Mapping[str, Any]) -> dic
     """The new table without what belongs to the old mesh alone: keys that the new one has not, or refuses."""
     source = old.get("mesh")
     kept = dict(new)
-    if "mesh" in new and "frames" in new:  # the one that was there before gives way
+    if "mesh" in new and "frames" in new:  # the new one replaces the old
         del kept["mesh" if "mesh" in old else "frames"]
     if (kept.get("mesh"), kept.get("frames")) == (source, old.get("frames")):
         return kept

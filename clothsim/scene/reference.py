@@ -69,7 +69,7 @@ def row(key: SceneKey) -> tuple[str, ...]:
         _default(key),
         key.key.unit,
         key.key.range,
-        key.key.meaning + ".",
+        f"{key.key.meaning}." if key.key.meaning else "",
     )
 
 
@@ -132,10 +132,13 @@ def _of_builder(name: str) -> Section:
 
 
 def _parameters(docstring: str) -> dict[str, tuple[str, str]]:
-    """Meaning and unit of each parameter of a docstring in numpydoc form: "rate : float [1/s]" and the line below."""
-    found = re.findall(r"^(\w+) : (.*)\n[ \t]+(.+)$", docstring, re.M)
-    units = {name: re.search(r"\[([^\]]+)\]", f"{kind} {text}") for name, kind, text in found}
-    return {name: (text.strip().rstrip("."), unit[1] if (unit := units[name]) else "-") for name, _, text in found}
+    """Meaning and unit of each parameter of a numpydoc docstring: "rate : float [1/s]" and the indented lines below."""
+    found = {}
+    for name, kind, below in re.findall(r"^(\w+) : (.*)((?:\n[ \t]+.+)*)", docstring, re.M):
+        text = " ".join((below or kind).split())
+        unit = re.search(r"\[([^\]]+)\]", f"{kind} {text}")
+        found[name] = (text.split(". ")[0].rstrip("."), unit[1] if unit else "-")
+    return found
 
 
 def _default(key: SceneKey) -> str:

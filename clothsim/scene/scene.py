@@ -12,7 +12,7 @@ from clothsim.errors import InputError
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.key_table import KeyTable, as_tables
-from clothsim.scene.keys import refuse_deep, refuse_unknown, table
+from clothsim.scene.keys import refuse_deep, refuse_unknown, shown, table
 from clothsim.scene.mesh_arrays import TEXT, MeshArrays, mesh_arrays
 from clothsim.scene.mesh_keys import check_body, check_cloth
 from clothsim.scene.mesh_objects import is_mesh
@@ -209,6 +209,9 @@ def _mesh_tables(name: str, value: Any) -> Any:
 
 def _mesh_table(where: str, value: Any) -> Any:
     if isinstance(value, ClothArrays | BodyArrays):
+        if value.section != where.partition("[")[0]:
+            given, right = value.section.capitalize(), where.partition("[")[0].capitalize()
+            raise InputError(f"{where} is a clothsim.{given}.", f"Give a clothsim.{right}.")
         return value.as_table()
     if not isinstance(value, Mapping):
         return {"mesh": mesh_arrays(where, value)} if isinstance(value, MeshArrays) or is_mesh(value) else value
@@ -224,10 +227,17 @@ def _several(name: str, value: Any) -> tuple[Table, ...]:
         return (value,)
     if isinstance(value, str) or not isinstance(value, Sequence):
         raise InputError(
-            f"{name} must be a table or a list of tables, not {value!r}.",
+            f"{name} must be a table or a list of tables, not {shown(value)}.",
             f"Write [{name}] or [[{name}]] with a mesh; in Python a dict, clothsim.{name.capitalize()} or a mesh.",
         )
-    return tuple(table(f"{name}[{k}]", entry, f"Write [[{name}]].") for k, entry in enumerate(value))
+    return tuple(
+        table(
+            f"{name}[{k}]",
+            entry,
+            f"Write [[{name}]]; arrays go into clothsim.{name.capitalize()}(vertices, triangles).",
+        )
+        for k, entry in enumerate(value)
+    )
 
 
 def _plain(value: Any) -> Any:

@@ -78,7 +78,7 @@ class Key:
         high = f"at most {self.most:,g}" if self.most is not None else high
         return " and ".join(filter(None, [low, high]))
 
-    def holds(self, number: float) -> bool:
+    def contains(self, number: float) -> bool:
         """True for a number within the bounds."""
         open_ends = (self.above is None or number > self.above) and (self.below is None or number < self.below)
         return open_ends and (self.least is None or number >= self.least) and (self.most is None or number <= self.most)
@@ -147,7 +147,7 @@ def type_in_words(annotation: Any, key: Key) -> str:
     several = choices(annotation)
     parts = [" | ".join(f'"{word}"' for word in several)] if several else []
     parts += [text for part in members(annotation) if (text := _one_in_words(part, key))]
-    *first, last = dict.fromkeys(parts)
+    *first, last = dict.fromkeys(parts or ["any"])  # an effect of a user's own may have no annotations
     return f"{', '.join(first)} or {last}" if first else last
 
 

@@ -1,6 +1,6 @@
 """Effects as frozen dataclasses: the keys of each effect with default, unit, range and meaning.
 
-`effects=[clothsim.Gravity(), clothsim.Bending(model="midedge")]` says the same as
+`effects=[clothsim.Gravity(), clothsim.Bending(model="midedge")]` is the same as
 `effects={"gravity": {}, "bending": {"model": "midedge"}}`. Importing this module imports no effect: the fields repeat
 the keywords and defaults of the builders in `scene.effects`, and a test compares them.
 """
@@ -12,6 +12,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from clothsim.errors import InputError
 from clothsim.scene.effect_tables import SELECT, Crease, Gust, Motion, PinGroup, Seam, Spring, Vortex
 from clothsim.scene.key_table import KeyTable, as_tables
+from clothsim.scene.keys import shown
 from clothsim.scene.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Vector
 
 AUTO = Literal["auto"]
@@ -262,7 +263,7 @@ def effect_tables(effects: Any) -> Any:
             raise InputError(f"effects[{number}] is the class {effect.__name__}.", f"Write {effect.__name__}().")
         if not isinstance(effect, EffectKeys):
             raise InputError(
-                f"effects[{number}] is {effect!r}, which is no effect.",
+                f"effects[{number}] is {shown(effect)}, which is no effect.",
                 'Write effects=[clothsim.Gravity(), ...] or effects={"gravity": {}, ...}.',
             )
         if effect.name in tables:

@@ -8,7 +8,7 @@ from typing import Any, get_args, get_origin
 import numpy as np
 
 from clothsim.errors import InputError
-from clothsim.scene.keys import refuse_unknown, table
+from clothsim.scene.keys import refuse_unknown, shown, table
 from clothsim.scene.schema import FUNCTION, SceneKey, choices, keys_of, members, type_in_words
 
 MOST = 10**6
@@ -23,7 +23,7 @@ def check_table(where: str, given: Any, section: type) -> Mapping[str, Any]:
     where : str
         Dotted name of the table, for messages.
     given : Any
-        What the scene says.
+        Value in the scene.
     section : type
         A section of the schema.
 
@@ -84,15 +84,15 @@ def _in_range(where: str, value: Any, known: SceneKey, whole: bool) -> float | i
         least, most = int(key.least or 0), MOST if key.most is None else int(key.most)
         if not (least <= value <= most and value == int(value)):
             span = f"a whole number from {least:,} to {most:,}"
-            raise InputError(f"{where} must be {span}, not {value!r}.", _example(where, known))
+            raise InputError(f"{where} must be {span}, not {shown(value)}.", _example(where, known))
         return int(value)
     try:
         number = float(value)
     except OverflowError as error:
         raise InputError(f"{where} must be a number that a float can hold.", _example(where, known)) from error
-    if not (math.isfinite(number) and key.holds(number)):
+    if not (math.isfinite(number) and key.contains(number)):
         unit = "" if key.unit in ("-", "1") else f" [{key.unit}]"
-        raise InputError(f"{where} must be {key.range or 'finite'}{unit}, not {value!r}.", _example(where, known))
+        raise InputError(f"{where} must be {key.range or 'finite'}{unit}, not {shown(value)}.", _example(where, known))
     return number
 
 
@@ -118,7 +118,7 @@ def _nested(where: str, value: Any, known: SceneKey) -> Any:
     sections = known.key.tables
     if len(sections) > 1 or not several:
         if isinstance(value, Mapping):
-            return check_table(where, value, sections[0]) if len(sections) == 1 else value
+            return _checked_kind(where, value, sections)
         if any(_accepts(part, value) for part in members(known.annotation)):
             return value
         raise _wrong_type(where, value, known)
@@ -126,6 +126,16 @@ def _nested(where: str, value: Any, known: SceneKey) -> Any:
         raise _wrong_type(where, value, known)
     for number, entry in enumerate(value):
         refuse_missing(f"{where}[{number}]", check_table(f"{where}[{number}]", entry, sections[0]), sections[0])
+    return value
+
+
+def _checked_kind(where: str, value: Mapping[str, Any], sections: tuple[type, ...]) -> Mapping[str, Any]:
+    """A table of the only section, or of the one of its `kind`; the effect refuses an unknown kind."""
+    if len(sections) == 1:
+        return check_table(where, value, sections[0])
+    for section in sections:
+        if keys_of(section)["kind"].default == value.get("kind"):
+            refuse_missing(where, check_table(where, value, section), section)
     return value
 
 
@@ -145,7 +155,7 @@ def _each(where: str, values: Any, known: SceneKey, entry: type) -> None:
     for index, value in enumerate(values):
         if not _is_number(value) or isinstance(value, bool):
             kind = "a whole number" if entry is int else "a number"
-            raise InputError(f"{where}[{index}] must be {kind}, not {value!r}.", _example(where, known))
+            raise InputError(f"{where}[{index}] must be {kind}, not {shown(value)}.", _example(where, known))
         _in_range(f"{where}[{index}]", value, known, whole=entry is int)
 
 
@@ -167,7 +177,7 @@ def _wrong_type(where: str, value: Any, known: SceneKey) -> InputError:
     """The error for a value of another type, with an example of a right one."""
     kind = _a_type(known)
     unit = "" if known.key.unit in ("-", "1") else f" [{known.key.unit}]"
-    return InputError(f"{where} must be {kind}{unit}, not {value!r}.", _example(where, known))
+    return InputError(f"{where} must be {kind}{unit}, not {shown(value)}.", _example(where, known))
 
 
 def _example(where: str, known: SceneKey) -> str:

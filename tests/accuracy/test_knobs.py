@@ -143,5 +143,5 @@ def test_selected_vertices_may_be_an_array():
 @pytest.mark.parametrize("drag", [np.ones(32), "drag.npy"])
 def test_numbers_of_one_mesh_stay_with_it(drag):
     scene = small_scene(effects={**without(), "air": {"drag": drag, "wind": [1.0, 0.0, 0.0]}})
-    with pytest.raises(InputError, match=r"effects\.air\.drag has its numbers for one mesh"):
+    with pytest.raises(InputError, match=r"effects\.air\.drag has values for one mesh"):
         with_cells(scene, Fraction(2))

@@ -87,7 +87,7 @@ def test_a_frame_of_another_topology_or_without_area_is_named(tmp_path):
 def test_steps_longer_than_a_frame_are_told(tmp_path, dt, told):
     table = write_frames(tmp_path, [0, 0, 0], [0, 0, 1])
     _, notes = body_of(tmp_path, table, solver={"dt": dt}, run={"frames_per_second": 5})
-    assert any("within a step of 0.05 s it moves straight past its frames of 0.04 s" in note for note in notes) == told
+    assert any("0.05 s" in note and "frames of 0.04 s" in note for note in notes) == told
 
 
 def animated(folder, *shifts, squeeze=0.0, **sections):

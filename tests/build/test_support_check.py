@@ -27,7 +27,7 @@ def built(effects, cloth=SHEET, body=()):
     ],
 )
 def test_a_loaded_cloth_that_nothing_holds_is_refused(effects, cloth, body, name):
-    with pytest.raises(InputError, match=rf"Nothing holds {name} against its load of \d") as refusal:
+    with pytest.raises(InputError, match=rf"{name} against its load of \d") as refusal:
         built(effects, cloth, body)
     assert "effects.inertia" in refusal.value.remedy
     assert "\n" not in refusal.value.sentence

@@ -1,6 +1,7 @@
 """Cloths and bodies from arrays: checks, locks, tables, and the text of a scene."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -116,6 +117,8 @@ OUTSIDE[2, 0] = 99
         (lambda: Cloth(POINTS, FACES, rest=BROKEN), r"cloth\.rest\[4, 1\]"),
         (lambda: Cloth(POINTS, FACES, density=-1), r"cloth\.density must be above 0"),
         (lambda: Cloth(POINTS, FACES, position=[1, 2]), r"cloth\.position must be 3 numbers"),
+        (lambda: Scene(cloth=Body(POINTS, FACES)), r"cloth is a clothsim\.Body.*clothsim\.Cloth"),
+        (lambda: Scene(cloth=(POINTS, FACES)), r"cloth\[0\] .*clothsim\.Cloth\(vertices"),
         (lambda: Cloth("shirt.obj"), r"'shirt\.obj'.*cloth=\{\"mesh\": 'shirt\.obj'\}"),
         (lambda: Cloth(POINTS), r"cloth.* ndarray, which is no mesh"),
         (lambda: Body(POINTS, FACES, frames=POINTS), r"body\.frames .*\(12, 3\).*\(frames, 12, 3\)"),
@@ -166,3 +169,10 @@ class TestText:
         again = resume(tmp_path / "there")
         assert again.status == "completed"
         assert np.array_equal(again.positions(-1), run.positions(-1))
+
+
+def test_a_replaced_key_keeps_the_arrays():
+    cloth = Cloth(POINTS, FACES, rest=POINTS[:, :2])
+    heavy = replace(cloth, density=0.3)
+    assert (heavy.density, cloth.density) == (0.3, None)
+    assert np.array_equal(heavy.arrays.rest, cloth.arrays.rest)

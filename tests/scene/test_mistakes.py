@@ -126,6 +126,12 @@ MISTAKES = {
     "no cloth": ("[run]\nduration = 1", "no cloth", "cloth"),
     "a negative rate": (effect("[effects.damping]\nrate = -1"), "effects.damping.rate .*1/s", "default is 1"),
     "a number for a wind": (effect("[effects.air]\nwind = 5"), "effects.air.wind .*3 numbers", "velocity"),
+    "a gust without a mean": (
+        effect('[effects.air]\nwind = { kind = "gust" }'),
+        "air.wind has no velocity",
+        "m/s|Mean",
+    ),
+    "a key of a gust": (effect('[effects.air]\nwind = { kind = "gust", core = 1 }'), "air.wind .*'core'", "velocity"),
     "too much lift": (effect("[effects.air]\nlift = 2"), "effects.air.lift .*0 to 1", "0.9"),
     "a missing array": (effect('[effects.air]\ndrag = "p.npy"'), r"effects.air.drag.*p\.npy", "path"),
     "an array of another mesh": (effect("[effects.air]\ndrag = [1, 2, 3]"), "effects.air.drag .*3", "8 triangles"),

@@ -20,6 +20,7 @@ from clothsim.scene.mesh_keys import ClothTable
 from clothsim.scene.reference import COLUMNS, markdown, row, sections
 from clothsim.scene.schema import choices, keys_of, type_in_words
 from clothsim.scene.settings import Solver
+from clothsim.scene.typed_effects import TYPED_EFFECTS
 from clothsim.solve.linear_solvers import SOLVERS
 
 UNITS = {
@@ -33,7 +34,15 @@ KEYS = [
 ]
 
 
-@pytest.mark.parametrize(("section", "key"), KEYS)
+OURS = [
+    param
+    for param in KEYS
+    if (name := re.match(r"effects\.(\w+)", param.values[0])) is None or name[1] in TYPED_EFFECTS
+]
+"""Without the keys of effects of a user's own, which need no docstring."""
+
+
+@pytest.mark.parametrize(("section", "key"), OURS)
 def test_a_key_has_type_default_unit_and_meaning(section, key):
     assert key.key.unit in UNITS
     assert len(key.key.meaning.split()) >= 1
@@ -106,13 +115,14 @@ def test_the_page_has_a_row_for_each_key():
 
 def test_an_effect_of_a_users_own_is_documented_by_its_docstring(monkeypatch, tmp_path):
     (tmp_path / "trampoline_of_mine.py").write_text(
-        "def build(world, *, strength: float = 1.0, level: float = 0.0):\n"
+        "def build(world, *, strength: float = 1.0, level: float = 0.0, bare=3):\n"
         '    """Vertices drawn to a level.\n\n    Parameters\n    ----------\n    strength : float [1/s2]\n'
         '        Stiffness for each mass.\n    level : float [m]\n        Height of the bed.\n    """\n'
     )
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.setitem(EFFECTS, "trampoline", Effect("trampoline_of_mine:build", "drawn to a level"))
     section = sections()["effects.trampoline"]
+    assert row(section.keys["bare"]) == ("bare", "any", "3", "-", "", "")
     assert row(section.keys["strength"]) == ("strength", "number", "1", "1/s2", "", "Stiffness for each mass.")
     assert section.keys["level"].key.unit == "m"
     assert json_schema()["properties"]["effects"]["properties"]["trampoline"]["properties"]["level"]
