@@ -161,7 +161,7 @@ def test_stopped_by_hand_then_resumed_gives_the_same_frames(capsys, tmp_path, mo
     assert capsys.readouterr().err.splitlines()[-1].endswith("clothsim resume free")
     assert read_checkpoint(tmp_path / "free/checkpoint.npz").frame == 2
     assert main(["resume", "free", "--no-picture"]) == 0
-    assert "Going on at 0.02 s, behind frame 2." in capsys.readouterr().out
+    assert "at 0.02 s, after frame 2." in capsys.readouterr().out
     again, whole = open_run(tmp_path / "free"), open_run(free)
     np.testing.assert_array_equal(again.times, whole.times)
     np.testing.assert_array_equal(again.positions(-1), whole.positions(-1))
@@ -332,7 +332,7 @@ def test_explain_counts_only_the_steps_that_were_asked_for():
         (["resume", "nowhere"], "There is no checkpoint nowhere"),
         (["bundle", "nowhere"], "There is no run directory nowhere."),
         (["bundle", "."], "There is no checkpoint"),
-        (["bundle", "RUN", "-o", "a.tar"], "a.tar is no name of an archive."),
+        (["bundle", "RUN", "-o", "a.tar"], "a.tar does not end in .zip."),
         (["bundle", "RUN", "-o", "no/a.zip"], "There is no directory no."),
         (["resume", "notes.txt"], "notes.txt is no archive of `clothsim bundle`"),
         (["resume", "RUN", "-o", "there"], "is no archive."),

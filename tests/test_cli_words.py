@@ -62,8 +62,8 @@ def test_lines_come_at_the_first_step_the_last_and_seldom_between(capsys):
     ("estimate", "line"),
     [
         ({"temporal": 2e-3, "newton": 4e-6, "contact_gap": 0.53}, "about 2 mm, Newton 4 um, contact gap 0.53 d_hat"),
-        ({"temporal": 9e-4, "asked": 1e-3, "met": True}, "about 900 um (1 mm asked for), Newton 0 um"),
-        ({"temporal": 9e-3, "asked": 1e-3, "met": False}, "about 9 mm (MISSED: 1 mm asked for), Newton 0 um"),
+        ({"temporal": 9e-4, "asked": 1e-3, "met": True}, "about 900 um (1 mm requested), Newton 0 um"),
+        ({"temporal": 9e-3, "asked": 1e-3, "met": False}, "about 9 mm (MISSED: 1 mm requested), Newton 0 um"),
         ({"temporal": "not estimated (quasi-static)"}, "not estimated (quasi-static), Newton 0 um"),
     ],
 )
@@ -106,5 +106,7 @@ def test_scenes_are_listed_and_checked_by_name(capsys):
     assert any(line.split(maxsplit=1) == ["sphere", "A square metre of cotton falls on a ball"] for line in lines)
     assert main(["scenes", "--json"]) == 0
     assert set(json.loads(capsys.readouterr().out)["sphere"]) == {"file", "headline", "missing"}
+    assert main(["check", "sphere"]) == 0
+    assert "sphere.toml" in capsys.readouterr().out
     assert main(["run", "spher"]) == 2
     assert "'sphere'" in capsys.readouterr().err

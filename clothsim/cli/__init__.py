@@ -67,7 +67,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     0: done, all well; 1: the run failed or `check` found a fault; 2: bad input; 130: stopped by Ctrl-C.
     """
     words = join_vectors(sys.argv[1:] if argv is None else argv)
-    if argv is None:  # a program of its own: nobody else's settings
+    if argv is None:  # called as a program, whose settings are its own
         gc.set_threshold(*_MANY_OBJECTS)
     try:
         return _dispatch(words)
@@ -79,7 +79,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("Stopped.", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:  # `clothsim explain | head`: nobody reads on, and nothing is to be said
+    except BrokenPipeError:  # `clothsim explain | head` has closed the pipe
         with contextlib.suppress(OSError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return UNEXPECTED

@@ -1,4 +1,4 @@
-"""What the commands share in reading their arguments."""
+"""Arguments of the commands: parser and values."""
 
 import argparse
 import re
@@ -12,7 +12,7 @@ UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
 class Parser(argparse.ArgumentParser):
-    """An ArgumentParser whose errors are InputErrors, so that all bad input ends alike."""
+    """An ArgumentParser whose errors are InputErrors."""
 
     def __init__(self, **keywords: object) -> None:
         settings = {"formatter_class": argparse.RawDescriptionHelpFormatter, "allow_abbrev": False, **keywords}
@@ -24,7 +24,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def join_vectors(words: Sequence[str]) -> list[str]:
-    """`--view -1,0,0` as `--view=-1,0,0`: argparse would take the value for an option."""
+    """`--view -1,0,0` as `--view=-1,0,0`, as argparse would take the value for an option."""
     joined: list[str] = []
     for word in words:
         if joined and joined[-1] in VECTORS and re.match(r"-[\d.]", word):

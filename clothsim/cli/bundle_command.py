@@ -18,7 +18,7 @@ Pack a run into one archive: scene, meshes, last good state, record. `clothsim r
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     bundle = commands.add_parser("bundle", help="pack a run to replay it elsewhere", description=_DESCRIPTION)
-    bundle.add_argument("directory", type=Path, metavar="DIR", help="what `clothsim run` left")
+    bundle.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     bundle.add_argument("-o", "--output", type=Path, metavar="FILE", help="the archive (default: DIR.zip)")
     bundle.add_argument("--debug", action="store_true", help="show tracebacks")
     bundle.set_defaults(handler=_bundle)
@@ -32,7 +32,7 @@ def _bundle(arguments: argparse.Namespace) -> int:
         raise InputError(f"There is no run directory {directory}.")
     target = arguments.output or Path(f"{directory.resolve().name}.zip")
     if target.suffix != ".zip":
-        raise InputError(f"{target.name} is no name of an archive.", "End it in .zip.")
+        raise InputError(f"{target.name} does not end in .zip.", "Give the archive that ending.")
     if not target.parent.is_dir():
         raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
     write_bundle(directory, target)

@@ -1,4 +1,4 @@
-"""`clothsim check`: what is wrong with a mesh, a scene or a run, all at once."""
+"""`clothsim check`: all faults of a mesh, a scene or a run."""
 
 import argparse
 from pathlib import Path
@@ -28,12 +28,12 @@ def add_to(commands: Any) -> None:
     check = commands.add_parser("check", help="examine a mesh, a scene or a run", description=_DESCRIPTION)
     check.add_argument("target", type=Path, metavar="MESH|SCENE|DIR", help="a mesh file, a .toml, or a run")
     mesh = check.add_argument_group("for a mesh file, as in a scene")
-    mesh.add_argument("--body", action="store_true", help="check it as a body: fewer faults matter")
+    mesh.add_argument("--body", action="store_true", help="examine it as a body: fewer faults matter")
     mesh.add_argument("--scale", metavar="S", help="its numbers times S are metres")
     mesh.add_argument("--group", metavar="NAME", help="only this group of the file")
     mesh.add_argument("--component", metavar="N", help="only this piece, 0 the largest")
     worn = check.add_argument_group("for a garment on a body (--scale is then of both)")
-    worn.add_argument("--on", type=Path, metavar="BODY", help="what wears it")
+    worn.add_argument("--on", type=Path, metavar="BODY", help="the body that wears it")
     worn.add_argument("--body-group", metavar="NAME", help="this group of the body")
     worn.add_argument("--body-scale", metavar="S", help="its numbers times S are metres")
     worn.add_argument("--part", metavar="LO:HI", help="only these vertices of MESH")
@@ -44,11 +44,11 @@ def add_to(commands: Any) -> None:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from clothsim.run.example_scenes import scene_file
+    from clothsim.run.example_scenes import installed_scene
 
     target = arguments.target
-    if not target.exists() and not target.suffix:
-        target = scene_file(target)
+    if not target.exists():
+        target = installed_scene(target) or target
     if not target.exists():
         raise InputError(f"There is no {target}.", "Name a mesh file, a scene (.toml) or the directory of a run.")
     mesh_options = arguments.body or arguments.scale or arguments.group or arguments.component
@@ -143,9 +143,9 @@ def _check_run(directory: Path) -> int:
 
 
 def _intersections(check: "IntersectionCheck", frames: "Iterable[tuple[str, Floats]]", anywhere: str) -> int:
-    """Print what intersects in frames, each (when, x), by the exact test; returns how many of them are errors.
+    """Print the intersections of frames, each (when, x), by the exact test; returns the number of errors.
 
-    Cloth is tested with cloth whether or not the scene has self_contact; without it an intersection is a note.
+    Cloth is tested against cloth without self_contact, too; an intersection is then a note.
     """
     from clothsim.intersection.intersecting_pairs import LIMIT
 
@@ -159,7 +159,7 @@ def _intersections(check: "IntersectionCheck", frames: "Iterable[tuple[str, Floa
             count = f"{len(crossing.pairs):,} pair{'' if len(crossing.pairs) == 1 else 's'} of triangles"
             print(f"  {'' if allowed else 'error: '}{crossing.summary} {when}, in {count}: {crossing.sentence}")
             if allowed:
-                print("    self_contact is not on, so that is no error and later frames are not told")
+                print("    self_contact is not on: no error, and later frames are not listed")
             errors += not allowed
     if not check.bodies:
         print("  no body, so nothing for cloth to intersect but itself")
@@ -171,7 +171,7 @@ def _intersections(check: "IntersectionCheck", frames: "Iterable[tuple[str, Floa
 
 
 def _sizes(positions: "Floats", triangles: "Ints") -> list[str]:
-    """Counts and lengths; of arrays that a mesh file gave, whatever their faults."""
+    """Counts and lengths of a mesh, which may have faults."""
     import numpy as np
 
     corners = positions[triangles]

@@ -1,4 +1,4 @@
-"""`clothsim explain`: which effects are on, and what each one costs."""
+"""`clothsim explain`: effects that are on, and their cost."""
 
 import argparse
 from pathlib import Path
@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from clothsim.run.receipt import Receipt
 
 _DESCRIPTION = """\
-List every effect: on or off, why, and what it costs. Of a run, or of a scene's first steps.
-With --absent also what it would cost to add each effect that the scene does not name.
+List every effect of a run, or of a scene's first steps: on or off, the reason, and its cost.
+With --absent also the cost of adding each effect that the scene does not name.
 
   clothsim explain scenes/sphere.toml --steps 5
   clothsim explain scenes/sphere.toml --absent --budget 2min
@@ -22,11 +22,11 @@ With --absent also what it would cost to add each effect that the scene does not
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    explain = commands.add_parser("explain", help="which effects are on, and what they cost", description=_DESCRIPTION)
+    explain = commands.add_parser("explain", help="list the effects and their cost", description=_DESCRIPTION)
     explain.add_argument("target", type=Path, metavar="SCENE|DIR", help="a scene file (TOML), or a run")
-    explain.add_argument("--steps", metavar="N", help="of a scene: how many to take (default 5)")
+    explain.add_argument("--steps", metavar="N", help="of a scene: number of steps (default 5)")
     explain.add_argument("--absent", action="store_true", help="of a scene: measure the effects that it does not name")
-    explain.add_argument("--budget", metavar="TIME", help="of --absent: about how long, 90s, 10min (default 60s)")
+    explain.add_argument("--budget", metavar="TIME", help="of --absent: time to spend, 90s, 10min (default 60s)")
     explain.add_argument(
         "--json", action="store_true", help="the effects as JSON: {effect: {on, reason, seconds, ...}}"
     )
@@ -67,7 +67,7 @@ def _explain(arguments: argparse.Namespace) -> int:
 
 
 def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
-    """The receipt for people to read: effects that are on, phases, effects that are off, what adding one would cost."""
+    """The receipt as text: effects that are on, phases, effects that are off, the cost of adding one."""
     from clothsim.scene.effects import EFFECTS
     from clothsim.text_table import text_table
 
@@ -95,7 +95,7 @@ def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
 
 
 def _added(absent: "Absent") -> list[str]:
-    """What each effect would cost that the scene does not name."""
+    """Lines with the cost of each effect that the scene does not name."""
     from clothsim.scene.effects import EFFECTS
     from clothsim.text_table import text_table
 
@@ -108,8 +108,8 @@ def _added(absent: "Absent") -> list[str]:
         ]
         rows.insert(0, ["(as it is)", f"{absent.seconds:.4f}", "1.00", ""])
         times = f"the first {absent.steps} step{'s' * (absent.steps > 1)}, median of {absent.rounds}"
-        lines += ["", f"Not named; what adding one would cost ({times}):", ""]
-        lines.append(text_table(["effect", "seconds a step", "times as long", "what it does"], rows))
+        lines += ["", f"Not named; the cost of adding one ({times}):", ""]
+        lines.append(text_table(["effect", "seconds a step", "times as long", "meaning"], rows))
     if others:
         width = max(len(name) for name in others)
         lines += ["", "Not named, nor measured:", *(f"  {name:<{width}}  {each.why}" for name, each in others.items())]

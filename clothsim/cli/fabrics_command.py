@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from clothsim.scene.fabric_table import NamedFabric
 
 _DESCRIPTION = """\
-List the fabrics that a scene may name, show all values of one, or draw how each drapes.
+List the named fabrics, show all values of one, or draw a drape of each.
 
   clothsim fabrics denim
   clothsim fabrics --swatches fabrics.png
@@ -30,12 +30,12 @@ _VALUES = {
     "bending_stiffness": ("uN m", 1e6),
     "friction": ("", 1.0),
 }
-"""What `clothsim fabrics NAME` prints: the scene's key, its unit, and that unit's number in one of SI."""
+"""Rows of `clothsim fabrics NAME`: the scene's key, its unit, and the factor from SI."""
 
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    fabrics = commands.add_parser("fabrics", help="the fabrics that a scene may name", description=_DESCRIPTION)
+    fabrics = commands.add_parser("fabrics", help="list the named fabrics", description=_DESCRIPTION)
     fabrics.add_argument("name", nargs="?", metavar="NAME", help="all values of this fabric, with their sources")
     fabrics.add_argument(
         "--swatches", type=Path, metavar="PNG", help="a picture of a Cusick drape of each (or of NAME)"

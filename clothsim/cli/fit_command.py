@@ -1,4 +1,4 @@
-"""`clothsim fit`: a garment made for one body on another."""
+"""`clothsim fit`: a garment fitted from one body to another."""
 
 import argparse
 import sys
@@ -31,15 +31,15 @@ def add_to(commands: Any) -> None:
         help="a mesh, .mhclo, or the .toml of a scene with it",
     )
     fit.add_argument("--from", dest="made_for", type=Path, metavar="BODY", help="the body it lies on (default: --to)")
-    fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body that shall wear it")
-    fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the garment's name)")
-    fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: as tall)")
+    fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body to wear it")
+    fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the garment's name)")
+    fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: by height)")
     fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: the largest)")
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
     fit.add_argument("--markers", type=Path, metavar="FILE", help="x y z on each body, a line (default: none)")
-    fit.add_argument("--fabric", default="cotton", metavar="NAME", help="what it is made of (default cotton)")
-    fit.add_argument("--own-size", action="store_true", help="keep its own rest shape (default: made anew, resized)")
+    fit.add_argument("--fabric", default="cotton", metavar="NAME", help="a named fabric (default cotton)")
+    fit.add_argument("--own-size", action="store_true", help="keep its own rest shape (default: resized)")
     fit.add_argument("--no-picture", action="store_true", help="draw nothing")
     fit.add_argument("--quiet", action="store_true", help="print the end only")
     fit.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
@@ -55,11 +55,11 @@ def _fit(arguments: argparse.Namespace) -> int:
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     directory = arguments.output or Path(arguments.garment.stem)
 
-    def say(text: str) -> None:
+    def report(text: str) -> None:
         if not arguments.quiet:
             print(text, file=talk, flush=True)
 
-    say(f"clothsim {__version__}: fit {arguments.garment}")
+    report(f"clothsim {__version__}: fit {arguments.garment}")
     with progress.shown(arguments.quiet) as listener:
         done = fit(
             arguments.garment,
@@ -73,7 +73,7 @@ def _fit(arguments: argparse.Namespace) -> int:
             fabric=arguments.fabric,
             resize=not arguments.own_size,
             markers=arguments.markers,
-            heard=lambda stage: say(_stage(stage)),
+            heard=lambda stage: report(_stage(stage)),
             progress=listener,
         )
     trouble = [] if arguments.no_picture else _picture(done)
@@ -95,7 +95,7 @@ def _verdict(done: "Fit") -> list[str]:
         f"{done.status}: {done.reason}",
         *(f"  note      {note}" for note in done.notes),
         f"  fitted    {done.counts}",
-        f"  stretch   {cost.low:.3f} to {cost.high:.3f} (1st to 99th percentile, against the garment as it came)",
+        f"  stretch   {cost.low:.3f} to {cost.high:.3f} (1st to 99th percentile, against the garment as given)",
         f"  moved     at most {1e3 * cost.displacement:.3g} mm",
         f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
     ]

@@ -1,4 +1,4 @@
-"""`clothsim check GARMENT --on BODY`: a dressed body."""
+"""`clothsim check GARMENT --on BODY`: penetration report."""
 
 import argparse
 from typing import TYPE_CHECKING
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from clothsim.fitting.penetration_report import Dressed
 
 WORN = 0.1
-"""A garment further than that share of the body's size from it is not worn."""
+"""A garment farther from the body than this fraction of its size is not worn."""
 
 
 def check_dressed(arguments: argparse.Namespace) -> int:
-    """Judge a garment on a body; 1 where something is inside or intersects."""
+    """Examine a garment on a body; 1 where a vertex is inside or triangles intersect."""
     from clothsim.fitting.penetration_report import read_dressed
 
     def number(option: str, text: str | None) -> float | None:
@@ -54,7 +54,7 @@ def check_dressed(arguments: argparse.Namespace) -> int:
     if found.counts.clean:
         nearest = float(found.closest.signed_distance.min())
         worn = nearest <= WORN * found.body.size
-        far = f"Nothing intersects, but the garment is {length(nearest)} off the body: say their units, --scale."
+        far = f"Nothing intersects, but the garment is {length(nearest)} away from the body: give their units, --scale."
         print("Nothing is wrong." if worn else far)
         return 0
     where = "" if found.counts.place is None else f", worst {found.counts.where}"
@@ -63,7 +63,7 @@ def check_dressed(arguments: argparse.Namespace) -> int:
 
 
 def _lines(found: "Dressed") -> list[str]:
-    """What is wrong, one line for each kind."""
+    """The faults, one line for each kind."""
     import numpy as np
 
     from clothsim.fitting.penetration_report import worst_places
@@ -72,8 +72,8 @@ def _lines(found: "Dressed") -> list[str]:
     counts, lines = found.counts, []
     n = len(found.garment.positions)
     if counts.penetrating_vertices:
-        share = 100 * counts.penetrating_vertices / n
-        lines.append(f"error: {counts.penetrating_vertices:,} of {n:,} vertices ({share:.1f} %) are inside the body")
+        percent = 100 * counts.penetrating_vertices / n
+        lines.append(f"error: {counts.penetrating_vertices:,} of {n:,} vertices ({percent:.1f} %) are inside the body")
         for vertex, depth, place in worst_places(found):
             lines.append(f"  vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(place)}")
     else:

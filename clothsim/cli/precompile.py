@@ -32,15 +32,15 @@ def start() -> "subprocess.Popen[bytes] | None":
 
 
 def _compiled() -> bool:
-    """Whether the kernel that takes longest is there, or has no place to be."""
+    """True where the kernel that takes longest is in the cache, or where there is no cache."""
     from clothsim.energies.membrane_kernels import fill
     from clothsim.kernel_cache import can_store, is_cached
 
     return is_cached(fill) or not can_store()
 
 
-def compile_the_rest() -> None:
-    """Drape four cells, touch, and draw."""
+def compile_remaining_kernels() -> None:
+    """Drape four cells, evaluate contact, and draw."""
     from clothsim.run.pictures import draw_frame
     from clothsim.run.simulate import simulate
     from clothsim.scene.scene import Scene
@@ -60,11 +60,11 @@ def compile_the_rest() -> None:
     )
     with TemporaryDirectory() as folder:
         draped = simulate(scene, folder)
-        touch()
+        evaluate_contact()
         draw_frame(draped.trajectory, Path(folder) / "picture.png")
 
 
-def touch() -> None:
+def evaluate_contact() -> None:
     """The energy of a point close to a triangle and of two edges, nearly parallel, and its derivatives in a matrix."""
     import numpy as np
 
@@ -74,10 +74,10 @@ def touch() -> None:
     from clothsim.solve.sparsity import make_pattern
 
     class Known(Candidates):
-        """These two pairs, wherever they are looked for."""
+        """Two given pairs at every x."""
 
         def __init__(self) -> None:
-            """Without a surface: nothing is searched."""
+            """No surface, as nothing is searched."""
 
         def active(self, x: "Floats") -> "Pairs":
             elements = np.array([[3, 0, 1, 2], [0, 1, 3, 4]])
@@ -91,4 +91,4 @@ def touch() -> None:
 
 
 if __name__ == "__main__":
-    compile_the_rest()
+    compile_remaining_kernels()

@@ -1,4 +1,4 @@
-"""How far a run is: a bar on a terminal, a plain line every few seconds elsewhere. Both on stderr."""
+"""Progress on stderr: a bar on a terminal, a plain line every few seconds elsewhere."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -16,8 +16,10 @@ Listener = TypeVar("Listener", bound=Callable[..., None])
 
 
 @contextmanager
-def told(quiet: bool, bar: "Callable[[], AbstractContextManager[Listener]]", lines: Listener) -> "Iterator[Listener]":
-    """What hears of progress: nobody, a bar on a terminal, else lines."""
+def listener_for(
+    quiet: bool, bar: "Callable[[], AbstractContextManager[Listener]]", lines: Listener
+) -> "Iterator[Listener]":
+    """The callback of a command: none where `quiet`, a bar on a terminal, else lines."""
     if quiet:
         yield cast(Listener, lambda progress: None)
     elif sys.stderr.isatty():
@@ -28,19 +30,19 @@ def told(quiet: bool, bar: "Callable[[], AbstractContextManager[Listener]]", lin
 
 
 def shown(quiet: bool) -> "AbstractContextManager[Callable[[Progress], None]]":
-    """A listener for `simulate` that shows each step on stderr."""
-    return told(quiet, _bar, Lines())
+    """A callback for `simulate` that shows each step on stderr."""
+    return listener_for(quiet, _bar, Lines())
 
 
 class Lines:
-    """Prints the first step, the last, and one every few seconds between them."""
+    """A callback that prints the first step, the last, and one every few seconds between them."""
 
     def __init__(self) -> None:
         self._last = -SECONDS_BETWEEN_LINES
         self._start: tuple[float, float] | None = None
 
     def __call__(self, progress: "Progress") -> None:
-        """Print the step if it is its turn."""
+        """Print the step where it is the first, the last, or some seconds after the one before."""
         now = perf_counter()
         self._start = self._start or (now, progress.time)
         if progress.time < progress.duration and now - self._last < SECONDS_BETWEEN_LINES:
@@ -48,9 +50,11 @@ class Lines:
         self._last = now
         begun, first = self._start
         done = progress.time - first
-        left = (progress.duration - progress.time) * (now - begun) / done if done > 0 else None
-        ahead = "" if left is None else f", {clock(left)} left"
-        print(f"{where(progress)} ({clock(progress.seconds)}{ahead}): {state(progress)}", file=sys.stderr, flush=True)
+        remaining = (progress.duration - progress.time) * (now - begun) / done if done > 0 else None
+        estimate = "" if remaining is None else f", {clock(remaining)} left"
+        print(
+            f"{where(progress)} ({clock(progress.seconds)}{estimate}): {state(progress)}", file=sys.stderr, flush=True
+        )
 
 
 @contextmanager
@@ -71,7 +75,7 @@ def _bar() -> "Iterator[Callable[[Progress], None]]":
     def listener(progress: "Progress") -> None:
         completed, total = progress.time, progress.duration
         bar.update(task, completed=completed, total=total, where=where(progress), state=state(progress))
-        bar.start()  # with the first step: before it the settings are printed
+        bar.start()  # with the first step, as the settings are printed before it
 
     try:
         yield listener
@@ -80,7 +84,7 @@ def _bar() -> "Iterator[Callable[[Progress], None]]":
 
 
 def where(progress: "Progress") -> str:
-    """Simulated time of how much."""
+    """Simulated time and duration."""
     return f"{progress.time:.3f} of {progress.duration:g} s"
 
 
@@ -91,7 +95,7 @@ def state(progress: "Progress") -> str:
 
 
 def length(metres: float) -> str:
-    """A length in the unit that suits it."""
+    """A length in m, mm or um."""
     if metres >= 1:
         return f"{metres:.3g} m"
     if metres >= 1e-3:
@@ -100,7 +104,13 @@ def length(metres: float) -> str:
 
 
 def clock(seconds: float) -> str:
-    """'3.2 s', '4:05 min', '2:03:10 h'."""
+    """A time in words.
+
+    Examples
+    --------
+    >>> clock(3.21), clock(245), clock(7390)
+    ('3.2 s', '4:05 min', '2:03:10 h')
+    """
     if seconds < 60:
         return f"{seconds:.1f} s"
     minutes, rest = divmod(round(seconds), 60)

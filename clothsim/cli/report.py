@@ -1,4 +1,4 @@
-"""What a run prints before it starts and after it has ended."""
+"""Settings and result of a run as text."""
 
 import os
 import shlex
@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 WIDTH = 100
 
 
-def what_is_there(directory: Path) -> str:
-    """What happens to the files that are in the output directory already; empty where there are none."""
+def existing_files_note(directory: Path) -> str:
+    """A note on files that the output directory holds already; empty where there are none."""
     from clothsim.io.record import RECORD_NAME
     from clothsim.io.trajectory import TRAJECTORY_NAME
 
@@ -27,12 +27,12 @@ def what_is_there(directory: Path) -> str:
     return f"{directory} holds other files. They stay; one named as a file of the run is replaced."
 
 
-def what_goes_on(directory: Path) -> str:
-    """Where a run to be resumed stands."""
+def resumption_note(directory: Path) -> str:
+    """A note on the time and frame of a run that is resumed."""
     from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 
     saved = read_checkpoint(directory / CHECKPOINT_NAME)
-    return f"Going on at {saved.time:g} s, behind frame {saved.frame}."
+    return f"Continues at {saved.time:g} s, after frame {saved.frame}."
 
 
 def settings(session: "Session", directory: Path, before: str) -> str:
@@ -68,11 +68,11 @@ def settings(session: "Session", directory: Path, before: str) -> str:
 
 
 def verdict(run: "Run", trouble: list[str]) -> str:
-    """How a run ended: status, reason, certificate in three lines, error, what was found, effort, files."""
+    """The result of a run: status, reason, certificate in three lines, error, final notes, effort, files."""
     summary = run.summary
     files = sorted(path.name for path in run.directory.iterdir() if path.suffix in _ENDINGS and path.is_file())
-    refused = summary["rejected_steps"]
-    rejected = f" ({refused:,} tried again for their error)" if refused else ""
+    rejections = summary["rejected_steps"]
+    rejected = f" ({rejections:,} rejected for their error)" if rejections else ""
     parts = summary.get("regional_iterations", 0)
     regional = f" and {parts:,} of parts of the cloth" if parts else ""
     newton = f"{_many(summary['newton_iterations'], 'Newton iteration')}{regional}"
@@ -95,7 +95,7 @@ def verdict(run: "Run", trouble: list[str]) -> str:
 
 
 def _after_failure(run: "Run") -> list[str]:
-    """What to do, where the last good state is, and how to hand the failure on."""
+    """The remedy, the last good state, and the commands that examine and pack the failure."""
     from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 
     failure = run.summary["failure"]
@@ -104,17 +104,17 @@ def _after_failure(run: "Run") -> list[str]:
     return [
         failure["remedy"],
         f"The last good state is step {saved.step} at {saved.time:g} s; the last frame is number {len(run.times) - 1}.",
-        f"To look into it: {program()} resume {directory} --dump-iterates {failure['step']}",
-        f"To pass it on: {program()} bundle {directory}",
+        f"To examine it: {program()} resume {directory} --dump-iterates {failure['step']}",
+        f"To report it: {program()} bundle {directory}",
     ]
 
 
 def stopped(directory: Path) -> str:
-    """The line after Ctrl-C."""
+    """The line that follows Ctrl-C."""
     from clothsim.io.checkpoint import CHECKPOINT_NAME
 
     if (directory / CHECKPOINT_NAME).is_file():
-        return f"Stopped. Go on with: {program()} resume {shlex.quote(str(directory))}"
+        return f"Stopped. Continue with: {program()} resume {shlex.quote(str(directory))}"
     return "Stopped before the first step: there is nothing to resume."
 
 
@@ -125,34 +125,34 @@ def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, 
     """Three lines: intersections and gap; stretches; residual and energy."""
     crossed = certificate["intersecting_frames"]
     if crossed:
-        judged = f"cloth INTERSECTS in {_many(len(crossed), 'frame')}, first in number {crossed[0]}"
+        checked = f"cloth INTERSECTS in {_many(len(crossed), 'frame')}, first in number {crossed[0]}"
     elif certificate["cloth_body"] == "no body":
-        judged = "there is no body"
+        checked = "there is no body"
     else:
         excluded = " but for excluded pairs" if "excluded" in certificate["cloth_body"] else ""
-        judged = f"cloth and body intersect in no frame{excluded}"
+        checked = f"cloth and body intersect in no frame{excluded}"
     gap = certificate["minimum_gap"]
     if contact:
-        judged += f", smallest gap {length(gap)}" if gap is not None else ", never closer than d_hat"
+        checked += f", smallest gap {length(gap)}" if gap is not None else ", never closer than d_hat"
     drift = certificate["energy_drift"]
     energy = f"energy: {drift}" if isinstance(drift, str) else f"largest rise of energy in a step {100 * drift:.2g} %"
     stretches = "none measured"
     if certificate["stretch_min"] is not None:
         stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"
     return [
-        ("contact", f"{judged}; cloth-cloth: {certificate['cloth_cloth']}"),
+        ("contact", f"{checked}; cloth-cloth: {certificate['cloth_cloth']}"),
         ("stretch", f"principal stretches {stretches}"),
-        ("balance", f"force left over {certificate['residual']:.1e} N, {energy}"),
+        ("balance", f"residual force {certificate['residual']:.1e} N, {energy}"),
     ]
 
 
 def _error(estimate: dict[str, Any]) -> str:
-    """The estimate of the error in a line; MISSED where it is more than what was asked for."""
+    """The error estimate in a line; MISSED where it exceeds the requested error."""
     temporal, newton, gap = estimate["temporal"], estimate["newton"], estimate["contact_gap"]
     time = temporal if isinstance(temporal, str) else f"about {length(temporal)}"
     asked = estimate.get("asked")
     if asked:
-        time += f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} asked for)"
+        time += f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} requested)"
     off = "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
     return f"time {time}, Newton {newton if isinstance(newton, str) else length(newton)}{off}"
 
@@ -171,5 +171,5 @@ def _many(count: int, what: str) -> str:
 
 
 def program() -> str:
-    """How this command line was called."""
+    """The name of the command line as it was called."""
     return "python -m clothsim" if Path(sys.argv[0]).name == "__main__.py" else "clothsim"

@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 _RUN = """\
 Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture of the last frame; where it failed,
-failure.png too, the place seen close.
+failure.png too, a close view of the place.
 
   clothsim run scenes/sphere.toml -o drape --movie
 """
 _RESUME = """\
-Go on with a run that was stopped, from its last frame; or replay one that failed, from its last good state, also out
-of an archive of `clothsim bundle`.
+Continue a run that was stopped, from its last frame; or replay one that failed, from its last good state, also from
+an archive of `clothsim bundle`.
 
   clothsim resume drape
 """
@@ -33,14 +33,16 @@ def add_to(commands: Any) -> None:
     """Add both commands to the parser."""
     run = commands.add_parser("run", help="simulate a scene", description=_RUN)
     run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
-    run.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the scene's name)")
+    run.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name)")
     run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
     run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key: body.mesh=PATH")
-    run.add_argument("--preset", metavar="NAME", help="draft, standard or fine: prints how wrong each was measured")
+    run.add_argument("--preset", metavar="NAME", help="draft, standard or fine: prints its measured errors")
     run.set_defaults(handler=_run)
-    resume = commands.add_parser("resume", help="go on with a stopped run", description=_RESUME)
-    resume.add_argument("directory", type=Path, metavar="DIR|FILE", help="what `clothsim run` or `bundle` left")
-    resume.add_argument("-o", "--output", type=Path, metavar="DIR", help="of an archive: where to (default: its name)")
+    resume = commands.add_parser("resume", help="continue a stopped run", description=_RESUME)
+    resume.add_argument("directory", type=Path, metavar="DIR|FILE", help="the output of `clothsim run` or `bundle`")
+    resume.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="of an archive: output directory (default: its name)"
+    )
     resume.set_defaults(handler=_resume)
     for command in (run, resume):
         command.add_argument("--no-picture", action="store_true", help="leave no picture.png and no failure.png")
@@ -74,11 +76,11 @@ def _run(arguments: argparse.Namespace) -> int:
         return _execute(arguments, directory, lambda **listeners: simulate(scene, directory, **listeners))
     finally:
         if compiler is not None:
-            compiler.poll()  # what is left of its work serves the next run
+            compiler.poll()  # the rest of its kernels serves the next run
 
 
 def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
-    """The scene with the settings of a preset; prints them, and the errors that were measured with them."""
+    """The scene with the settings of a preset; prints them and their measured errors."""
     from clothsim.build import preset_errors
     from clothsim.build.presets import with_preset
 
@@ -102,12 +104,12 @@ def _resume(arguments: argparse.Namespace) -> int:
         archive, directory = directory, arguments.output or Path(directory.stem)
         unpack_bundle(archive, directory)
     elif arguments.output is not None:
-        raise InputError(f"{directory} is no archive.", "Leave -o out: a run goes on in its own directory.")
+        raise InputError(f"{directory} is no archive.", "Leave -o out: a run continues in its own directory.")
     return _execute(arguments, directory, lambda **listeners: resume(directory, **listeners))
 
 
 def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[..., Run]") -> int:
-    """Run `job` with its listeners, draw what was asked for, and tell how it ended."""
+    """Run `job` with its callbacks, draw the pictures, print the result."""
     from clothsim import __version__
     from clothsim.cli import progress, report
     from clothsim.sim.iterate_log import iterates_name
@@ -119,7 +121,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     if not arguments.quiet:
         print(f"clothsim {__version__}: {arguments.command} {subject}", file=talk, flush=True)
-    before = report.what_is_there(directory) if arguments.command == "run" else report.what_goes_on(directory)
+    before = report.existing_files_note(directory) if arguments.command == "run" else report.resumption_note(directory)
 
     sessions: list[Session] = []
 
@@ -148,7 +150,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
 def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> list[str]:
     """Draw picture, movie and the place of a failure.
 
-    Returns a line for each that could not be drawn: a run is none the worse for that.
+    Returns a line for each that could not be drawn, which does not change the status of the run.
     """
     from clothsim.cli.render_command import frame_counter
     from clothsim.errors import ClothsimError

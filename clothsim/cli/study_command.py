@@ -1,4 +1,4 @@
-"""`clothsim study`: what accuracy costs in time."""
+"""`clothsim study`: error against computing time."""
 
 import argparse
 import sys
@@ -8,15 +8,15 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_count, as_seconds
-from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, told
+from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, listener_for
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.accuracy.evaluation import Progress
 
 _DESCRIPTION = """\
-How wrong is a scene's last frame, by what, and what would half the error cost? Runs it finer and coarser, in one
-process a core, and leaves study.md, study.json and study.png. Called again, it goes on with the points it has.
+Measure the error of a scene's last frame, its sources, and the cost of a smaller one: runs the scene finer and coarser,
+one process a core, and leaves study.md, study.json and study.png. Called again, it continues with the points it has.
 
   clothsim study scenes/study_strip.toml -o accuracy --budget 120s
 """
@@ -24,9 +24,11 @@ process a core, and leaves study.md, study.json and study.png. Called again, it 
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    study = commands.add_parser("study", help="what accuracy costs in time", description=_DESCRIPTION)
+    study = commands.add_parser("study", help="measure error against computing time", description=_DESCRIPTION)
     study.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML)")
-    study.add_argument("-o", "--output", type=Path, metavar="DIR", help="where to (default: the scene's name_study)")
+    study.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name_study)"
+    )
     study.add_argument("--knobs", metavar="NAMES", help="dt,cells,tolerance,d_hat,eps_v,iterations (default: all)")
     study.add_argument("--budget", default="120s", metavar="TIME", help="of the whole study: 90s, 10min (default 120s)")
     study.add_argument("--workers", metavar="N", help="processes at a time (default: one a core)")
@@ -69,14 +71,14 @@ def _study(arguments: argparse.Namespace) -> int:
     ]
     left = len(done.result["left_out"])
     if left:
-        lines.append(f"{left} points did not fit into the budget or are none: study.md names them.")
+        lines.append(f"{left} points exceeded the budget or are not valid: study.md names them.")
     print("\n".join([*lines, f"  files     {directory}: study.md, study.json, study.png"]), file=talk)
     return 0
 
 
 def shown(quiet: bool) -> "AbstractContextManager[Callable[[Progress], None]]":
-    """A listener that shows on stderr how far a study is: a bar on a terminal, else a line every few seconds."""
-    return told(quiet, _bar, _lines())
+    """A callback that shows the progress of a study on stderr: a bar on a terminal, else a line every few seconds."""
+    return listener_for(quiet, _bar, _lines())
 
 
 def _lines() -> "Callable[[Progress], None]":

@@ -1,1 +1,1 @@
-"""Simulation of a scene, resumption, summaries and archives."""
+"""Simulation, stepping by hand, resumption, results and archives."""

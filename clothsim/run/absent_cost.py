@@ -1,4 +1,4 @@
-"""What it would cost to add each effect that a scene does not name: measured on the scene's own first steps."""
+"""Cost of adding each effect that a scene does not name, measured on the first steps of the scene."""
 
 import inspect
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ LATE = "not measured: the time was spent"
 
 @dataclass(frozen=True)
 class Added:
-    """seconds: a step with the effect takes, by the median; ratio: to a step without; nan where `why` says why not."""
+    """Median seconds of a step with the effect, and their ratio to a step without; nan where `why` has the reason."""
 
     seconds: float = float("nan")
     ratio: float = float("nan")
@@ -28,8 +28,9 @@ class Added:
 
 @dataclass(frozen=True)
 class Absent:
-    """{effect that the scene does not name: what it would cost}; seconds: a step of the scene as it is; steps, rounds:
-    how many steps were taken how often.
+    """Cost of the absent effects.
+
+    effects: by name; seconds: of a step of the scene as it is; steps: number of steps of a round; rounds: their number.
     """
 
     effects: dict[str, Added]
@@ -39,19 +40,19 @@ class Absent:
 
 
 def absent_effects(scene: Scene, steps: int = 5, budget: float = 60.0) -> Absent:
-    """The scene's first `steps` as it is and with each absent effect, its keys as they are by default.
+    """Measure the first `steps` of a scene as it is and with each absent effect, its keys at their defaults.
 
-    Rounds in which all take turns, at most ROUNDS, go on until `budget` [s] is spent; what has begun is ended.
+    All take turns in at most ROUNDS rounds, until `budget` [s] is spent; a measurement that has begun is completed.
     """
     ends = perf_counter() + budget
     base = prepare(scene, build(scene))
     _seconds(base, 1)  # loads and compiles
-    told: dict[str, Added] = {}
+    added: dict[str, Added] = {}
     sessions: dict[str, Session] = {}
     for name in (name for name in EFFECTS if name not in scene.effects):
         made = _with(scene, name) if perf_counter() < ends else LATE
         if isinstance(made, str):
-            told[name] = Added(why=made)
+            added[name] = Added(why=made)
         else:
             sessions[name] = made
     times: dict[str, list[float]] = {name: [] for name in sessions}
@@ -59,20 +60,20 @@ def absent_effects(scene: Scene, steps: int = 5, budget: float = 60.0) -> Absent
     while len(without) < ROUNDS and (not without or perf_counter() < ends):
         without.append(_seconds(base, steps))
         for name, session in sessions.items():
-            if perf_counter() < ends and name not in told:
+            if perf_counter() < ends and name not in added:
                 try:
                     times[name].append(_seconds(session, steps))
                 except ClothsimError as error:
-                    told[name] = Added(why=f"a step fails with it: {error}")
+                    added[name] = Added(why=f"a step fails with it: {error}")
     reference = median(without)
     for name, seen in times.items():
         measured = Added(median(seen), median(seen) / reference) if seen else Added(why=LATE)
-        told.setdefault(name, measured)
-    return Absent({name: told[name] for name in EFFECTS if name in told}, reference, steps, len(without))
+        added.setdefault(name, measured)
+    return Absent({name: added[name] for name in EFFECTS if name in added}, reference, steps, len(without))
 
 
 def _with(scene: Scene, name: str) -> Session | str:
-    """The scene with one effect more, its keys as they are by default, loaded and compiled; or why there is none."""
+    """The scene with one more effect at its defaults, loaded and compiled; or the reason why there is none."""
     needed = [key for key, default in EFFECTS[name].keys().items() if default is inspect.Parameter.empty]
     if needed:
         return f"needs keys: {', '.join(needed)}"
@@ -89,7 +90,7 @@ def _with(scene: Scene, name: str) -> Session | str:
 
 
 def _seconds(session: Session, steps: int) -> float:
-    """Seconds a step of the first `steps`, fewer where the scene ends before."""
+    """Seconds per step of the first `steps`, or of as many as the scene has."""
     run, taken, started = session.scene.run_settings, 0, perf_counter()
     state = first_state(session.built.world, session.integrator.dt)
     for taken, report in enumerate(run_steps(session.integrator, state, run.duration, run.frames_per_second), start=1):

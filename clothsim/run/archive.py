@@ -1,4 +1,4 @@
-"""One archive that replays a run from its last good state: scene, meshes, checkpoint, record, summary, versions."""
+"""Archive of a run: scene, meshes, checkpoint, record, summary and versions, to replay it elsewhere."""
 
 import json
 import platform
@@ -23,7 +23,7 @@ from clothsim.scene.scene import scene_from_text
 README_NAME, SCENE_NAME, VERSIONS_NAME = "README.txt", "scene.json", "versions.json"
 PICTURES = ("failure.png", "picture.png")
 TOP = (README_NAME, SCENE_NAME, VERSIONS_NAME, CHECKPOINT_NAME, RECORD_NAME, SUMMARY_NAME, *PICTURES)
-"""All that an archive may hold beside FOLDER."""
+"""The files that an archive may hold beside FOLDER."""
 
 PACKAGES = (
     *("clothsim", "numpy", "scipy", "numba", "h5py", "meshio", "trimesh"),
@@ -32,14 +32,25 @@ PACKAGES = (
 """Distributions whose versions an archive states."""
 
 MOST_BYTES, MOST_FILES = 4 << 30, 100_000
-"""What an archive may unpack to."""
+"""The largest content of an archive."""
 
 
 def write_bundle(directory: Path, target: Path) -> None:
-    """Write the archive of the run in `directory` to `target`, a file that is not there yet.
+    """Write the archive of a run, with a README that has the command to replay it.
 
-    Its README says how to replay the run. No path of this machine is in the scene of the archive. InputError where the
-    run has no checkpoint, a file of its scene is gone, or the scene was made with a Python function.
+    The scene of the archive holds no path of this machine.
+
+    Parameters
+    ----------
+    directory : Path
+        The output directory of the run.
+    target : Path
+        A file that does not exist yet.
+
+    Raises
+    ------
+    InputError
+        The run has no checkpoint, a file of its scene is missing, or the scene was made with a Python function.
     """
     saved = read_checkpoint(directory / CHECKPOINT_NAME)
     scene = scene_from_text(saved.scene_text, directory)
@@ -84,10 +95,22 @@ def refuse_functions(where: str, keys: Mapping[str, Any]) -> None:
 
 
 def unpack_bundle(file: Path, directory: Path) -> None:
-    """Unpack an archive of `write_bundle` into `directory`, which is empty or not there yet, ready to be resumed.
+    """Unpack an archive of `write_bundle`, ready to be resumed.
 
-    The archive may come from anyone: nothing is written outside of `directory`, no more than MOST_BYTES, and its scene
-    may name no file outside. InputError where that is not so, or where it is no such archive.
+    The archive is not trusted: nothing is written outside of `directory`, at most MOST_BYTES, and its scene may name no
+    file outside.
+
+    Parameters
+    ----------
+    file : Path
+        The archive.
+    directory : Path
+        Empty, or not there yet.
+
+    Raises
+    ------
+    InputError
+        The file is no such archive, or breaks one of these rules.
     """
     with _opened(file) as archive:
         _refuse_contents(file, archive)
@@ -111,7 +134,7 @@ def _unpack(archive: zipfile.ZipFile, name: str, target: Path) -> None:
 
 @contextmanager
 def _opened(file: Path) -> Iterator[zipfile.ZipFile]:
-    """The archive; InputError for what is none, or breaks while it is read."""
+    """The archive, opened. InputError for a file that is none, or is damaged."""
     try:
         with zipfile.ZipFile(file) as archive:
             yield archive
@@ -120,7 +143,7 @@ def _opened(file: Path) -> Iterator[zipfile.ZipFile]:
 
 
 def _refuse_contents(file: Path, archive: zipfile.ZipFile) -> None:
-    """InputError for names that lead elsewhere, for too much, and for an archive without a checkpoint."""
+    """InputError for names outside of the folder, for too large a content, and for an archive without a checkpoint."""
     entries = archive.infolist()
     for entry in entries:
         path = PurePosixPath(entry.filename)
@@ -135,14 +158,14 @@ def _refuse_contents(file: Path, archive: zipfile.ZipFile) -> None:
 
 
 def _refuse_large(checkpoint: Path) -> None:
-    """InputError where the checkpoint, an archive too, would itself unpack to too much."""
+    """InputError where the checkpoint, an archive too, has too large a content."""
     with _opened(checkpoint) as archive:
         if sum(entry.file_size for entry in archive.infolist()) > MOST_BYTES:
             raise InputError(f"The checkpoint would unpack to more than {MOST_BYTES:,} bytes.")
 
 
 def _versions() -> dict[str, str]:
-    """What the run was bundled with; packages that are not installed are left out."""
+    """Versions of the installed packages."""
     found = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
     for package in PACKAGES:
         try:

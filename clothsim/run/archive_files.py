@@ -12,13 +12,13 @@ from clothsim.mesh.generators.table import GENERATORS
 from clothsim.scene.scene import Scene, scene_from_text
 
 FOLDER = "meshes"
-"""Where an archive keeps them."""
+"""The folder of an archive that holds them."""
 
 
 def relocated(scene: Scene) -> tuple[str, dict[str, Path]]:
-    """The scene as text that names files in FOLDER beside it, and where each of them is now, by its new name.
+    """The scene as text with its files in FOLDER, and the present path of each file by its new name.
 
-    InputError where the scene names a file that is not there.
+    InputError where the scene names a file that does not exist.
     """
     data = json.loads(scene.to_text())
     files: dict[str, Path] = {}
@@ -42,7 +42,7 @@ def named_files(scene: Scene) -> list[str]:
 
 
 def refuse_outside(text: str) -> None:
-    """InputError where a scene's text is none, or names a file that is not in its own folder."""
+    """InputError for a text that is no scene, or that names a file outside of its own folder."""
     try:
         scene_from_text(text)
         data = json.loads(text)
@@ -58,7 +58,7 @@ def refuse_outside(text: str) -> None:
 
 
 def _named(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
-    """Each key of a scene's sections that names files: a name for what has it, its table, the key."""
+    """Each key of a scene that names files: a name for its owner, its table, the key."""
     for section in ("cloth", "body"):
         tables = data[section]
         for k, table in enumerate([tables] if isinstance(tables, dict) else tables):
@@ -73,7 +73,7 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
 
 
 def _frames(directory: Path, pattern: str, folder: str) -> dict[str, Path]:
-    """The files of an animation, numbered so that they keep their order."""
+    """The files of an animation by new names, numbered in their order."""
     from clothsim.io.mesh_sequence import frame_files
 
     files = frame_files(directory, pattern)
@@ -81,5 +81,5 @@ def _frames(directory: Path, pattern: str, folder: str) -> dict[str, Path]:
 
 
 def _plain(name: str) -> str:
-    """A file name that every system takes."""
+    """A file name that is valid on every system."""
     return re.sub(r"[^\w.\-]", "_", name)

@@ -42,12 +42,20 @@ def scene_file(path: Path) -> Path:
     """
     if path.is_file() or path.suffix or len(path.parts) != 1:
         return path
-    names = [file.stem for file in sorted(_folder().glob("*.toml"))]
-    if path.name in names:
-        return _folder() / f"{path.name}.toml"
+    found = installed_scene(path)
+    if found is not None:
+        return found
+    names = [file.stem for file in _folder().glob("*.toml")]
     close = difflib.get_close_matches(path.name, names, n=1, cutoff=0.5)
     hint = f"Did you mean {close[0]!r}?" if close else "`clothsim scenes` lists those that are installed."
     raise InputError(f"There is no scene file {path} and no installed scene of that name.", hint)
+
+
+def installed_scene(path: Path) -> Path | None:
+    """The installed scene whose name is `path`; None where there is none."""
+    if path.suffix or len(path.parts) != 1:
+        return None
+    return next((file for folder in _folders() if (file := folder / f"{path.name}.toml").is_file()), None)
 
 
 def _folder() -> Path:

@@ -1,4 +1,4 @@
-"""What each effect of a scene does and costs: the receipt of a run, or of a scene's first steps."""
+"""Receipt: counters and seconds of each effect, of a run or of the first steps of a scene."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -16,12 +16,12 @@ from clothsim.solve.timers import EffectCounters
 
 @dataclass(frozen=True)
 class Receipt:
-    """effects: every name of the table with on, reason and its counters; phases: seconds that belong to no effect.
+    """Counters of all effects.
 
-    Of a scene also bytes: of the arrays that the effect holds and the world does not; and, where it was asked for,
-    adding: what an effect that is not named would cost (`study.absent.Added`, as a table).
-    seconds: of all of them together, which is all of the time that was measured ("step control" is what no other name
-    was charged for); source: what was measured, in words.
+    effects: every name of the table with on, reason and its counters; of a scene also bytes, of the arrays that the
+    effect alone holds, and where it was measured adding, the cost of an effect that is not named (`absent_cost.Added`).
+    phases: seconds that belong to no effect; "step control" is the remainder. seconds: of all of them together, which
+    is all of the measured time; source: the run or the steps that were measured.
     """
 
     effects: dict[str, dict[str, Any]]
@@ -31,7 +31,7 @@ class Receipt:
 
 
 def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
-    """The receipt of the first `steps` of a scene. A step before them, on a copy, loads and compiles what they need."""
+    """The receipt of the first `steps` of a scene, after one step on a copy, which loads and compiles the kernels."""
     from clothsim.build.scene_world import build
     from clothsim.run.session import prepare
     from clothsim.sim.state import first_state
@@ -59,25 +59,25 @@ def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
 
 
 def with_absent(receipt: Receipt, absent: Absent) -> Receipt:
-    """The receipt with what each absent effect would cost."""
+    """The receipt with the cost of each absent effect."""
     added = {name: {**receipt.effects[name], "adding": asdict(each)} for name, each in absent.effects.items()}
     return replace(receipt, effects={**receipt.effects, **added})
 
 
 def explain_run(directory: Path) -> Receipt:
-    """The receipt that a run left: of all its steps, or of those up to the last checkpoint of one that was stopped."""
+    """The receipt of all steps of a run, or of those up to the last checkpoint of one that was stopped."""
     from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
     from clothsim.run.results import open_run
 
     run = open_run(directory)
     saved = read_checkpoint(directory / CHECKPOINT_NAME)
-    told = run.summary or saved.counters
-    if "effects" not in told or "phases" not in told:
+    counters = run.summary or saved.counters
+    if "effects" not in counters or "phases" not in counters:
         raise InputError(f"The summary in {directory} has no receipt.", "Run the scene with this version.")
     named = scene_from_text(saved.scene_text).effects
     steps = run.summary.get("steps", saved.step)
-    source = f"{steps} steps of a run that is {run.status}, with the time to load and compile what they needed."
-    return _receipt(named, told.get("off", {}), told["effects"], told["phases"], source)
+    source = f"{steps} steps of a run that is {run.status}, with the time to load and compile their kernels."
+    return _receipt(named, counters.get("off", {}), counters["effects"], counters["phases"], source)
 
 
 def _receipt(
@@ -93,8 +93,8 @@ def _receipt(
         on = name in named and name not in off
         account = {**asdict(EffectCounters()), **effect_counters.get(name, {})}
         reason = _named(account) if on else off.get(name, "not named in the scene")
-        share = account["seconds"] / seconds if seconds else 0.0
-        effects[name] = {"on": on, "reason": reason, **account, "share": share}
+        fraction = account["seconds"] / seconds if seconds else 0.0
+        effects[name] = {"on": on, "reason": reason, **account, "share": fraction}
     return Receipt(effects, dict(phases), seconds, source)
 
 

@@ -35,7 +35,7 @@ Announcement = Callable[[Session], None]
 
 
 def watched(session: Session, step: int | None, done: int) -> tuple[Session, IterateLog | None]:
-    """The session with a log of the Newton iterates of a step, which must come after the `done` ones."""
+    """The session with a log of the Newton iterates of a step later than the `done` ones."""
     if step is None:
         return session, None
     if step <= done:
@@ -75,7 +75,7 @@ def recorded_run(
     log: IterateLog | None,
     resumed: bool,
 ) -> Run:
-    """Step to the end of the scene, writing as it goes; whatever stops it, the frames so far are on disk."""
+    """Step to the end of the scene and write each frame when it is done."""
     surfaces = world_surfaces(session.built.world)
     scripted = _scripted(session.built)
     asked = session.scene.solver_settings.error
@@ -89,7 +89,7 @@ def recorded_run(
         TrajectoryWriter(directory / TRAJECTORY_NAME, surfaces, resume_at=kept) as trajectory,
         RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed else None) as record,
     ):
-        _remove(directory / SUMMARY_NAME)  # of a resumed run only now: one that cannot go on keeps what it has
+        _remove(directory / SUMMARY_NAME)  # of a resumed run only here: one that cannot continue keeps its summary
         output = _Output(session, directory, trajectory, record, check)
         if kept is None:
             output.frame(state)
@@ -120,7 +120,7 @@ def _stepped(
     log: IterateLog | None,
     after_step: Callable[[StepReport], None],
 ) -> tuple[State, Certificate, Failure | None]:
-    """All steps from `state` to the end or to a failure; the last state, its certificate, why it failed."""
+    """Take all steps from `state` to the end or to a failure: the last state, its certificate, the failure."""
     session, run = output.session, output.session.scene.run_settings
     world, timers = session.built.world, session.integrator.potential.timers
     for report in steps(session.integrator, state, run.duration, run.frames_per_second):
@@ -153,7 +153,7 @@ def _stepped(
 
 
 def _frames_until(path: Path, time: float) -> int | None:
-    """How many frames of a trajectory are not later than `time` [s]; None where there is no trajectory."""
+    """Number of frames of a trajectory up to `time` [s]; None where there is no trajectory."""
     return int((read_trajectory(path).times <= time).sum()) if path.is_file() else None
 
 
@@ -165,7 +165,7 @@ def _scripted(built: Built) -> bool:
 
 
 def _remove(file: Path) -> None:
-    """The summary of an earlier run, which the new one no longer is."""
+    """Delete the summary of an earlier run."""
     try:
         file.unlink(missing_ok=True)
     except OSError as error:

@@ -72,6 +72,19 @@ class Run(Sequence[Frame]):
         The file of the frames.
     summary : dict
         The content of summary.json; empty where the run did not come to its end.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> cloth = clothsim.Cloth([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], velocity=[0, 0, 1])
+    >>> scene = clothsim.Scene(cloth, effects=[clothsim.Inertia()], run=clothsim.RunSettings(duration=0.08))
+    >>> run = clothsim.simulate(scene, "flight")
+    >>> run
+    <Run 'flight': completed, 3 frames, to 0.08 s>
+    >>> [round(float(frame.positions["cloth"][0, 2]), 12) for frame in run]
+    [0.0, 0.04, 0.08]
+    >>> run.summary["steps"], clothsim.open_run("flight")[-1].time
+    (8, 0.08)
     """
 
     directory: Path

@@ -138,7 +138,7 @@ def _refuse_error(built: Built) -> None:
     if "inertia" not in built.energies:
         why = "solver.error needs effects.inertia: a quasi-static run has no error of time."
     elif "seams" in built.energies:
-        why = "solver.error does not go with effects.seams: its steps would follow the ringing of the stitches."
+        why = "solver.error cannot be used with effects.seams: its steps would resolve the vibration of the stitches."
     else:
         return
     raise InputError(why, "Give solver.dt.")
@@ -153,9 +153,9 @@ def _turns(world: World) -> dict[str, float]:
 
 
 def _tolerance(scene: Scene) -> tuple[float, str]:
-    """Newton's tolerance [m/s], and what to say of it: finer than the default where an error that asks for it is given.
+    """Newton's tolerance [m/s] and a note on it: finer than the default where a requested error needs it.
 
-    What Newton leaves in the velocities is no error of the formula, but looks like one.
+    The residual of Newton's method in the velocities would be taken for an error of the integrator.
     """
     settings = scene.solver_settings
     finer = FINER * settings.error / scene.run_settings.duration
@@ -165,7 +165,7 @@ def _tolerance(scene: Scene) -> tuple[float, str]:
 
 
 def _set_threads(threads: int) -> None:
-    """Threads of ipctk, where a scene has loaded it; the linear solver is told when it is made."""
+    """Set the threads of ipctk, where a scene has loaded it; the linear solver gets them when it is made."""
     ipctk = sys.modules.get("ipctk")
     if ipctk is not None:
         ipctk.set_num_threads(threads or os.cpu_count() or 1)

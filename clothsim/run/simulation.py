@@ -1,30 +1,4 @@
-"""Stepping a scene by hand.
-
-A trimesh cloth falls on a pyvista body; half way through, wind begins to blow along x:
-
->>> import numpy, pyvista, trimesh
->>> import clothsim
->>> x, y = 0.125 * numpy.indices((9, 9)).reshape(2, 81) - 0.5
->>> corners = numpy.arange(72).reshape(8, 9)[:, :8].reshape(64, 1)
->>> triangles = numpy.concatenate([corners + [0, 10, 1], corners + [0, 9, 10]])
->>> sheet = trimesh.Trimesh(numpy.stack([x, y, numpy.full(81, 0.32)], axis=1), triangles, process=False)
->>> ball = pyvista.Sphere(radius=0.3, theta_resolution=16, phi_resolution=16)
->>> elastic = [clothsim.Membrane(), clothsim.Bending()]
->>> loads = [clothsim.Inertia(), clothsim.Gravity(), clothsim.Air(), clothsim.BodyContact()]
->>> scene = clothsim.Scene(
-...     cloth=clothsim.Cloth(sheet, name="sheet", fabric="cotton"),
-...     body=clothsim.Body(ball, name="ball"),
-...     effects=elastic + loads,
-...     solver=clothsim.Solver(dt=0.02, threads=1),
-...     run=clothsim.RunSettings(duration=0.2),
-... )
->>> simulation = clothsim.Simulation(scene)
->>> for state in simulation:
-...     if state.step == 5:
-...         simulation.wind = (8.0, 0.0, 0.0)
->>> bool(state.positions["sheet"][:, 0].mean() > 0.02), state.minimum_gap > 0
-(True, True)
-"""
+"""Stepping a scene by hand."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -93,6 +67,33 @@ class Simulation:
         The scene with the changes that it can express (all but those of pins and bodies).
     failure : Failure or None
         Of the last step, None where it was taken.
+
+    Examples
+    --------
+    A trimesh cloth falls on a pyvista body; half way through, wind begins to blow along x:
+
+    >>> import numpy, pyvista, trimesh
+    >>> import clothsim
+    >>> x, y = 0.125 * numpy.indices((9, 9)).reshape(2, 81) - 0.5
+    >>> corners = numpy.arange(72).reshape(8, 9)[:, :8].reshape(64, 1)
+    >>> triangles = numpy.concatenate([corners + [0, 10, 1], corners + [0, 9, 10]])
+    >>> sheet = trimesh.Trimesh(numpy.stack([x, y, numpy.full(81, 0.32)], axis=1), triangles, process=False)
+    >>> ball = pyvista.Sphere(radius=0.3, theta_resolution=16, phi_resolution=16)
+    >>> elastic = [clothsim.Membrane(), clothsim.Bending()]
+    >>> loads = [clothsim.Inertia(), clothsim.Gravity(), clothsim.Air(), clothsim.BodyContact()]
+    >>> scene = clothsim.Scene(
+    ...     cloth=clothsim.Cloth(sheet, name="sheet", fabric="cotton"),
+    ...     body=clothsim.Body(ball, name="ball"),
+    ...     effects=elastic + loads,
+    ...     solver=clothsim.Solver(dt=0.02, threads=1),
+    ...     run=clothsim.RunSettings(duration=0.2),
+    ... )
+    >>> simulation = clothsim.Simulation(scene)
+    >>> for state in simulation:
+    ...     if state.step == 5:
+    ...         simulation.wind = (8.0, 0.0, 0.0)
+    >>> bool(state.positions["sheet"][:, 0].mean() > 0.02), state.minimum_gap > 0
+    (True, True)
     """
 
     def __init__(self, scene: Scene) -> None:

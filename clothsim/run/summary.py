@@ -1,4 +1,4 @@
-"""What a run tells of itself: a line a step, progress, the checkpoint's counters, and the summary at its end."""
+"""Record, progress, checkpoint and summary of a run, made from its states."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -19,9 +19,22 @@ from clothsim.solve.timers import EffectCounters, Timers
 
 @dataclass(frozen=True)
 class Progress:
-    """What a caller may show after each step: simulated time and duration [s], the step, Newton iterations, gap [m].
+    """Progress after a step.
 
-    verdict: "moving", "settled" (no vertex faster than ten times the tolerance) or "stalled" (dt below an eighth).
+    Attributes
+    ----------
+    time, duration : float
+        Simulated time and its end [s].
+    step, newton_iterations : int
+        Number of the step, and its iterations.
+    minimum_gap : float
+        Smallest distance in contact [m], inf where nothing is closer than d_hat.
+    fastest : float
+        Largest speed of a cloth vertex [m/s].
+    verdict : {"moving", "settled", "stalled"}
+        Settled: no vertex is faster than ten times the tolerance; stalled: dt is below an eighth.
+    seconds : float
+        Wall time since the start [s].
     """
 
     time: float
@@ -55,7 +68,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
 
 
 def progress_of(report: StepReport, session: Session, seconds: float) -> Progress:
-    """What a listener hears of a step; seconds: since the run began."""
+    """The progress after a step; seconds: wall time since the run began [s]."""
     run, integrator = session.scene.run_settings, session.integrator
     verdict = "moving"
     if integrator.control is None and report.dt < integrator.dt / 8:
@@ -83,9 +96,7 @@ def summary_of(
     record: Sequence[Mapping[str, Any]],
     seconds: Mapping[str, float],
 ) -> dict[str, Any]:
-    """What DESIGN's contract asks of summary.json, the notes that were printed, what effects found at the end, and
-    why a failed run failed.
-    """
+    """The content of summary.json: the contract of the design, printed notes, final notes of effects, the failure."""
     world, potential = session.built.world, session.integrator.potential
     energies = session.built.energies.items()
     unmet = certificate.estimate.unmet(certificate.asked)
@@ -114,7 +125,7 @@ def summary_of(
 
 
 def checkpoint_of(session: Session, state: State, certificate: Certificate) -> Checkpoint:
-    """The run at `state`, to go on from."""
+    """The checkpoint of a run at `state`."""
     potential = session.integrator.potential
     counters = {
         "memory": dict(state.memory),
@@ -143,7 +154,7 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
 
 
 def state_of(saved: Checkpoint) -> State:
-    """The state that `checkpoint_of` kept."""
+    """The state in a checkpoint of `checkpoint_of`."""
     x, v = saved.previous_positions, saved.previous_velocities
     return State(
         saved.time,
@@ -161,7 +172,7 @@ def state_of(saved: Checkpoint) -> State:
 
 
 def restore(timers: Timers, counters: dict[str, Any]) -> None:
-    """Go on counting where the stopped run was."""
+    """Set the counters to those of the stopped run."""
     for name, account in counters["effects"].items():
         timers.effects[name] = EffectCounters(**account)
     timers.phases.update(counters["phases"])

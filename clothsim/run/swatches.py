@@ -1,7 +1,7 @@
-"""A swatch card: the Cusick drape of each named fabric, side by side.
+"""Swatch card: the Cusick drape of each named fabric, side by side.
 
 A disc of cloth of 30 cm is held between two discs of 18 cm, as in the drape tester, and hangs over their edge
-(VALIDATION A7). Coarse and quick: to be looked at, and to compare fabrics, not to be measured.
+(VALIDATION A7). The meshes are coarse: for comparison by eye, not for measurement.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from clothsim.run.results import Run
 
 RADIUS, HELD = 0.15, 0.09
-"""Of the cloth and of the discs that hold it [m]."""
+"""Radii of the cloth and of the discs that hold it [m]."""
 RINGS = 15
 SIZE = (360, 290)
 COLUMNS = 5
@@ -50,7 +50,7 @@ def cusick_scene(fabric: str, rings: int | None = None) -> Scene:
 
 
 def drape_coefficient(positions: Floats, triangles: np.ndarray) -> float:
-    """The share of the free ring that the cloth's shadow still covers, from the outline seen from above.
+    """The fraction of the free ring that the cloth's shadow covers, from its outline seen from above.
 
     (A - pi r^2)/(pi R^2 - pi r^2) (BS 5058), A within the border's polygon.
     """
@@ -62,18 +62,18 @@ def drape_coefficient(positions: Floats, triangles: np.ndarray) -> float:
     return (shadow - np.pi * HELD**2) / (np.pi * (RADIUS**2 - HELD**2))
 
 
-def draw_swatches(fabrics: Sequence[str], file: Path, heard: Callable[[str], None] = print) -> str:
-    """Drape each of `fabrics` and write them to one PNG; `heard` is told of each. Returns what drew it."""
+def draw_swatches(fabrics: Sequence[str], file: Path, report: Callable[[str], None] = print) -> str:
+    """Drape each of `fabrics` and write them to one PNG; `report` gets a line for each. Returns the renderer's line."""
     from PIL import Image
 
     panels, note = [], ""
     for name in fabrics:
         run = simulate(cusick_scene(name))
         cloth = run.trajectory.surfaces[0]
-        share = 100 * drape_coefficient(run.positions(-1), cloth.own_triangles)
-        heard(f"{name}: {run.status}, drape coefficient {share:.0f} %")
+        percent = 100 * drape_coefficient(run.positions(-1), cloth.own_triangles)
+        report(f"{name}: {run.status}, drape coefficient {percent:.0f} %")
         fabric = FABRICS[name]
-        title = f"{name.replace('_', ' ')}\n{1e3 * fabric.density:.0f} g/m2, drapes to {share:.0f} %"
+        title = f"{name.replace('_', ' ')}\n{1e3 * fabric.density:.0f} g/m2, drapes to {percent:.0f} %"
         panel, note = _panel(run, title)
         panels.append(panel)
     columns = min(COLUMNS, len(panels))
