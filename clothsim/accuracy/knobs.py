@@ -11,6 +11,7 @@ from typing import Any
 
 from clothsim.build.refinement import cells_of, with_cells
 from clothsim.build.scene_world import Built
+from clothsim.energies.protocols import ContactGap
 from clothsim.errors import InputError
 from clothsim.scene.effects import CONTACTS
 from clothsim.scene.scene import Scene
@@ -137,9 +138,9 @@ def fixed(scene: Scene, built: Built) -> Scene:
 
     The d_hat of each contact and eps_v of friction, where they are on; dt as the steps that a frame is divided into.
     """
-    for name in CONTACTS:
-        if name in built.energies:
-            scene = set_key(scene, f"effects.{name}.d_hat", float(built.energies[name].d_hat))  # type: ignore[attr-defined]
+    for name, energy in built.energies.items():
+        if isinstance(energy, ContactGap):
+            scene = set_key(scene, f"effects.{name}.d_hat", float(energy.d_hat))
     if "friction" in built.energies:
         scene = set_key(scene, "effects.friction.eps_v", float(built.energies["friction"].eps_v))  # type: ignore[attr-defined]
     if "error" not in scene.solver:

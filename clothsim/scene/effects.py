@@ -80,25 +80,23 @@ energies built so far, by name."""
 
 
 EFFECTS = {
-    "pins": Effect("clothsim.energies.pins:pins", "fixed vertices, or in prescribed motion"),
+    "pins": Effect("clothsim.energies.pins:pins", "vertices fixed or on a prescribed motion"),
     "inertia": Effect("clothsim.energies.inertia:inertia", "mass times acceleration"),
     "membrane": Effect("clothsim.energies.membrane:membrane", "stretch and shear"),
-    "fibres": Effect("clothsim.energies.fibres:fibres", "stiffness along warp and weft"),
-    "strain_limit": Effect("clothsim.energies.strain_limit:strain_limit", "upper limit of the stretches"),
-    "bending": Effect("clothsim.energies.bending:bending", "resistance to curvature"),
-    "rest_angle": Effect("clothsim.energies.rest_angle:rest_angle", "creases and pleats: rest angles of hinges"),
+    "fibres": Effect("clothsim.energies.fibres:fibres", "threads along warp and weft"),
+    "strain_limit": Effect("clothsim.energies.strain_limit:strain_limit", "upper limits of the stretches"),
+    "bending": Effect("clothsim.energies.bending:bending", "resistance to folding"),
+    "rest_angle": Effect("clothsim.energies.rest_angle:rest_angle", "creases and pleats with a rest angle"),
     "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
-    "springs": Effect("clothsim.energies.springs:springs", "springs, tethers and soft pins to points"),
-    "pressure": Effect("clothsim.energies.pressure:pressure", "pressure of a fluid along the normals"),
+    "springs": Effect("clothsim.energies.springs:springs", "springs, tethers and soft pins to positions in space"),
+    "pressure": Effect("clothsim.energies.pressure:pressure", "fluid pressure along the normals"),
     "air": Effect("clothsim.energies.air:air", "drag and lift in still air or wind"),
     "damping": Effect("clothsim.energies.damping:damping", "damping of velocity, strain rate and bending rate"),
     "body_contact": Effect("clothsim.contact.body_contact:body_contact", "cloth against bodies"),
     "self_contact": Effect("clothsim.contact.self_contact:self_contact", "cloth against cloth"),
-    "seams": Effect("clothsim.energies.seams:seams", "borders joined over time"),
-    "plastic_bending": Effect(
-        "clothsim.energies.plastic_bending:plastic_bending", "plastic folds beyond a yield angle"
-    ),
-    "friction": Effect("clothsim.contact.friction:friction", "Coulomb friction of contacts"),
+    "seams": Effect("clothsim.energies.seams:seams", "borders drawn together over time, then joined"),
+    "plastic_bending": Effect("clothsim.energies.plastic_bending:plastic_bending", "permanent folds beyond a yield"),
+    "friction": Effect("clothsim.contact.friction:friction", "resistance of contacts to sliding"),
 }
 
 CONTACTS = ("body_contact", "self_contact")
