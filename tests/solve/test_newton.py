@@ -18,7 +18,7 @@ from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
 from clothsim.solve import direction
 from clothsim.solve.direction import QuadraticModel
-from clothsim.solve.outcome import Ending, outcome, place_text
+from clothsim.solve.outcome import Ending, outcome, position_text
 
 
 class Toy(Energy):
@@ -298,8 +298,8 @@ def test_every_sentence_can_be_filled(ending):
 
 
 def test_a_place_is_told_without_its_round_off():
-    assert place_text(np.array([0.25, -3e-17, 1e-3])) == "(0.25, 0, 0.001) m"
-    assert place_text(np.array([2e-12, 0.0, -1e-12])) == "(2e-12, 0, -1e-12) m"
+    assert position_text(np.array([0.25, -3e-17, 1e-3])) == "(0.25, 0, 0.001) m"
+    assert position_text(np.array([2e-12, 0.0, -1e-12])) == "(2e-12, 0, -1e-12) m"
 
 
 def test_an_old_factor_serves_on_the_way_but_never_ends_a_solve(monkeypatch):

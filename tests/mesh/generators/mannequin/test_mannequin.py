@@ -15,7 +15,7 @@ from clothsim.mesh.generators.mannequin.proportions import (
     Figure,
     warped_joints,
 )
-from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PARENTS, PLACES, joint, mirrored, other_side
+from clothsim.mesh.generators.mannequin.skeleton import JOINT_POSITIONS, JOINTS, PARENTS, joint, mirrored, other_side
 from clothsim.mesh.generators.mannequin.template import template
 from clothsim.mesh.topology import unique_edges
 
@@ -138,7 +138,7 @@ def test_the_default_has_plausible_girths():
 
 
 def test_limbs_and_shoulders_follow_their_factors():
-    knee = (PLACES[joint("left_knee"), 2] - TEMPLATE_SOLE) * 1.7 / TEMPLATE_HEIGHT
+    knee = (JOINT_POSITIONS[joint("left_knee"), 2] - TEMPLATE_SOLE) * 1.7 / TEMPLATE_HEIGHT
     ratio = girth(*mannequin(limb_girth=1.2), knee) / girth(*mannequin(), knee)
     assert ratio == pytest.approx(1.2, rel=0.01)
     wide = warped_joints(Figure(shoulder_width=1.1))
@@ -189,7 +189,7 @@ def test_the_skeleton_is_a_tree_with_mirrored_sides():
     assert PARENTS[0] == -1
     assert (PARENTS[1:] < np.arange(1, len(JOINTS))).all()
     for k, name in enumerate(JOINTS):
-        np.testing.assert_array_equal(PLACES[joint(other_side(name))], mirrored(PLACES[k]))
+        np.testing.assert_array_equal(JOINT_POSITIONS[joint(other_side(name))], mirrored(JOINT_POSITIONS[k]))
         if k:
             assert JOINTS[PARENTS[joint(other_side(name))]] == other_side(JOINTS[PARENTS[k]])
 
