@@ -1,4 +1,4 @@
-"""The certificate gathers extremes over steps and survives the checkpoint."""
+"""Certificate: extremes over steps, and its round trip through the checkpoint."""
 
 import json
 from dataclasses import replace

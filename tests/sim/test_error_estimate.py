@@ -1,4 +1,4 @@
-"""The error estimate of the certificate: sums over the steps, and "not estimated" where there is none."""
+"""Error estimate of the certificate: sums over the steps, and "not estimated" where there is none."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Newton: it finds minima, never climbs, shifts what is not positive definite, and every end has its name."""
+"""Newton's method: minima, monotone decrease, diagonal shifts, and a named outcome of each end."""
 
 from dataclasses import replace
 
