@@ -61,7 +61,7 @@ def as_number(name: str, value: float) -> float:
     except (ValueError, TypeError) as error:
         raise InputError(f"{name} must be a number, not {value!r}.") from error
     except OverflowError as error:
-        raise InputError(f"{name} is too large for a float.") from error
+        raise InputError(f"{name} must be within the range of a float.") from error
 
 
 def as_positive(name: str, value: float, zero: bool = False) -> float:

@@ -102,10 +102,10 @@ def fit_gradient(reference: ArrayLike, deformed: ArrayLike) -> tuple[Floats, Int
     """
     P, Q, noise = _centred_pair(reference, deformed)
     A, s, Bt = np.linalg.svd(P, full_matrices=False)
-    kept = s > np.maximum(FLAT_TOLERANCE * s[..., :1], noise[0][..., None])
-    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=kept)
+    significant = s > np.maximum(FLAT_TOLERANCE * s[..., :1], noise[0][..., None])
+    inverse = np.divide(1.0, s, out=np.zeros_like(s), where=significant)
     gradients = np.swapaxes(Q, -1, -2) @ (A * inverse[..., None, :]) @ Bt
-    return gradients, kept.sum(axis=-1)
+    return gradients, significant.sum(axis=-1)
 
 
 def project_psd(blocks: ArrayLike) -> Floats:

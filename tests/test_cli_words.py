@@ -74,7 +74,7 @@ def test_the_error_of_a_run_is_one_line_of_its_verdict(tmp_path, estimate, line)
     from clothsim.cli.report import verdict
 
     run = simulate(small_scene(run={"duration": 0.02}), tmp_path)
-    nothing = {"newton": 0.0, "contact_gap": "not estimated (nothing touches)"}
+    nothing = {"newton": 0.0, "contact_gap": "not estimated (no contact)"}
     run.summary["certificate"]["error_estimate"] = nothing | estimate
     assert f"\n  error    time {line}\n" in verdict(run, [])
 

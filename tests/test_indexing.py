@@ -1,4 +1,4 @@
-"""Rows that follow one another are a slice; all others are taken one by one."""
+"""Rows of arrays: contiguous ones as a slice, all others as indices."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What is asked again at the last places is not computed again, and nothing else is taken for it."""
+"""Memo of the last arguments: no repeated evaluation, no false hit."""
 
 import numpy as np
 

@@ -138,10 +138,10 @@ class _Findings:
         where = np.zeros(0, np.int64) if indices is None else indices
         self.entries.append(Finding("warning" if harmless else "error", kind, sentence, remedy, where))
 
-    def add_if_any(self, kind: str, says: str, what: str, indices: Ints, remedy: str) -> None:
+    def add_if_any(self, kind: str, message: str, what: str, indices: Ints, remedy: str) -> None:
         """Add a finding about vertices, triangles or edges where there are any."""
         if len(indices):
-            self.add(kind, f"{says}: {index_text(what, indices)}.", remedy, indices)
+            self.add(kind, f"{message}: {index_text(what, indices)}.", remedy, indices)
 
     def table(self, name: str, values: ArrayLike) -> Floats | None:
         """`values` as a table (n, 3) of float64; else None and a finding."""
@@ -196,8 +196,8 @@ def _distinct(faces: Ints, rows: Ints, findings: _Findings) -> Ints:
     """Those of `rows` that repeat no earlier one."""
     same, flipped = duplicates(faces[rows])
     findings.add_if_any("duplicate", "given twice", "triangle", rows[same], "Remove the repetition.")
-    says = "given twice with opposite winding"
-    findings.add_if_any("flipped duplicate", says, "triangle", rows[flipped], "Remove one of the two.")
+    message = "given twice with opposite winding"
+    findings.add_if_any("flipped duplicate", message, "triangle", rows[flipped], "Remove one of the two.")
     return np.delete(rows, np.concatenate([same, flipped]))
 
 
@@ -224,13 +224,13 @@ def _examine_surface(
     )
     findings.add_if_any("fin", layers, "edge", fins, "Remove the extra triangles.")
     ties = bow_tie_vertices(triangles, joined, len(points))
-    says = "non-manifold: pieces that touch only in a vertex"
-    findings.add_if_any("bow-tie", says, "vertex", ties[whole_around[ties]], "Give each piece its own vertex.")
+    message = "non-manifold: pieces that touch only in a vertex"
+    findings.add_if_any("bow-tie", message, "vertex", ties[whole_around[ties]], "Give each piece its own vertex.")
     turned, one_sided = turned_triangles(triangles, joined)
-    says = "winding inconsistent with the neighbours"
-    findings.add_if_any("mixed winding", says, "triangle", rows[turned], "Swap two corners of each.")
-    says = "in a non-orientable surface (a Moebius strip)"
-    findings.add_if_any("one-sided", says, "triangle", rows[one_sided], "Cut it open.")
+    message = "winding inconsistent with the neighbours"
+    findings.add_if_any("mixed winding", message, "triangle", rows[turned], "Swap two corners of each.")
+    message = "in a non-orientable surface (a Moebius strip)"
+    findings.add_if_any("one-sided", message, "triangle", rows[one_sided], "Cut it open.")
     single = np.ones(triangles.size, bool)
     single[joined[0]] = single[joined[1]] = False
     border = np.zeros(len(points), bool)
@@ -251,7 +251,9 @@ def _examine_coincidence(points: Floats, triangles: Ints, border: Flags, placed:
     alike = (corner_groups == np.roll(corner_groups, 1, axis=1)) & (corner_groups >= 0)
     inside[corner_groups[alike]] = True
     together = placed & (size > 1)
-    says, seam = "coincident inside the surface", "coincident on borders (panels not sewn)"
-    findings.add_if_any("coincident", says, "vertex", np.flatnonzero(together & inside[group]), "Merge or move them.")
+    message, seam = "coincident inside the surface", "coincident on borders (panels not sewn)"
+    findings.add_if_any(
+        "coincident", message, "vertex", np.flatnonzero(together & inside[group]), "Merge or move them."
+    )
     remedy = "Sew them with weld = (a small distance in m), or leave them open."
     findings.add_if_any("seam", seam, "vertex", np.flatnonzero(together & ~inside[group]), remedy)

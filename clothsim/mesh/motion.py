@@ -130,13 +130,13 @@ def motion_of(where: str, keys: Mapping[str, Any], origin: Floats) -> RigidMotio
 
 def frame_motion(frames: Floats, frames_per_second: float) -> FrameMotion:
     """Make the motion through `frames (k, n, 3)` [m], k >= 1; InputError for another shape or numbers not finite."""
-    places = np.asarray(frames, np.float64)
-    if places.ndim != 3 or places.shape[2] != 3 or not len(places):
-        raise InputError(f"frames has shape {places.shape}, not (frames, vertices, 3).")
-    if not np.isfinite(places).all():
-        frame, vertex = np.argwhere(~np.isfinite(places))[0, :2]
+    points = np.asarray(frames, np.float64)
+    if points.ndim != 3 or points.shape[2] != 3 or not len(points):
+        raise InputError(f"frames has shape {points.shape}, not (frames, vertices, 3).")
+    if not np.isfinite(points).all():
+        frame, vertex = np.argwhere(~np.isfinite(points))[0, :2]
         raise InputError(f"frames: vertex {vertex} of frame {frame} is not finite.")
-    return FrameMotion(places - places[0], as_positive("frames_per_second", frames_per_second))
+    return FrameMotion(points - points[0], as_positive("frames_per_second", frames_per_second))
 
 
 def rotation_matrix(rotation_vector: Floats) -> Floats:

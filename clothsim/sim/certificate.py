@@ -89,7 +89,7 @@ class Certificate:
     def as_dict(self, coverage: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
         """Return the entry of the summary. coverage: see `IntersectionCheck.coverage`; completed: the whole run."""
         scale, scripted = self.energy_scale or 1.0, "bodies, pins or wind do work"
-        drift: float | str = self.energy_rise / scale if self.formula == BACKWARD_EULER else "not judged (BDF2)"
+        drift: float | str = self.energy_rise / scale if self.formula == BACKWARD_EULER else "not checked (BDF2)"
         return {
             "intersection_free": not self.intersecting_frames,
             **coverage,

@@ -54,7 +54,9 @@ class ContactPair:
 def closest_contact_pair(world: World, energies: Iterable[Energy], x: Floats) -> ContactPair | None:
     """Return the closest pair of all contact energies at x (N, 3) [m]; None where no pair is active."""
     found = [_contact_pairs(energy, x) for energy in energies if isinstance(energy, HasContactPairs)]
-    rows, splits, places, distances = (np.concatenate(parts) for parts in zip(*found, strict=True)) if found else _NONE
+    rows, splits, midpoints, distances = (
+        (np.concatenate(parts) for parts in zip(*found, strict=True)) if found else _NONE
+    )
     if not len(rows):
         return None
     best = int(distances.argmin())
@@ -62,12 +64,12 @@ def closest_contact_pair(world: World, energies: Iterable[Energy], x: Floats) ->
     objects = world.labels[rows[:, [0, 3]]]
     ends = x[world.edges]
     edge = float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
-    active = np.linalg.norm(places - places[best], axis=1) <= PINCH_RADIUS * edge
+    active = np.linalg.norm(midpoints - midpoints[best], axis=1) <= PINCH_RADIUS * edge
     elsewhere = ~np.isin(objects, objects[best])
     closing = np.flatnonzero(active & elsewhere.any(axis=1))
     third = closing[distances[closing].argmin()] if len(closing) else None
     pinch = None if third is None else int(objects[third][elsewhere[third]][0])
-    return ContactPair(pair[:split], pair[split:], places[best], float(distances[best]), pinch)
+    return ContactPair(pair[:split], pair[split:], midpoints[best], float(distances[best]), pinch)
 
 
 def _contact_pairs(energy: HasContactPairs, x: Floats) -> tuple[Ints, Ints, Floats, Floats]:
@@ -75,8 +77,8 @@ def _contact_pairs(energy: HasContactPairs, x: Floats) -> tuple[Ints, Ints, Floa
     rows, weights, lines, _ = energy.normal_forces(x, energy.stiffness)
     splits = np.where(np.arange(len(rows)) < energy.candidates.active(x).n_points, 1, 2)
     on_first = np.where(np.arange(4) < splits[:, None], weights, 0.0)
-    places = np.einsum("pk,pkc->pc", np.abs(on_first), x[rows]) - 0.5 * lines
-    return rows, splits, places, np.linalg.norm(lines, axis=1)
+    midpoints = np.einsum("pk,pkc->pc", np.abs(on_first), x[rows]) - 0.5 * lines
+    return rows, splits, midpoints, np.linalg.norm(lines, axis=1)
 
 
 _NONE = (np.zeros((0, 4), np.int64), np.zeros(0, np.int64), np.zeros((0, 3)), np.zeros(0))

@@ -69,7 +69,7 @@ class ErrorEstimate:
             "temporal": "not estimated (quasi-static)" if static else self.temporal,
             "temporal_largest": "not estimated (quasi-static)" if static else self.temporal_largest,
             "newton": self.newton,
-            "contact_gap": self.contact_gap if self.contact_gap < np.inf else "not estimated (nothing touches)",
+            "contact_gap": self.contact_gap if self.contact_gap < np.inf else "not estimated (no contact)",
             **({"asked": asked, "met": completed and not self.unmet(asked)} if asked else {}),
         }
 

@@ -139,8 +139,8 @@ class QuadraticModel:
 
     def _not_a_number(self, x: Floats, right: Floats, data: Floats) -> int:
         """First row of x at which the right-hand side, or else the matrix, is not finite."""
-        place = self.system.pattern.times(data)(np.zeros_like(right)) if np.isfinite(right).all() else right
-        return int(np.arange(len(x))[self.system.rows][_first_not_finite(place.reshape(-1, 3))])
+        vector = self.system.pattern.times(data)(np.zeros_like(right)) if np.isfinite(right).all() else right
+        return int(np.arange(len(x))[self.system.rows][_first_not_finite(vector.reshape(-1, 3))])
 
     def _free(self, vectors: Floats) -> Floats:
         """Entries (3 n,) of vectors (N, 3) at the system's vertices, 0 where they are fixed."""

@@ -1,8 +1,8 @@
 """Saddle-free Newton direction of an indefinite Hessian in a Krylov space (Lanczos' method, preconditioned).
 
 The projected Hessian is safe but too stiff where cloth is compressed: Newton on it alone converges linearly, at a rate
-of about .7 on folding cloth. The exact one is indefinite there, in many places at once: each crease that grows is a
-direction of negative curvature. With M the inverse of the projected one, Lanczos' method builds vectors W from b with
+of about .7 on folding cloth. The exact one is indefinite there, in many directions at once: each crease that grows
+is one of negative curvature. With M the inverse of the projected one, Lanczos' method builds vectors W from b with
 W' M^-1 W = 1 and W' A W = T tridiagonal, and in them
 
     x = W f(T) W' b,    f(t) = 1 / max(|t|, 1 / radius):

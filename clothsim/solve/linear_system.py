@@ -65,7 +65,7 @@ class System:
 
         The missing blocks are those gained since the last analysis; they couple the two sides of contact pairs. Without
         them each side is held as if the other stood still, which is at most twice as stiff. Where only some blocks of a
-        pair are missing, the rest may be indefinite (up to one in ten such matrices): NotPositiveDefiniteError tells.
+        pair are missing, the rest may be indefinite (up to one in ten such matrices); NotPositiveDefiniteError then.
         """
         known, few = self._analysed, len(self.pattern.columns) <= (1.0 + NEW_BLOCKS) * len(self._analysed.columns)
         if self._solver is None or known is self.pattern or not few:
@@ -101,7 +101,7 @@ class System:
         known, self._offsets = self._offsets, {}
 
         def block_offsets(elements: Ints) -> NDArray[np.int32]:
-            if id(elements) not in self._offsets:  # the cache holds the list, so no other object gets its id
+            if id(elements) not in self._offsets:  # a list in the cache keeps its id
                 found = known.get(id(elements)) or (elements, self.pattern.block_offsets(elements))
                 self._offsets[id(elements)] = found
             return self._offsets[id(elements)][1]

@@ -1,8 +1,8 @@
 """Nonlinear elimination: the unconverged vertices minimised as a patch of their own, all others fixed.
 
-Late in a solve of crumpling cloth a hundredth of the vertices still moves: creases that grow, each at its own place.
-Every iteration over the whole cloth pays for all other vertices too, and one crease that overshoots shortens the step
-of all (Lanzkron, Rose & Wilkes 1996).
+Late in a solve of crumpling cloth a hundredth of the vertices still moves: separate creases that grow. Every iteration
+over the whole cloth pays for all other vertices too, and one crease that overshoots shortens the step of all (Lanzkron,
+Rose & Wilkes 1996).
 """
 
 from dataclasses import replace
@@ -44,7 +44,10 @@ class Patch:
         """Return rows of x (m, j) as rows of the patch's matrix."""
         found = self._known.get(id(elements))
         if found is None:
-            found = self._known[id(elements)] = elements, self._numbers[elements]  # what is held keeps its id
+            found = self._known[id(elements)] = (
+                elements,
+                self._numbers[elements],
+            )  # a list in the cache keeps its id
         return found[1]
 
     def hessian(self, hessian: Hessian) -> Hessian:

@@ -14,16 +14,16 @@ class Ending(Enum):
 
     CONVERGED = "The step converged."
     ITERATION_LIMIT = (
-        "Newton did not converge in {limit} iterations: the last step was {speed:.3g} m/s at {who}, at {place} "
+        "Newton did not converge in {limit} iterations: the last step was {speed:.3g} m/s at {who}, at {at} "
         "(tolerance {tolerance:.3g} m/s)."
     )
     LINE_SEARCH = (
         "The line search found no lower energy along a descent direction "
-        "(the step was {speed:.3g} m/s at {who}, at {place})."
+        "(the step was {speed:.3g} m/s at {who}, at {at})."
     )
-    NO_ROOM = "Contact at {who}, at {place}, leaves no admissible step (fraction {fraction:.1e})."
-    BLOCKED = "The prescribed motion is blocked by contact: {who} stops at {place}."
-    NOT_FINITE = "The gradient or the Hessian is not finite at {who}, at {place}."
+    NO_ROOM = "Contact at {who}, at {at}, leaves no admissible step (fraction {fraction:.1e})."
+    BLOCKED = "The prescribed motion is blocked by contact: {who} stops at {at}."
+    NOT_FINITE = "The gradient or the Hessian is not finite at {who}, at {at}."
     SINGULAR = "The Newton matrix is not positive definite, and shifting its diagonal did not help."
 
 
@@ -61,7 +61,7 @@ class Outcome:
     def describe(self, who: str, position: Floats | None = None) -> str:
         """Return the message about `who`, at `position (3,)` [m] if given, else at that of the row."""
         where = self.position if position is None else position
-        return self.ending.value.format(who=who, place="" if where is None else place_text(where), **self.numbers)
+        return self.ending.value.format(who=who, at="" if where is None else position_text(where), **self.numbers)
 
 
 def outcome(ending: Ending, x: Floats | None = None, row: int | None = None, **numbers: float) -> Outcome:
@@ -74,10 +74,10 @@ def outcome(ending: Ending, x: Floats | None = None, row: int | None = None, **n
     return Outcome(ending, row, position, numbers)
 
 
-def place_text(position: Floats) -> str:
+def position_text(position: Floats) -> str:
     """Format a position; components below round-off of the largest read as 0.
 
-    >>> place_text(np.array([0.1, 0.2, 1e-12]))
+    >>> position_text(np.array([0.1, 0.2, 1e-12]))
     '(0.1, 0.2, 0) m'
     """
     least = 1e-9 * float(np.abs(position).max())

@@ -70,10 +70,10 @@ class Potential:
                 with self.timers.effect(name, ""):
                     bound[name] = energy.begin(replace(step, gradient=gradient, bound=dict(bound)))
         for name, energy in bound.items():
-            account = self.timers.effects[name]
-            account.steps += 1
-            account.idle_steps += is_idle(energy)
-            account.pairs = int(report_of(energy).counts().get("pairs", 0))
+            counters = self.timers.effects[name]
+            counters.steps += 1
+            counters.idle_steps += is_idle(energy)
+            counters.pairs = int(report_of(energy).counts().get("pairs", 0))
         return replace(self, energies={name: bound[name] for name in self.energies})
 
     @cached_property
@@ -88,11 +88,11 @@ class Potential:
 
     @property
     def lag_iterations(self) -> int:
-        """How often a step is solved, the most that an energy asks for."""
+        """Number of solves of a step, the largest that an energy needs."""
         return lag_iterations(self.energies.values())
 
     def relag(self, x: Floats) -> Self:
-        """Bound for another pass of the same step, what is lagged taken at x."""
+        """Bind for another solve of the same step, lagged data taken at x."""
         bound = {}
         for name, energy in self.energies.items():
             with self.timers.effect(name, ""):
@@ -100,7 +100,7 @@ class Potential:
         return replace(self, energies=bound)
 
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
-        """The same but for a constant while, from x on, only the `moving` vertices ((N,) booleans) move."""
+        """Restrict to `moving` vertices ((N,) bool), all others fixed at x; E changes by a constant only."""
         return replace(self, energies={name: restricted(energy, moving, x) for name, energy in self.energies.items()})
 
     def value(self, x: Floats) -> float:
@@ -149,9 +149,9 @@ class Potential:
         ]
 
     def _hessian(self, name: str, x: Floats, project: bool) -> "ByElement | sparse.csr_array":
-        with self.timers.effect(name, "hessians") as account:
+        with self.timers.effect(name, "hessians") as counters:
             hessian = self.energies[name].hessian(x, project)
-            account.hessian_nonzeros = int(hessian.nnz)
+            counters.hessian_nonzeros = int(hessian.nnz)
         return replace(hessian, fill=self._timed(name, hessian.fill)) if isinstance(hessian, LanesHessian) else hessian
 
     def _timed(self, name: str, fill: Callable[[Floats, int], None]) -> Callable[[Floats, int], None]:
@@ -203,15 +203,15 @@ class Potential:
         """Return the counters of each effect: {name: fields of `EffectCounters`}."""
         effect_counters = {}
         for name, energy in self.energies.items():
-            account = asdict(self.timers.effects[name])
+            counters = asdict(self.timers.effects[name])
             for key, count in report_of(energy).counts().items():
                 if key == "pairs":
-                    account[key] = count or account[key]  # only the bound energy knows its lagged pairs
-                elif key in account:
-                    account[key] += count
+                    counters[key] = count or counters[key]  # only the bound energy knows its lagged pairs
+                elif key in counters:
+                    counters[key] += count
                 else:
-                    account["parts"][key] = account["parts"].get(key, 0.0) + count
-            effect_counters[name] = account
+                    counters["parts"][key] = counters["parts"].get(key, 0.0) + count
+            effect_counters[name] = counters
         return effect_counters
 
 

@@ -43,20 +43,20 @@ class EffectCounters:
 class _Call:
     """Timer of one effect call; a class, as a generator-based context manager is too slow for 60 calls an iteration."""
 
-    __slots__ = ("account", "counter", "start", "timers")
+    __slots__ = ("counter", "counters", "start", "timers")
 
-    def __init__(self, timers: "Timers", account: EffectCounters, counter: str) -> None:
-        self.timers, self.account, self.counter = timers, account, counter
+    def __init__(self, timers: "Timers", counters: EffectCounters, counter: str) -> None:
+        self.timers, self.counters, self.counter = timers, counters, counter
 
     def __enter__(self) -> EffectCounters:
         self.start = self.timers._open()
-        return self.account
+        return self.counters
 
     def __exit__(self, *failure: object) -> None:
-        account, counter = self.account, self.counter
-        account.seconds += self.timers._close(self.start)
+        counters, counter = self.counters, self.counter
+        counters.seconds += self.timers._close(self.start)
         if counter:
-            setattr(account, counter, getattr(account, counter) + 1)
+            setattr(counters, counter, getattr(counters, counter) + 1)
 
 
 @dataclass
@@ -77,10 +77,10 @@ class Timers:
 
     def effect(self, name: str, counter: str) -> "_Call":
         """Time one call of an effect and count it under `counter`."""
-        account = self.effects.get(name)
-        if account is None:
-            account = self.effects[name] = EffectCounters()
-        return _Call(self, account, counter)
+        counters = self.effects.get(name)
+        if counters is None:
+            counters = self.effects[name] = EffectCounters()
+        return _Call(self, counters, counter)
 
     @contextmanager
     def phase(self, name: str) -> Iterator[None]:

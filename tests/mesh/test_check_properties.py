@@ -1,4 +1,4 @@
-"""The doctor on arrays of any content: it reports and never raises, and what it passes as clean can be simulated."""
+"""Mesh checks on arrays of any content: they never raise, and clean meshes can be simulated."""
 
 from dataclasses import replace
 

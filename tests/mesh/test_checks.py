@@ -1,4 +1,4 @@
-"""The mesh doctor (VALIDATION B15): each fault alone, all at once, and what it must not complain about."""
+"""Mesh checks (VALIDATION B15): each fault alone, all at once, and sound meshes."""
 
 import numpy as np
 import pytest

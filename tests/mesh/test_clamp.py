@@ -1,4 +1,4 @@
-"""Ghosts behind clamped edges: where they stand, which hinges they make, and what is refused."""
+"""Ghost triangles behind clamped edges: positions, hinges, rejected groups."""
 
 from dataclasses import replace
 
@@ -137,7 +137,7 @@ def test_each_cloth_has_its_own_stiffness():
 @pytest.mark.parametrize("group", [[0], [0, 19], [5, 6]])
 def test_a_group_with_nothing_to_clamp_is_refused(group):
     world = make_world([sheet()])
-    with pytest.raises(InputError, match="Pin group 1 has nothing to clamp"):
+    with pytest.raises(InputError, match="Pin group 1 "):
         clamped(world, [left_and_right(world)[0], np.array(group)])
 
 

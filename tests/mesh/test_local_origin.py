@@ -1,4 +1,4 @@
-"""A world far away gets an origin of its own; one that is near keeps the user's."""
+"""Local origin of a world far from the origin."""
 
 import numpy as np
 from contacts import ball, sheet

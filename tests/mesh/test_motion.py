@@ -1,4 +1,4 @@
-"""Where an animated body is between, before and after its frames."""
+"""Animated motion between, before and after its frames."""
 
 import numpy as np
 import pytest
@@ -50,5 +50,5 @@ def test_bad_frames_are_named(frames, rate, says):
 
 
 def test_frames_of_another_body_are_refused():
-    with pytest.raises(InputError, match="ball has 3 vertices, its frames have 5"):
+    with pytest.raises(InputError, match=r"ball.* 3 .* 5"):
         make_body("ball", np.eye(3), np.array([[0, 1, 2]]), frame_motion(FRAMES, RATE))

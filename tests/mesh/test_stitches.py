@@ -1,4 +1,4 @@
-"""Who meets whom along two lines, and the hinges over a closed seam."""
+"""Stitches between two lines by arc length, and hinges over a closed seam."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Neighbours in a triangle list, hinges over its interior edges, and the world that numbers everything through."""
+"""Topology of a triangle list, hinges over its interior edges, and the numbering of a world."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The user asks for an error and the simulator picks the steps: the largest true error against what was asked for."""
+"""Requested error: the largest true error with step size control against the request."""
 
 from dataclasses import replace
 

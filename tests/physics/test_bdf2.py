@@ -1,4 +1,4 @@
-"""BDF2 with varying steps: free fall, orders, the pendulum, damping, pins (VALIDATION A4, FORMULAS 2)."""
+"""BDF2 with variable steps: free fall, orders, the pendulum, damping, pins (VALIDATION A4, FORMULAS 2)."""
 
 from dataclasses import replace
 

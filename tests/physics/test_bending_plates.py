@@ -1,4 +1,4 @@
-"""Plates that bend to a cylinder, against the elastica (VALIDATION A3); what belongs to the mesh of hinges."""
+"""Plates bent to a cylinder, against the elastica (VALIDATION A3), and the mesh dependence of hinges."""
 
 from dataclasses import fields
 

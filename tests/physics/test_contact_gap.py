@@ -1,4 +1,4 @@
-"""The gap of a sheet that lies on a slab, and the force that the slab gives back (VALIDATION A5)."""
+"""Gap and reaction force of a sheet that rests on a slab (VALIDATION A5)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A strip hangs under its own weight, free to narrow: the drop of its lower end (VALIDATION A1)."""
+"""Drop of the lower end of a strip under its own weight, free to narrow (VALIDATION A1)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The certificate gathers extremes over steps and survives the checkpoint."""
+"""Certificate: extremes over steps, and its round trip through the checkpoint."""
 
 import json
 from dataclasses import replace
@@ -112,7 +112,7 @@ def test_it_survives_the_checkpoint():
 
 def test_the_energy_of_bdf2_is_not_judged_but_each_step_s_descent_is():
     told = replace(Certificate(), formula="bdf2", energy_rise=1.0, step_rise=0.5, energy_scale=2.0).as_dict({})
-    assert told["energy_drift"] == "not judged (BDF2)"
+    assert told["energy_drift"] == "not checked (BDF2)"
     assert told["step_energy_rise"] == 0.25
 
 

@@ -1,4 +1,4 @@
-"""The error estimate of the certificate: sums over the steps, and "not estimated" where there is none."""
+"""Error estimate of the certificate: sums over the steps, and "not estimated" where there is none."""
 
 from dataclasses import replace
 
@@ -39,7 +39,7 @@ def test_the_temporal_error_is_summed_over_the_steps():
     assert told["temporal"] == pytest.approx(sum(report.error.rms for report in reports))
     assert told["temporal_largest"] == pytest.approx(sum(report.error.largest for report in reports))
     assert told["temporal_largest"] > told["temporal"] > 1e-3
-    assert told["contact_gap"] == "not estimated (nothing touches)"
+    assert told["contact_gap"] == "not estimated (no contact)"
     assert "asked" not in told
 
 

@@ -1,4 +1,4 @@
-"""Failures are typed: cause, element by its name, place, remedy; the infeasible ends soon (VALIDATION B9, B20, B21)."""
+"""Failures: cause, element by name, position, remedy; early end of infeasible motions (VALIDATION B9, B20, B21)."""
 
 import numpy as np
 import pytest

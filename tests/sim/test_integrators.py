@@ -1,4 +1,4 @@
-"""The difference formulas: what they differentiate exactly, when BDF2 begins anew, and what a retry sees."""
+"""Difference formulas: exactness on polynomials, restarts of BDF2, retries."""
 
 from dataclasses import replace
 

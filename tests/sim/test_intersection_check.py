@@ -1,4 +1,4 @@
-"""What a scene's effects promise, what is tested, and what the certificate says of it."""
+"""Exact intersection check: the pairs that effects require, and its coverage in the certificate."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The dumped iterates are those of the step: from its start to its end, the energy falling, retries told apart."""
+"""Log of iterates: a step from its start to its end, falling energy, retries told apart."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a step adds to the error: closed forms, order, and what is left out."""
+"""Local error of a step: closed forms, order, prescribed rows."""
 
 from dataclasses import replace
 

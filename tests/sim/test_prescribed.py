@@ -1,4 +1,4 @@
-"""Where bodies, pins and ghosts are at a time."""
+"""Prescribed positions of bodies, pins and ghosts at a time."""
 
 import numpy as np
 from meshes import cloth, grid

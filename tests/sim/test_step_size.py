@@ -1,4 +1,4 @@
-"""The chosen steps: shares of what is left, factors, the floor, frames on their times, retries."""
+"""Step size control: budget of the remaining error, factors, the floor, frames on their times, retries."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Steps: retries with half the dt, growth, frames on their times, the ramp of a quasi-static run."""
+"""Time steps: retries with half the dt, growth, frames on their times, the ramp of a quasi-static run."""
 
 from dataclasses import dataclass, replace
 

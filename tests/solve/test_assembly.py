@@ -1,4 +1,4 @@
-"""The places of element lists that a system remembers follow its pattern."""
+"""Cached block offsets of element lists after the pattern was extended."""
 
 import numpy as np
 

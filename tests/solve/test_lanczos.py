@@ -1,4 +1,4 @@
-"""The direction in a Krylov space: the solution where the matrix is definite, its mirror where it is not."""
+"""Saddle-free Krylov solve: the solution of definite matrices, the mirrored step of indefinite ones."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""Backtracking: the fraction satisfies the Armijo condition and respects its limit."""
+"""Armijo backtracking: sufficient decrease, the step limit, step extension."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""All direct solvers that are installed give the same answer and refuse the same matrices."""
+"""Direct solvers: equal solutions, and equal rejection of matrices that are not positive definite."""
 
 import ctypes
 import sys

@@ -1,4 +1,4 @@
-"""When a system analyses its pattern: once, unless much has come or the very matrix is asked for."""
+"""Symbolic analyses of a system: one for a pattern, another where many blocks were added."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Newton: it finds minima, never climbs, shifts what is not positive definite, and every end has its name."""
+"""Newton's method: minima, monotone decrease, diagonal shifts, and a named outcome of each end."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from clothsim.mesh.world import make_world
 from clothsim.solve import direction
 from clothsim.solve.direction import QuadraticModel
 from clothsim.solve.linear_system import System
-from clothsim.solve.outcome import Ending, outcome, place_text
+from clothsim.solve.outcome import Ending, outcome, position_text
 from clothsim.solve.potential import Potential
 from clothsim.solve.sparsity import make_pattern
 from clothsim.solve.timers import Timers
@@ -304,8 +304,8 @@ def test_every_sentence_can_be_filled(ending):
 
 
 def test_a_place_is_told_without_its_round_off():
-    assert place_text(np.array([0.25, -3e-17, 1e-3])) == "(0.25, 0, 0.001) m"
-    assert place_text(np.array([2e-12, 0.0, -1e-12])) == "(2e-12, 0, -1e-12) m"
+    assert position_text(np.array([0.25, -3e-17, 1e-3])) == "(0.25, 0, 0.001) m"
+    assert position_text(np.array([2e-12, 0.0, -1e-12])) == "(2e-12, 0, -1e-12) m"
 
 
 def test_an_old_factor_serves_on_the_way_but_never_ends_a_solve(monkeypatch):

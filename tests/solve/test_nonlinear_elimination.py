@@ -1,4 +1,4 @@
-"""The few that still move are brought to rest by themselves: the same end, and fewer iterations of the whole."""
+"""Nonlinear elimination: the same minimiser with fewer iterations over the whole cloth."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The sum of the energies: values, gradients, limits, and the order in which energies are bound to a step."""
+"""Sum of energies: values, gradients, step limits, and the order in which energies are bound to a step."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""Assembly into the fixed pattern against the dense sum."""
+"""Assembly into the sparsity pattern against the dense sum."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The receipt counts every call once and books every second once."""
+"""Timers: every call is counted once, and every second is charged once."""
 
 import numpy as np
 import pytest

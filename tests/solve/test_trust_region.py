@@ -1,4 +1,4 @@
-"""The radius grows while steps of negative curvature succeed, and the exact Hessian rests longer at each round-off."""
+"""Trust region: growth with successful steps of negative curvature, pauses of the exact Hessian at round-off."""
 
 from clothsim.solve.trust_region import MAX_RADIUS, MIN_RADIUS, PROJECTED, Trust
 

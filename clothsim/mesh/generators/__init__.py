@@ -1,1 +1,1 @@
-"""Generators of sheets, solids, garments and the mannequin."""
+"""Mesh generators: sheets, solids, garments and the mannequin."""

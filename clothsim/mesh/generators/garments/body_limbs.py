@@ -10,7 +10,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.mesh.generators.garments.implicit import Limb, limb
-from clothsim.mesh.generators.mannequin.skeleton import PLACES, joint, other_side
+from clothsim.mesh.generators.mannequin.skeleton import JOINT_POSITIONS, joint, other_side
 
 SMOOTHING = 0.014
 X, Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
@@ -25,7 +25,7 @@ class BodyLimb:
 
 
 def _at(name: str) -> Floats:
-    return PLACES[joint(name)]
+    return JOINT_POSITIONS[joint(name)]
 
 
 def _trunk() -> list[BodyLimb]:

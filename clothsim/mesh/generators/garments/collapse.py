@@ -33,8 +33,8 @@ def collapsed(positions: Floats, triangles: Ints, held: np.ndarray) -> tuple[Flo
             into[v] = w
             touched[around] = True
     merged = into[triangles]
-    kept = merged[(merged != np.roll(merged, 1, axis=1)).all(axis=1)]
-    used, renumbered = np.unique(kept, return_inverse=True)
+    remaining = merged[(merged != np.roll(merged, 1, axis=1)).all(axis=1)]
+    used, renumbered = np.unique(remaining, return_inverse=True)
     return positions[used], renumbered.reshape(-1, 3).astype(np.int64)
 
 

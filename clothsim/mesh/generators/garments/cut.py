@@ -46,15 +46,15 @@ def trimmed(positions: Floats, triangles: Ints, edge: Edge) -> tuple[Floats, Int
 
     The largest component remains, without triangles that have two sides on the border: those would be flattened there.
     """
-    kept = triangles[edge(positions[triangles].mean(axis=1))[0] < 0]
-    piece = components(kept, len(positions))[kept[:, 0]]
-    kept = kept[piece == np.bincount(piece).argmax()]
+    remaining = triangles[edge(positions[triangles].mean(axis=1))[0] < 0]
+    piece = components(remaining, len(positions))[remaining[:, 0]]
+    remaining = remaining[piece == np.bincount(piece).argmax()]
     middle = positions[:, 0] == 0
     for _ in range(32):
-        ends, half = border_edges(kept)
-        sides = np.bincount(half[~middle[ends].all(axis=1)] // 3, minlength=len(kept))
-        if not (sides > 1).any():
+        ends, half = border_edges(remaining)
+        border_sides = np.bincount(half[~middle[ends].all(axis=1)] // 3, minlength=len(remaining))
+        if not (border_sides > 1).any():
             break
-        kept = kept[sides < 2]
-    used, renumbered = np.unique(kept, return_inverse=True)
+        remaining = remaining[border_sides < 2]
+    used, renumbered = np.unique(remaining, return_inverse=True)
     return positions[used], renumbered.reshape(-1, 3).astype(np.int64)

@@ -8,12 +8,12 @@ from clothsim.mesh.generators.garments.cut import cut
 from clothsim.mesh.generators.garments.garment_mesh import Pattern, both_sides, garment_mesh, tube_limb
 from clothsim.mesh.generators.garments.implicit import limb
 from clothsim.mesh.generators.mannequin.proportions import Figure
-from clothsim.mesh.generators.mannequin.skeleton import ARM, PLACES, joint
+from clothsim.mesh.generators.mannequin.skeleton import ARM, JOINT_POSITIONS, joint
 
 _TRUNK = ("pelvis", "spine", "chest", "neck", "head")
 _ARMS = ("left_shoulder", "right_shoulder")
 _LEGS = ("left_hip", "right_hip")
-_SHOULDER = PLACES[joint("left_shoulder")]
+_SHOULDER = JOINT_POSITIONS[joint("left_shoulder")]
 _Y = np.array([0.0, 1.0, 0.0])
 UP, DOWN = (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)
 
@@ -100,7 +100,9 @@ def trousers(
     figure = Figure(height, chest, waist, hips, shoulder_width, limb_girth)
     low = _within("hem", hem, 0.10, 0.60)
     profile = [(0.0, 0.060, 0.070), (0.5, 0.056, 0.064), (1.0, 0.054, 0.058)]
-    leg = limb(PLACES[joint("left_hip")], (0.115, 0.012, 0.05), np.array([1.0, 0.0, 0.0]), profile, (0.03, 0.03))
+    leg = limb(
+        JOINT_POSITIONS[joint("left_hip")], (0.115, 0.012, 0.05), np.array([1.0, 0.0, 0.0]), profile, (0.03, 0.03)
+    )
     cuts = (cut((DOWN, (0, 0, low))), cut((UP, (0, 0, 1.045))))
     pattern = Pattern(("pelvis", "spine", *_LEGS), both_sides(leg), cuts, (0, -0.13, low - 0.02), (0.19, 0.15, 1.07))
     return garment_mesh(pattern, figure, ease, edge)

@@ -4,7 +4,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.mesh.generators.garments.body_limbs import BodyLimb, body_limbs
-from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PLACES, joint
+from clothsim.mesh.generators.mannequin.skeleton import JOINT_POSITIONS, JOINTS, joint
 
 BLEND = 0.05
 """A limb farther from a point than its nearest limb by this much has no weight there [m]."""
@@ -34,7 +34,7 @@ def _parts(part: BodyLimb, points: Floats) -> Floats:
     along = part.limb.axes[2]
     steps = [np.ones(len(points))]
     for name in part.joints[1:]:
-        t = np.clip((points - PLACES[joint(name)]) @ along / BEND + 0.5, 0.0, 1.0)
+        t = np.clip((points - JOINT_POSITIONS[joint(name)]) @ along / BEND + 0.5, 0.0, 1.0)
         steps.append(t * t * (3 - 2 * t))
     steps.append(np.zeros(len(points)))
     return -np.diff(np.stack(steps), axis=0)

@@ -18,13 +18,13 @@ def _is_split(code: int) -> bool:
     """True where the inside corners (the bits of `code`) or the outside ones are not connected by edges of the cell."""
     for wanted in (1, 0):
         left = [c for c in range(8) if (code >> c & 1) == wanted]
-        reached, todo = set(left[:1]), left[:1]
+        visited, todo = set(left[:1]), left[:1]
         while todo:
             here = todo.pop()
-            step = [c for edge in _EDGES if here in edge for c in edge if c in left and c not in reached]
-            reached.update(step)
+            step = [c for edge in _EDGES if here in edge for c in edge if c in left and c not in visited]
+            visited.update(step)
             todo.extend(step)
-        if len(reached) < len(left):
+        if len(visited) < len(left):
             return True
     return False
 

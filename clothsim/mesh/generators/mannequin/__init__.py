@@ -1,1 +1,1 @@
-"""A procedural mannequin: capsules round a skeleton, their smooth union meshed once, figures and poses by skinning."""
+"""Mannequin: a shipped template mesh, warped to a figure and posed by linear blend skinning."""

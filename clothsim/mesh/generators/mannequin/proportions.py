@@ -8,7 +8,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, as_positive
 from clothsim.errors import InputError
-from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PLACES, joint
+from clothsim.mesh.generators.mannequin.skeleton import JOINT_POSITIONS, JOINTS, joint
 
 TEMPLATE_HEIGHT = 1.69085
 """From the soles to the crown of the template [m]; a test measures it."""
@@ -80,7 +80,7 @@ def warped(points: Floats, weights: Floats, figure: Figure) -> Floats:
 
 def warped_joints(figure: Figure) -> Floats:
     """Return the joints of a figure, (j, 3) [m]."""
-    return warped(PLACES, np.eye(len(JOINTS)), figure)
+    return warped(JOINT_POSITIONS, np.eye(len(JOINTS)), figure)
 
 
 def _map_of(name: str) -> Callable[[Floats, Figure], Floats]:
@@ -98,7 +98,7 @@ def _map_of(name: str) -> Callable[[Floats, Figure], Floats]:
 
 def _moved_with(row: int, warp: Callable[[Floats, Figure], Floats], points: Floats, figure: Figure) -> Floats:
     """`points` translated with the joint in row `row`."""
-    return points + warp(PLACES[row : row + 1], figure) - PLACES[row]
+    return points + warp(JOINT_POSITIONS[row : row + 1], figure) - JOINT_POSITIONS[row]
 
 
 def _column(points: Floats, figure: Figure) -> Floats:
@@ -115,7 +115,7 @@ def _column(points: Floats, figure: Figure) -> Floats:
 
 def _arm(points: Floats, figure: Figure, side: str) -> Floats:
     """Arm: moved with its shoulder, its section times limb_girth."""
-    shoulder, wrist = PLACES[joint(f"{side}shoulder")], PLACES[joint(f"{side}wrist")]
+    shoulder, wrist = JOINT_POSITIONS[joint(f"{side}shoulder")], JOINT_POSITIONS[joint(f"{side}wrist")]
     along = (wrist - shoulder) / np.linalg.norm(wrist - shoulder)
     offset = points - shoulder
     axial = (offset @ along)[:, None] * along

@@ -39,9 +39,9 @@ def mirrored(points: Floats) -> Floats:
 def _joints() -> dict[str, tuple[str, Floats]]:
     table = dict(_MIDDLE)
     for side in ("left", "right"):
-        for name, (parent, place) in _LEFT.items():
+        for name, (parent, position) in _LEFT.items():
             own = parent if parent in _MIDDLE else f"{side}_{parent}"
-            table[f"{side}_{name}"] = (own, place if side == "left" else mirrored(place))
+            table[f"{side}_{name}"] = (own, position if side == "left" else mirrored(position))
     return table
 
 
@@ -50,7 +50,7 @@ JOINTS: tuple[str, ...] = tuple(_TABLE)
 """Names of the joints; a parent comes before its children."""
 PARENTS: Ints = np.array([JOINTS.index(parent) if parent else -1 for parent, _ in _TABLE.values()], np.int64)
 """Parent of each joint (j,), -1 for the root."""
-PLACES: Floats = np.array([place for _, place in _TABLE.values()])
+JOINT_POSITIONS: Floats = np.array([position for _, position in _TABLE.values()])
 """Position of each joint in the rest pose (j, 3) [m]."""
 
 

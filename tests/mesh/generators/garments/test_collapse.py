@@ -1,4 +1,4 @@
-"""Crowded vertices are taken out; the surface, its border and its middle stay."""
+"""Edge collapse: short edges removed; surface, border and middle preserved."""
 
 import numpy as np
 

@@ -103,19 +103,20 @@ def test_the_sleeve_and_the_hem_are_where_they_were_asked_for():
 
 
 @pytest.mark.parametrize(
-    ("name", "keys", "says"),
+    ("name", "keys", "words"),
     [
-        ("shirt", {"edge": 0.001}, "edge must be from 0.006 to 0.04 m"),
-        ("shirt", {"edge": "fine"}, "edge must be a number"),
-        ("shirt", {"ease": 0.001}, "ease must be from 0.0040 to 0.06 m where edge is 0.018 m, not 0.001."),
-        ("shirt", {"ease": 0.5}, "ease must be from"),
-        ("shirt", {"sleeve": 1.0}, "sleeve must be from 0.13 to 0.46 m"),
-        ("shirt", {"chest": 2}, "chest must be from 0.8"),
-        ("skirt", {"hem": 0.9}, "hem must be from 0.15 to 0.75 m"),
-        ("trousers", {"hem": 0.01}, "hem must be from 0.1 to 0.6 m"),
+        ("shirt", {"edge": 0.001}, ["edge", "0.006", "0.04"]),
+        ("shirt", {"edge": "fine"}, ["edge", "fine"]),
+        ("shirt", {"ease": 0.001}, ["ease", "0.0040", "0.06", "0.018", "0.001"]),
+        ("shirt", {"ease": 0.5}, ["ease", "0.06"]),
+        ("shirt", {"sleeve": 1.0}, ["sleeve", "0.13", "0.46"]),
+        ("shirt", {"chest": 2}, ["chest", "0.8"]),
+        ("skirt", {"hem": 0.9}, ["hem", "0.15", "0.75"]),
+        ("trousers", {"hem": 0.01}, ["hem", "0.1", "0.6"]),
     ],
 )
-def test_a_bad_key_is_named(name, keys, says):
+def test_a_bad_key_is_named(name, keys, words):
     with pytest.raises(InputError) as caught:
         GENERATORS[name](**keys)
-    assert str(caught.value).startswith(says)
+    assert caught.value.sentence.split()[0] == words[0]
+    assert [word for word in words if word not in str(caught.value)] == []

@@ -1,4 +1,4 @@
-"""The mannequin: sound, symmetric, one topology, and its measures are those that were asked for."""
+"""Mannequin: sound, symmetric, of one topology, with the requested measures."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from clothsim.mesh.generators.mannequin.proportions import (
     Figure,
     warped_joints,
 )
-from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PARENTS, PLACES, joint, mirrored, other_side
+from clothsim.mesh.generators.mannequin.skeleton import JOINT_POSITIONS, JOINTS, PARENTS, joint, mirrored, other_side
 from clothsim.mesh.generators.mannequin.template import template
 from clothsim.mesh.topology import unique_edges
 
@@ -138,7 +138,7 @@ def test_the_default_has_plausible_girths():
 
 
 def test_limbs_and_shoulders_follow_their_factors():
-    knee = (PLACES[joint("left_knee"), 2] - TEMPLATE_SOLE) * 1.7 / TEMPLATE_HEIGHT
+    knee = (JOINT_POSITIONS[joint("left_knee"), 2] - TEMPLATE_SOLE) * 1.7 / TEMPLATE_HEIGHT
     ratio = girth(*mannequin(limb_girth=1.2), knee) / girth(*mannequin(), knee)
     assert ratio == pytest.approx(1.2, rel=0.01)
     wide = warped_joints(Figure(shoulder_width=1.1))
@@ -189,29 +189,30 @@ def test_the_skeleton_is_a_tree_with_mirrored_sides():
     assert PARENTS[0] == -1
     assert (PARENTS[1:] < np.arange(1, len(JOINTS))).all()
     for k, name in enumerate(JOINTS):
-        np.testing.assert_array_equal(PLACES[joint(other_side(name))], mirrored(PLACES[k]))
+        np.testing.assert_array_equal(JOINT_POSITIONS[joint(other_side(name))], mirrored(JOINT_POSITIONS[k]))
         if k:
             assert JOINTS[PARENTS[joint(other_side(name))]] == other_side(JOINTS[PARENTS[k]])
 
 
 @pytest.mark.parametrize(
-    ("keys", "says"),
+    ("keys", "words"),
     [
-        ({"height": -1}, "height must be above 0"),
-        ({"height": 170}, "height must be from 0.5 to 2.5 m, not 170"),
-        ({"chest": 0.92e-3}, "chest must be from 0.8 to 1.35, a factor"),
-        ({"waist": "thin"}, "waist must be a number"),
-        ({"hips": float("nan")}, "hips must be"),
-        ({"limb_girth": 3}, "limb_girth must be from"),
-        ({"pose": "run"}, "pose must be one of a, t, walk"),
-        ({"pose": ["a"]}, "pose must be one of"),
-        ({"joints_degrees": 3}, "joints_degrees must be a table of joints"),
-        ({"joints_degrees": {"left_elbo": [0, 0, 1]}}, "joints_degrees has no joint 'left_elbo'. Known: pelvis"),
-        ({"joints_degrees": {"left_elbow": 30}}, "joints_degrees.left_elbow must be 3 numbers"),
-        ({"joints_degrees": {"left_elbow": [0, float("inf"), 0]}}, "joints_degrees.left_elbow[1] is inf"),
+        ({"height": -1}, ["height", "0"]),
+        ({"height": 170}, ["height", "0.5", "2.5", "170"]),
+        ({"chest": 0.92e-3}, ["chest", "0.8", "1.35"]),
+        ({"waist": "thin"}, ["waist", "thin"]),
+        ({"hips": float("nan")}, ["hips", "nan"]),
+        ({"limb_girth": 3}, ["limb_girth", "1.2"]),
+        ({"pose": "run"}, ["pose", "walk", "run"]),
+        ({"pose": ["a"]}, ["pose", "walk"]),
+        ({"joints_degrees": 3}, ["joints_degrees", "3"]),
+        ({"joints_degrees": {"left_elbo": [0, 0, 1]}}, ["joints_degrees", "left_elbo", "left_elbow"]),
+        ({"joints_degrees": {"left_elbow": 30}}, ["joints_degrees.left_elbow", "3"]),
+        ({"joints_degrees": {"left_elbow": [0, float("inf"), 0]}}, ["joints_degrees.left_elbow[1]", "inf"]),
     ],
 )
-def test_a_bad_key_is_named(keys, says):
+def test_a_bad_key_is_named(keys, words):
     with pytest.raises(InputError) as caught:
         mannequin(**keys)
-    assert str(caught.value).startswith(says)
+    assert caught.value.sentence.split()[0] == words[0]
+    assert [word for word in words if word not in str(caught.value)] == []
