@@ -38,7 +38,7 @@ class Air(Energy, Driven, Idling):
 
     triangles (m, 3); pressures rho C_n / 2 and rho C_t / 2, across and along (m,) [kg/m3]; wind and its strength, a
     factor; origin (3,) [m] of x. Bound to a step: tensors T (m, 3, 3) [N s/m]; carried y_n + h w (m, 3) [m], where the
-    air would take the triangles; dt h [s]. In BDF2 x^ and b h (FORMULAS 2).
+    air would take the triangles; dt h [s]. In BDF2 x^ and b h (docs/theory.md#time-integration).
     """
 
     triangles: Ints

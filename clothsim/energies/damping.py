@@ -24,7 +24,7 @@ class MassDamping(Elementwise, Energy):
     """E = rate sum m |x - x_n|^2 / (2 h): the force is -rate m v (Rayleigh's mass term).
 
     rows (n, 1) of x; masses (n,) [kg]; rate [1/s]; start x_n (n, 3) [m] and dt h [s] of the step; in BDF2 x^ and
-    b h (FORMULAS 2).
+    b h (docs/theory.md#time-integration).
     """
 
     rows: Ints

@@ -6,7 +6,7 @@ makes a cylindrical fold along a grid cost D kappa^2/2 per area; the common weig
 What no weight can mend: the model belongs to the mesh. It is right for cylindrical bending on equilateral meshes and
 along the axes of right or alternating grids; along one diagonal of a right-diagonal grid it is 3 times too stiff; on
 random Delaunay meshes about 1.29 times, and refinement does not help; its Poisson ratio is the mesh's (0 on a
-right-diagonal grid), not the material's (VALIDATION A3).
+right-diagonal grid), not the material's (docs/validation.md, A3).
 
 The difference of angles is not wrapped. theta lies in [-pi, pi] and reaches +-pi only where the two triangles touch
 face to face, which contact forbids; E is smooth everywhere short of that. Wrapping would put a jump at theta0 +- pi,

@@ -16,8 +16,9 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class Inertia(Elementwise, Energy):
-    """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n; in BDF2 with x^, v^ and b h in their places (FORMULAS 2).
+    """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n; in BDF2 with x^, v^ and b h in their places.
 
+    The scheme is in docs/theory.md#time-integration.
     Gravity is an Energy of its own and no part of x~. rows (n, 1) of x; masses (n,) [kg]; target x~ (n, 3) [m];
     dt: h or b h [s].
     """

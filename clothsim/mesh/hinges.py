@@ -17,8 +17,8 @@ class Hinges:
     vertices: (h, 4) edge start, edge end, opposite corner in the first and in the second triangle (world numbers);
     corners: (h, 4, 2) the four at rest in one plane [m], the hinge unfolded: edge along the first axis, the first
     triangle's corner above it, the second's below; rest_angles: (h,) dihedral angle at rest [rad], 0 where flat;
-    stiffness: (h,) bending stiffness D [N m], the mean of both sides', doubled on a clamp line (VALIDATION A3);
-    held: (h,) the side whose triangle a clamp holds and which does not bend: 0 the first, 1 the second, -1 neither.
+    stiffness: (h,) bending stiffness D [N m], the mean of both sides', doubled on a clamp line (docs/validation.md,
+    A3); held: (h,) the side whose triangle a clamp holds and which does not bend: 0 first, 1 second, -1 neither.
     """
 
     vertices: Ints

@@ -1,7 +1,7 @@
 """A swatch card: the Cusick drape of each named fabric, side by side.
 
 A disc of cloth of 30 cm is held between two discs of 18 cm, as in the drape tester, and hangs over their edge
-(VALIDATION A7). Coarse and quick: to be looked at, and to compare fabrics, not to be measured.
+(docs/validation.md, A7). Coarse and quick: to be looked at, and to compare fabrics, not to be measured.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""The difference formula of a step: backward Euler, or BDF2 with varying steps (FORMULAS 2)."""
+"""The difference formula of a step: backward Euler, or BDF2 with varying steps (docs/theory.md#time-integration)."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""The mesh doctor (VALIDATION B15): each fault alone, all at once, and what it must not complain about."""
+"""The mesh doctor (docs/hard_cases.md, B15): each fault alone, all at once, and what it must not complain about."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Plates that bend to a cylinder, against the elastica (VALIDATION A3); what belongs to the mesh of hinges."""
+"""Plates that bend to a cylinder, against the elastica (docs/validation.md, A3); what belongs to the mesh of hinges."""
 
 from dataclasses import fields
 

@@ -1,4 +1,4 @@
-"""A strip without bending between two level supports hangs as a catenary (VALIDATION A2)."""
+"""A strip without bending between two level supports hangs as a catenary (docs/validation.md, A2)."""
 
 import numpy as np
 import pytest

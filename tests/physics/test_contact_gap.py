@@ -1,4 +1,4 @@
-"""The gap of a sheet that lies on a slab, and the force that the slab gives back (VALIDATION A5)."""
+"""The gap of a sheet that lies on a slab, and the force that the slab gives back (docs/validation.md, A5)."""
 
 import numpy as np
 import pytest

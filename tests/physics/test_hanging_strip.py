@@ -1,4 +1,4 @@
-"""A strip hangs under its own weight, free to narrow: the drop of its lower end (VALIDATION A1)."""
+"""A strip hangs under its own weight, free to narrow: the drop of its lower end (docs/validation.md, A1)."""
 
 import numpy as np
 import pytest

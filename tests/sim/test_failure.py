@@ -1,4 +1,4 @@
-"""Failures are typed: cause, element by its name, place, remedy; the infeasible ends soon (VALIDATION B9, B20, B21)."""
+"""Typed failures: cause, element by its name, position, remedy (docs/hard_cases.md, B9, B20, B21)."""
 
 import numpy as np
 import pytest
