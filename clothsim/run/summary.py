@@ -83,7 +83,7 @@ def summary_of(
     record: Sequence[Mapping[str, Any]],
     seconds: Mapping[str, float],
 ) -> dict[str, Any]:
-    """Content of summary.json (docs/reference/files.md): printed notes, what effects found at the end, and
+    """Content of summary.json (docs/reference/files.md): printed notes, final notes of effects, and
     why a failed run failed.
     """
     world, potential = session.built.world, session.integrator.potential
