@@ -107,8 +107,8 @@ def body_model(arrays: Mapping[str, ArrayLike]) -> BodyModel:
         as_surface("The body model's", template, arrays["f"])[1],
         _floats(arrays, "shapedirs", (n, 3, None)),
         _floats(arrays, "posedirs", (n, 3, 9 * (j - 1))),
-        _shares(_floats(arrays, "J_regressor", (j, n)), "J_regressor", below_zero=True),
-        _shares(_floats(arrays, "weights", (n, j)), "weights", below_zero=False),
+        _normalized_rows(_floats(arrays, "J_regressor", (j, n)), "J_regressor", below_zero=True),
+        _normalized_rows(_floats(arrays, "weights", (n, j)), "weights", below_zero=False),
         parents,
     )
 
@@ -137,7 +137,7 @@ def _floats(arrays: Mapping[str, ArrayLike], key: str, shape: tuple[int | None, 
     return values
 
 
-def _shares(rows: Floats, key: str, *, below_zero: bool) -> Floats:
+def _normalized_rows(rows: Floats, key: str, *, below_zero: bool) -> Floats:
     """Rows divided by their sums, which must be 1 within SUM_ERROR; negative entries only if `below_zero`."""
     sums = rows.sum(axis=1)
     bad = np.flatnonzero(np.abs(sums - 1) > SUM_ERROR)

@@ -112,7 +112,7 @@ def correspond(
     if markers is not None:
         laid[used[:, 0]] = target[0][used[:, 1]]
     if len(fitted) < len(source[1]):
-        laid = ride((start, source[1]), fitted, laid)
+        laid = follow_fitted((start, source[1]), fitted, laid)
     return Correspondence(laid, triangle_pairs((laid, source[1]), target), used, markers is None)
 
 
@@ -165,7 +165,7 @@ def aligned(source: Mesh, target: Mesh, markers: Ints, trusted: bool) -> tuple[F
     return start, mean_edge(start, source[1])
 
 
-def ride(rest: Mesh, fitted: Ints, laid: Floats) -> Floats:
+def follow_fitted(rest: Mesh, fitted: Ints, laid: Floats) -> Floats:
     """Components without a marker follow the nearest fitted triangles (eyes the head)."""
     positions, triangles = rest
     pairs = np.column_stack([fitted, fitted])

@@ -15,7 +15,7 @@ from scipy.sparse import csr_array, diags_array, eye_array
 
 from transfer.adjacency import vertex_components
 from transfer.errors import TransferError
-from transfer.follow import Carried, followed_source
+from transfer.follow import AveragedMotion, followed_source
 from transfer.gradients import (
     centroids,
     factorise,
@@ -105,41 +105,41 @@ class DeformationTransfer:
     def follow(self, source_rest: ArrayLike, source_triangles: ArrayLike) -> Callable[[ArrayLike], Floats]:
         """`pose` for many poses of one source: a function from deformed source (k, 3) to target (n, 3) [m]."""
         source = followed_source(self.averages, source_rest, source_triangles)
-        return lambda deformed: self.solve(source.carried(deformed))
+        return lambda deformed: self.solve(source.averaged(deformed))
 
-    def solve(self, carried: Carried) -> Floats:
+    def solve(self, averaged: AveragedMotion) -> Floats:
         """Positions (n, 3) [m] with gradients nearest to the averaged source gradients."""
-        right = self.right_hand_side @ carried.gradients.transpose(0, 2, 1).reshape(-1, 3)
+        right = self.right_hand_side @ averaged.gradients.transpose(0, 2, 1).reshape(-1, 3)
         if self.anchor > 0:
-            right += self.anchor * carried.vertices(self.rest_positions, self.triangles)[self.free]
+            right += self.anchor * averaged.vertices(self.rest_positions, self.triangles)[self.free]
         positions = np.zeros_like(self.rest_positions)
         positions[self.free] = self.factor.solve(right)
         if self.anchor == 0:
-            positions += self.component_shifts(positions, carried)
-        return self.with_loose_vertices(positions, carried)
+            positions += self.component_shifts(positions, averaged)
+        return self.with_loose_vertices(positions, averaged)
 
-    def component_shifts(self, positions: Floats, carried: Carried) -> Floats:
+    def component_shifts(self, positions: Floats, averaged: AveragedMotion) -> Floats:
         """Translation (n, 3) of each vertex's component that keeps its offset from the triangles it follows.
 
         The offset of the centroids rotates with the component's mean gradient and scales with the gradients' size. The
         mean of b~ + S (p - b) over the triangles is not restored when the pose is undone (10 mm on a body whose
         arms are raised by 45 degrees).
         """
-        parts, gradients = self.parts, carried.gradients.reshape(-1, 9)
-        offset = self.rest_middles - parts @ carried.start
+        parts, gradients = self.parts, averaged.gradients.reshape(-1, 9)
+        offset = self.rest_middles - parts @ averaged.start
         size = parts @ np.sqrt(np.einsum("tk,tk->t", gradients, gradients) / 3.0)
         turn = nearest_rotations((parts @ gradients).reshape(-1, 3, 3))
-        asked = parts @ carried.end + size[:, None] * np.einsum("cab,cb->ca", turn, offset)
+        asked = parts @ averaged.end + size[:, None] * np.einsum("cab,cb->ca", turn, offset)
         shift = asked - self.middles @ positions
         return np.where(self.components[:, None] >= 0, shift[self.components], 0.0)
 
-    def with_loose_vertices(self, positions: Floats, carried: Carried) -> Floats:
+    def with_loose_vertices(self, positions: Floats, averaged: AveragedMotion) -> Floats:
         """Positions in which vertices of no triangle follow the nearest triangle."""
         loose = np.flatnonzero(self.components < 0)
         if len(loose):
             rest = centroids(self.rest_positions, self.triangles)
             nearest = nearest_rows(rest, self.rest_positions[loose])
-            offset = np.einsum("lab,lb->la", carried.gradients[nearest], self.rest_positions[loose] - rest[nearest])
+            offset = np.einsum("lab,lb->la", averaged.gradients[nearest], self.rest_positions[loose] - rest[nearest])
             positions[loose] = centroids(positions, self.triangles)[nearest] + offset
         return positions
 

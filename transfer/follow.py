@@ -15,7 +15,7 @@ REMEDY = "Pose with the mesh that the pairs were made for."
 
 
 @dataclass(frozen=True)
-class Carried:
+class AveragedMotion:
     """Averaged source motion of each target triangle: gradients S (m, 3, 3), and mean centroids of the followed source
     triangles at rest, start (m, 3), and deformed, end (m, 3) [m].
     """
@@ -62,14 +62,14 @@ class FollowedSource:
         entries = (np.full(3 * k, 1 / 3), (np.repeat(np.arange(k), 3), self.triangles.ravel()))
         return (self.averages @ csr_array(entries, shape=(k, self.vertices))).tocsr()
 
-    def carried(self, deformed: ArrayLike) -> Carried:
+    def averaged(self, deformed: ArrayLike) -> AveragedMotion:
         """Averaged motion of the pose `deformed` (vertices, 3). TransferError for another number of vertices."""
         positions = as_points("deformed source", deformed)
         if len(positions) != self.vertices:
             raise TransferError(f"the source has {self.vertices} vertices, the deformed one {len(positions)}.", REMEDY)
         gradients = deformation_gradients(self.inverses, positions, self.triangles).reshape(-1, 9)
         mean = gradients if self.one_to_one else self.averages @ gradients
-        return Carried(mean.reshape(-1, 3, 3), self.start, self.middles @ positions)
+        return AveragedMotion(mean.reshape(-1, 3, 3), self.start, self.middles @ positions)
 
 
 def followed_source(averages: csr_array, rest: ArrayLike, triangles: ArrayLike) -> FollowedSource:
