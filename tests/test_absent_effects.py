@@ -1,6 +1,6 @@
 """Only the effects that a scene calls for: absent is the same as a coefficient of zero, and nothing absent is run.
 
-Bit for bit in positions, with one thread (VALIDATION D.2, D.4, D.5).
+Bit for bit in positions, with one thread (docs/contributing.md).
 """
 
 import functools

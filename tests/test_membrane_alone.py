@@ -1,4 +1,4 @@
-"""A membrane-only run: the files of the other effects may as well not be there (VALIDATION D.3 to D.5)."""
+"""A membrane-only run: the files of the other effects may as well not be there (docs/contributing.md)."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Which triangles share an edge, and which vertices hang together."""
+"""Triangle adjacency and connected components of a mesh."""
 
 import numpy as np
 from scipy.sparse.csgraph import connected_components
@@ -18,7 +18,7 @@ def adjacent_triangles(triangles: Ints) -> Ints:
 
 
 def vertex_components(triangles: Ints, vertices: int) -> Ints:
-    """The label (n,) of each vertex's connected component; -1 where no triangle uses the vertex."""
+    """Label (n,) of each vertex's connected component; -1 where no triangle uses the vertex."""
     _, labels = connected_components(adjacency(edges_of(triangles), vertices), directed=False)
     used = np.zeros(vertices, bool)
     used[triangles] = True
@@ -28,5 +28,5 @@ def vertex_components(triangles: Ints, vertices: int) -> Ints:
 
 
 def largest_component(triangles: Ints, labels: Ints) -> int:
-    """The label of the component with most triangles."""
+    """Label of the component with the most triangles."""
     return int(np.bincount(labels[triangles[:, 0]]).argmax())

@@ -1,4 +1,4 @@
-"""Laying one mesh over another before they are compared: a similarity, from markers or from the boxes."""
+"""Similarity transforms that align two meshes, from markers or from bounding boxes."""
 
 from dataclasses import dataclass
 
@@ -9,19 +9,19 @@ from transfer.triangle_surface import Floats, Ints
 
 @dataclass(frozen=True)
 class Similarity:
-    """x -> scale * rotation @ x + shift."""
+    """Similarity x -> scale * rotation @ x + shift; rotation (3, 3), shift (3,)."""
 
     scale: float
     rotation: Floats
     shift: Floats
 
     def apply(self, points: Floats) -> Floats:
-        """The moved points (k, 3)."""
+        """Transform points (k, 3)."""
         return self.scale * points @ self.rotation.T + self.shift
 
 
 def by_points(source: Floats, target: Floats) -> Similarity:
-    """The similarity that takes points (k, 3) nearest to points (k, 3) (Umeyama 1991). Needs three not on a line."""
+    """Least-squares similarity from source to target points, (k, 3) (Umeyama 1991); not all collinear."""
     from_mean, to_mean = source.mean(axis=0), target.mean(axis=0)
     a, b = source - from_mean, target - to_mean
     left, singular, right = np.linalg.svd(b.T @ a)
@@ -32,7 +32,7 @@ def by_points(source: Floats, target: Floats) -> Similarity:
 
 
 def by_boxes(source: tuple[Floats, Ints], target: tuple[Floats, Ints]) -> Similarity:
-    """The axes kept: the middle of the bounding box onto the other's, the longest side as long as the other's."""
+    """Similarity without rotation that matches the centres and the longest sides of the bounding boxes."""
     used = [positions[np.unique(triangles)] for positions, triangles in (source, target)]
     low, high = np.array([(p.min(axis=0), p.max(axis=0)) for p in used]).transpose(1, 0, 2)
     side = (high - low).max(axis=1)
@@ -42,7 +42,7 @@ def by_boxes(source: tuple[Floats, Ints], target: tuple[Floats, Ints]) -> Simila
 
 
 def span_a_plane(points: Floats) -> bool:
-    """Whether points (k, 3) are neither fewer than three nor on one line: they fix a rotation."""
+    """True where points (k, 3) are at least three and not collinear, so that they determine a rotation."""
     if len(points) < 3:
         return False
     singular = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)

@@ -1,4 +1,4 @@
-"""Body models from arrays and from SMPL-like .npz files; pickled data is never read."""
+"""Body models from arrays and from .npz files with the keys of SMPL; pickled data is never read."""
 
 import zipfile
 import zlib
@@ -16,17 +16,35 @@ KEYS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintre
 NO_PARENT = 2**32 - 1
 """The root's parent in a table of unsigned integers: -1."""
 UNREADABLE = (OSError, ValueError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error)
-"""What reading a broken or a pickled file raises."""
+"""Exceptions that numpy raises for a broken or a pickled file."""
 SUM_ERROR = 1e-3
-"""How far rows of weights may be from sum 1: what single precision and rounded files leave. They are divided by it."""
+"""Largest deviation of a row sum from 1, as single precision and rounded files leave; rows are then normalised."""
 
 
 def read_body_model(path: str | Path) -> BodyModel:
-    """The body model of an .npz file with the keys of SMPL; others are left unread.
+    """Read a body model from an .npz file with the keys of SMPL; other keys are ignored.
 
-    v_template (n, 3) [m], shapedirs (n, 3, k), posedirs (n, 3, 9 (j - 1)), J_regressor (j, n), weights (n, j),
-    kintree_table (2, j): the parents' names over the joints' names, f (m, 3). TransferError, one sentence, for a file
-    that is none, lacks a key, holds pickles or arrays that do not fit together.
+    Parameters
+    ----------
+    path : str or Path
+        File with v_template (n, 3) [m], shapedirs (n, 3, k) [m], posedirs (n, 3, 9 (j - 1)) [m], J_regressor (j, n),
+        weights (n, j), kintree_table (2, j) (names of the parents over names of the joints) and f (m, 3).
+
+    Returns
+    -------
+    BodyModel
+
+    Raises
+    ------
+    TransferError
+        The file is missing, is no .npz file, lacks a key, holds pickled data or arrays of inconsistent shapes.
+
+    Examples
+    --------
+    >>> from transfer.body_file import read_body_model
+    >>> read_body_model("missing.npz")
+    Traceback (most recent call last):
+    transfer.errors.TransferError: There is no file missing.npz.
     """
     name = Path(path).name
     try:
@@ -35,7 +53,7 @@ def read_body_model(path: str | Path) -> BodyModel:
         raise TransferError(f"There is no file {name}.") from error
     except UNREADABLE as error:
         raise TransferError(
-            f"{name} is no .npz file of plain arrays.", "Pickled files (.pkl) are not read: they may run any code."
+            f"{name} is no .npz file of plain arrays.", "Convert pickled files (.pkl), which may run code, to .npz."
         ) from error
     if not isinstance(file, np.lib.npyio.NpzFile):
         raise TransferError(f"{name} holds one array, not a body model.", "Give an .npz file.")
@@ -47,7 +65,36 @@ def read_body_model(path: str | Path) -> BodyModel:
 
 
 def body_model(arrays: Mapping[str, ArrayLike]) -> BodyModel:
-    """A body model from arrays by the keys of `read_body_model`; TransferError names the one that does not fit."""
+    """Make a body model from arrays.
+
+    Parameters
+    ----------
+    arrays : mapping of str to array_like
+        Arrays under the keys of `read_body_model`.
+
+    Returns
+    -------
+    BodyModel
+
+    Raises
+    ------
+    TransferError
+        A key is missing, or an array has another shape or type, or a value that is not finite.
+
+    Examples
+    --------
+    One triangle on one joint at the origin, without shape or pose blend shapes:
+
+    >>> import numpy as np
+    >>> from transfer.body_file import body_model
+    >>> body = body_model({
+    ...     "v_template": np.eye(3), "shapedirs": np.zeros((3, 3, 1)), "posedirs": np.zeros((3, 3, 0)),
+    ...     "J_regressor": np.full((1, 3), 1 / 3), "weights": np.ones((3, 1)),
+    ...     "kintree_table": np.array([[-1], [0]]), "f": np.array([[0, 1, 2]]),
+    ... })
+    >>> body.vertices(translation=(0, 0, 1))[2].tolist()
+    [0.0, 0.0, 2.0]
+    """
     lacking = [key for key in KEYS if key not in arrays]
     if lacking:
         raise TransferError(f"The body model has no {lacking[0]!r}.", f"It needs {', '.join(KEYS)}.")
@@ -60,8 +107,8 @@ def body_model(arrays: Mapping[str, ArrayLike]) -> BodyModel:
         as_surface("The body model's", template, arrays["f"])[1],
         _floats(arrays, "shapedirs", (n, 3, None)),
         _floats(arrays, "posedirs", (n, 3, 9 * (j - 1))),
-        _shares(_floats(arrays, "J_regressor", (j, n)), "J_regressor", below_zero=True),
-        _shares(_floats(arrays, "weights", (n, j)), "weights", below_zero=False),
+        _normalized_rows(_floats(arrays, "J_regressor", (j, n)), "J_regressor", below_zero=True),
+        _normalized_rows(_floats(arrays, "weights", (n, j)), "weights", below_zero=False),
         parents,
     )
 
@@ -76,7 +123,7 @@ def _entry(file: np.lib.npyio.NpzFile, key: str, name: str) -> NDArray:
 
 
 def _floats(arrays: Mapping[str, ArrayLike], key: str, shape: tuple[int | None, ...]) -> Floats:
-    """The array as float64 of `shape`, None for any length; TransferError where it is another or not finite."""
+    """Finite float64 array of `shape` (None: any length); TransferError otherwise."""
     raw = np.asarray(arrays[key])
     if raw.dtype.kind not in "fiu":
         raise TransferError(f"{key} must be numbers, not {raw.dtype}.")
@@ -90,8 +137,8 @@ def _floats(arrays: Mapping[str, ArrayLike], key: str, shape: tuple[int | None, 
     return values
 
 
-def _shares(rows: Floats, key: str, *, below_zero: bool) -> Floats:
-    """The rows divided by their sums, which must be 1 within SUM_ERROR; no entry below 0 unless it may be."""
+def _normalized_rows(rows: Floats, key: str, *, below_zero: bool) -> Floats:
+    """Rows divided by their sums, which must be 1 within SUM_ERROR; negative entries only if `below_zero`."""
     sums = rows.sum(axis=1)
     bad = np.flatnonzero(np.abs(sums - 1) > SUM_ERROR)
     if bad.size:
@@ -103,7 +150,7 @@ def _shares(rows: Floats, key: str, *, below_zero: bool) -> Floats:
 
 
 def _parents(table: NDArray) -> Ints:
-    """The row of each joint's parent, -1 for the root, from a table of names: parents over joints."""
+    """Row of each joint's parent, (j,), -1 for the root, from a table of names: parents over joints."""
     if table.dtype.kind not in "iu" or table.ndim != 2 or table.shape[0] != 2 or not table.shape[1]:
         raise TransferError(f"kintree_table must be whole numbers of shape (2, j), not {table.dtype} of {table.shape}.")
     wide = table.astype(np.int64)
@@ -116,10 +163,10 @@ def _parents(table: NDArray) -> Ints:
     for k, name in enumerate(wide[0].tolist()):
         if name != -1 and rows.get(name, k) >= k:
             raise TransferError(
-                f"kintree_table gives joint {k} the parent {name}, which does not stand before it.",
+                f"kintree_table gives joint {k} the parent {name}, which does not precede it.",
                 "Sort the joints so that parents come first.",
             )
         parents.append(-1 if name == -1 else rows[name])
     if parents[0] != -1 or parents.count(-1) != 1:
-        raise TransferError(f"kintree_table has {parents.count(-1)} roots.", "The first joint alone has no parent.")
+        raise TransferError(f"kintree_table has {parents.count(-1)} roots.", "Only the first joint has no parent.")
     return np.array(parents, np.int64)

@@ -1,4 +1,4 @@
-"""A body of shapes and poses by linear blend skinning (Loper et al. 2015, SMPL; equations 2-11).
+"""Parametric body model with linear blend skinning (Loper et al. 2015, SMPL; equations 2-11).
 
 v = W(T + B_s(beta) + B_p(theta), J(beta), theta, weights): a template with blend shapes of the shape beta and of the
 pose theta, skinned to joints that are regressed from the shaped mesh.
@@ -15,11 +15,23 @@ from transfer.triangle_surface import Floats, Ints
 
 @dataclass(frozen=True)
 class BodyModel:
-    """n vertices, j joints, k shape parameters; made by `body_model` or read by `read_body_model`.
+    """Body of n vertices, j joints and k shape parameters; made by `body_model` or `read_body_model`.
 
-    template (n, 3) [m]; triangles (m, 3); shape_directions (n, 3, k) [m per unit of beta]; pose_directions
-    (n, 3, 9 (j - 1)) [m]; joint_regressor (j, n), each row of sum 1; weights (n, j) >= 0, of sum 1; parents (j,), a
-    parent before its children, -1 for the root.
+    Attributes
+    ----------
+    template : ndarray (n, 3)
+        Vertices of the mean shape [m].
+    triangles : ndarray (m, 3)
+    shape_directions : ndarray (n, 3, k)
+        Shape blend shapes [m per unit of beta].
+    pose_directions : ndarray (n, 3, 9 (j - 1))
+        Pose blend shapes [m].
+    joint_regressor : ndarray (j, n)
+        Rows of sum 1.
+    weights : ndarray (n, j)
+        Skinning weights >= 0, rows of sum 1.
+    parents : ndarray (j,)
+        Parent of each joint, listed before its children; -1 for the root.
     """
 
     template: Floats
@@ -31,7 +43,7 @@ class BodyModel:
     parents: Ints
 
     def shaped(self, beta: ArrayLike = ()) -> Floats:
-        """T + B_s(beta), (n, 3) [m]. beta: up to k numbers; those left out are 0."""
+        """Shaped template T + B_s(beta), (n, 3) [m]; beta: up to k numbers, the others 0."""
         shape = _numbers("beta", beta)
         known = self.shape_directions.shape[2]
         if shape.ndim != 1 or len(shape) > known:
@@ -39,24 +51,40 @@ class BodyModel:
         return np.asarray(self.template + self.shape_directions[:, :, : len(shape)] @ shape, np.float64)
 
     def joints(self, beta: ArrayLike = ()) -> Floats:
-        """J(beta): where the joints of the shaped body are, (j, 3) [m]."""
+        """Joint positions J(beta) of the shaped body, (j, 3) [m]."""
         return np.asarray(self.joint_regressor @ self.shaped(beta), np.float64)
 
     def pose_offsets(self, theta: ArrayLike) -> Floats:
-        """B_p(theta): the offsets (n, 3) [m] that are linear in flatten(R_j - I) of all joints but the root."""
+        """Pose offsets B_p(theta), (n, 3) [m], linear in flatten(R_j - I) of all joints but the root."""
         return np.asarray(self.pose_directions @ pose_feature(self._rotations(theta)), np.float64)
 
     def transforms(self, beta: ArrayLike, theta: ArrayLike) -> tuple[Floats, Floats]:
-        """What each joint does to the body at rest: p goes to R_j p + t_j. Rotations (j, 3, 3), translations (j, 3)."""
+        """Rest-to-posed transform p -> R_j p + t_j of each joint: rotations (j, 3, 3), translations (j, 3) [m]."""
         return joint_transforms(self._rotations(theta), self.joints(beta), self.parents)
 
     def vertices(
         self, beta: ArrayLike = (), theta: ArrayLike | None = None, translation: ArrayLike = (0, 0, 0)
     ) -> Floats:
-        """The posed body, (n, 3) [m].
+        """Vertices of the posed body.
 
-        beta (up to k,); theta (j, 3): the rotation vector [rad] of each joint relative to its parent, None: all zero;
-        translation (3,) [m]: added to all.
+        Parameters
+        ----------
+        beta : array_like (up to k,)
+            Shape parameters; those left out are 0.
+        theta : array_like (j, 3), optional
+            Rotation vector of each joint relative to its parent [rad]; None: all zero.
+        translation : array_like (3,)
+            Added to every vertex [m].
+
+        Returns
+        -------
+        ndarray (n, 3)
+            Positions [m].
+
+        Raises
+        ------
+        TransferError
+            A parameter has another shape or a value that is not finite.
         """
         move = _numbers("translation", translation)
         if move.shape != (3,):
@@ -74,7 +102,7 @@ class BodyModel:
 
 
 def rotation_matrices(rotation_vectors: Floats) -> Floats:
-    """The rotations by |r| radians about r, (j, 3, 3), of vectors r (j, 3) (Rodrigues)."""
+    """Rotation matrices (j, 3, 3) of rotation vectors (j, 3) [rad], by Rodrigues' formula."""
     angles = np.linalg.norm(rotation_vectors, axis=1)
     axes = rotation_vectors / np.where(angles > 0, angles, 1.0)[:, None]
     cross = np.cross(np.eye(3), axes[:, None, :])
@@ -83,12 +111,12 @@ def rotation_matrices(rotation_vectors: Floats) -> Floats:
 
 
 def pose_feature(rotations: Floats) -> Floats:
-    """flatten(R_j - I) of the rotations (j, 3, 3) of all joints but the root, row by row, (9 (j - 1),)."""
+    """Pose feature flatten(R_j - I) of the rotations (j, 3, 3) of all joints but the root, row by row, (9 (j - 1),)."""
     return np.asarray((rotations[1:] - np.eye(3)).ravel(), np.float64)
 
 
 def joint_transforms(rotations: Floats, joints: Floats, parents: Ints) -> tuple[Floats, Floats]:
-    """Each joint's own rotation about its place `joints (j, 3)`, after those of its parents: R (j, 3, 3), t (j, 3)."""
+    """Forward kinematics about the rest joints (j, 3): rotations (j, 3, 3), translations (j, 3)."""
     turns, moves = rotations.copy(), np.zeros_like(joints)
     for j, parent in enumerate(parents):
         own = joints[j] - rotations[j] @ joints[j]

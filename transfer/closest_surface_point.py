@@ -1,4 +1,4 @@
-"""The closest point of a surface that faces the same way (Sumner & Popovic 2004, section 3.1)."""
+"""Closest surface points with compatible normals (Sumner & Popovic 2004, section 3.1)."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,12 +9,12 @@ from transfer.gradients import centroids
 from transfer.triangle_surface import Floats, Ints, triangle_normals
 
 CANDIDATES = 32
-"""Triangles looked at where the closest point of all faces away."""
+"""Nearest triangles searched where the closest point has an incompatible normal."""
 
 
 @dataclass(frozen=True)
 class FacingSurface:
-    """A triangle mesh made ready for closest points; made by `facing_surface`."""
+    """Triangle mesh with search trees; made by `facing_surface`."""
 
     positions: Floats
     triangles: Ints
@@ -24,7 +24,7 @@ class FacingSurface:
     tree: Any
 
     def closest_valid(self, points: Floats, normals: Floats) -> tuple[Ints, Floats]:
-        """For `points` (k, 3) with `normals` (k, 3): triangles (k,), -1 where none is valid, and positions (k, 3).
+        """Closest valid triangles (k,), -1 for none, and positions (k, 3), of `points` (k, 3) with `normals` (k, 3).
 
         A point of the surface is valid where its triangle's normal makes less than 90 degrees with the given one.
         The closest point is taken where it is valid, else the nearest valid centroid of the CANDIDATES nearest

@@ -1,7 +1,7 @@
-"""Which triangles of two meshes of different topology mean the same (Sumner & Popovic 2004, section 4).
+"""Triangle correspondence of two meshes of different topology (Sumner & Popovic 2004, section 4).
 
-The source is laid over the target (`overlay`); then each triangle of either is paired with the closest of the other
-that faces its way.
+The source is deformed onto the target (`overlay`); then each triangle of either is paired with the closest of the other
+with a compatible normal.
 """
 
 from collections.abc import Callable
@@ -25,8 +25,18 @@ Mesh = tuple[Floats, Ints]
 
 @dataclass(frozen=True)
 class Correspondence:
-    """positions (n, 3): the source's vertices laid over the target; pairs (p, 2): (source triangle, target triangle),
-    many to many; markers (k, 2): the (source vertex, target vertex) used; derived: they were not given.
+    """Correspondence of a source and a target mesh.
+
+    Attributes
+    ----------
+    positions : ndarray (n, 3)
+        Source vertices in the shape of the target [m].
+    pairs : ndarray (p, 2)
+        (source triangle, target triangle), many to many.
+    markers : ndarray (k, 2)
+        (source vertex, target vertex) that were used.
+    derived : bool
+        True where the markers were derived from the shapes.
     """
 
     positions: Floats
@@ -43,12 +53,43 @@ def correspond(
     markers: ArrayLike | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Correspondence:
-    """Lay the source over the target and pair their triangles.
+    """Deform the source onto the target and pair their triangles.
 
-    `markers` (k, 2): (source vertex, target vertex), met exactly; None: derived, for upright bodies that face the same
-    way, met only in the first steps. Pieces of the source with a marker are fitted to the pieces of the target with
-    one (the largest to the largest where they are derived); the others ride along. TransferError for bad arrays,
-    triangles without area, markers in conflict, surfaces that nowhere face one another.
+    Components of the source with a marker are fitted to the components of the target with one (the largest to the
+    largest where markers are derived); the other components follow the nearest fitted triangles.
+
+    Parameters
+    ----------
+    source_positions, target_positions : array_like (n, 3), (k, 3)
+        Vertices [m].
+    source_triangles, target_triangles : array_like (m, 3), (l, 3)
+        Vertex indices.
+    markers : array_like (k, 2), optional
+        (source vertex, target vertex), met exactly. None: derived for upright bodies in the same axes, and met in the
+        first steps only.
+    progress : callable, optional
+        Called with a line of text after each step.
+
+    Returns
+    -------
+    Correspondence
+
+    Raises
+    ------
+    TransferError
+        Invalid arrays, triangles without area, conflicting markers, or surfaces without compatible normals.
+
+    Examples
+    --------
+    A tetrahedron onto one twice as large:
+
+    >>> import numpy as np
+    >>> from transfer.correspond import correspond
+    >>> x = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    >>> triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> found = correspond(x, triangles, 2 * x, triangles, markers=[[0, 0], [1, 1], [2, 2], [3, 3]])
+    >>> bool(np.allclose(found.positions, 2 * x)), len(found.pairs)
+    (True, 4)
     """
     source = as_surface("source", source_positions, source_triangles)
     target = as_surface("target", target_positions, target_triangles)
@@ -71,18 +112,18 @@ def correspond(
     if markers is not None:
         laid[used[:, 0]] = target[0][used[:, 1]]
     if len(fitted) < len(source[1]):
-        laid = ride((start, source[1]), fitted, laid)
+        laid = follow_fitted((start, source[1]), fitted, laid)
     return Correspondence(laid, triangle_pairs((laid, source[1]), target), used, markers is None)
 
 
 def part(mesh: Mesh, pieces: Ints, chosen: ArrayLike) -> Ints:
-    """The triangles of the pieces with a label in `chosen`."""
+    """Indices of the triangles in components with a label in `chosen`."""
     return np.flatnonzero(np.isin(pieces[mesh[1][:, 0]], chosen))
 
 
 def checked_markers(markers: ArrayLike, pieces: list[Ints]) -> Ints:
     """Markers (k, 2) without repetitions. TransferError for one that names no vertex of a triangle, and for two of one
-    vertex: two places for it, or a triangle pulled to a point.
+    vertex, which would be contradictory or collapse a triangle.
     """
     given = np.asarray(markers)
     if given.ndim != 2 or given.shape[1] != 2 or given.dtype.kind not in "iu" or len(given) == 0:
@@ -112,10 +153,10 @@ def checked_markers(markers: ArrayLike, pieces: list[Ints]) -> Ints:
 
 
 def aligned(source: Mesh, target: Mesh, markers: Ints, trusted: bool) -> tuple[Floats, float]:
-    """The source moved over the target by a similarity, and its mean edge then: the unit of length of the fit.
+    """Source aligned with the target by a similarity, and its mean edge length, the unit of the fit.
 
-    Markers that were given and span a plane fix it, else the bounding boxes do. One unit for both meshes: were each
-    scaled to its own mean edge, w_I would hold a fine mesh to the size of a coarse one.
+    Given markers that span a plane determine it, else the bounding boxes do. One unit for both meshes: were each
+    scaled to its own mean edge, w_I would keep a fine mesh at the size of a coarse one.
     """
     from_points, to_points = source[0][markers[:, 0]], target[0][markers[:, 1]]
     planes = trusted and span_a_plane(from_points) and span_a_plane(to_points)
@@ -124,8 +165,8 @@ def aligned(source: Mesh, target: Mesh, markers: Ints, trusted: bool) -> tuple[F
     return start, mean_edge(start, source[1])
 
 
-def ride(rest: Mesh, fitted: Ints, laid: Floats) -> Floats:
-    """Pieces without a marker go with the nearest triangles of those that were fitted (eyes with the head)."""
+def follow_fitted(rest: Mesh, fitted: Ints, laid: Floats) -> Floats:
+    """Components without a marker follow the nearest fitted triangles (eyes the head)."""
     positions, triangles = rest
     pairs = np.column_stack([fitted, fitted])
     carried = deformation_transfer(positions, triangles, pairs).pose(positions, triangles, laid)
@@ -134,7 +175,7 @@ def ride(rest: Mesh, fitted: Ints, laid: Floats) -> Floats:
 
 
 def triangle_pairs(laid: Mesh, target: Mesh) -> Ints:
-    """Pairs (p, 2): for each triangle of either mesh the closest of the other that faces its way, each pair once."""
+    """Pairs (p, 2): for each triangle of either mesh the closest with a compatible normal, without repetitions."""
     found = []
     for mesh, other, order in ((laid, target, [0, 1]), (target, laid, [1, 0])):
         nearest, _ = facing_surface(*other).closest_valid(centroids(*mesh), triangle_normals(*mesh))

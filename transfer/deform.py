@@ -1,4 +1,4 @@
-"""Deformation transfer: the target deforms as the source does (Sumner & Popovic 2004, section 3.3).
+"""Deformation transfer from a source to a target mesh (Sumner & Popovic 2004, section 3.3).
 
 min over x of sum over pairs (s, t) of w_st |S_s - T_t|^2, with S_s the source's deformation gradients and T_t the
 target's. The normal matrix depends on the target and the pairs only: it is factorised once and serves every pose.
@@ -15,7 +15,7 @@ from scipy.sparse import csr_array, diags_array, eye_array
 
 from transfer.adjacency import vertex_components
 from transfer.errors import TransferError
-from transfer.follow import Carried, followed_source
+from transfer.follow import AveragedMotion, followed_source
 from transfer.gradients import (
     centroids,
     factorise,
@@ -25,16 +25,29 @@ from transfer.gradients import (
 from transfer.triangle_surface import Floats, Ints, as_surface
 
 WEAK = 1e-3
-"""Weight of a triangle without a pair: it follows what its nearest paired triangle does, where nothing else asks."""
+"""Weight of a triangle without a pair, which follows its nearest paired triangle."""
 
 
 @dataclass(frozen=True)
 class DeformationTransfer:
-    """A target mesh that can be posed; made by `deformation_transfer`.
+    """Factorized deformation transfer to one target mesh; made by `deformation_transfer`.
 
-    rest_positions (n, 3) and triangles (m, 3) of the target; averages (m, source triangles named): row t holds the
-    weights, of sum 1, of the source triangles that t follows; components (n,) of the vertices, -1 where no triangle is;
-    free: the vertices that are solved for; anchor: see there; right_hand_side (free, 3m); factor: of the normal matrix.
+    Attributes
+    ----------
+    rest_positions : ndarray (n, 3)
+        Target vertices at rest [m].
+    triangles : ndarray (m, 3)
+    averages : sparse (m, source triangles)
+        Row t: weights, of sum 1, of the source triangles that t follows.
+    components : ndarray (n,)
+        Component of each vertex, -1 where no triangle uses it.
+    free : ndarray
+        Vertices that are solved for.
+    anchor : float
+        Weight of the anchors [1/m^2]; see `deformation_transfer`.
+    right_hand_side : sparse (free, 3m)
+    factor : object
+        Factorization of the normal matrix, with `solve`.
     """
 
     rest_positions: Floats
@@ -48,69 +61,85 @@ class DeformationTransfer:
 
     @cached_property
     def parts(self) -> csr_array:
-        """The mean over the triangles of each component, (components, m)."""
+        """Operator of means over the triangles of each component, (components, m)."""
         owner = self.components[self.triangles[:, 0]]
         return csr_array((1.0 / np.bincount(owner)[owner], (owner, np.arange(len(owner)))))
 
     @cached_property
     def middles(self) -> csr_array:
-        """The mean over the triangles' centroids of each component, (components, n)."""
+        """Operator from vertices to the mean triangle centroid of each component, (components, n)."""
         m, n = len(self.triangles), len(self.rest_positions)
         corners = csr_array((np.full(3 * m, 1 / 3), (np.repeat(np.arange(m), 3), self.triangles.ravel())), shape=(m, n))
         return (self.parts @ corners).tocsr()
 
     @cached_property
     def rest_middles(self) -> Floats:
-        """Of each component at rest, (components, 3)."""
+        """Mean triangle centroid of each component at rest, (components, 3) [m]."""
         return np.asarray(self.middles @ self.rest_positions)
 
     def pose(self, source_rest: ArrayLike, source_triangles: ArrayLike, source_deformed: ArrayLike) -> Floats:
-        """Target positions (n, 3) for one pose of the source.
+        """Target positions for one pose of the source.
 
-        `source_rest` and `source_deformed` (k, 3) share `source_triangles`, the mesh that the pairs name. A similarity
-        of the source gives the same similarity of the target, its place included: a component without anchors keeps
-        its offset from what it follows. TransferError where a source triangle in use has no area.
+        A similarity of the source gives the same similarity of the target, translation included: a component without
+        anchors keeps its offset from the triangles that it follows.
+
+        Parameters
+        ----------
+        source_rest, source_deformed : array_like (k, 3)
+            Source vertices at rest and in the pose [m].
+        source_triangles : array_like (l, 3)
+            Source mesh, whose triangles the pairs name.
+
+        Returns
+        -------
+        ndarray (n, 3)
+            Target vertices [m].
+
+        Raises
+        ------
+        TransferError
+            Invalid arrays, or a source triangle in use without area.
         """
         return self.follow(source_rest, source_triangles)(source_deformed)
 
     def follow(self, source_rest: ArrayLike, source_triangles: ArrayLike) -> Callable[[ArrayLike], Floats]:
-        """`pose` for many poses of one source: a function from the deformed source (k, 3) to the target (n, 3)."""
+        """`pose` for many poses of one source: a function from deformed source (k, 3) to target (n, 3) [m]."""
         source = followed_source(self.averages, source_rest, source_triangles)
-        return lambda deformed: self.solve(source.carried(deformed))
+        return lambda deformed: self.solve(source.averaged(deformed))
 
-    def solve(self, carried: Carried) -> Floats:
-        """Positions (n, 3) whose gradients are nearest to the carried ones."""
-        right = self.right_hand_side @ carried.gradients.transpose(0, 2, 1).reshape(-1, 3)
+    def solve(self, averaged: AveragedMotion) -> Floats:
+        """Positions (n, 3) [m] with gradients nearest to the averaged source gradients."""
+        right = self.right_hand_side @ averaged.gradients.transpose(0, 2, 1).reshape(-1, 3)
         if self.anchor > 0:
-            right += self.anchor * carried.vertices(self.rest_positions, self.triangles)[self.free]
+            right += self.anchor * averaged.vertices(self.rest_positions, self.triangles)[self.free]
         positions = np.zeros_like(self.rest_positions)
         positions[self.free] = self.factor.solve(right)
         if self.anchor == 0:
-            positions += self.component_shifts(positions, carried)
-        return self.with_loose_vertices(positions, carried)
+            positions += self.component_shifts(positions, averaged)
+        return self.with_loose_vertices(positions, averaged)
 
-    def component_shifts(self, positions: Floats, carried: Carried) -> Floats:
-        """How far (n, 3) each vertex's component has to move to keep its offset from what it follows.
+    def component_shifts(self, positions: Floats, averaged: AveragedMotion) -> Floats:
+        """Translation (n, 3) of each vertex's component that keeps its offset from the triangles it follows.
 
-        The offset of their centroids turns with the component's mean gradient and scales with the gradients' size. The
-        mean of b~ + S (p - b) over the triangles would not come back when the pose is undone (10 mm on a body whose
+        The offset of the centroids rotates with the component's mean gradient and scales with the gradients' size. The
+        mean of b~ + S (p - b) over the triangles is not restored when the pose is undone (10 mm on a body whose
         arms are raised by 45 degrees).
         """
-        parts, gradients = self.parts, carried.gradients.reshape(-1, 9)
-        offset = self.rest_middles - parts @ carried.start
+        parts, gradients = self.parts, averaged.gradients.reshape(-1, 9)
+        offset = self.rest_middles - parts @ averaged.start
         size = parts @ np.sqrt(np.einsum("tk,tk->t", gradients, gradients) / 3.0)
         turn = nearest_rotations((parts @ gradients).reshape(-1, 3, 3))
-        asked = parts @ carried.end + size[:, None] * np.einsum("cab,cb->ca", turn, offset)
+        asked = parts @ averaged.end + size[:, None] * np.einsum("cab,cb->ca", turn, offset)
         shift = asked - self.middles @ positions
         return np.where(self.components[:, None] >= 0, shift[self.components], 0.0)
 
-    def with_loose_vertices(self, positions: Floats, carried: Carried) -> Floats:
-        """A vertex of no triangle goes with the nearest one."""
+    def with_loose_vertices(self, positions: Floats, averaged: AveragedMotion) -> Floats:
+        """Positions in which vertices of no triangle follow the nearest triangle."""
         loose = np.flatnonzero(self.components < 0)
         if len(loose):
             rest = centroids(self.rest_positions, self.triangles)
             nearest = nearest_rows(rest, self.rest_positions[loose])
-            offset = np.einsum("lab,lb->la", carried.gradients[nearest], self.rest_positions[loose] - rest[nearest])
+            offset = np.einsum("lab,lb->la", averaged.gradients[nearest], self.rest_positions[loose] - rest[nearest])
             positions[loose] = centroids(positions, self.triangles)[nearest] + offset
         return positions
 
@@ -122,12 +151,45 @@ def deformation_transfer(
     pair_weights: ArrayLike | None = None,
     anchor: float = 0.0,
 ) -> DeformationTransfer:
-    """Factorise once for the target `rest_positions` (n, 3), `triangles` (m, 3).
+    """Factorize the deformation transfer to a target mesh.
 
-    `pairs` (p, 2): (source triangle, target triangle), many to many; `pair_weights` (p,) > 0, else 1. A target
-    triangle without a pair follows, weakly, what the nearest paired one follows. One vertex of each component is pinned
-    while solving; with `anchor` > 0 [1 / length^2] nothing is, and anchor |x_i - a_i|^2 is added, a_i being where the
-    vertex is carried by what its triangles follow. TransferError for zero-area triangles and pairs that do not exist.
+    A target triangle without a pair follows, weakly, the source triangles of the nearest paired one.
+
+    Parameters
+    ----------
+    rest_positions : array_like (n, 3)
+        Target vertices at rest [m].
+    triangles : array_like (m, 3)
+        Target mesh.
+    pairs : array_like (p, 2)
+        (source triangle, target triangle), many to many.
+    pair_weights : array_like (p,), optional
+        Positive weights; None: 1.
+    anchor : float
+        With `anchor` > 0 [1/m^2] the energy gains anchor |x_i - a_i|^2, a_i being the mean of the positions to which
+        the followed source triangles map vertex i. With 0, one vertex of each component is fixed while solving.
+
+    Returns
+    -------
+    DeformationTransfer
+
+    Raises
+    ------
+    TransferError
+        Invalid arrays, target triangles without area, or pairs that name no triangle.
+
+    Examples
+    --------
+    A square follows a larger square that is stretched twofold in x:
+
+    >>> import numpy as np
+    >>> from transfer.deform import deformation_transfer
+    >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    >>> triangles = np.array([[0, 1, 2], [0, 2, 3]])
+    >>> transfer = deformation_transfer(square, triangles, pairs=[[0, 0], [1, 1]])
+    >>> moved = transfer.pose(3 * square, triangles, 3 * square * [2, 1, 1])
+    >>> np.ptp(moved, axis=0).round(6).tolist()
+    [2.0, 1.0, 0.0]
     """
     rest, triangles = as_surface("target", rest_positions, triangles)
     inverses = inverse_frames(rest, triangles, "the target")
@@ -149,7 +211,7 @@ def average_pairs(
     pairs = as_pairs(pairs, len(triangles))
     given = np.ones(len(pairs)) if pair_weights is None else np.asarray(pair_weights, dtype=np.float64)
     if given.shape != (len(pairs),) or not (given > 0).all():
-        raise TransferError("the weights of the pairs are not one positive number a pair.", "Leave out pairs of 0.")
+        raise TransferError("pair_weights must hold one positive number a pair.", "Leave out pairs of weight 0.")
     sums = csr_array((given, (pairs[:, 1], pairs[:, 0])), shape=(len(triangles), pairs[:, 0].max() + 1))
     weights = np.asarray(np.bincount(pairs[:, 1], given, minlength=len(triangles)), dtype=np.float64)
     bare = np.flatnonzero(weights == 0)
@@ -182,14 +244,14 @@ def as_pairs(pairs: ArrayLike, target_triangles: int) -> Ints:
 
 
 def nearest_rows(points: Floats, queries: Floats) -> Ints:
-    """For each of `queries` (k, 3) the index (k,) of the nearest of `points`."""
+    """Index (k,) of the nearest of `points` to each of `queries` (k, 3)."""
     from scipy.spatial import cKDTree
 
     return np.asarray(cKDTree(points).query(queries)[1], dtype=np.int64)
 
 
 def nearest_rotations(matrices: Floats) -> Floats:
-    """The rotation (k, 3, 3) nearest to each matrix."""
+    """Nearest rotation (k, 3, 3) to each matrix, by SVD."""
     left, _, right = np.linalg.svd(matrices)
     left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
     return left @ right

@@ -1,8 +1,22 @@
-"""What is wrong with an input, in one sentence, and what to do about it."""
+"""The error raised for invalid input."""
 
 
 class TransferError(ValueError):
-    """An input that cannot be used: `sentence` names the thing and its index, `remedy` says what to do."""
+    """Invalid input.
+
+    Parameters
+    ----------
+    sentence : str
+        The fault, with the name and the index of the array entry at fault.
+    remedy : str
+        A way to correct it; may be empty.
+
+    Examples
+    --------
+    >>> error = TransferError("The body has no triangles.", "Give a closed surface.")
+    >>> str(error), error.remedy
+    ('The body has no triangles. Give a closed surface.', 'Give a closed surface.')
+    """
 
     def __init__(self, sentence: str, remedy: str = "") -> None:
         super().__init__(f"{sentence} {remedy}".strip())

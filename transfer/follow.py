@@ -1,4 +1,4 @@
-"""What a deforming source does, averaged for each triangle that follows some of its triangles."""
+"""Averages of source deformation gradients over the triangles that a target triangle follows."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,9 +15,9 @@ REMEDY = "Pose with the mesh that the pairs were made for."
 
 
 @dataclass(frozen=True)
-class Carried:
-    """What the source does, averaged for each target triangle: its gradient S (m, 3, 3) and the centroids
-    from (m, 3) and to (m, 3) of what it follows.
+class AveragedMotion:
+    """Averaged source motion of each target triangle: gradients S (m, 3, 3), and mean centroids of the followed source
+    triangles at rest, start (m, 3), and deformed, end (m, 3) [m].
     """
 
     gradients: Floats
@@ -25,10 +25,10 @@ class Carried:
     end: Floats
 
     def vertices(self, positions: Floats, triangles: Ints) -> Floats:
-        """Where vertices (n, 3) are taken: the mean over their triangles of b~ + S (x - b)."""
+        """Images of vertices (n, 3): the mean over their triangles of b~ + S (x - b) [m]."""
         n, m = len(positions), len(triangles)
-        share = 1.0 / np.maximum(np.bincount(triangles.ravel(), minlength=n), 1)
-        entries = (share[triangles].ravel(), (triangles.ravel(), np.repeat(np.arange(m), 3)))
+        fraction = 1.0 / np.maximum(np.bincount(triangles.ravel(), minlength=n), 1)
+        entries = (fraction[triangles].ravel(), (triangles.ravel(), np.repeat(np.arange(m), 3)))
         mean = csr_array(entries, shape=(n, m))
         gradients = (mean @ self.gradients.reshape(m, 9)).reshape(n, 3, 3)
         origin = self.end - np.einsum("tab,tb->ta", self.gradients, self.start)
@@ -37,10 +37,10 @@ class Carried:
 
 @dataclass(frozen=True)
 class FollowedSource:
-    """A source at rest, made ready for many poses; made by `followed_source`.
+    """Source at rest with inverse frames for many poses; made by `followed_source`.
 
-    vertices: how many it has; triangles (k, 3): those that something follows; inverses (k, 3, 3) of their rest frames;
-    averages (m, k); start (m, 3): the mean of the rest centroids of what each row follows.
+    vertices: their number; triangles (k, 3): those that are followed; inverses (k, 3, 3) of their rest frames;
+    averages (m, k); start (m, 3): mean rest centroid of the triangles that each row follows [m].
     """
 
     vertices: int
@@ -51,30 +51,31 @@ class FollowedSource:
 
     @cached_property
     def one_to_one(self) -> bool:
-        """True where each row follows the triangle of its own number alone, as on bodies that share their mesh."""
+        """True where each row follows only the triangle of the same index, as on bodies with one mesh."""
         same = self.averages.shape == (len(self.triangles),) * 2 and self.averages.nnz == len(self.triangles)
         return same and bool((self.averages.diagonal() == 1.0).all())
 
     @cached_property
     def middles(self) -> csr_array:
-        """The mean centroid of what each row follows, from the source's vertices, (m, vertices)."""
+        """Operator from source vertices to the mean centroid of the triangles that each row follows, (m, vertices)."""
         k = len(self.triangles)
         entries = (np.full(3 * k, 1 / 3), (np.repeat(np.arange(k), 3), self.triangles.ravel()))
         return (self.averages @ csr_array(entries, shape=(k, self.vertices))).tocsr()
 
-    def carried(self, deformed: ArrayLike) -> Carried:
-        """The `Carried` of the pose `deformed` (vertices, 3). TransferError for another number of vertices."""
+    def averaged(self, deformed: ArrayLike) -> AveragedMotion:
+        """Averaged motion of the pose `deformed` (vertices, 3). TransferError for another number of vertices."""
         positions = as_points("deformed source", deformed)
         if len(positions) != self.vertices:
             raise TransferError(f"the source has {self.vertices} vertices, the deformed one {len(positions)}.", REMEDY)
         gradients = deformation_gradients(self.inverses, positions, self.triangles).reshape(-1, 9)
         mean = gradients if self.one_to_one else self.averages @ gradients
-        return Carried(mean.reshape(-1, 3, 3), self.start, self.middles @ positions)
+        return AveragedMotion(mean.reshape(-1, 3, 3), self.start, self.middles @ positions)
 
 
 def followed_source(averages: csr_array, rest: ArrayLike, triangles: ArrayLike) -> FollowedSource:
-    """`averages` (m, source triangles): the weights of what each row follows. TransferError where a triangle that
-    something follows does not exist or has no area.
+    """Prepare a source at rest; averages (m, source triangles): weights of the triangles that each row follows.
+
+    TransferError where a followed triangle does not exist or has no area.
     """
     positions, every = as_surface("source", rest, triangles)
     if averages.shape[1] > len(every):

@@ -1,4 +1,4 @@
-"""Deformation gradients of triangles in space, as a linear operator (Sumner & Popovic 2004, section 3).
+"""Deformation gradients of triangles in space as a linear operator (Sumner & Popovic 2004, section 3).
 
 A triangle gets a fourth vertex v4 = v1 + (e1 x e2) / sqrt|e1 x e2|, so that its frame V = [e1 e2 v4-v1] can be
 inverted, and T = V~ V^-1 maps its rest frame to its deformed one. T is linear in the deformed vertices and fourth
@@ -20,48 +20,48 @@ FLATTEST = 1e-8
 
 
 def cross(u: Floats, v: Floats) -> Floats:
-    """u x v of rows (m, 3); a third of the time of np.cross."""
+    """Cross products of rows (m, 3); takes a third of the time of np.cross."""
     u0, u1, u2, v0, v1, v2 = *u.T, *v.T
     return np.stack([u1 * v2 - u2 * v1, u2 * v0 - u0 * v2, u0 * v1 - u1 * v0], axis=1)
 
 
 def edge_vectors(positions: Floats, triangles: Ints) -> tuple[Floats, Floats]:
-    """e1 = v2 - v1 and e2 = v3 - v1 (m, 3)."""
+    """Edge vectors e1 = v2 - v1 and e2 = v3 - v1, (m, 3)."""
     a, b, c = (positions.take(triangles[:, k], axis=0) for k in range(3))
     return b - a, c - a
 
 
 def doubled_areas(positions: Floats, triangles: Ints) -> Floats:
-    """The cross products e1 x e2 (m, 3): twice the area times the normal."""
+    """Cross products e1 x e2 (m, 3): twice the area times the normal."""
     return cross(*edge_vectors(positions, triangles))
 
 
 def centroids(positions: Floats, triangles: Ints) -> Floats:
-    """The centroids of the triangles (m, 3)."""
+    """Centroids of the triangles, (m, 3)."""
     a, b, c = (positions.take(triangles[:, k], axis=0) for k in range(3))
     return (a + b + c) / 3.0
 
 
 def mean_edge(positions: Floats, triangles: Ints) -> float:
-    """The mean length of the triangles' edges [the unit of `positions`]."""
+    """Mean edge length of the triangles [the unit of `positions`]."""
     edges = positions[triangles] - positions[np.roll(triangles, 1, axis=1)]
     return float(np.linalg.norm(edges, axis=2).mean())
 
 
 def without_area(positions: Floats, triangles: Ints) -> NDArray[np.bool_]:
-    """Which triangles (m,) are so flat that they have no frame."""
+    """True for triangles without area, which have no invertible frame, (m,)."""
     e1, e2 = edge_vectors(positions, triangles)
     return flat(e1, e2, cross(e1, e2))
 
 
 def flat(e1: Floats, e2: Floats, e1_x_e2: Floats) -> NDArray[np.bool_]:
-    """Which triangles (m,) have |e1 x e2| <= FLATTEST times their longest edge squared."""
+    """True for triangles with |e1 x e2| <= FLATTEST times their longest edge squared, (m,)."""
     squared = [np.einsum("ta,ta->t", v, v) for v in (e1, e2, e2 - e1, e1_x_e2)]
     return squared[3] <= (FLATTEST * np.maximum.reduce(squared[:3])) ** 2
 
 
 def inverse_frames(positions: Floats, triangles: Ints, name: str, numbers: Ints | None = None) -> Floats:
-    """V^-1 of each triangle (m, 3, 3): its rows are the dual vectors e2 x c / |c|^2, c x e1 / |c|^2, c / |c|^(3/2),
+    """Inverse frames V^-1 (m, 3, 3): rows are the dual vectors e2 x c / |c|^2, c x e1 / |c|^2, c / |c|^(3/2),
     c = e1 x e2. TransferError where a triangle has no area; it is called by the mesh's `name` and its own row,
     or its row's entry of `numbers`.
     """
@@ -80,7 +80,7 @@ def inverse_frames(positions: Floats, triangles: Ints, name: str, numbers: Ints 
 
 @njit(error_model="numpy")
 def deformation_gradients(inverses: Floats, deformed: Floats, triangles: Ints) -> Floats:
-    """T = V~ V^-1 of each triangle (m, 3, 3), from the `inverses` of its rest frames.
+    """Deformation gradients T = V~ V^-1 (m, 3, 3), from the `inverses` of its rest frames.
 
     Compiled, in 0.6 s by each process that calls it (numba's cache on disk would lie in the folder of this package):
     with numpy it is nearly half of the time of a pose.
@@ -105,7 +105,7 @@ def deformation_gradients(inverses: Floats, deformed: Floats, triangles: Ints) -
 
 
 def gradient_operator(inverses: Floats, triangles: Ints, vertices: int) -> csr_array:
-    """G (3m, n + m) with G [x; v4] = the transposed T of all triangles, stacked.
+    """Operator G (3m, n + m) with G [x; v4] = the transposed T of all triangles, stacked.
 
     `vertices` is n. Row 3t + b and coordinate a of the product are T_t[a, b]. Without its last m columns it gives T P,
     P the projector onto the rest triangle's plane (see `plane_operator`).
@@ -117,7 +117,7 @@ def gradient_operator(inverses: Floats, triangles: Ints, vertices: int) -> csr_a
 
 
 def plane_operator(inverses: Floats, triangles: Ints, vertices: int) -> csr_array:
-    """G_P (3m, n) with G_P x = the transposed T P of all triangles, P the projector onto the rest triangle's plane.
+    """Operator G_P (3m, n) with G_P x = the transposed T P of all triangles, P the projector onto the rest plane.
 
     The first two rows of V^-1 are the dual vectors of e1 and e2 in the plane. Where every v4 is free, as in the
     transfer of a pose, T = S along the normal costs nothing: min |S - T|^2 over v4 is |(S - T) P|^2, and the
@@ -129,7 +129,7 @@ def plane_operator(inverses: Floats, triangles: Ints, vertices: int) -> csr_arra
 
 
 def assemble(columns: Ints, values: Floats, width: int) -> csr_array:
-    """The sparse (3m, width) with values[t, j, b] in row 3t + b and column columns[t, j]."""
+    """Sparse matrix (3m, width) with values[t, j, b] in row 3t + b and column columns[t, j]."""
     m, corners = columns.shape
     rows = np.broadcast_to(3 * np.arange(m)[:, None, None] + np.arange(3), (m, corners, 3))
     where = np.broadcast_to(columns[:, :, None], (m, corners, 3))
@@ -137,7 +137,7 @@ def assemble(columns: Ints, values: Floats, width: int) -> csr_array:
 
 
 def factorise(matrix: csr_array) -> Any:
-    """SuperLU's factors of a symmetric positive definite matrix: `.solve(b)` with b (n,) or (n, k)."""
+    """SuperLU factorization of a symmetric positive definite matrix: `.solve(b)` with b (n,) or (n, k)."""
     from scipy.sparse.linalg import splu
 
     return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

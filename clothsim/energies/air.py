@@ -36,7 +36,7 @@ from clothsim.mesh.world import World
 class Air(Energy, Driven, Idling):
     """E = sum d.T d / (2 h), d = y - y_n - h w, y the centroid of a triangle, so that d / h = v_rel.
 
-    With BDF2 x^ and b h replace x_n and h (FORMULAS 2).
+    With BDF2 x^ and b h replace x_n and h (docs/theory.md#time-integration).
 
     Parameters
     ----------

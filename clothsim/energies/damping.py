@@ -21,7 +21,7 @@ from clothsim.mesh.world import World
 class MassDamping(Elementwise, Energy):
     """E = rate sum m |x - x_n|^2 / (2 h): the force is -rate m v (Rayleigh's mass term).
 
-    With BDF2 x^ and b h replace x_n and h (FORMULAS 2).
+    With BDF2 x^ and b h replace x_n and h (docs/theory.md#time-integration).
 
     Parameters
     ----------

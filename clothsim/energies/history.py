@@ -7,7 +7,9 @@ from clothsim.energies.step import Step
 
 
 def past_of(step: Step, quantity: Callable[[Floats], Floats]) -> Floats:
-    """The past value q^ with which (q(x) - q^) / past.dt is the rate of q at the end of the step (FORMULAS 2).
+    """The past value q^ with which (q(x) - q^) / past.dt is the rate of q at the end of the step.
+
+    docs/theory.md#time-integration.
 
     Backward Euler: q(x_n). BDF2: ((1+r)^2 q(x_n) - r^2 q(x_(n-1))) / (1+2r), with the weights that `step.past` has for
     the positions. q of the weighed positions would be wrong: they are no state of the cloth, and a rotating cloth would

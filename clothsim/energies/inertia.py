@@ -16,7 +16,9 @@ from clothsim.mesh.world import World
 
 @dataclass(frozen=True)
 class Inertia(Elementwise, Energy):
-    """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n; with BDF2 x^, v^ and b h replace them (FORMULAS 2).
+    """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n.
+
+    With BDF2 x^, v^ and b h replace them (docs/theory.md#time-integration).
 
     Gravity is an energy of its own and no part of x~.
 

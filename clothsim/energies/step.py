@@ -15,7 +15,8 @@ stiffen it further: the energy stored below d_hat would grow with 1/dt^2, and fi
 class Past:
     """Past positions and velocities in the difference formula: velocities at the end are v = (x - positions) / dt.
 
-    Backward Euler: x_n, v_n and h; BDF2: x^, v^ and b h (FORMULAS 2). Inertia, damping and friction use no other time.
+    Backward Euler: x_n, v_n and h; BDF2: x^, v^ and b h (docs/theory.md#time-integration). Inertia, damping and
+    friction use no other time.
 
     Parameters
     ----------

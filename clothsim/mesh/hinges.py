@@ -24,7 +24,7 @@ class Hinges:
     rest_angles : (h,) float64
         Dihedral angle at rest [rad], 0 where flat.
     stiffness : (h,) float64
-        Bending stiffness D [N m], the mean of both sides', doubled on a clamp line (VALIDATION A3).
+        Bending stiffness D [N m], the mean of both sides', doubled on a clamp line (docs/validation.md, A3).
     held : (h,) int64
         Side whose triangle a clamp fixes and which does not bend: 0 the first, 1 the second, -1 neither.
     """

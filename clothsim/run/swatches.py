@@ -1,7 +1,7 @@
 """Swatch card: the Cusick drape of each named fabric, side by side.
 
 A disc of cloth of 30 cm is held between two discs of 18 cm, as in the drape tester, and hangs over their edge
-(VALIDATION A7). The meshes are coarse: for comparison by eye, not for measurement.
+(docs/validation.md, A7). The meshes are coarse: for comparison by eye, not for measurement.
 """
 
 from collections.abc import Callable, Sequence

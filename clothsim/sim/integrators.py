@@ -1,4 +1,4 @@
-"""Difference formulas of a step: backward Euler, and BDF2 with variable steps (FORMULAS 2)."""
+"""Difference formulas of a step: backward Euler, and BDF2 with variable steps (docs/theory.md#time-integration)."""
 
 from dataclasses import dataclass
 

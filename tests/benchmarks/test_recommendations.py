@@ -17,7 +17,7 @@ FALL = replace(
 
 
 def test_free_fall_is_wrong_by_g_T_dt_over_2():  # noqa: N802
-    """Backward Euler falls g T dt/2 too far (VALIDATION A4): 15.7 mm with dt = .02; half of it one level finer."""
+    """Backward Euler falls g T dt/2 too far (docs/validation.md, A4): 15.7 mm with dt = .02; half one level finer."""
     study = {
         "recommended": [
             {"error": 20.0, "label": "base", "measured_error": 15.7},

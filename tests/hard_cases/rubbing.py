@@ -1,4 +1,4 @@
-"""Friction at speed and at rest: a table cloth that is pulled, cards that lean. Both obey Coulomb (VALIDATION A5)."""
+"""Coulomb friction at speed and at rest: a pulled table cloth, leaning cards (docs/validation.md, A5)."""
 
 from functools import partial
 from typing import Any

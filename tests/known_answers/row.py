@@ -14,8 +14,8 @@ class Outcome:
     """A value beside the exact one.
 
     bar: the largest deviation that passes: a share of the exact value where unit is "", else in that unit; printed: the
-    exact value as VALIDATION prints it, which the computed one must agree with in every digit; order: observed, to lie
-    in orders. A row that compares nothing with a known value (a spread, a largest error) has exact 0.
+    exact value as docs/validation.md prints it, which the computed one must agree with in every digit; order: observed,
+    to lie in orders. A row that compares nothing with a known value (a spread, a largest error) has exact 0.
     """
 
     value: float

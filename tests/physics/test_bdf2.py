@@ -1,4 +1,4 @@
-"""BDF2 with variable steps: free fall, orders, the pendulum, damping, pins (VALIDATION A4, FORMULAS 2)."""
+"""BDF2 with variable steps: free fall, orders, the pendulum, damping, pins (docs/theory.md#time-integration)."""
 
 from dataclasses import replace
 
@@ -90,7 +90,7 @@ def test_varying_steps_are_of_second_order():
 
 
 def test_the_constant_form_would_be_of_first_order_on_varying_steps(monkeypatch):
-    """What the formula with r is for (FORMULAS 2: 1.04 against 1.98)."""
+    """Purpose of the formula with r (docs/theory.md#time-integration: 1.04 against 1.98)."""
     right = formulas.bdf2_past
     monkeypatch.setattr(formulas, "bdf2_past", lambda state, before, h, r: right(state, before, h, 1.0))
     found = errors([1, 2, 1, 0.5], (20, 40))

@@ -1,4 +1,4 @@
-"""Unforced runs with contact and friction: the energy inequality of each step (VALIDATION A4), memory, and bits."""
+"""Unforced runs with contact and friction: energy inequality (docs/validation.md, A4), memory, bits."""
 
 import tracemalloc
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The patch test: an affine boundary makes an affine sheet, to round-off, on a mesh with slivers (VALIDATION A1)."""
+"""Patch test: an affine boundary makes an affine sheet, with slivers too (docs/validation.md, A1)."""
 
 import pytest
 

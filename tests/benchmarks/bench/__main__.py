@@ -144,7 +144,7 @@ def main(argv: Sequence[str] | None = None, cases: Sequence[Case] | None = None)
     parser.add_argument("--quick", action="store_true", help=f"only {', '.join(QUICK)}")
     parser.add_argument("--only", metavar="NAMES", help="these cases, with commas between")
     parser.add_argument(
-        "--aims", action="store_true", help="not the set, but the seconds per simulated second of issue 7"
+        "--aims", action="store_true", help="the target times (seconds per simulated second) in place of the set"
     )
     parser.add_argument("--alone", action="store_true", help="a membrane, and in a copy without other effects' files")
     parser.add_argument("--oracle", action="store_true", help="contact alone, and ipctk on the same Newton steps")

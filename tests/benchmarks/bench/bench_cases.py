@@ -141,7 +141,7 @@ def benchmark() -> tuple[Case, ...]:
 
 
 def aims() -> tuple[Case, ...]:
-    """What issue 7 aims at: a second from 10 mm above the ball at 40x40, and 0.2 s of the impact at 100x100."""
+    """Target-time cases (docs/performance.md): 1 s from 10 mm above the ball at 40x40, 0.2 s of impact at 100x100."""
     above = {"height": 0.01, "fall": 0.0}
     draft, fine = (with_preset(sphere(cells, **above), "draft")[0] for cells in (40, 80))
     standard = with_preset(sphere(40, **above), "standard")[0]

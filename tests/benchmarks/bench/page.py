@@ -1,4 +1,4 @@
-"""The tables of docs/profile.md: where the time of a step goes, what issue 7 aims at, and contact against ipctk."""
+"""Tables of docs/performance.md: time of a step by part, target times, contact against ipctk."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,7 +18,7 @@ AIMS = {
     "aim standard 40x40": "below 25",
     "aim standard 100x100, impact": "below 100",
 }
-"""Processor seconds per simulated second that issue 7 asks for."""
+"""Processor seconds per simulated second to reach (docs/performance.md)."""
 
 
 def grouped(row: Measured) -> Mapping[str, float]:
@@ -95,7 +95,7 @@ def aimed(cases: Mapping[str, Measured]) -> str:
 
 
 AT_LEAST = 10.0
-"""How many times the processor time of ours ipctk shall take, by issue 7."""
+"""Least ratio of processor times, ipctk over this package (docs/performance.md)."""
 
 
 def against(cases: Mapping[str, Compared]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
