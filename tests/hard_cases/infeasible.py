@@ -97,6 +97,6 @@ CASES = (
         "B21",
         "pinned ends driven into one another",
         driven_together,
-        fails=("scripted motion", "vertex", "pins.group", "infeasible"),
+        fails=("prescribed motion", "vertex", "pins.group", "infeasible"),
     ),
 )
