@@ -24,6 +24,7 @@ if _TYPE_CHECKING:
     from clothsim.scene.cloth_arrays import BodyArrays as Body
     from clothsim.scene.cloth_arrays import ClothArrays as Cloth
     from clothsim.scene.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+    from clothsim.scene.effects import register_effect
     from clothsim.scene.scene import Scene
     from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
     from clothsim.scene.toml_file import load_scene
@@ -95,6 +96,7 @@ _HOMES = {
     "fit": "clothsim.fitting.fit",
     "load_scene": "clothsim.scene.toml_file",
     "open_run": "clothsim.run.results",
+    "register_effect": "clothsim.scene.effects",
     "resume": "clothsim.run.resume",
     "simulate": "clothsim.run.simulate",
     "study_accuracy": "clothsim.accuracy.study",
@@ -147,6 +149,7 @@ __all__ = [
     "fit",
     "load_scene",
     "open_run",
+    "register_effect",
     "resume",
     "simulate",
     "study_accuracy",

@@ -11,9 +11,9 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\([(\[])(.*?)\\[)\]]</\1>
 
 def on_files(files, config):
     """Add the pages that are generated from the package."""
-    from clothsim.scene.reference import reference_page
+    from clothsim.scene.reference import markdown
 
-    files.append(File.generated(config, "reference/scene.md", content=reference_page()))
+    files.append(File.generated(config, "reference/scene.md", content=markdown()))
     return files
 
 

@@ -15,7 +15,7 @@ from clothsim.scene.mesh_arrays import MeshArrays
 
 def body_of_files(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
     """The body of a table whose `frames` name a sequence of files, and notes for the user."""
-    from clothsim.io.mesh_file import Part
+    from clothsim.io.mesh_part import Part
     from clothsim.io.mesh_sequence import frame_files, read_frames
 
     pattern = keys["frames"]

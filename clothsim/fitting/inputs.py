@@ -13,7 +13,8 @@ from clothsim.build.scene_world import build
 from clothsim.build.welding import sewn
 from clothsim.errors import InputError
 from clothsim.fitting.stage import Garment
-from clothsim.io.mesh_file import MeshFile, read_mesh
+from clothsim.io.mesh_file import read_mesh
+from clothsim.io.mesh_part import MeshFile
 from clothsim.io.mhclo import read_clothes
 from clothsim.mesh.checks import examine, refuse
 from clothsim.mesh.topology import components, half_edges

@@ -10,7 +10,8 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
-from clothsim.io.mesh_file import MeshFile, Part, choose, read_polygons
+from clothsim.io.mesh_file import read_polygons
+from clothsim.io.mesh_part import MeshFile, Part, choose
 from clothsim.io.polygons import Polygons, cut_polygons
 
 

@@ -10,7 +10,8 @@ from meshes import irregular_grid
 from real_data import DATA, needs_data
 
 from clothsim.errors import InputError
-from clothsim.io.mesh_file import ENDINGS, MeshFile, read_mesh
+from clothsim.io.mesh_file import ENDINGS, read_mesh
+from clothsim.io.mesh_part import MeshFile
 from clothsim.mesh.checks import examine
 from clothsim.mesh.generators.shapes import slab, sphere
 

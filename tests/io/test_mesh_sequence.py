@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from clothsim.errors import InputError
-from clothsim.io.mesh_file import Part, read_mesh
+from clothsim.io.mesh_file import read_mesh
+from clothsim.io.mesh_part import Part
 from clothsim.io.mesh_sequence import frame_files, read_frames
 
 QUADS = "f 1 2 3 4\nf 5 6 7 8\n"
