@@ -1,28 +1,50 @@
 """What the first run compiles is shared with a second process, once."""
 
+import json
 import os
 import subprocess
 import sys
+from pathlib import Path
 
-TWICE = """
 from clothsim.cli import precompile
-precompile.CORES = 1
-first = precompile.start()
-print(first is not None, first.wait(), precompile.start() is None)
+
+ROOT = Path(__file__).parents[1]
+
+THE_REST = """
+import json
+from clothsim.cli.precompile import compile_remaining_kernels
+from tests.benchmarks.compile_time import loaded
+compile_remaining_kernels()
+print(json.dumps([name for name, types in loaded().items() if types]))
 """
 
 
-def test_a_second_process_compiles_where_nothing_is_compiled_and_ends(tmp_path):
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", TWICE], env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["True", "0", "True"]
-    kernels = {".".join(file.name.split("-")[0].split(".")[-2:]) for file in tmp_path.rglob("*.kernel")}
+def output(code, **environment):
+    """What the code prints in an interpreter of its own."""
+    environment = os.environ | environment
+    return subprocess.run(
+        [sys.executable, "-c", code], env=environment, cwd=ROOT, capture_output=True, text=True, check=True
+    ).stdout
+
+
+def test_a_second_process_begins_where_nothing_is_compiled(monkeypatch):
+    begun = []
+    monkeypatch.setattr(precompile.subprocess, "Popen", lambda command, **keywords: begun.append((command, keywords)))
+    monkeypatch.setattr(precompile, "CORES", 1)
+    monkeypatch.setattr(precompile, "_compiled", lambda: True)
+    precompile.start()
+    assert begun == []
+    monkeypatch.setattr(precompile, "_compiled", lambda: False)
+    precompile.start()
+    ((command, keywords),) = begun
+    assert command == [sys.executable, "-P", "-m", "clothsim.cli.precompile"]
+    assert keywords["env"]["PYTHONPATH"].split(os.pathsep)[0] == str(ROOT)
+    monkeypatch.setattr(precompile, "CORES", 10**6)  # one core compiles alone
+    precompile.start()
+    assert len(begun) == 1
+
+
+def test_the_second_process_compiles_energies_matrix_and_contact():
+    kernels = {".".join(name.split(".")[-2:]) for name in json.loads(output(THE_REST).splitlines()[-1])}
     assert {"membrane_kernels.fill", "hinge_kernels.fill", "sparsity._times"} <= kernels
     assert {"barrier_hessian.rank_one_factors", "psd_projection.positive_factors", "assembly.add_low_rank"} <= kernels
-
-
-def test_one_core_compiles_alone(tmp_path):
-    alone = "from clothsim.cli import precompile; precompile.CORES = 10**6; print(precompile.start())"
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
-    done = subprocess.run([sys.executable, "-c", alone], env=environment, capture_output=True, text=True, check=True)
-    assert done.stdout.split() == ["None"]
