@@ -1,8 +1,8 @@
-"""A garment goes along when its body becomes another one (deformation transfer, with a body as the source).
+"""Deformation transfer of a garment from its body to another body or pose.
 
 Each garment triangle takes the mean S of the body triangles that it lies over, weighted by distance so that neighbours
-do not jump; and each vertex is anchored, softly, where these carry it, so that the sum of the S does not drift away
-from the body. Nothing here keeps cloth out of the body: a repair has to follow.
+do not jump; and each vertex is anchored weakly at the mean position to which these map it, so that integrating S does
+not drift away from the body. Penetration of the body is not prevented: `refine` has to follow.
 """
 
 import numpy as np
@@ -15,12 +15,12 @@ from transfer.gradients import centroids, mean_edge, without_area
 from transfer.triangle_surface import Floats, Ints, as_surface, triangle_normals
 
 FOLLOWED, CANDIDATES = 16, 64
-"""Body triangles that a garment triangle follows, at most, out of the nearest that are looked at."""
+"""Most body triangles that a garment triangle follows, and nearest ones that are searched."""
 FAINTEST = 1e-6
 """A body triangle with a weight below this is left out."""
 REACH = 0.05
-"""Of the body's longest side: over this length the gradients shape the garment, beyond it the anchors place it. A
-tenth of a metre on a person; .02 to .3 m were tried: longer ones drift, shorter ones print the body into the cloth."""
+"""Length, as a fraction of the body's longest side, below which gradients and above which anchors dominate. A tenth
+of a metre on a person; of .02 to .3 m, longer ones drift and shorter ones imprint the body on the cloth."""
 
 
 def transfer_garment(
@@ -30,11 +30,43 @@ def transfer_garment(
     target_body: ArrayLike,
     body_triangles: ArrayLike,
 ) -> Floats:
-    """The garment (n, 3), which lies on `source_body` (k, 3), as it lies on `target_body` (k, 3).
+    """Transfer a garment from one body to another of the same mesh.
 
-    Both bodies share `body_triangles` (m, 3): bodies of other topology go through `correspond` first, whose
-    `positions` are the source body in the target's shape. Vertices may end up inside the body. TransferError for bad
-    arrays and for garment triangles without area.
+    For bodies of different topology call `correspond` first: its `positions` are the source body in the shape of the
+    target. Vertices may end up inside the body; `refine` moves them out.
+
+    Parameters
+    ----------
+    garment_positions : array_like (n, 3)
+        Garment on the source body [m].
+    garment_triangles : array_like (m, 3)
+    source_body, target_body : array_like (k, 3)
+        Vertices of both bodies [m].
+    body_triangles : array_like (l, 3)
+        Mesh of both bodies.
+
+    Returns
+    -------
+    ndarray (n, 3)
+        Garment on the target body [m].
+
+    Raises
+    ------
+    TransferError
+        Invalid arrays, or garment triangles without area.
+
+    Examples
+    --------
+    A square above a tetrahedron that becomes twice as large:
+
+    >>> import numpy as np
+    >>> from transfer.garment import transfer_garment
+    >>> body = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    >>> faces = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> cloth = np.array([[0, 0, 2], [1, 0, 2], [1, 1, 2], [0, 1, 2.0]])
+    >>> fitted = transfer_garment(cloth, [[0, 1, 2], [0, 2, 3]], body, 2 * body, faces)
+    >>> bool(np.allclose(fitted, 2 * cloth))
+    True
     """
     follower = garment_transfer(garment_positions, garment_triangles, source_body, body_triangles)
     return follower.pose(source_body, body_triangles, target_body)
@@ -43,7 +75,7 @@ def transfer_garment(
 def garment_transfer(
     garment_positions: ArrayLike, garment_triangles: ArrayLike, body_positions: ArrayLike, body_triangles: ArrayLike
 ) -> DeformationTransfer:
-    """The garment on its body, factorised once: `.pose(body, body_triangles, other body)` for each body or pose."""
+    """Factorize the transfer of a garment on its body: `.pose(body, body_triangles, other_body)` for each body."""
     garment = as_surface("garment", garment_positions, garment_triangles)
     body = as_surface("body", body_positions, body_triangles)
     pairs, weights = followed(garment, body)
@@ -54,15 +86,15 @@ def garment_transfer(
 def followed(garment: tuple[Floats, Ints], body: tuple[Floats, Ints]) -> tuple[Ints, Floats]:
     """Pairs (p, 2): (body triangle, garment triangle), and weights (p,) of sum 1 for each garment triangle.
 
-    Of the nearest body triangles those count that face as the garment's does (each piece of the garment may be wound
-    either way), or all where none does; weights exp(-(d^2 - d_0^2) / h^2), d_0 the nearest distance and
-    h = max(d_0, mean edge of the body): the farther the cloth, the broader its mean.
+    Of the nearest body triangles those with a compatible normal are used (each component of the garment may be wound
+    in either orientation), or all where none has; weights exp(-(d^2 - d_0^2) / h^2), d_0 the nearest distance and
+    h = max(d_0, mean edge of the body): the farther the cloth, the broader the mean.
     """
     from scipy.spatial import cKDTree
 
     sound = np.flatnonzero(~without_area(*body))
     if len(sound) == 0:
-        raise TransferError("the body has no triangle with an area.", "Give a surface.")
+        raise TransferError("the body has no triangle with an area.", "Give a triangulated surface.")
     over = body[0], body[1][sound]
     count = min(CANDIDATES, len(sound))
     distance, near = cKDTree(centroids(*over)).query(centroids(*garment), k=np.arange(1, count + 1))
@@ -73,14 +105,14 @@ def followed(garment: tuple[Floats, Ints], body: tuple[Floats, Ints]) -> tuple[I
     distance, near = np.take_along_axis(distance, order, axis=1), np.take_along_axis(near, order, axis=1)
     nearest = distance[:, :1]
     weights = np.exp((nearest**2 - distance**2) / np.maximum(nearest, mean_edge(*over)) ** 2)
-    kept = weights > FAINTEST
-    rows = np.broadcast_to(np.arange(len(near))[:, None], near.shape)[kept]
-    sums = np.bincount(rows, weights[kept])
-    return np.column_stack([sound[near[kept]], rows]), weights[kept] / sums[rows]
+    significant = weights > FAINTEST
+    rows = np.broadcast_to(np.arange(len(near))[:, None], near.shape)[significant]
+    sums = np.bincount(rows, weights[significant])
+    return np.column_stack([sound[near[significant]], rows]), weights[significant] / sums[rows]
 
 
 def outward(garment: tuple[Floats, Ints], body: tuple[Floats, Ints], nearest: Ints) -> Floats:
-    """The garment's normals (t, 3), turned piece by piece to where most of the nearest body triangles face."""
+    """Garment normals (t, 3), each component oriented like most of the nearest body triangles."""
     normals = triangle_normals(*garment)
     piece = vertex_components(garment[1], len(garment[0]))[garment[1][:, 0]]
     agreement = np.bincount(piece, np.einsum("ta,ta->t", normals, triangle_normals(*body)[nearest]))

@@ -1,8 +1,8 @@
-"""Markers for two upright human bodies, from their shapes alone.
+"""Corresponding landmarks of two upright human bodies from geodesic distances.
 
 A body is a star of five limbs: its tips (head, hands, feet) are the points farthest from its middle along the surface,
-and its bends (crotch, armpits) are where the shortest way along the surface from one tip to the next
-leaves their chord most. Both survive a change of shape and, mostly, of pose. The bodies stand in the same axes and
+and its bends (crotch, armpits) are where the shortest path along the surface from one tip to the next
+is farthest from their chord. Both survive a change of shape and, mostly, of pose. The bodies stand in the same axes and
 face the same way.
 """
 
@@ -17,22 +17,36 @@ TIPS = 5
 
 
 def derive_markers(source: tuple[Floats, Ints], target: tuple[Floats, Ints]) -> Ints:
-    """Markers (k, 2): vertices of the source and of the target that mean the same.
+    """Corresponding vertices of two bodies.
 
-    Both are (positions (n, 3), triangles (m, 3)) of one connected piece. Tips are matched by their places in the
-    bounding boxes, bends by the tips that they lie between. TransferError for a surface without five limbs.
+    Tips are matched by their positions in the bounding boxes, bends by the tips that they lie between.
+
+    Parameters
+    ----------
+    source, target : tuple of ndarray
+        Positions (n, 3) [m] and triangles (m, 3) of one connected component.
+
+    Returns
+    -------
+    ndarray (k, 2)
+        (source vertex, target vertex).
+
+    Raises
+    ------
+    TransferError
+        The surface has fewer than five limbs.
     """
     from scipy.optimize import linear_sum_assignment
 
-    vertices, ways = zip(*(tips(*mesh) for mesh in (source, target)), strict=True)
+    vertices, predecessors = zip(*(tips(*mesh) for mesh in (source, target)), strict=True)
     places = [in_box(*mesh)[found] for mesh, found in zip((source, target), vertices, strict=True)]
     distance = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)
     _, match = linear_sum_assignment(distance)
     markers = [(vertices[0][i], vertices[1][match[i]]) for i in range(TIPS)]
     for i, j in limb_pairs(places[0]):
         bends = (
-            bend(source[0], ways[0][i], vertices[0][i], vertices[0][j]),
-            bend(target[0], ways[1][match[i]], vertices[1][match[i]], vertices[1][match[j]]),
+            bend(source[0], predecessors[0][i], vertices[0][i], vertices[0][j]),
+            bend(target[0], predecessors[1][match[i]], vertices[1][match[i]], vertices[1][match[j]]),
         )
         markers.append(bends)
     found = np.array(markers, dtype=np.int64)
@@ -41,17 +55,17 @@ def derive_markers(source: tuple[Floats, Ints], target: tuple[Floats, Ints]) -> 
 
 
 def in_box(positions: Floats, triangles: Ints) -> Floats:
-    """Positions with the bounding box's middle at 0 and its largest side 1, the axes kept."""
+    """Positions scaled so that the bounding box is centred at 0 with largest side 1."""
     used = positions[np.unique(triangles)]
     low, high = used.min(axis=0), used.max(axis=0)
     return (positions - (low + high) / 2.0) / (high - low).max()
 
 
 def tips(positions: Floats, triangles: Ints) -> tuple[Ints, list[Ints]]:
-    """The five tips, the one nearest to the four others (the head) last, and from each of them the way back:
-    predecessors (n,) of the shortest ways to it along edges.
+    """Five tips, the one nearest to the four others (the head) last, and for each the predecessors (n,) of the shortest
+    paths to it along edges.
 
-    Farthest points first, among those that are farther from the middle than all their neighbours: a knee is not.
+    Farthest-point sampling among local maxima of the distance from the middle: a knee is none.
     """
     graph = edge_graph(positions, triangles)
     used = np.unique(triangles)
@@ -62,30 +76,30 @@ def tips(positions: Floats, triangles: Ints) -> tuple[Ints, list[Ints]]:
     for ends in (edges_of(triangles), edges_of(triangles)[:, ::-1]):
         peaks[ends[from_middle[ends[:, 0]] < from_middle[ends[:, 1]], 0]] = -1.0
     distance = from_middle
-    found, ways, distances = [], [], []
+    found, predecessors, distances = [], [], []
     for _ in range(TIPS):
         found.append(int(np.where(peaks > 0, distance, -1.0).argmax()))
         if peaks[found[-1]] <= 0 or distance[found[-1]] == 0:
             raise TransferError(f"the surface has {len(found) - 1} limbs where a body has {TIPS}.", "Give the markers.")
-        own, way = dijkstra(graph, directed=False, indices=found[-1], return_predecessors=True)
-        ways.append(way)
+        own, predecessor = dijkstra(graph, directed=False, indices=found[-1], return_predecessors=True)
+        predecessors.append(predecessor)
         distances.append(own)
         distance = np.minimum(distance, own)
     order = np.argsort(-np.array(distances)[:, found].sum(axis=1))
-    return np.array(found)[order], [ways[k] for k in order]
+    return np.array(found)[order], [predecessors[k] for k in order]
 
 
 def edge_graph(positions: Floats, triangles: Ints) -> csr_array:
-    """The lengths of the edges, (n, n)."""
+    """Sparse matrix of edge lengths, (n, n) [m]."""
     edges = edges_of(triangles)
     lengths = np.linalg.norm(positions[edges[:, 0]] - positions[edges[:, 1]], axis=1)
     return csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(positions), len(positions)))
 
 
 def limb_pairs(places: Floats) -> list[tuple[int, int]]:
-    """The three pairs of hands and feet that follow one another round the body, seen in its widest plane: by angle.
+    """Three pairs of hands and feet adjacent by angle in the body's widest plane.
 
-    The pairs with the head, the last, are left out: the shortest way past a neck runs in front of one body and
+    The pairs with the head, the last, are left out: the shortest path past a neck runs in front of one body and
     at the side of the next.
     """
     centred = places - places.mean(axis=0)
@@ -95,11 +109,11 @@ def limb_pairs(places: Floats) -> list[tuple[int, int]]:
     return [pair for pair in pairs if len(places) - 1 not in pair]
 
 
-def bend(positions: Floats, way: Ints, tip: int, other: int) -> int:
-    """The vertex of the shortest way from `other` to `tip` that is farthest from the straight line between them."""
+def bend(positions: Floats, predecessors: Ints, tip: int, other: int) -> int:
+    """Vertex of the shortest path from `other` to `tip` that is farthest from the straight line between them."""
     path = [other]
-    while path[-1] != tip and len(path) <= len(way):
-        path.append(int(way[path[-1]]))
+    while path[-1] != tip and len(path) <= len(predecessors):
+        path.append(int(predecessors[path[-1]]))
     points = positions[path]
     chord = points[-1] - points[0]
     along = (points - points[0]) @ chord / (chord @ chord)

@@ -1,7 +1,7 @@
-"""Laying one mesh over another of different topology (Sumner & Popovic 2004, section 4.1).
+"""Non-rigid registration of meshes of different topology (Sumner & Popovic 2004, section 4.1).
 
 min over x, v4 of w_S sum over neighbours |T_i - T_j|^2 + w_I sum |T_i - I|^2 + w_C sum |x_i - c_i|^2, markers being
-eliminated unknowns and c_i the closest point of the target that faces as x_i does. w_C has the unit of 1 / length^2:
+eliminated unknowns and c_i the closest point of the target with a compatible normal. w_C has the unit of 1 / length^2:
 it is meant for a mean edge of 1.
 """
 
@@ -21,10 +21,10 @@ SMOOTHNESS, IDENTITY = 1.0, 1e-3
 CLOSENESS = (1.0, 17.0, 292.0, 5000.0)
 """w_C of the four steps of phase 2: geometric from 1 to 5000."""
 GENTLE = (1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1)
-"""w_C of softer steps before them, for few or rough markers: w_S spreads a pull over (w_S / w_C)^(1/4) edges, so the
-first moves whole limbs, where 1 already moves single vertices."""
+"""w_C of softer steps before them, for few or rough markers: w_S spreads an attraction over (w_S / w_C)^(1/4) edges,
+so the first moves whole limbs, where 1 already moves single vertices."""
 LET_GO = 1e-3
-"""w_C from which rough markers no longer hold: the limbs lie over one another then, and a marker only bends them."""
+"""w_C from which rough markers are released: the limbs coincide by then, and a marker would only distort them."""
 
 
 def lay_over(
@@ -32,15 +32,15 @@ def lay_over(
     triangles: Ints,
     target: FacingSurface,
     fixed: Ints,
-    places: Floats,
+    targets: Floats,
     rough: bool = False,
     progress: Callable[[str], None] | None = None,
 ) -> Floats:
-    """The mesh `positions` (n, 3), `triangles` (m, 3), mean edge 1, laid over `target`.
+    """Register the mesh `positions` (n, 3), `triangles` (m, 3), mean edge length 1, to `target`; returns (n, 3).
 
-    Vertices `fixed` (k,) go to `places` (k, 3), at least one in each connected piece. `rough`: these are few and not
+    Vertices `fixed` (k,) go to `targets` (k, 3), at least one in each connected piece. `rough`: these are few and not
     exact; the GENTLE steps come first, and from LET_GO on they are free. Vertices of no triangle stay.
-    TransferError where no vertex has a point of the target that faces as it does.
+    TransferError where no vertex has a compatible point of the target.
     """
     n = len(positions)
     operator = gradient_operator(inverse_frames(positions, triangles, "the source"), triangles, n)
@@ -50,37 +50,37 @@ def lay_over(
     unknowns = np.concatenate([np.unique(triangles), n + np.arange(len(triangles))])
     laid = np.concatenate([positions, np.zeros((len(triangles), 3))])  # vertices, then fourth vertices
     weights = (0.0, *(GENTLE if rough else ()), *CLOSENESS)
-    laid[fixed] = places
+    laid[fixed] = targets
     for step, weight in enumerate(weights):
         held = fixed[:0] if rough and weight >= LET_GO else fixed
         moving = np.setdiff1d(unknowns, held)
-        pull, closest = attraction(laid[:n], triangles, target, weight)
+        attraction_weights, closest = attraction(laid[:n], triangles, target, weight)
         system = normal[moving]
-        matrix = system[:, moving] + diags_array(pull[moving])
-        known = right[moving] + pull[moving, None] * closest[moving] - system[:, held] @ laid[held]
+        matrix = system[:, moving] + diags_array(attraction_weights[moving])
+        known = right[moving] + attraction_weights[moving, None] * closest[moving] - system[:, held] @ laid[held]
         laid[moving] = factorise(matrix).solve(known)
         if progress is not None:
-            progress(f"laying the source over the target: {step + 1} of {len(weights)}")
+            progress(f"registering the source to the target: {step + 1} of {len(weights)}")
     return laid[:n]
 
 
 def attraction(laid: Floats, triangles: Ints, target: FacingSurface, weight: float) -> tuple[Floats, Floats]:
-    """For vertices (n) and fourth vertices (m): w_C where there is a valid closest point, else 0; and these points."""
-    pull, closest = np.zeros(len(laid) + len(triangles)), np.zeros((len(laid) + len(triangles), 3))
+    """Weights (n + m,) and closest points (n + m, 3) of vertices and fourth vertices; weight 0 for none valid."""
+    attraction_weights, closest = np.zeros(len(laid) + len(triangles)), np.zeros((len(laid) + len(triangles), 3))
     if weight:
         used = np.unique(triangles)
         found, closest[used] = target.closest_valid(laid[used], vertex_normals(laid, triangles)[used])
-        pull[used] = weight * (found >= 0)
-        if not pull.any():
+        attraction_weights[used] = weight * (found >= 0)
+        if not attraction_weights.any():
             raise TransferError(
-                "nowhere does the target face as the source does.",
-                "Turn the triangles of one of them, or check the markers.",
+                "no point of the target has a normal compatible with the source.",
+                "Reverse the orientation of one of them, or check the markers.",
             )
-    return pull, closest
+    return attraction_weights, closest
 
 
 def difference_operator(pairs: Ints, count: int) -> csr_array:
-    """K (3p, 3m): what stacked 3x3 blocks differ by between the two of each pair; sqrt 2 as each counts both ways."""
+    """Difference operator K (3p, 3m) of stacked 3x3 blocks over pairs; sqrt 2 as each pair counts in both orders."""
     rows = np.repeat(np.arange(len(pairs)), 2)
     values = np.sqrt(2.0) * np.tile([1.0, -1.0], len(pairs))
     return csr_array(kron(csr_array((values, (rows, pairs.ravel())), shape=(len(pairs), count)), eye_array(3)))

@@ -1,15 +1,15 @@
-"""Pushing a garment out of a body (Guan et al. 2012, DRAPE, section 4.3; sign and schedule corrected).
+"""Penetration removal by least squares (Guan et al. 2012, DRAPE, section 4.3; sign and schedule corrected).
 
 Each pass minimises over the new positions y, y~ being those before it and d = y - y~,
 
     sum_(rows r) (n_r . ((B y)_r - b_r) - eps_r)^2 + lam_s sum_i |d_i - mean of d over the neighbours of i|^2
     + lam_d sum_i |d_i|^2,
 
-b_r the closest point of the body and n_r its OUTWARD normal, both found anew in each pass. A row is a vertex, and
+b_r the closest point of the body and n_r its OUTWARD normal, both recomputed in each pass. A row is a vertex, and
 beyond the paper the middle of an edge or of a triangle (B has weights 1, 1/2 or 1/3), as a triangle may cut the body
-though its corners are outside; and a row counts as soon as it is nearer than eps, or the next pass undoes the last.
+though its corners are outside; and a row is active as soon as it is nearer than eps, or the next pass undoes the last.
 
-There is no guarantee: judge the result by exact triangle intersection, never by vertices.
+There is no guarantee: check the result by exact triangle intersection, never by vertices alone.
 """
 
 from dataclasses import dataclass
@@ -35,20 +35,27 @@ from transfer.triangle_surface import (
 SMOOTHNESS, DAMPING = (4.0, 2.0, 1.0), (0.8, 0.6, 0.4)
 """lam_s and lam_d of the first three passes; later ones keep the last."""
 PASSES = 12
-"""At most; measured: three leave 30 mm unrepaired, and what twelve do not repair more do not either."""
+"""Most passes. Measured: three leave 30 mm of penetration, and more than twelve gain nothing."""
 FLOOR, CEILING = 0.1, 0.15
-"""eps is this share of the garment's median edge, and for curvature at most that share of the local one: body meshes
-have creases. Measured on real suits: a floor of .05 leaves 2 intersecting pairs; a ceiling of .5 stretches by 1.52."""
+"""Fractions of the garment's median edge (least eps) and of the local edge (most for curvature, as bodies have creases).
+Measured on real suits: a floor of .05 leaves 2 intersecting pairs; a ceiling of .5 stretches by 1.52."""
 RESIDUAL, ITERATIONS = 1e-10, 1000
 
 
 @dataclass(frozen=True)
 class Refined:
-    """A garment that was pushed out of a body.
+    """Result of `refine`.
 
-    positions (n, 3) [m]; inside: of how many vertices were inside before each pass, and at the end; depth: of the
-    deepest row (vertex, middle of an edge or of a triangle) at the same times [m]; eps (n,): the distance that was
-    aimed at for each vertex in the last pass [m], zeros where none was needed.
+    Attributes
+    ----------
+    positions : ndarray (n, 3)
+        Refined garment [m].
+    inside : tuple of int
+        Number of vertices inside the body before each pass and at the end.
+    depth : tuple of float
+        Depth of the deepest row (vertex, middle of an edge or of a triangle) at the same times [m].
+    eps : ndarray (n,)
+        Target distance of each vertex in the last pass [m]; zeros without a pass.
     """
 
     positions: Floats
@@ -58,13 +65,13 @@ class Refined:
 
     @property
     def passes(self) -> int:
-        """How many passes were made."""
+        """Number of passes made."""
         return len(self.inside) - 1
 
 
 @dataclass(frozen=True)
 class Targets:
-    """The rows of one pass that count: their numbers, outward normals (k, 3), and how far each is to go [m]."""
+    """Active rows of one pass: indices (k,), outward normals (k, 3), and distances to their target (k,) [m]."""
 
     rows: Ints
     normals: Floats
@@ -82,12 +89,48 @@ def refine(
     samples: bool = True,
     along_normals: bool = False,
 ) -> Refined:
-    """Push the garment (n, 3), (m, 3) out of the body, in at most `passes`; where nothing is inside it stays as it is.
+    """Move a garment out of a body; one without a penetrating vertex or sample is returned unchanged.
 
-    eps [m] > 0: how far outside the rows end; None: from edges and curvature (`clearance`). samples: rows for the
-    middles of edges and triangles too. along_normals: a row whose garment faces the other way than the closest point
-    takes the point where the garment's own normal leaves the body: right for limbs whose far side is nearer, wrong in
-    folds, so try it second. TransferError for bad arrays, eps or passes, and for a body without a volume.
+    Parameters
+    ----------
+    garment_positions : array_like (n, 3)
+        Garment vertices [m].
+    garment_triangles : array_like (m, 3)
+    body_positions : array_like (k, 3)
+        Body vertices [m].
+    body_triangles : array_like (l, 3)
+    eps : float, optional
+        Target distance from the body [m], > 0. None: from edge lengths and curvature (`clearance`).
+    passes : int
+        Most passes, >= 1.
+    samples : bool
+        Treat the middles of edges and triangles as well as the vertices.
+    along_normals : bool
+        Where garment and closest point have opposite normals, use the exit point along the garment's normal: right for
+        limbs whose far side is nearer, wrong in folds; a second attempt.
+
+    Returns
+    -------
+    Refined
+
+    Raises
+    ------
+    TransferError
+        Invalid arrays, eps or passes, or a body without a volume.
+
+    Examples
+    --------
+    A triangle 1 mm below the top of a box:
+
+    >>> import numpy as np
+    >>> from transfer.refine import refine
+    >>> box = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
+    >>> faces = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+    ...                   [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]])
+    >>> cloth = np.array([[0.4, 0.4, 0.999], [0.6, 0.4, 0.999], [0.5, 0.6, 0.999]])
+    >>> done = refine(cloth, [[0, 1, 2]], box, faces, eps=0.002)
+    >>> done.inside[0], done.inside[-1], bool((done.positions[:, 2] > 1).all())
+    (3, 0, True)
     """
     x, triangles = as_surface("garment", garment_positions, garment_triangles)
     if eps is not None and not 0 < eps < np.inf:
@@ -118,9 +161,8 @@ def refine(
 
 @dataclass(frozen=True)
 class Clearance:
-    """What eps is made of: edges (n,): the longest at each garment vertex [m]; curvature (m,): of body triangles [1/m].
-
-    floor [m]: the least eps.
+    """Terms of eps: longest edge at each garment vertex, edges (n,) [m]; curvature of body triangles (m,) [1/m]; least
+    eps, floor [m].
     """
 
     edges: Floats
@@ -128,14 +170,14 @@ class Clearance:
     floor: float
 
     def of(self, weights: Sparse, triangles: Ints) -> Floats:
-        """The eps of each row, the body's closest triangles being `triangles` (k,)."""
+        """Target distance eps of each row, (k,) [m], given its closest body triangle, `triangles` (k,)."""
         edges = weights @ self.edges
         sagitta = edges**2 * self.curvature[triangles] / 6
         return np.asarray(self.floor + np.minimum(sagitta, CEILING * edges))
 
 
 def clearance(garment_positions: Floats, edges: Ints, body: BodySurface) -> Clearance:
-    """eps = edge^2 curvature / 6 + a floor.
+    """Target distance eps = edge^2 curvature / 6 + floor.
 
     A chord of length h between points on a sphere of curvature c is h^2 c / 8 below it, the middle of an equilateral
     triangle of edge h h^2 c / 6.
@@ -146,12 +188,12 @@ def clearance(garment_positions: Floats, edges: Ints, body: BodySurface) -> Clea
 
 
 def displacement(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -> Floats:
-    """d of pass k, (n, 3) [m]: the solution of its normal equations."""
+    """Displacement d of pass k, (n, 3) [m]: the solution of its normal equations."""
     from scipy.sparse import diags_array
     from scipy.sparse.linalg import cg
 
     matrix, right = normal_equations(weights, targets, smoothing, k)
-    # The eigenvalues lie between lam_d and 4 lam_s + lam_d + the rows at a vertex: no factorisation is worth its while.
+    # The eigenvalues lie between lam_d and 4 lam_s + lam_d + the rows at a vertex: a factorization does not pay.
     solution, failed = cg(matrix, right, rtol=RESIDUAL, maxiter=ITERATIONS, M=diags_array(1 / matrix.diagonal()))
     if failed:
         raise TransferError(f"The equations of refinement pass {k} were not solved in {ITERATIONS} iterations.")
@@ -159,7 +201,7 @@ def displacement(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -
 
 
 def normal_equations(weights: Sparse, targets: Targets, smoothing: Sparse, k: int) -> tuple[Sparse, Floats]:
-    """The symmetric positive definite matrix (3n, 3n) of pass k, and the right-hand side: all x, then y, then z."""
+    """Symmetric positive definite matrix (3n, 3n) and right-hand side (3n,) of pass k: all x, then y, then z."""
     from scipy.sparse import diags_array, eye_array, hstack, kron
 
     lam_s, lam_d = (schedule[min(k, len(schedule) - 1)] for schedule in (SMOOTHNESS, DAMPING))
@@ -170,7 +212,7 @@ def normal_equations(weights: Sparse, targets: Targets, smoothing: Sparse, k: in
 
 
 def sample_weights(triangles: Ints, edges: Ints, n_vertices: int) -> Sparse:
-    """B (n + e + m, n): the vertices, then the middles of the edges, then those of the triangles."""
+    """Sample operator B (n + e + m, n): vertices, then middles of edges, then of triangles."""
     from scipy.sparse import csr_array, vstack
 
     def means(corners: Ints) -> Sparse:
@@ -182,7 +224,7 @@ def sample_weights(triangles: Ints, edges: Ints, n_vertices: int) -> Sparse:
 
 
 def _deviation(edges: Ints, n_vertices: int) -> Sparse:
-    """L (n, n): of a vertex's value minus the mean of its neighbours'; zero for a vertex without any."""
+    """Operator L (n, n): value of a vertex minus the mean of its neighbours; zero for a vertex without any."""
     from scipy.sparse import diags_array
 
     ring = adjacency(edges, n_vertices)
@@ -200,10 +242,10 @@ def _identity(n: int) -> Sparse:
 def _seen_along_normals(
     body: BodySurface, x: Floats, triangles: Ints, weights: Sparse, distance: Floats, normals: Floats
 ) -> tuple[Floats, Floats]:
-    """Distances and normals of the rows; those inside that face the other way look along the garment's normal.
+    """Distances and normals of the rows, along the garment's normal for those inside with an opposite normal.
 
-    Which side of the garment is out is what most of it near the body says. A row whose normal leaves the body nowhere,
-    or at a grazing angle, is left to its neighbours: its distance is infinite.
+    The outer side of the garment is the one that agrees with the body over most of its vertices near it. A row whose
+    normal does not leave the body, or at a grazing angle only, gets an infinite distance and follows its neighbours.
     """
     own = vertex_normals(x, triangles)
     near = np.abs(distance[: len(x)]) <= np.median(np.abs(distance[: len(x)]))

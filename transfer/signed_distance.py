@@ -1,9 +1,9 @@
-"""How far points are from a body and on which side: closest point, outward normal and signed distance, by libigl.
+"""Signed distance to a body: closest point and outward normal, by libigl.
 
 Inside is where the generalised winding number is above one half (Jacobson, Kavan & Sorkine-Hornung 2013; fast form of
-Barill et al. 2018), so a body may intersect itself, consist of several pieces and have holes. Triangles wound inward
-are turned. What of the surface lies inside the body itself (where pieces overlap) is no surface to be pushed to: it is
-left out, and the closest point is one of the outside of the whole.
+Barill et al. 2018), so a body may intersect itself, consist of several pieces and have holes. Triangles oriented
+inward are reversed. Parts of the surface inside the body itself (where pieces overlap) are excluded: the closest point
+lies on the outside of the union.
 """
 
 import os
@@ -18,19 +18,27 @@ from transfer.errors import TransferError
 from transfer.triangle_surface import Floats, Ints, as_points, as_surface, triangle_normals, unit, vertex_normals
 
 THREADS = 4
-"""The most threads that libigl takes; the variable IGL_NUM_THREADS decides where it is set."""
+"""Most threads of libigl, unless the variable IGL_NUM_THREADS is set."""
 SKIN = 1e-5
-"""Just outside a triangle: this share of the body's size along its normal."""
+"""Offset of a point just outside a triangle along its normal, as a fraction of the body's size."""
 HOLLOW = 1e-4
-"""A piece is a sheet and no body where its volume is below this share of that of the ball with the same area."""
+"""A piece with a volume below this fraction of that of the ball with the same area is a sheet, not a body."""
 
 
 @dataclass(frozen=True)
 class Closest:
-    """Of k points: what of a body is closest.
+    """Closest points of a body to k query points.
 
-    signed_distance (k,) [m]: negative inside; points (k, 3) [m] on the body; normals (k, 3): outward there, unit (the
-    gradient of the signed distance); triangles (k,): the body's triangle that holds the closest point.
+    Attributes
+    ----------
+    signed_distance : ndarray (k,)
+        Negative inside [m].
+    points : ndarray (k, 3)
+        Closest points on the body [m].
+    normals : ndarray (k, 3)
+        Unit outward normals there: the gradient of the signed distance.
+    triangles : ndarray (k,)
+        Body triangle of each closest point.
     """
 
     signed_distance: Floats
@@ -40,13 +48,13 @@ class Closest:
 
     @property
     def inside(self) -> np.ndarray:
-        """True for points inside the body, (k,); touching is not inside."""
+        """True for points inside the body, (k,); points on the surface are not inside."""
         return np.less(self.signed_distance, 0)
 
 
 @dataclass(frozen=True)
 class Penetration:
-    """How many of the points are inside, how deep the deepest is [m], and which it is (-1: none)."""
+    """Number of points inside, depth of the deepest [m], and its index (-1: none)."""
 
     count: int
     depth: float
@@ -55,10 +63,18 @@ class Penetration:
 
 @dataclass(frozen=True)
 class BodySurface:
-    """A body to measure distances from, made by `body_surface`.
+    """Body with a search tree for distance queries; made by `body_surface`.
 
-    positions (n, 3) [m]; triangles (m, 3): as given, those wound inward turned; outer (k,): the triangles that are not
-    buried in the body itself; open_edges: how many edges have one triangle only (0: watertight).
+    Attributes
+    ----------
+    positions : ndarray (n, 3)
+        Vertices [m].
+    triangles : ndarray (m, 3)
+        Triangles, oriented outward.
+    outer : ndarray (k,)
+        Triangles that are not inside the body itself.
+    open_edges : int
+        Number of edges with one triangle (0: watertight).
     """
 
     positions: Floats
@@ -68,7 +84,22 @@ class BodySurface:
     _tree: Any = field(repr=False, compare=False)
 
     def closest(self, points: ArrayLike) -> Closest:
-        """The closest points of the body to `points` (k, 3) [m], and on which side they are."""
+        """Closest points of the body.
+
+        Parameters
+        ----------
+        points : array_like (k, 3)
+            Query points [m].
+
+        Returns
+        -------
+        Closest
+
+        Raises
+        ------
+        TransferError
+            `points` has another shape or values that are not finite.
+        """
         import igl
 
         queries = as_points("points", points)
@@ -82,14 +113,14 @@ class BodySurface:
         return Closest(sign * distance, places, normals, triangles)
 
     def penetration(self, points: ArrayLike) -> Penetration:
-        """Which of `points` (k, 3) [m] are inside."""
+        """Number and depth of `points` (k, 3) [m] inside the body."""
         distance = self.closest(points).signed_distance
         count = int((distance < 0).sum())
         worst = int(np.argmin(distance)) if count else -1
         return Penetration(count, float(-distance[worst]) if count else 0.0, worst)
 
     def exits(self, points: Floats, directions: Floats) -> tuple[Floats, Ints]:
-        """Where rays from `points` (k, 3) along unit `directions` meet the body: distance [m], triangle; or inf, -1."""
+        """First hits of rays from `points` along `directions`, both (k, 3): distances (k,) [m], triangles (k,); or inf, -1."""
         triangles, distance, _ = self._tree.intersect_ray_first(
             self.positions, self.triangles[self.outer], np.ascontiguousarray(points), np.ascontiguousarray(directions)
         )
@@ -108,11 +139,11 @@ class BodySurface:
 
     @cached_property
     def size(self) -> float:
-        """The diagonal of its box [m]."""
+        """Diagonal of the bounding box [m]."""
         return float(np.linalg.norm(np.ptp(self.positions[self.triangles.ravel()], axis=0)))
 
     def _normals(self, outward: Floats, distance: Floats, places: Floats, triangles: Ints) -> Floats:
-        """From a closest point towards the point, reversed inside; on the surface itself the vertices' normals.
+        """Unit vectors from closest point to query, reversed inside; interpolated vertex normals on the surface itself.
 
         At an edge or a corner the direction to the point is the one in which the distance grows, and no triangle's is.
         """
@@ -127,9 +158,32 @@ class BodySurface:
 
 
 def body_surface(positions: ArrayLike, triangles: ArrayLike) -> BodySurface:
-    """The body of `triangles` (m, 3) on `positions` (n, 3) [m], in whatever winding, open or closed.
+    """Prepare a body for distance queries.
 
-    TransferError for bad arrays, and where no piece encloses a volume: then inside means nothing.
+    Parameters
+    ----------
+    positions : array_like (n, 3)
+        Vertices [m].
+    triangles : array_like (m, 3)
+        Triangles in any orientation, open or closed.
+
+    Returns
+    -------
+    BodySurface
+
+    Raises
+    ------
+    TransferError
+        Invalid arrays, or no component encloses a volume, so that inside is undefined.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from transfer.signed_distance import body_surface
+    >>> x = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    >>> body = body_surface(x, [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    >>> body.closest([[0.2, 0.2, -0.5], [0.2, 0.2, 0.1]]).signed_distance.round(3).tolist()
+    [0.5, -0.1]
     """
     points, given = as_surface("body", positions, triangles)
     os.environ.setdefault("IGL_NUM_THREADS", str(min(THREADS, os.cpu_count() or 1)))
@@ -151,7 +205,7 @@ def body_surface(positions: ArrayLike, triangles: ArrayLike) -> BodySurface:
 
 
 def barycentric(corners: Floats, points: Floats) -> Floats:
-    """Weights (k, 3) of the corners (k, 3, 3) of triangles that give `points` (k, 3) of their planes (Ericson 2004)."""
+    """Barycentric coordinates (k, 3) of `points` (k, 3) in triangles with corners (k, 3, 3) (Ericson 2004)."""
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     c = points - corners[:, 0]
     aa, ab, bb = (a * a).sum(axis=1), (a * b).sum(axis=1), (b * b).sum(axis=1)
@@ -163,7 +217,7 @@ def barycentric(corners: Floats, points: Floats) -> Floats:
 
 
 def _turned_outward(points: Floats, given: Ints) -> Ints:
-    """All triangles of a piece wound alike, and each piece so that its volume is positive."""
+    """Triangles (m, 3) oriented consistently in each component, with positive volume."""
     import igl
 
     faces, pieces = igl.bfs_orient(given)
@@ -177,7 +231,7 @@ def _turned_outward(points: Floats, given: Ints) -> Ints:
     volume = np.bincount(pieces, ((middles - centre[pieces]) * doubled).sum(axis=1) / 6)
     if not (np.abs(volume) > HOLLOW * area**1.5 / (6 * np.sqrt(np.pi))).any():
         raise TransferError(
-            "The body encloses no volume: it is a flat sheet.", "Give a body with an inside; small holes do no harm."
+            "The body encloses no volume: it is a flat sheet.", "Give a closed body; small holes are allowed."
         )
     inward = (volume < 0)[pieces]
     faces[inward] = faces[inward][:, [0, 2, 1]]

@@ -1,4 +1,4 @@
-"""Triangle surfaces as arrays: the checks at the border of the package, edges, normals and curvature."""
+"""Triangle surfaces as arrays: input checks, edges, normals and curvature."""
 
 from typing import Any
 
@@ -32,7 +32,7 @@ def as_points(name: str, positions: ArrayLike) -> Floats:
     try:
         points = np.ascontiguousarray(positions, np.float64)
     except (TypeError, ValueError) as error:
-        raise TransferError(f"{name} is no table of numbers: {error}.") from error
+        raise TransferError(f"{name} is no array of numbers: {error}.") from error
     if points.ndim != 2 or points.shape[1] != 3:
         raise TransferError(f"{name} must have shape (n, 3), not {points.shape}.")
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
@@ -42,13 +42,13 @@ def as_points(name: str, positions: ArrayLike) -> Floats:
 
 
 def edges_of(triangles: Ints) -> Ints:
-    """Each edge once, (e, 2), lower vertex first."""
+    """Unique edges (e, 2), lower vertex first."""
     both = np.sort(np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]]), axis=1)
     return np.unique(both, axis=0).astype(np.int64)
 
 
 def adjacency(edges: Ints, n_vertices: int) -> Sparse:
-    """1 where two vertices share an edge, (n, n), symmetric."""
+    """Symmetric vertex adjacency matrix, (n, n): 1 where two vertices share an edge."""
     from scipy.sparse import csr_array
 
     i, j = edges.T
@@ -57,7 +57,7 @@ def adjacency(edges: Ints, n_vertices: int) -> Sparse:
 
 
 def longest_edges(positions: Floats, edges: Ints) -> Floats:
-    """The longest edge at each vertex, (n,); 0 at a vertex without one."""
+    """Longest edge at each vertex, (n,) [m]; 0 at a vertex without one."""
     longest = np.zeros(len(positions))
     lengths = np.linalg.norm(positions[edges[:, 1]] - positions[edges[:, 0]], axis=1)
     for end in edges.T:
@@ -74,7 +74,7 @@ def triangle_normals(positions: Floats, triangles: Ints) -> Floats:
 def vertex_normals(positions: Floats, triangles: Ints) -> Floats:
     """Unit normals at the vertices, (n, 3): the triangles' weighted by their angle there; zero where there is none.
 
-    Baerentzen & Aanaes 2005: the one weighting whose sign of (p - v) . n tells outside from inside.
+    Baerentzen & Aanaes 2005: the weighting for which the sign of (p - v) . n separates outside from inside.
     """
     normals, summed = triangle_normals(positions, triangles), np.zeros_like(positions)
     for k in range(3):
@@ -85,7 +85,7 @@ def vertex_normals(positions: Floats, triangles: Ints) -> Floats:
 
 
 def convex_curvature(positions: Floats, triangles: Ints) -> Floats:
-    """The largest convex normal curvature at each vertex [1/m], (n,), 0 where the surface is flat or hollow.
+    """Largest convex normal curvature at each vertex [1/m], (n,), 0 where the surface is flat or concave.
 
     Of an edge: (n_j - n_i) . (x_j - x_i) / |x_j - x_i|^2, which is 1/r on a sphere; of a vertex the largest of its
     edges, then the mean with those of its neighbours, as vertex normals are noisy.
@@ -103,6 +103,6 @@ def convex_curvature(positions: Floats, triangles: Ints) -> Floats:
 
 
 def unit(vectors: Floats) -> Floats:
-    """Each of `vectors` (k, 3) divided by its length; zero stays zero."""
+    """Unit vectors of `vectors` (k, 3); zero stays zero."""
     length = np.linalg.norm(vectors, axis=1, keepdims=True)
     return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)

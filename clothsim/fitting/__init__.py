@@ -1,1 +1,1 @@
-"""Fitting a garment onto a body: where the package `transfer` and the simulator meet."""
+"""Fitting of garments to bodies, by the package `transfer` and the simulator."""

@@ -1,4 +1,4 @@
-"""Before and after a fit, side by side."""
+"""Picture of a fit: the garment before, after transfer, and fitted."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 SIZE = (640, 960)
 FRONT = (0.35, 0.15, 1.0)
-"""Where the camera stands: right of a person that faces it, a little above; along x, up, and the third axis."""
+"""View direction: to the right of a person that faces the camera, slightly above; along x, up, and the third axis."""
 
 
 def draw_fit(done: "Fit", file: Path) -> str:
-    """A PNG: the garment on its body, as the seed has it on the new one, and fitted; returns what drew it."""
+    """Write a PNG of the garment on its body, transferred, and fitted; returns the renderer's note."""
     from PIL import Image
 
     from clothsim.render.picture import expose, take_aim

@@ -1,7 +1,7 @@
-"""A body made thinner, so that it is clear of a garment that was inside it: the guaranteed path grows it back.
+"""Deflation of a body until it is clear of a garment; the guaranteed path inflates it again.
 
-Each vertex moves inward along its normal by the depth, but never further than KEPT of the way to the middle of the body
-below it. A vertex comes back on the same straight line: a moving obstacle that only ever moves outward.
+Each vertex moves inward along its normal by the depth, but at most by KEPT of the half thickness of the body below it.
+It returns along the same straight line: a moving obstacle that only moves outward.
 """
 
 import numpy as np
@@ -11,30 +11,30 @@ from clothsim.mesh.topology import vertex_rings
 from transfer.signed_distance import SKIN, BodySurface
 
 KEPT = 0.9
-"""The share of the half thickness that a vertex may move: what is left keeps its two sides apart."""
+"""Largest displacement of a vertex as a fraction of the half thickness: the rest keeps the two sides apart."""
 SMOOTHINGS = 8
-"""Rounds that even out thickness and normals over their neighbours: ears and fingers have wild ones."""
+"""Smoothing iterations of thickness and normals, which vary strongly at ears and fingers."""
 RAYS, OPENING = 7, np.radians(20.0)
-"""The rays that measure the thickness below a vertex, and how far from its normal all but one are [rad]."""
+"""Number of rays that measure the thickness below a vertex, and angle of all but one to its normal [rad]."""
 
 
 def half_thickness(body: BodySurface) -> Floats:
-    """Half of the way through the body below each vertex [m], (n,): the median over a cone of rays, then evened out."""
-    ways = []
+    """Half thickness of the body below each vertex, (n,) [m]: median over a cone of rays, then smoothed."""
+    thicknesses = []
     for directions in _cone(-body.vertex_normals):
         distance, _ = body.exits(body.positions + 10 * SKIN * body.size * directions, directions)
-        ways.append(np.where(np.isfinite(distance), distance, 0.0))  # nothing below: the rim of an open body stays
-    return smoothed(0.5 * np.median(ways, axis=0), body.triangles)
+        thicknesses.append(np.where(np.isfinite(distance), distance, 0.0))  # nothing below: the rim of an open body stays
+    return smoothed(0.5 * np.median(thicknesses, axis=0), body.triangles)
 
 
 def deflated(body: BodySurface, depth: float, half: Floats) -> Floats:
-    """The body's vertices `depth` [m] further inside, (n, 3); half: its `half_thickness`."""
+    """Body vertices moved inward by `depth` [m], (n, 3) [m]; half (n,): its `half_thickness` [m]."""
     normals = np.column_stack([smoothed(body.vertex_normals[:, axis], body.triangles) for axis in range(3)])
     return body.positions - np.minimum(depth, KEPT * half)[:, None] * _unit(normals)
 
 
 def smoothed(values: Floats, triangles: Ints) -> Floats:
-    """Each value, SMOOTHINGS times half its own and half the mean of its neighbours', (n,)."""
+    """Values (n,) after SMOOTHINGS averages with the mean of their neighbours."""
     starts, neighbours = vertex_rings(triangles, len(values))
     count = np.diff(starts)
     owner = np.repeat(np.arange(len(values)), count)

@@ -1,4 +1,4 @@
-"""What a fit did to a garment: how it is stretched against its own shape, and how far it went."""
+"""Distortion of a garment by a fit: principal stretches and displacement."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -16,8 +16,16 @@ PERCENTILES = (1.0, 99.0)
 
 @dataclass(frozen=True)
 class Cost:
-    """stretches (m, 2): each triangle's principal ones against the garment as it came; low, high: their 1st and 99th
-    percentile; displacement: the largest of a vertex [m].
+    """Distortion of a fitted garment.
+
+    Attributes
+    ----------
+    stretches : ndarray (m, 2)
+        Principal stretches of each triangle relative to the garment as given.
+    low, high : float
+        Their 1st and 99th percentile.
+    displacement : float
+        Largest displacement of a vertex [m].
     """
 
     stretches: Floats
@@ -26,12 +34,12 @@ class Cost:
     displacement: float
 
     def as_dict(self) -> dict[str, Any]:
-        """As the summary keeps it."""
+        """Entry in summary.json."""
         return {"stretch_low": self.low, "stretch_high": self.high, "displacement": self.displacement}
 
 
 def cost_of(garment: Garment, positions: Floats) -> Cost:
-    """What it cost to bring the garment to `positions (n, 3)` [m]."""
+    """Distortion of the garment at `positions` (n, 3) [m]."""
     planes = triangle_planes(garment.positions, garment.triangles)
     edges = np.stack([planes[:, 1] - planes[:, 0], planes[:, 2] - planes[:, 0]], axis=2)
     F = deformation_gradients(positions, garment.triangles, np.linalg.inv(edges))

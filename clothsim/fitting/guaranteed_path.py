@@ -1,8 +1,8 @@
-"""The guaranteed path: where no formula frees a garment of a body, the body lets it go and takes it back under IPC.
+"""Guaranteed path: deflation of the body until the garment is clear, then inflation under IPC.
 
 The body is deflated until the garment is clear of it, and grows back as a moving obstacle; where no depth clears it, as
-between folds that lie on one another, its folds are opened first. Where that does not help either and
-the garment was clear of the body that it was made for, that body becomes the other one and carries the garment along.
+between folds in contact, its folds are opened first. Where that does not help either and the garment
+was clear of the body that it was made for, that body is morphed into the other one under the garment.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,16 +21,16 @@ from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 
 DEPTHS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
-"""How far the body's surface is moved inward [m], in the order in which they are tried."""
+"""Deflation depths [m], in the order in which they are tried."""
 DEEPEST = DEPTHS[-4:-1]
-"""Those that are tried once its folds are open."""
+"""Depths tried once the folds are open [m]."""
 
 
 @dataclass(frozen=True)
 class Clearing:
-    """Bodies from the thinnest, of which a garment is clear, to the body itself; each (k, 3) [m]; said: which it is.
+    """Body frames from the thinnest, which a garment is clear of, to the body itself; each (k, 3) [m].
 
-    One frame only: nothing had to be made thinner.
+    said: description; a single frame means that no deflation was needed.
     """
 
     frames: tuple[Floats, ...]
@@ -38,20 +38,20 @@ class Clearing:
 
     @property
     def body(self) -> Floats:
-        """The thinnest."""
+        """Thinnest frame, (k, 3) [m]."""
         return self.frames[0]
 
 
 def clearings(garment: Floats, triangles: Ints, body: BodySurface) -> Iterator[Clearing]:
-    """The least depth that frees `garment (n, 3)` [m] with `triangles (m, 3)` of the body, then of the body unfolded.
+    """Clearings by the least depth that frees `garment` (n, 3) [m] of the body, then of the body unfolded.
 
-    The second is for a growth that fails: creases that only ever close pinch what lies in them.
+    The second serves where inflation fails: creases that close pinch the cloth in them.
     """
 
     def clear_of(positions: Floats) -> bool:
         try:
             surface = body_surface(positions, body.triangles)
-        except TransferError:  # nothing of a volume is left
+        except TransferError:  # the deflated body has no volume
             return False
         return not surface.penetration(garment).count and counted(garment, triangles, surface).on_body
 
@@ -75,9 +75,9 @@ def clearings(garment: Floats, triangles: Ints, body: BodySurface) -> Iterator[C
 
 
 def untangled_from_itself(cloth: Cloth, bodies: Sequence[Body]) -> tuple[Floats, str] | None:
-    """The cloth's start (n, 3) [m] without intersections with itself and the bodies, and what was done.
+    """Start (n, 3) [m] without intersections of the cloth with itself and the bodies, and a description.
 
-    None where that fails.
+    None where untangling fails.
     """
     try:
         freed, said = untangled(make_world([cloth], bodies))

@@ -1,4 +1,4 @@
-"""The body and the garment of a fit as their files have them: which part, which unit, which way is up."""
+"""Body and garment of a fit from files: selected part, unit of length, vertical axis."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,12 +28,12 @@ SMALLEST, LARGEST = 0.5, 3.0
 FARTHEST = 1e6
 """No coordinate of a garment is larger [m]: distances to a body would lose all their digits, or overflow."""
 LONG = 0.5
-"""A piece of a file with at least this share of the file's extent may be the body."""
+"""Least extent of a body candidate as a fraction of the file's extent."""
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A body: positions (n, 3) [m], triangles (m, 3); scale: metres per unit of its file; notes: what was chosen."""
+    """Body: positions (n, 3) [m], triangles (m, 3); scale [m per file unit]; notes: choices made in reading."""
 
     name: str
     positions: Floats
@@ -43,7 +43,7 @@ class Figure:
 
     @property
     def up(self) -> Floats:
-        """The axis along which it stands, (3,): the longer of y and z, for x leads from hand to hand."""
+        """Vertical axis, (3,): the longer of y and z, as x runs from hand to hand."""
         extent = np.ptp(self.positions, axis=0)
         return np.eye(3)[1 if extent[1] >= extent[2] else 2]
 
@@ -68,7 +68,7 @@ def read_figure(path: str | Path, *, scale: float | None = None, group: str | No
 
 
 def _of_scene(file: Path) -> Figure:
-    """The first body of a scene, as it stands there."""
+    """First body of a scene, as placed there."""
     scene = load_scene(file)
     if not scene.bodies:
         raise InputError(f"{file} has no body.", "Name a mesh file, or a scene with a [body].")
@@ -129,7 +129,7 @@ def read_garment(
     refuse(report)
     reach = float(np.abs(shape.positions).max())
     if reach > FARTHEST:
-        raise InputError(f"{file.name} reaches {reach:.3g} m from the origin.", "Say what its unit is: --scale.")
+        raise InputError(f"{file.name} reaches {reach:.3g} m from the origin.", "Give its unit with --scale.")
     said = (*shape.notes, *(finding.sentence for finding in report.warnings))
     notes = tuple(f"{file.name}: {note}" for note in said)
     return Garment(file.name, shape.positions, shape.triangles, notes, sewn=bool(weld))
@@ -180,7 +180,7 @@ def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> tuple[Mesh
 
 
 def is_closed(triangles: Ints) -> bool:
-    """Whether each edge has exactly two triangles."""
+    """True where each edge has exactly two triangles."""
     edges = np.sort(half_edges(triangles), axis=1)
     return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
 
@@ -193,5 +193,5 @@ def _unit(file: Path, extent: float) -> tuple[float, tuple[str, ...]]:
             return factor, () if unit == "m" else (guess,)
     raise InputError(
         f"{file} is {extent:.3g} units tall, which is a person in no unit of {', '.join(UNITS)}.",
-        "Say what its unit is: --scale METRES_PER_UNIT.",
+        "Give its unit with --scale METRES_PER_UNIT.",
     )

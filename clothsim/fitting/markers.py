@@ -1,4 +1,4 @@
-"""Markers that a user gives: places on the source body and on the target that mean the same."""
+"""Markers of the user: corresponding points of the source and the target body."""
 
 from pathlib import Path
 
@@ -9,9 +9,9 @@ from clothsim.errors import InputError
 from clothsim.fitting.inputs import Figure
 
 NO_MARKERS = np.zeros((0, 6))
-"""None given: they are derived from the shapes of the bodies."""
+"""No markers: they are derived from the shapes of the bodies."""
 FARTHEST = 0.05
-"""A marker further than that from every vertex of its body [m] is not on it."""
+"""Largest distance of a marker from the nearest vertex of its body [m]."""
 HOW = "Give six numbers a line, in the units of the files: x y z on the garment's own body, x y z on the other."
 
 

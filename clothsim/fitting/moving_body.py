@@ -1,4 +1,4 @@
-"""Scenes of a fit: a body that grows or morphs carries the garment along; then the garment drapes under gravity."""
+"""Scenes of a fit: prescribed motion of the body under the garment, and the drape under gravity."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -54,10 +54,10 @@ DRAPING: dict[str, Any] = {
 
 @dataclass(frozen=True)
 class Worn:
-    """What the scenes of a fit have in common.
+    """Settings common to the scenes of a fit.
 
-    garment; rest (n, 3) [m]: its rest shape; fabric: its name; body_triangles (m, 3): the body's; self_contact: whether
-    the garment is kept from meeting itself.
+    garment; rest (n, 3) [m]: its rest shape; fabric: its name; body_triangles (m, 3): the body's; self_contact: True
+    for contact of the garment with itself.
     """
 
     garment: Garment
@@ -70,7 +70,7 @@ class Worn:
 def carried(
     worn: Worn, start: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None, slips: bool = False
 ) -> Run:
-    """The garment, from `start (n, 3)` [m], under a body that moves through `frames`, each (k, 3) [m], without gravity.
+    """Run of the garment, from `start` (n, 3) [m], under a body that moves through `frames`, each (k, 3) [m], without gravity.
 
     slips: without friction. All files of the run are in `folder`, a scene among them that runs it again.
     """
@@ -95,7 +95,7 @@ def draped(
     announce: Announcement | None,
     duration: float | None = None,
 ) -> Run:
-    """The garment, from `start (n, 3)` [m], on the standing `body (k, 3)` [m] under gravity against `up (3,)`.
+    """Run of the garment, from `start` (n, 3) [m], on the standing `body (k, 3)` [m] under gravity against `up (3,)`.
 
     duration [s]: None: as in DRAPING.
     """

@@ -1,4 +1,4 @@
-"""What is wrong with a garment on a body: vertices inside it, and triangles that intersect, by the exact test."""
+"""Penetration of a garment: vertices inside the body, and triangle pairs of the exact intersection check."""
 
 from dataclasses import dataclass
 
@@ -11,9 +11,18 @@ from transfer.signed_distance import BodySurface
 
 @dataclass(frozen=True)
 class Counts:
-    """penetrating_vertices: of the garment, inside the body; depth: of the deepest [m]; body_pairs, self_pairs:
-    intersecting triangles of garment and body, and of the garment with itself; place (3,) [m]: where it is worst, or
-    None where nothing is wrong.
+    """Penetration counts of a garment on a body.
+
+    Attributes
+    ----------
+    penetrating_vertices : int
+        Garment vertices inside the body.
+    depth : float
+        Depth of the deepest [m].
+    body_pairs, self_pairs : int
+        Intersecting triangle pairs of garment and body, and of the garment with itself.
+    place : ndarray (3,) or None
+        Position of the worst [m]; None where `clean`.
     """
 
     penetrating_vertices: int
@@ -24,17 +33,17 @@ class Counts:
 
     @property
     def on_body(self) -> bool:
-        """Whether garment and body are apart: what contact can start from, and keeps."""
+        """True where garment and body are disjoint, the state that contact requires and preserves."""
         return not (self.penetrating_vertices or self.body_pairs)
 
     @property
     def clean(self) -> bool:
-        """Whether nothing is wrong."""
+        """True without penetration and intersections."""
         return self.on_body and not self.self_pairs
 
     @property
     def where(self) -> str:
-        """The place in words."""
+        """Position of the worst penetration as text."""
         return "nowhere" if self.place is None else f"near ({', '.join(f'{value:.3g}' for value in self.place)}) m"
 
     def __str__(self) -> str:
@@ -44,7 +53,7 @@ class Counts:
 
 
 def counted(garment: Floats, triangles: Ints, body: BodySurface) -> Counts:
-    """The counts of `garment (n, 3)` [m] with `triangles (m, 3)` on `body`."""
+    """Penetration counts of `garment (n, 3)` [m] with `triangles (m, 3)` on `body`."""
     return judged(garment, triangles, body)[0]
 
 

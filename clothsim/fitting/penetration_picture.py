@@ -1,4 +1,4 @@
-"""A picture of a dressed body, front and back, on which all that is wrong is marked."""
+"""Picture of a garment on a body, front and back, with penetrations marked."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""A dressed body as files have it: what of the garment is inside the body, and which triangles intersect."""
+"""Penetration report of a garment on a body, from files."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,7 +16,7 @@ from transfer.signed_distance import BodySurface, Closest, body_surface
 
 @dataclass(frozen=True)
 class Dressed:
-    """A garment on a body and what is wrong: counts; closest (n,): of the garment's vertices to the body.
+    """Garment on a body and its penetrations: counts; closest (n,): of the garment's vertices to the body.
 
     body_pairs (p, 2): intersecting triangles of garment and body; self_pairs (q, 2): of the garment with itself.
     """
@@ -38,14 +38,14 @@ class Dressed:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was chosen in reading both, and what an open body means."""
+        """Choices made in reading both files, and a warning for an open body."""
         open_edges = self.body.open_edges
         hole = (f"{self.figure.name}: open at {open_edges:,} edges; near its holes inside is a guess",)
         return (*self.garment.notes, *self.figure.notes, *(hole if open_edges else ()))
 
 
 def dressed(garment: Garment, figure: Figure) -> Dressed:
-    """Judge `garment` on the body `figure`. InputError for a body without a volume."""
+    """Check `garment` on the body `figure`. InputError for a body without a volume."""
     try:
         body = body_surface(figure.positions, figure.triangles)
     except TransferError as error:
@@ -64,7 +64,7 @@ def read_dressed(
     part: tuple[int, int] | None = None,
     weld: float = 0.0,
 ) -> Dressed:
-    """The garment in `path` on the body in `on`, judged; keywords as of `read_figure` and `read_garment`.
+    """The garment in `path` on the body in `on`, checked; keywords as of `read_figure` and `read_garment`.
 
     scale: metres per unit of both files; body_scale: of the body's, where it is in another unit; then the garment's
     numbers are metres unless `scale` says otherwise. MakeHuman clothes are placed by the body, so in its unit.

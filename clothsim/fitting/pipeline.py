@@ -1,4 +1,4 @@
-"""Every stage before the simulation: seed, DRAPE, and the guaranteed path, each followed by the exact test.
+"""Stages of a fit before its drape: transfer, DRAPE refinement, guaranteed path; each checked exactly.
 
 Deformation transfer seeds; where its shape is not clear of the body, DRAPE refines it; where that is not either, the
 body is deflated until the better of the two is clear of it, and grows back under IPC; where no depth frees it, the body
@@ -47,13 +47,13 @@ class Task:
 
     @property
     def same_body(self) -> bool:
-        """Whether the garment stays on its body."""
+        """True where the garment stays on its body and is only repaired."""
         return self.source is self.target
 
 
 @dataclass(frozen=True)
 class Seeded:
-    """What a simulation starts from: the last of `stages` where failure is empty; worn: how the scenes wear it."""
+    """Start of a simulation: the last of `stages` where failure is empty; worn: how the scenes wear it."""
 
     stages: tuple[Stage, ...]
     worn: Worn
@@ -62,11 +62,11 @@ class Seeded:
 
     @property
     def last(self) -> Stage:
-        """The last stage."""
+        """Last stage."""
         return self.stages[-1]
 
     def after(self, stage: Stage) -> "Seeded":
-        """With one more stage."""
+        """Copy with one more stage."""
         return replace(self, stages=(*self.stages, stage))
 
 

@@ -1,4 +1,4 @@
-"""The stages of a fit: what made the garment's shape, how long it took, and what is wrong with the shape."""
+"""Stages of a fit: shape of the garment, seconds, and penetration counts after each."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from transfer.signed_distance import BodySurface
 
 @dataclass(frozen=True)
 class Garment:
-    """positions (n, 3) [m] as it lies on the body that it was made for; triangles (m, 3); notes: what was chosen.
+    """Garment: positions (n, 3) [m] as it lies on the body that it was made for; triangles (m, 3); notes: choices in reading.
 
     sewn: its panels were welded, so that three may meet in a seam.
     """
@@ -26,7 +26,7 @@ class Garment:
 
 @dataclass(frozen=True)
 class Stage:
-    """name; seconds it took; positions (n, 3) [m] after it; counts: of these on the body; said: what it did."""
+    """Stage of a fit: name; seconds; positions (n, 3) [m] after it; counts of these on the body; said: description."""
 
     name: str
     seconds: float
@@ -35,7 +35,7 @@ class Stage:
     said: str = ""
 
     def as_dict(self) -> dict[str, Any]:
-        """As the summary keeps it."""
+        """Entry in summary.json."""
         return {
             "name": self.name,
             "seconds": self.seconds,
@@ -59,7 +59,7 @@ def staged(
     heard: Heard,
     started: float | None = None,
 ) -> Stage:
-    """The stage that `make` makes: its positions and what it did; counted on `body`, heard by the caller's listener.
+    """Run a stage: `make` returns its positions and a description; they are checked on `body`, then `heard` is called.
 
     started: where the stage began before this call, its `perf_counter`.
     """

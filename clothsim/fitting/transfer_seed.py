@@ -1,4 +1,4 @@
-"""The seed: deformation transfer of a garment from the body that it was made for to another."""
+"""Deformation transfer of a garment to another body as the start of a fit."""
 
 from dataclasses import dataclass
 
@@ -23,7 +23,7 @@ class Transferred:
 def transferred(garment: Garment, source: Figure, target: Figure, markers: Floats = NO_MARKERS) -> Transferred:
     """The garment on the target, each triangle deformed as the body below it. TransferError as `transfer` has them.
 
-    markers (k, 6): places on both that mean the same (see `markers`); none: derived where the bodies differ in mesh.
+    markers (k, 6): corresponding points of both (see `markers`); none: derived where the bodies differ in mesh.
     """
     from transfer.garment import transfer_garment
 
@@ -32,7 +32,7 @@ def transferred(garment: Garment, source: Figure, target: Figure, markers: Float
         given = marked_vertices(markers, source, target) if len(markers) else None
         found = correspond(source.positions, source.triangles, target.positions, target.triangles, given)
         how = f"{len(found.markers)} {'derived' if found.derived else 'given'} markers"
-        body, said = found.positions, f"{source.name} laid over {target.name} with {how}"
+        body, said = found.positions, f"{source.name} registered to {target.name} with {how}"
     elif len(markers):
         said += ", so the markers are not needed"
     placed = transfer_garment(garment.positions, garment.triangles, source.positions, body, source.triangles)

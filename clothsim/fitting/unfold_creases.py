@@ -1,6 +1,6 @@
-"""A body whose folds are opened, so that it can be made thinner: the normals of a crease point anywhere.
+"""Opening of body folds by mean curvature flow, so that the body can be deflated.
 
-Mean curvature flow, dx/dt = -M^-1 L x, in implicit steps, with the areas of now and the weights of the body as it came
+Mean curvature flow, dx/dt = -M^-1 L x, in implicit steps, with current areas and the cotangent weights of the given body
 (Kazhdan, Solomon & Ben-Chen 2012: no necks pinch off). Creases open first and thin limbs draw back a little; the
 weights are positive, so that no vertex leaves the convex hull.
 """
@@ -13,16 +13,16 @@ from clothsim.arrays import Floats, Ints
 from transfer.triangle_surface import Sparse
 
 TIMES = (0.002, 0.004, 0.008, 0.016)
-"""When the flow is looked at [m^2]: a cylinder of radius r loses dr in about r dr."""
+"""Flow times [m^2] that are tried: a cylinder of radius r loses dr in about r dr."""
 KEPT = 0.5
-"""The share of its size that a body must keep: one that shrinks to a point lets go of everything, and grows amiss."""
+"""Least size of the body as a fraction of its own: one that shrinks to a point frees any garment but inflates wrongly."""
 LEAST, MOST = 1e-3, 10.0
-"""The cotangent weights are held between these: obtuse triangles have negative ones, slivers huge ones."""
+"""Bounds of the cotangent weights: obtuse triangles have negative ones, slivers huge ones."""
 RESIDUAL, ITERATIONS = 1e-6, 2000
 
 
 def unfolding(positions: Floats, triangles: Ints) -> Iterator[Floats]:
-    """The body's vertices (n, 3) [m] at each of TIMES, as long as it is KEPT of its size."""
+    """Body vertices (n, 3) [m] at each of TIMES, while at least KEPT of its size remains."""
     size = np.linalg.norm(np.ptp(positions[triangles.ravel()], axis=0))
     x, before = positions, 0.0
     stiffness = _laplacian(positions, triangles)

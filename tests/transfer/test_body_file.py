@@ -67,7 +67,7 @@ def test_a_pickle_file_is_refused_unread(tmp_path):
     import pickle
 
     (tmp_path / "body.pkl").write_bytes(pickle.dumps(Bomb()))
-    with pytest.raises(TransferError, match=r"body.pkl is no .npz file of plain arrays. Pickled files"):
+    with pytest.raises(TransferError, match=r"body\.pkl.*npz"):
         read_body_model(tmp_path / "body.pkl")
 
 

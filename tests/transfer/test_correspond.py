@@ -93,7 +93,7 @@ def test_people_without_markers_get_derived_ones():
     found = correspond(*slim, *stout, progress=said.append)
     assert found.derived
     assert len(found.markers) == 8
-    assert said[-1] == f"laying the source over the target: {len(said)} of {len(said)}"
+    assert said[-1].endswith(f"{len(said)} of {len(said)}")
     assert off_the_surface(found.positions, stout).max() < 1e-3
     there = off_the_surface(stout[0], (found.positions, slim[1]))
     assert there.mean() < 4e-3
