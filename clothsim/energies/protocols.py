@@ -23,7 +23,7 @@ class Idling(abc.ABC):
 
 
 def is_idle(energy: Energy) -> bool:
-    """Whether a bound energy is left out of its step."""
+    """True where a bound energy is left out of its step."""
     return isinstance(energy, Idling) and energy.idle
 
 
@@ -37,7 +37,7 @@ class Driven(abc.ABC):
 
 
 def is_driven(energy: Energy) -> bool:
-    """Whether an energy may do external work on the cloth."""
+    """True where an energy may do external work on the cloth."""
     return isinstance(energy, Driven) and energy.drives
 
 
@@ -132,7 +132,7 @@ def restricted(energy: AnyEnergy, moving: np.ndarray, x: Floats) -> AnyEnergy:
 
 
 class Report:
-    """What an energy reports to the user; each part is empty where a subclass does not give it."""
+    """The report of an energy to the user; each part is empty where a subclass does not give it."""
 
     def defaults_used(self) -> tuple[str, ...]:
         """Values chosen where the scene gives none."""
