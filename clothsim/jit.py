@@ -1,4 +1,4 @@
-"""How kernels are compiled: `kernel` for what Python calls, `part` for what only kernels call.
+"""Just-in-time compilation: `kernel` for functions that Python calls, `part` for those that only kernels call.
 
 A cold start is spent in the compiler, and half of that not on the loops: each function that Python can call gets two
 wrappers, and all wrappers of all that it calls are compiled again inside of it. So only kernels get one. A `part`
@@ -18,7 +18,7 @@ from clothsim.kernel_cache import KernelCache
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """A function that Python calls, with float64 C arrays, int64 and float: compiled once for each set of types.
+    """Compile a function that Python calls, with float64 C arrays, int64 and float: compiled once for each set of types.
 
     Parameters
     ----------
@@ -45,8 +45,11 @@ inlined = njit(error_model="numpy", inline="always")
 
 @inlined
 def natural(i):
-    """An index i that is known not to be negative. Numba asks of each index whether it counts from the end: where that
-    cannot be told once and for all, as of what was read from an array, it is asked at every access."""
+    """Return the index i, which is not negative.
+
+    Numba tests at each access whether an index counts from the end, unless it can prove the sign, which it cannot for
+    an index that was read from an array.
+    """
     return max(i, 0)
 
 

@@ -35,7 +35,7 @@ def join_vectors(words: Sequence[str]) -> list[str]:
 
 
 def as_size(text: str) -> tuple[int, int]:
-    """ "1280x960" as (1280, 960)."""
+    """Width and height of "1280x960", (1280, 960)."""
     found = re.fullmatch(r"(\d{1,5})[x,](\d{1,5})", text.strip().lower())
     if not found:
         raise InputError(f"--size is {text!r}.", "Give WIDTHxHEIGHT in pixels, such as 1280x960.")
@@ -43,7 +43,7 @@ def as_size(text: str) -> tuple[int, int]:
 
 
 def as_direction(option: str, text: str) -> tuple[float, ...] | str:
-    """ "1,0,2" as three numbers; "x", "y", "z" and "auto" as they are."""
+    """Three numbers of "1,0,2"; "x", "y", "z" and "auto" as they are."""
     if text in ("x", "y", "z", "auto"):
         return text
     try:
@@ -72,7 +72,7 @@ def as_count(option: str, text: str) -> int:
 
 
 def as_seconds(option: str, text: str) -> float:
-    """ "90", "90s", "1.5min" or "2h" in seconds."""
+    """Seconds of "90", "90s", "1.5min" or "2h"."""
     found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)\s*(s|min|h|)", text.strip())
     if not found or float(found[1]) == 0:
         raise InputError(f"{option} is {text!r}.", "Give a time, such as 90s, 10min or 1h.")
@@ -80,7 +80,7 @@ def as_seconds(option: str, text: str) -> float:
 
 
 def as_range(option: str, text: str) -> tuple[int, int]:
-    """ "0:15656" as two whole numbers."""
+    """Two whole numbers of "0:15656"."""
     found = re.fullmatch(r"(\d{1,9}):(\d{1,9})", text)
     if not found:
         raise InputError(

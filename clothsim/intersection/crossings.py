@@ -18,7 +18,7 @@ class Surface(Protocol):
 
     @property
     def role(self) -> str:
-        """ "cloth" or "body"."""
+        """Role in the scene: "cloth" or "body"."""
 
     @property
     def triangles(self) -> Ints:

@@ -30,7 +30,7 @@ def read_mesh(
     component: int | None = None,
     vertices: Sequence[int] | None = None,
 ) -> MeshFile:
-    """Read a mesh file or one part of it.
+    r"""Read a mesh file or one part of it.
 
     A part keeps the order of its vertices and triangles and drops the vertices that it does not use; the whole file
     keeps them all.
@@ -62,7 +62,7 @@ def read_mesh(
     --------
     >>> from pathlib import Path
     >>> file = Path("quad.obj")
-    >>> _ = file.write_text("v 0 0 0\\nv 10 0 0\\nv 10 10 0\\nv 0 10 0\\nf 1 2 3 4\\n")
+    >>> _ = file.write_text("v 0 0 0\nv 10 0 0\nv 10 10 0\nv 0 10 0\nf 1 2 3 4\n")
     >>> mesh = read_mesh(file, scale=0.01)
     >>> mesh.triangles.tolist(), float(mesh.positions.max())
     ([[0, 1, 2], [0, 2, 3]], 0.1)
