@@ -1,4 +1,4 @@
-"""The picture of a study: error against processor seconds, and where the error comes from."""
+"""Picture of a study: error against processor seconds, and contributions to the error."""
 
 from collections.abc import Sequence
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""A study as study.json and as study.md."""
+"""Reports of a study: study.json and study.md."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,7 +16,7 @@ from clothsim.accuracy.worker import SHORT, TIMES
 from clothsim.arrays import Floats
 
 MM = 1e-3
-"""Errors are told in millimetres."""
+"""Millimetre [m], the unit of reported errors."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Told:
         return {where: float(np.median(each)) if self.chaotic else done[where] for where, each in alike.items()}
 
     def findings(self) -> Findings:
-        """What the runs say."""
+        """Analysis of the runs."""
         return findings(self.fields, self.seconds(), self.bench.knobs, self.bench.base, self.norm, self.noise)
 
     @property
@@ -109,7 +109,7 @@ def _model(told: Told) -> dict[str, Any] | None:
 
 
 def measure(chaotic: bool) -> str:
-    """What an error is, in words."""
+    """Definition of the error measure."""
     if chaotic:
         return "RMS difference of the histograms of heights at the last frame (2-Wasserstein), mean over seeds"
     return "RMS distance of the same material points at the last frame to the reference"

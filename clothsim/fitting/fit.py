@@ -1,4 +1,4 @@
-"""`clothsim.fit`: a garment made for one body, draped and free of intersections on another."""
+"""Fit of a garment to another body: transfer, repair and drape."""
 
 import tempfile
 from collections.abc import Sequence
@@ -28,19 +28,44 @@ from clothsim.scene.fabrics import fabric_named
 from transfer.signed_distance import body_surface
 
 LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY)
-"""What a fit leaves in its directory."""
+"""Files of a fit in its directory."""
 REMEDY = "Look at fit.png, and at the garment on its own body: `clothsim check GARMENT --on BODY -o FILE`."
 FALLING = 0.5
-"""A garment that is faster than that at the end of its drape [m/s] is not settling."""
+"""Largest speed at the end of a drape [m/s] for a garment that rests on the body."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What a fit left in `directory`.
+    """Result of `fit`.
 
-    status: "completed" (simulated to its end), "refined" (the garment is free of intersections, but its simulation
-    could not go on), or "failed"; reason: a sentence; stages: what was tried, in order; run: the drape, or None where
-    none was started; cost: what it did to the garment.
+    Attributes
+    ----------
+    directory : Path
+        Output directory.
+    status : str
+        "completed" (simulated to its end), "refined" (the garment is free of intersections, but its simulation did not
+        complete) or "failed".
+    reason : str
+        Reason for the status, one sentence.
+    garment : Garment
+        Garment as given.
+    source, target : Figure
+        Body that the garment was made for, and body that it is fitted to.
+    stages : tuple of Stage
+        Stages in order, each with positions and penetration counts.
+    run : Run or None
+        Drape; None where none was started.
+    cost : Cost
+        Stretches and displacement of the garment.
+    notes : tuple of str
+        Choices made in reading and fitting.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> fit = clothsim.fit("shirt.obj", "tall.obj", made_for="small.obj")  # doctest: +SKIP
+    >>> fit.status, fit.positions.shape, fit.counts.clean  # doctest: +SKIP
+    ('completed', (4210, 3), True)
     """
 
     directory: Path
@@ -56,12 +81,12 @@ class Fit:
 
     @property
     def positions(self) -> Floats:
-        """The fitted garment, (n, 3) [m]."""
+        """Positions of the fitted garment, (n, 3) [m]."""
         return self.stages[-1].positions
 
     @property
     def counts(self) -> Counts:
-        """What is wrong with the fitted garment by the exact test: nothing, unless the fit failed."""
+        """Penetration counts of the fitted garment by the exact check; clean unless the fit failed."""
         return self.stages[-1].counts
 
 
@@ -82,15 +107,58 @@ def fit(
     progress: Listener | None = None,
     announce: Announcement | None = None,
 ) -> Fit:
-    """Fit the `garment` made for one body (a mesh file, MakeHuman clothes, or a scene's cloth) onto the body `to`.
+    """Fit a garment made for one body to another body.
 
-    made_for: the body that it lies on; None: `to` itself, on which it is repaired. scale: metres per unit of the
-    garment and of that body (None: as the body's height tells). body_group: a group of the body files. part: (lo, hi),
-    these vertices of the garment's file. weld: borders closer than that are sewn [m]. A scene says all this itself, but
-    for body_group of `to`. resize: the garment is made anew in the other body's size; False: its own rest shape stays.
-    markers: a file of places on both bodies that mean the same (None: derived where their meshes differ).
-    Leaves in `output` (None: a fresh temporary folder) what a run leaves, `fitted.obj`, and the stages in the summary;
-    files of an earlier fit there are removed. InputError for bad input.
+    The output directory holds the files of a run, `fitted.obj`, and the stages in summary.json; files of an earlier fit
+    there are removed.
+
+    Parameters
+    ----------
+    garment : str or Path
+        Mesh file, MakeHuman clothes (.mhclo), or scene file (.toml), which then gives its own body, unit, part and
+        seams.
+    to : str or Path
+        Body to fit to: mesh or scene file.
+    made_for : str or Path, optional
+        Body that the garment lies on; None: `to`, on which the garment is repaired.
+    output : str or Path, optional
+        Output directory; None: a new temporary one.
+    scale : float, optional
+        Length of a file unit of garment and `made_for` [m]; None: from the height of the body.
+    body_group : str, optional
+        Group of the body files.
+    part : (int, int), optional
+        First and last vertex of the garment in its file.
+    weld : float
+        Border vertices closer than that are sewn [m].
+    fabric : str
+        Name of a fabric.
+    resize : bool
+        True: the transferred garment is its rest shape; False: the given rest shape is kept.
+    markers : str or Path, optional
+        File of corresponding points, six numbers a line; None: derived where the meshes of the bodies differ.
+    heard : callable
+        Called with each `Stage` as it ends.
+    progress, announce : callable, optional
+        Callbacks of the drape, as in `simulate`.
+
+    Returns
+    -------
+    Fit
+
+    Raises
+    ------
+    InputError
+        Invalid files or arguments.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> clothsim.fit("shirt.obj", "tall.obj", made_for="small.obj").status  # doctest: +SKIP
+    'completed'
+    >>> clothsim.fit("shirt.obj", "tall.obj", output="out", fabric="paper")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    clothsim.errors.InputError: ...
     """
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
@@ -118,7 +186,7 @@ def fit(
 def _simulated(
     task: Task, found: Seeded, started: float, progress: Listener | None, announce: Announcement | None
 ) -> Fit:
-    """The drape, and what is left of it."""
+    """Drape the garment and write the results."""
     ended = _Ended("failed", found.failure, None, found.stages)
     if not found.failure:
         ended = _draped(task, found, progress, announce)
@@ -142,7 +210,7 @@ def _simulated(
 
 
 class _Ended(NamedTuple):
-    """How a drape ended."""
+    """End of a drape."""
 
     status: str
     reason: str
@@ -151,7 +219,7 @@ class _Ended(NamedTuple):
 
 
 def _draped(task: Task, found: Seeded, progress: Listener | None, announce: Announcement | None) -> _Ended:
-    """The drape; where it cannot begin or go on, what it started from is the answer, and is called refined."""
+    """Drape; where it cannot start or complete, its start is the result, with status refined."""
     body = body_surface(task.target.positions, task.target.triangles)
     runs: list[Run] = []
 
@@ -175,7 +243,7 @@ def _draped(task: Task, found: Seeded, progress: Listener | None, announce: Anno
 
 
 def _fallen(run: Run, body: str) -> str:
-    """A sentence where the garment is still falling when the drape ends: it does not lie on the body."""
+    """Sentence for a garment that is still falling at the end of the drape; empty where it rests on the body."""
     record = run.record()
     fastest = record[-1]["fastest"] if record else 0.0
     if fastest < FALLING:

@@ -12,7 +12,7 @@ from transfer.signed_distance import BodySurface
 
 @dataclass(frozen=True)
 class Garment:
-    """Garment: positions (n, 3) [m] as it lies on the body that it was made for; triangles (m, 3); notes: choices in reading.
+    """Garment: positions (n, 3) [m] on the body that it was made for; triangles (m, 3); notes: choices in reading.
 
     sewn: its panels were welded, so that three may meet in a seam.
     """
@@ -26,7 +26,7 @@ class Garment:
 
 @dataclass(frozen=True)
 class Stage:
-    """Stage of a fit: name; seconds; positions (n, 3) [m] after it; counts of these on the body; said: description."""
+    """Stage of a fit: name, seconds, positions (n, 3) [m] after it, their counts on the body; said: description."""
 
     name: str
     seconds: float
