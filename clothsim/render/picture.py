@@ -1,4 +1,4 @@
-"""A PNG of cloths and bodies at one time."""
+"""PNG of cloths and bodies at one time."""
 
 import os
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ _SMALLEST = 64
 
 @dataclass(frozen=True)
 class Shot:
-    """How a picture is taken: the same for every frame of a movie.
+    """Camera, colour range and renderer of a picture, the same for every frame of a movie.
 
     size: (width, height) in pixels; half_range: of the colours in log l, 0 where the cloth is plain;
     up: (3,); renderer: "vtk" or "ray"; samples: per pixel and direction; note: one line that says what drew it.

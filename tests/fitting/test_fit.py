@@ -1,4 +1,4 @@
-"""`clothsim.fit` from files to files: what it leaves, and how it ends."""
+"""`clothsim.fit` from files to files: outputs and status."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""A garment judged on a body, by arrays, by files and by the command."""
+"""Penetration report from arrays, from files and by the command."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Every way through the stages, end to end, on a capsule."""
+"""Every sequence of stages, end to end, on a capsule."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Stages: what they keep and who hears of them."""
+"""Stages: contents and callback."""
 
 from time import perf_counter
 

@@ -1,4 +1,4 @@
-"""A hard case: a scene for each seed, what must hold of its run, and the verdict."""
+"""Hard case: scene for each seed, checks of its run, and result."""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
@@ -42,7 +42,7 @@ def all_of(*checks: Check) -> Check:
 
 
 def steps_descend(run: Run) -> str:
-    """A4 of docs/validation.md, nothing being prescribed: |v1 - v0|^2_M/2 + Psi1 <= |v0|^2_M/2 + Psi0, but for round-off."""
+    """A4 of docs/validation.md, without prescribed motion: |v1 - v0|^2_M/2 + Psi1 <= |v0|^2_M/2 + Psi0 to round-off."""
     rise = run.summary["certificate"]["step_energy_rise"]
     return "" if rise <= ENERGY_NOISE else f"a step ends {rise:.2g} of the energy above where it began"
 
