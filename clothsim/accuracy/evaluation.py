@@ -52,7 +52,7 @@ class Gatherer:
     budget: float
     deadline: float
     cores: int
-    heard: Callable[[Progress], None]
+    on_progress: Callable[[Progress], None]
     stored: dict[str, dict[str, Any]]
     outcomes: dict[Point, Outcome] = field(default_factory=dict)
     left_out: dict[Point, str] = field(default_factory=dict)
@@ -151,7 +151,7 @@ class Gatherer:
         return predicted_seconds(where, done, self.bench.knobs)
 
     def _tell(self, label: str, left: int) -> None:
-        self.heard(
+        self.on_progress(
             Progress(len(self.outcomes), len(self.outcomes) + left, monotonic() - self.started, self.budget, label)
         )
 

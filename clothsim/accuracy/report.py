@@ -20,8 +20,8 @@ MM = 1e-3
 
 
 @dataclass(frozen=True)
-class Told:
-    """A study to be told of: its scene's name, its runs, what of them is compared (fields), why knobs are missing.
+class StudyData:
+    """Data of a study to report: name of the scene, runs, compared fields, reasons for missing knobs.
 
     twins: how far apart runs end that start a hair apart [m]; noise: the same in what is compared [m].
     """
@@ -55,42 +55,44 @@ class Told:
         return float(np.linalg.norm(np.ptp(np.concatenate(self.gatherer.material.rest), axis=0)))
 
 
-def document(told: Told, found: Findings, spent: Mapping[str, float], invariants: Mapping[str, Any]) -> dict[str, Any]:
+def document(
+    study_data: StudyData, found: Findings, spent: Mapping[str, float], invariants: Mapping[str, Any]
+) -> dict[str, Any]:
     """The content of study.json; errors in millimetres."""
-    gatherer, bench = told.gatherer, told.bench
-    keys = {bench.key(where): where for where in told.fields}
+    gatherer, bench = study_data.gatherer, study_data.bench
+    keys = {bench.key(where): where for where in study_data.fields}
     points, others = [], []
     for entry in gatherer.stored.values():
         if entry.get("failed"):
             points.append(entry)  # listed apart when it is written
         elif entry["key"] in keys:
             where = keys[entry["key"]]
-            points.append({**entry, "settings": bench.settings(where), **_errors(told, found, where)})
+            points.append({**entry, "settings": bench.settings(where), **_errors(study_data, found, where)})
         else:
             others.append(entry)
-    better = half(found, told.fields, bench.knobs, told.norm)
+    better = half(found, study_data.fields, bench.knobs, study_data.norm)
     return {
         "points": points,
-        "front": [_row(told, where, found.errors[where], found.seconds[where]) for where in found.front],
-        "recommended": [_advice(told, each) for each in recommendations(found, MM)],
-        "half_the_error": None if better is None else _advice(told, better),
-        "base": _row(told, BASE, found.errors[BASE], found.seconds[BASE]),
+        "front": [_row(study_data, where, found.errors[where], found.seconds[where]) for where in found.front],
+        "recommended": [_advice(study_data, each) for each in recommendations(found, MM)],
+        "half_the_error": None if better is None else _advice(study_data, better),
+        "base": _row(study_data, BASE, found.errors[BASE], found.seconds[BASE]),
         "unit": "mm",
-        "measure": measure(told.chaotic),
-        "size": told.size,
+        "measure": measure(study_data.chaotic),
+        "size": study_data.size,
         "reference": {
             "own_error": found.reference.error / MM,
             "valid": found.valid,
             "smallest_error": min(found.errors.values()) / MM,
             "cross": found.reference.cross / MM,
         },
-        "knobs": {name: _knob(told, found, name) for name in bench.knobs},
+        "knobs": {name: _knob(study_data, found, name) for name in bench.knobs},
         "remainder": found.remainder / MM,
-        "bending_model": _model(told),
-        "missing_knobs": dict(told.missing),
+        "bending_model": _model(study_data),
+        "missing_knobs": dict(study_data.missing),
         "left_out": {where.label(): reason for where, reason in gatherer.left_out.items()},
-        "chaotic": told.chaotic,
-        "twins_differ": told.twins / MM,
+        "chaotic": study_data.chaotic,
+        "twins_differ": study_data.twins / MM,
         "invariants": dict(invariants),
         "reused": gatherer.reused,
         "others": others,
@@ -99,12 +101,12 @@ def document(told: Told, found: Findings, spent: Mapping[str, float], invariants
     }
 
 
-def _model(told: Told) -> dict[str, Any] | None:
+def _model(study_data: StudyData) -> dict[str, Any] | None:
     """How far the convergent bending model moves the result, and what it costs; None where that was not run."""
-    done = told.gatherer.outcomes.get(Point(variant=CONVERGENT))
-    if done is None or done.failed or told.chaotic:
+    done = study_data.gatherer.outcomes.get(Point(variant=CONVERGENT))
+    if done is None or done.failed or study_data.chaotic:
         return None
-    moved = told.norm(done.positions - told.fields[BASE])
+    moved = study_data.norm(done.positions - study_data.fields[BASE])
     return {"model": CONVERGENT, "moves": moved / MM, "unit": "mm", "seconds": done.seconds}
 
 
@@ -115,28 +117,28 @@ def measure(chaotic: bool) -> str:
     return "RMS distance of the same material points at the last frame to the reference"
 
 
-def _errors(told: Told, found: Findings, where: Point) -> dict[str, Any]:
+def _errors(study_data: StudyData, found: Findings, where: Point) -> dict[str, Any]:
     error = found.errors[where]
-    numbers = {"error": error / MM, "max_error": found.largest[where] / MM, "relative": error / told.size}
+    numbers = {"error": error / MM, "max_error": found.largest[where] / MM, "relative": error / study_data.size}
     return {**numbers, "unit": "mm", "seconds": found.seconds[where], "resolved": found.resolved(where)}
 
 
-def _row(told: Told, where: Point, error: float, seconds: float) -> dict[str, Any]:
-    settings = told.bench.settings(where)
+def _row(study_data: StudyData, where: Point, error: float, seconds: float) -> dict[str, Any]:
+    settings = study_data.bench.settings(where)
     return {"label": where.label(), "settings": settings, "error": error / MM, "unit": "mm", "seconds": seconds}
 
 
-def _advice(told: Told, each: Recommendation) -> dict[str, Any]:
-    row = _row(told, each.point, each.error, each.seconds)
+def _advice(study_data: StudyData, each: Recommendation) -> dict[str, Any]:
+    row = _row(study_data, each.point, each.error, each.seconds)
     return {**row, "error": each.target / MM, "measured_error": each.error / MM if each.measured else None,
             "predicted_error": None if each.measured else each.error / MM}  # fmt: skip
 
 
-def _knob(told: Told, found: Findings, name: str) -> dict[str, Any]:
+def _knob(study_data: StudyData, found: Findings, name: str) -> dict[str, Any]:
     each = found.reference.limits.get(name)
-    expected = told.bench.knobs[name].order(told.bench.base)
+    expected = study_data.bench.knobs[name].order(study_data.bench.base)
     return {
-        "base": told.bench.knobs[name].value(told.bench.base, 0),
+        "base": study_data.bench.knobs[name].value(study_data.bench.base, 0),
         "expected_slope": expected,
         "observed_slope": None if each is None else each.order,
         "extrapolated": each is not None and each.extrapolated,
@@ -145,10 +147,10 @@ def _knob(told: Told, found: Findings, name: str) -> dict[str, Any]:
     }
 
 
-def markdown(told: Told, found: Findings, result: Mapping[str, Any]) -> str:
+def markdown(study_data: StudyData, found: Findings, result: Mapping[str, Any]) -> str:
     """The report for people: the answer first."""
     parts = [
-        f"# What accuracy costs: {told.name}",
+        f"# What accuracy costs: {study_data.name}",
         "\n".join(answer(result)),
         "![Error against processor seconds](study.png)",
         "## What to take",

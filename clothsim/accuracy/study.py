@@ -18,7 +18,7 @@ from clothsim.accuracy.knobs import fixed, usable
 from clothsim.accuracy.points import BASE, CONVERGENT, Bench, Point, point
 from clothsim.accuracy.pool import Runner, cores, worker_processes
 from clothsim.accuracy.reference import Limit, Norm
-from clothsim.accuracy.report import Told, document, markdown
+from clothsim.accuracy.report import StudyData, document, markdown
 from clothsim.accuracy.resample import material_of, point_areas
 from clothsim.arrays import Floats, as_positive
 from clothsim.build.presets import PRESETS
@@ -76,7 +76,7 @@ def study_accuracy(
     knobs: Sequence[str] | None = None,
     budget: float = 120.0,
     workers: int | None = None,
-    heard: Callable[[Progress], None] = lambda progress: None,
+    on_progress: Callable[[Progress], None] = lambda progress: None,
     runners: Callable[[int], AbstractContextManager[Runner]] = worker_processes,
     name: str = "the scene",
 ) -> Study:
@@ -97,7 +97,7 @@ def study_accuracy(
         Wall-clock time of the whole study [s].
     workers : int, optional
         Number of processes; None: one a core.
-    heard : callable
+    on_progress : callable
         Called with a `Progress` at the start and the end of each run.
     runners : callable
         Context manager of a runner of jobs, given the number of processes.
@@ -145,12 +145,12 @@ def study_accuracy(
             seconds,
             deadline,
             count,
-            heard,
+            on_progress,
             stored_points(directory, fingerprint),
         )
         observer = _gathered(gatherer, built.world)
     _refuse_nothing_finer(gatherer, observer)
-    told = Told(
+    study_data = StudyData(
         name,
         bench,
         gatherer,
@@ -162,7 +162,7 @@ def study_accuracy(
         missing,
     )
     spent = {"budget": seconds, "seconds": monotonic() - started, "workers": count}
-    return _written(told, observer, spent)
+    return _written(study_data, observer, spent)
 
 
 @dataclass(frozen=True)
@@ -326,16 +326,16 @@ def _fingerprint(base: Scene, world: World) -> str:
     return digest.hexdigest()[:16]
 
 
-def _written(told: Told, observer: _Observer, spent: dict[str, float]) -> Study:
+def _written(study_data: StudyData, observer: _Observer, spent: dict[str, float]) -> Study:
     """Write the three files."""
     from clothsim.accuracy.plot import draw
 
-    directory = told.gatherer.directory
-    found = told.findings()
-    rest = document(told, found, spent, _invariants(observer) if told.chaotic else {})
-    result = write_points(directory, told.gatherer.fingerprint, **rest)
-    (directory / REPORT_NAME).write_text(markdown(told, found, result), encoding="utf-8")
-    draw(told, found, directory / PICTURE_NAME)
+    directory = study_data.gatherer.directory
+    found = study_data.findings()
+    rest = document(study_data, found, spent, _invariants(observer) if study_data.chaotic else {})
+    result = write_points(directory, study_data.gatherer.fingerprint, **rest)
+    (directory / REPORT_NAME).write_text(markdown(study_data, found, result), encoding="utf-8")
+    draw(study_data, found, directory / PICTURE_NAME)
     return Study(directory, result)
 
 

@@ -17,7 +17,7 @@ from clothsim.fitting.markers import NO_MARKERS, read_markers
 from clothsim.fitting.moving_body import BODY, REST, START, draped
 from clothsim.fitting.penetration import Counts
 from clothsim.fitting.pipeline import Seeded, Task, seeded
-from clothsim.fitting.stage import Garment, Heard, Stage, staged
+from clothsim.fitting.stage import Garment, Stage, StageCallback, staged
 from clothsim.io.checkpoint import CHECKPOINT_NAME
 from clothsim.io.obj_writer import write_obj
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
@@ -103,7 +103,7 @@ def fit(
     fabric: str = "cotton",
     resize: bool = True,
     markers: str | Path | None = None,
-    heard: Heard = lambda stage: None,
+    on_stage: StageCallback = lambda stage: None,
     progress: Listener | None = None,
     announce: Announcement | None = None,
 ) -> Fit:
@@ -137,7 +137,7 @@ def fit(
         True: the transferred garment is its rest shape; False: the given rest shape is kept.
     markers : str or Path, optional
         File of corresponding points, six numbers a line; None: derived where the meshes of the bodies differ.
-    heard : callable
+    on_stage : callable
         Called with each `Stage` as it ends.
     progress, announce : callable, optional
         Callbacks of the drape, as in `simulate`.
@@ -178,7 +178,7 @@ def fit(
         _refuse_a_body(worn, source, target)
     places = NO_MARKERS if markers is None else read_markers(markers)
     _make_directory(directory, [Path(file) for file in (garment, to, made_for) if file is not None])
-    task = Task(worn, source, target, fabric, resize, directory, heard, places)
+    task = Task(worn, source, target, fabric, resize, directory, on_stage, places)
     found = seeded(task)
     return _simulated(task, found, started, progress, announce)
 
@@ -229,7 +229,7 @@ def _draped(task: Task, found: Seeded, progress: Listener | None, announce: Anno
         return runs[0].positions(-1), f"draped for {runs[0].times[-1]:g} s"
 
     try:
-        stage = staged("simulate", task.garment.triangles, body, make, task.heard)
+        stage = staged("simulate", task.garment.triangles, body, make, task.on_stage)
     except InputError as error:
         return _Ended("refined", f"The drape could not begin: {error.sentence}", None, found.stages)
     run = runs[0]

@@ -47,7 +47,7 @@ class Stage:
         }
 
 
-Heard = Callable[[Stage], None]
+StageCallback = Callable[[Stage], None]
 """Called as each stage ends."""
 
 
@@ -56,10 +56,10 @@ def staged(
     triangles: Ints,
     body: BodySurface,
     make: Callable[[], tuple[Floats, str]],
-    heard: Heard,
+    on_stage: StageCallback,
     started: float | None = None,
 ) -> Stage:
-    """Run a stage: `make` returns its positions and a description; they are checked on `body`, then `heard` is called.
+    """Run a stage: `make` returns its positions and a description; checked on `body`, then `on_stage` is called.
 
     started: where the stage began before this call, its `perf_counter`.
     """
@@ -67,5 +67,5 @@ def staged(
     positions, said = make()
     seconds = perf_counter() - started
     stage = Stage(name, seconds, positions, counted(positions, triangles, body), said)
-    heard(stage)
+    on_stage(stage)
     return stage
