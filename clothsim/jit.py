@@ -18,7 +18,7 @@ from clothsim.kernel_cache import KernelCache
 
 
 def kernel(function: Callable[..., Any]) -> Any:
-    """Compile a function that Python calls, with float64 C arrays, int64 and float: compiled once for each set of types.
+    """Compile a function that Python calls, with float64 C arrays, int64 and float, once for each set of types.
 
     Parameters
     ----------

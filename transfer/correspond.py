@@ -122,8 +122,10 @@ def part(mesh: Mesh, pieces: Ints, chosen: ArrayLike) -> Ints:
 
 
 def checked_markers(markers: ArrayLike, pieces: list[Ints]) -> Ints:
-    """Markers (k, 2) without repetitions. TransferError for one that names no vertex of a triangle, and for two of one
-    vertex, which would be contradictory or collapse a triangle.
+    """Markers (k, 2) without repetitions.
+
+    TransferError for one that names no vertex of a triangle, and for two of one vertex, which would be contradictory or
+    collapse a triangle.
     """
     given = np.asarray(markers)
     if given.ndim != 2 or given.shape[1] != 2 or given.dtype.kind not in "iu" or len(given) == 0:

@@ -16,8 +16,10 @@ REMEDY = "Pose with the mesh that the pairs were made for."
 
 @dataclass(frozen=True)
 class AveragedMotion:
-    """Averaged source motion of each target triangle: gradients S (m, 3, 3), and mean centroids of the followed source
-    triangles at rest, start (m, 3), and deformed, end (m, 3) [m].
+    """Averaged source motion of each target triangle.
+
+    gradients S (m, 3, 3); mean centroids of the followed source triangles at rest, start (m, 3), and deformed, end
+    (m, 3) [m].
     """
 
     gradients: Floats

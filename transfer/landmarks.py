@@ -62,8 +62,9 @@ def in_box(positions: Floats, triangles: Ints) -> Floats:
 
 
 def tips(positions: Floats, triangles: Ints) -> tuple[Ints, list[Ints]]:
-    """Five tips, the one nearest to the four others (the head) last, and for each the predecessors (n,) of the shortest
-    paths to it along edges.
+    """Five tips, the head last, and for each the predecessors (n,) of the shortest paths to it along edges.
+
+    The head is the tip nearest to the four others.
 
     Farthest-point sampling among local maxima of the distance from the middle: a knee is none.
     """

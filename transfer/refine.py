@@ -37,8 +37,8 @@ SMOOTHNESS, DAMPING = (4.0, 2.0, 1.0), (0.8, 0.6, 0.4)
 PASSES = 12
 """Most passes. Measured: three leave 30 mm of penetration, and more than twelve gain nothing."""
 FLOOR, CEILING = 0.1, 0.15
-"""Fractions of the garment's median edge (least eps) and of the local edge (most for curvature, as bodies have creases).
-Measured on real suits: a floor of .05 leaves 2 intersecting pairs; a ceiling of .5 stretches by 1.52."""
+"""Fractions of the garment's median edge (least eps) and of the local edge (most for curvature, as bodies
+have creases). Measured on real suits: a floor of .05 leaves 2 intersecting pairs; a ceiling of .5 stretches by 1.52."""
 RESIDUAL, ITERATIONS = 1e-10, 1000
 
 
@@ -161,8 +161,10 @@ def refine(
 
 @dataclass(frozen=True)
 class Clearance:
-    """Terms of eps: longest edge at each garment vertex, edges (n,) [m]; curvature of body triangles (m,) [1/m]; least
-    eps, floor [m].
+    """Terms of eps.
+
+    edges (n,) [m], the longest edge at each garment vertex; curvature (m,) [1/m] of body triangles; floor [m], the least
+    eps.
     """
 
     edges: Floats

@@ -120,7 +120,7 @@ class BodySurface:
         return Penetration(count, float(-distance[worst]) if count else 0.0, worst)
 
     def exits(self, points: Floats, directions: Floats) -> tuple[Floats, Ints]:
-        """First hits of rays from `points` along `directions`, both (k, 3): distances (k,) [m], triangles (k,); or inf, -1."""
+        """First hits of rays (k, 3) from `points` along `directions`: distances [m], triangles (k,); or inf, -1."""
         triangles, distance, _ = self._tree.intersect_ray_first(
             self.positions, self.triangles[self.outer], np.ascontiguousarray(points), np.ascontiguousarray(directions)
         )

@@ -1,1 +1,1 @@
-"""What accuracy costs in time: how wrong a scene's result is, by what, and what half the error would cost."""
+"""Accuracy study: error of a scene's result, its sources, and the cost of a smaller one."""

@@ -1,4 +1,4 @@
-"""What the runs of a study say: errors, their own uncertainty, where they come from, what is worth its time."""
+"""Error analysis of a study: errors, their uncertainty, sources and Pareto front."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ from clothsim.arrays import Floats
 from clothsim.scene.scene import Scene
 
 RESOLVED = 10.0
-"""An error is resolved where it is that many times the reference's own."""
+"""Least ratio of a resolved error to the reference's own error."""
 
 
 @dataclass(frozen=True)
 class Findings:
     """reference; errors {point: RMS}, largest {point: max} and seconds of the data points [m, s].
 
-    bars {knob: what it adds to the base's error}; remainder: what they leave of it, nan where no run tells; front:
+    bars {knob: what it adds to the base's error}; remainder: what they leave of it, nan without a joint run; front:
     points, the cheapest first.
     """
 

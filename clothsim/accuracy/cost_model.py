@@ -1,4 +1,4 @@
-"""What a run will cost, from those that are done."""
+"""Cost model: predicted seconds of a run from completed ones."""
 
 from collections.abc import Mapping
 

@@ -1,4 +1,4 @@
-"""Runs the points of a study that are not known yet, keeps each as it comes, and names those that were left out."""
+"""Evaluation of study points within a budget, with stored results reused."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -21,12 +21,12 @@ from clothsim.io.record import read_summary, to_json
 
 STUDY_NAME, FOLDER = "study.json", "points"
 FIRST_GUESS = {"draft": 0.2, "fine": 12.0}
-"""What a preset costs, times the base."""
+"""First guess of a preset's cost relative to the base."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """What a listener hears when a run begins or ends: runs done, how many are known of, seconds, budget, which."""
+    """Progress at the start or end of a run: runs done and known, elapsed seconds, budget [s], label of the run."""
 
     done: int
     known: int
@@ -52,7 +52,7 @@ class Gatherer:
     budget: float
     deadline: float
     cores: int
-    heard: Callable[[Progress], None]
+    on_progress: Callable[[Progress], None]
     stored: dict[str, dict[str, Any]]
     outcomes: dict[Point, Outcome] = field(default_factory=dict)
     left_out: dict[Point, str] = field(default_factory=dict)
@@ -151,7 +151,7 @@ class Gatherer:
         return predicted_seconds(where, done, self.bench.knobs)
 
     def _tell(self, label: str, left: int) -> None:
-        self.heard(
+        self.on_progress(
             Progress(len(self.outcomes), len(self.outcomes) + left, monotonic() - self.started, self.budget, label)
         )
 

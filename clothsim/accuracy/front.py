@@ -1,4 +1,4 @@
-"""Which settings are worth their time: the Pareto front, combinations to try next, and what to take for an error."""
+"""Pareto front of error against seconds, and selection of settings from it."""
 
 from collections.abc import Mapping, Sequence
 from itertools import product

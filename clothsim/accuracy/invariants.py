@@ -1,4 +1,4 @@
-"""What chaotic folds leave alone: how high the cloth lies, the shadow that it throws, its energy."""
+"""Invariants of chaotic folds: distribution of heights, drape coefficient."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ PIXELS = 1024
 
 
 def height_quantiles(positions: Floats, areas: Floats, up: Floats) -> Floats:
-    """The heights [m] below which equal shares of the area lie, (QUANTILES, 1): a histogram of heights, turned over.
+    """The heights [m] below which equal fractions of the area lie, (QUANTILES, 1): height quantiles.
 
     The RMS difference of two of them is the 2-Wasserstein distance of the two histograms; their mean over seeds is the
     histograms' barycentre.

@@ -1,4 +1,4 @@
-"""The knobs of a study: what may be refined, to what, and the slope with which its error should fall.
+"""Knobs of a study: refinable settings and their expected orders of convergence.
 
 A level is a number of refinements: 0 is the base, +1 one finer, -1 one coarser. A new knob is one line of KNOBS.
 """

@@ -1,4 +1,4 @@
-"""The picture of a study: error against processor seconds, and where the error comes from."""
+"""Picture of a study: error against processor seconds, and contributions to the error."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -9,7 +9,7 @@ import numpy as np
 
 from clothsim.accuracy.analysis import RESOLVED, Findings
 from clothsim.accuracy.points import BASE, Point, written
-from clothsim.accuracy.report import MM, Told
+from clothsim.accuracy.report import MM, StudyData
 from clothsim.arrays import Floats
 from clothsim.build.presets import PRESETS
 
@@ -21,7 +21,7 @@ STYLES = (
     ("#6c3483", "D", (0, (5, 1, 1, 1, 1, 1))),
     ("#5d6d7e", "P", (0, (3, 1, 1, 1))),
 )
-"""Colour, marker and line of each knob: told apart in grey by the last two."""
+"""Colour, marker and line of each knob: distinguished in grey by the last two."""
 
 STRIDE, SHORT = 6.0, 110.0
 """Pixels between places along a curve that no label may cover; a curve shorter than SHORT gets one label."""
@@ -30,7 +30,7 @@ Mark = tuple[float, float, str, str]
 """Seconds, error, text, colour."""
 
 
-def draw(told: Told, found: Findings, target: Path) -> None:
+def draw(study_data: StudyData, found: Findings, target: Path) -> None:
     """Write the picture of a study as PNG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -38,16 +38,16 @@ def draw(told: Told, found: Findings, target: Path) -> None:
     figure = Figure(figsize=(9.6, 4.8), dpi=160, layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, width_ratios=(2.1, 1))
-    _bars(right, told, found)
-    _against_seconds(left, told, found)
+    _bars(right, study_data, found)
+    _against_seconds(left, study_data, found)
     figure.savefig(target)
 
 
-def _against_seconds(axes: Any, told: Told, found: Findings) -> None:
+def _against_seconds(axes: Any, study_data: StudyData, found: Findings) -> None:
     """Log error against log seconds: a curve a knob, the front, the variants, what the reference does not resolve."""
     axes.set(xscale="log", yscale="log", xlabel="processor time of the run [s]")
-    axes.set_ylabel(f"RMS error {'of the histogram of heights' if told.chaotic else 'at the last frame'} [mm]")
-    axes.set_title(f"{told.name}: what accuracy costs", loc="left", fontsize=10)
+    axes.set_ylabel(f"RMS error {'of the histogram of heights' if study_data.chaotic else 'at the last frame'} [mm]")
+    axes.set_title(f"{study_data.name}: what accuracy costs", loc="left", fontsize=10)
     _limits(axes, found)
     axes.figure.canvas.draw()  # places the axes: the labels are laid out in pixels
     swept: set[Point] = {BASE}
@@ -55,7 +55,7 @@ def _against_seconds(axes: Any, told: Told, found: Findings) -> None:
     lines = [axes.transData.transform([_at(found, where) for where in found.errors])]
     variants = [where for where in found.errors if where.variant]
     marks += [(*_at(found, where), where.variant, "black") for where in variants]
-    for (name, knob), (colour, marker, line) in zip(told.bench.knobs.items(), STYLES * 2, strict=False):
+    for (name, knob), (colour, marker, line) in zip(study_data.bench.knobs.items(), STYLES * 2, strict=False):
         curve = sorted(_curve(found, name), key=lambda where: where.level(name))
         swept.update(curve)
         if len(curve) < 2:
@@ -64,7 +64,7 @@ def _against_seconds(axes: Any, told: Told, found: Findings) -> None:
         axes.plot(x, y, color=colour, marker=marker, ls=line, ms=5, lw=1.3, mfc="white", mec=colour, zorder=3)
         lines += [_pixels(axes, one, other) for one, other in pairwise(zip(x, y, strict=True))]
         ends = [end for end in (curve[0], curve[-1]) if end != BASE]
-        texts = [written(name, knob.value(told.bench.base, end.level(name))) for end in ends]
+        texts = [written(name, knob.value(study_data.bench.base, end.level(name))) for end in ends]
         if np.ptp(axes.transData.transform(np.column_stack([x, y])), axis=0).max() < SHORT:
             ends, texts = ends[-1:], [name]
         marks += [(*_at(found, end), text, colour) for end, text in zip(ends, texts, strict=True)]
@@ -165,11 +165,11 @@ def _overlap(one: Box, other: Box) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-def _bars(axes: Any, told: Told, found: Findings) -> None:
+def _bars(axes: Any, study_data: StudyData, found: Findings) -> None:
     """What each knob adds to the error of the scene as given, and what they leave."""
     rows = sorted(found.bars.items(), key=lambda row: row[1])
     rest = [("remainder", found.remainder / MM)] if found.reference.joint else []
-    names = [*(name for name, _ in rest), *(_slopes(told, found, name) for name, _ in rows)]
+    names = [*(name for name, _ in rest), *(_slopes(study_data, found, name) for name, _ in rows)]
     values = [*(value for _, value in rest), *(each / MM for _, each in rows)]
     shades = [*(["0.85"] * len(rest)), *(["0.45"] * len(rows))]
     axes.barh(names, values, color=shades, edgecolor="black", lw=0.6, height=0.5)
@@ -188,9 +188,9 @@ def _bars(axes: Any, told: Told, found: Findings) -> None:
         axes.spines[side].set_visible(False)
 
 
-def _slopes(told: Told, found: Findings, name: str) -> str:
+def _slopes(study_data: StudyData, found: Findings, name: str) -> str:
     """The knob's name, its observed slope and the expected one."""
-    each, expected = found.reference.limits[name], told.bench.knobs[name].order(told.bench.base)
+    each, expected = found.reference.limits[name], study_data.bench.knobs[name].order(study_data.bench.base)
     if expected is None or not each.extrapolated:
         return name
     observed = f"{each.order:.2f}" if each.order == each.order else "not seen"

@@ -1,4 +1,4 @@
-"""Points of a study: which knobs are turned by how much, and what a run with them left."""
+"""Points of a study: levels of its knobs, and the outcome of a run."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -27,7 +27,7 @@ class Point:
         return dict(self.levels).get(knob, 0)
 
     def label(self) -> str:
-        """A few letters for people."""
+        """Short label of the point."""
         name = self.variant or ", ".join(f"{knob} {level:+d}" for knob, level in self.levels) or "base"
         return f"{name}, seed {self.seed}" if self.seed else name
 
@@ -46,7 +46,7 @@ VARIANTS = {"bdf2": ("solver.integrator", "bdf2"), CONVERGENT: ("effects.bending
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run of a point left.
+    """Outcome of the run of a point.
 
     positions (n, 3): of the base's material points at the end [m]; seconds: of the processor, warm-up apart;
     wall_seconds; counts: Newton iterations, steps, peak bytes; energy [J]; failed: why it is no data point, empty where

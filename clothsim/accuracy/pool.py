@@ -1,4 +1,4 @@
-"""Worker processes, each on one core with one thread, and the jobs that they are given until a deadline."""
+"""Pool of single-threaded worker processes that run jobs until a deadline."""
 
 import json
 import os

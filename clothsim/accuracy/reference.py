@@ -1,4 +1,4 @@
-"""The reference of a study: what every knob refined without end would give, and how far off that is itself.
+"""Reference solution of a study by Richardson extrapolation, and its own error.
 
 All fields are (n, k) arrays of the same n material points. To leading order a result is
 q = q* + sum_k a_k + sum_kl c_kl, where a_k is knob k's own error and c_kl what two knobs add only together. One-knob
@@ -19,7 +19,7 @@ SANE = (0.5, 1.75)
 
 @dataclass(frozen=True)
 class Limit:
-    """Where a one-knob sweep tends to: field (n, k), its own error (RMS), observed order (nan where unknown).
+    """Limit of a one-knob sweep: field (n, k), its own error (RMS), observed order (nan where unknown).
 
     extrapolated: False where the finest run stands in for the limit.
     """

@@ -1,4 +1,4 @@
-"""A study as study.json and as study.md."""
+"""Reports of a study: study.json and study.md."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,12 +16,12 @@ from clothsim.accuracy.worker import SHORT, TIMES
 from clothsim.arrays import Floats
 
 MM = 1e-3
-"""Errors are told in millimetres."""
+"""Millimetre [m], the unit of reported errors."""
 
 
 @dataclass(frozen=True)
-class Told:
-    """A study to be told of: its scene's name, its runs, what of them is compared (fields), why knobs are missing.
+class StudyData:
+    """Data of a study to report: name of the scene, runs, compared fields, reasons for missing knobs.
 
     twins: how far apart runs end that start a hair apart [m]; noise: the same in what is compared [m].
     """
@@ -46,7 +46,7 @@ class Told:
         return {where: float(np.median(each)) if self.chaotic else done[where] for where, each in alike.items()}
 
     def findings(self) -> Findings:
-        """What the runs say."""
+        """Analysis of the runs."""
         return findings(self.fields, self.seconds(), self.bench.knobs, self.bench.base, self.norm, self.noise)
 
     @property
@@ -55,42 +55,44 @@ class Told:
         return float(np.linalg.norm(np.ptp(np.concatenate(self.gatherer.material.rest), axis=0)))
 
 
-def document(told: Told, found: Findings, spent: Mapping[str, float], invariants: Mapping[str, Any]) -> dict[str, Any]:
+def document(
+    study_data: StudyData, found: Findings, spent: Mapping[str, float], invariants: Mapping[str, Any]
+) -> dict[str, Any]:
     """The content of study.json; errors in millimetres."""
-    gatherer, bench = told.gatherer, told.bench
-    keys = {bench.key(where): where for where in told.fields}
+    gatherer, bench = study_data.gatherer, study_data.bench
+    keys = {bench.key(where): where for where in study_data.fields}
     points, others = [], []
     for entry in gatherer.stored.values():
         if entry.get("failed"):
             points.append(entry)  # listed apart when it is written
         elif entry["key"] in keys:
             where = keys[entry["key"]]
-            points.append({**entry, "settings": bench.settings(where), **_errors(told, found, where)})
+            points.append({**entry, "settings": bench.settings(where), **_errors(study_data, found, where)})
         else:
             others.append(entry)
-    better = half(found, told.fields, bench.knobs, told.norm)
+    better = half(found, study_data.fields, bench.knobs, study_data.norm)
     return {
         "points": points,
-        "front": [_row(told, where, found.errors[where], found.seconds[where]) for where in found.front],
-        "recommended": [_advice(told, each) for each in recommendations(found, MM)],
-        "half_the_error": None if better is None else _advice(told, better),
-        "base": _row(told, BASE, found.errors[BASE], found.seconds[BASE]),
+        "front": [_row(study_data, where, found.errors[where], found.seconds[where]) for where in found.front],
+        "recommended": [_advice(study_data, each) for each in recommendations(found, MM)],
+        "half_the_error": None if better is None else _advice(study_data, better),
+        "base": _row(study_data, BASE, found.errors[BASE], found.seconds[BASE]),
         "unit": "mm",
-        "measure": measure(told.chaotic),
-        "size": told.size,
+        "measure": measure(study_data.chaotic),
+        "size": study_data.size,
         "reference": {
             "own_error": found.reference.error / MM,
             "valid": found.valid,
             "smallest_error": min(found.errors.values()) / MM,
             "cross": found.reference.cross / MM,
         },
-        "knobs": {name: _knob(told, found, name) for name in bench.knobs},
+        "knobs": {name: _knob(study_data, found, name) for name in bench.knobs},
         "remainder": found.remainder / MM,
-        "bending_model": _model(told),
-        "missing_knobs": dict(told.missing),
+        "bending_model": _model(study_data),
+        "missing_knobs": dict(study_data.missing),
         "left_out": {where.label(): reason for where, reason in gatherer.left_out.items()},
-        "chaotic": told.chaotic,
-        "twins_differ": told.twins / MM,
+        "chaotic": study_data.chaotic,
+        "twins_differ": study_data.twins / MM,
         "invariants": dict(invariants),
         "reused": gatherer.reused,
         "others": others,
@@ -99,44 +101,44 @@ def document(told: Told, found: Findings, spent: Mapping[str, float], invariants
     }
 
 
-def _model(told: Told) -> dict[str, Any] | None:
+def _model(study_data: StudyData) -> dict[str, Any] | None:
     """How far the convergent bending model moves the result, and what it costs; None where that was not run."""
-    done = told.gatherer.outcomes.get(Point(variant=CONVERGENT))
-    if done is None or done.failed or told.chaotic:
+    done = study_data.gatherer.outcomes.get(Point(variant=CONVERGENT))
+    if done is None or done.failed or study_data.chaotic:
         return None
-    moved = told.norm(done.positions - told.fields[BASE])
+    moved = study_data.norm(done.positions - study_data.fields[BASE])
     return {"model": CONVERGENT, "moves": moved / MM, "unit": "mm", "seconds": done.seconds}
 
 
 def measure(chaotic: bool) -> str:
-    """What an error is, in words."""
+    """Definition of the error measure."""
     if chaotic:
         return "RMS difference of the histograms of heights at the last frame (2-Wasserstein), mean over seeds"
     return "RMS distance of the same material points at the last frame to the reference"
 
 
-def _errors(told: Told, found: Findings, where: Point) -> dict[str, Any]:
+def _errors(study_data: StudyData, found: Findings, where: Point) -> dict[str, Any]:
     error = found.errors[where]
-    numbers = {"error": error / MM, "max_error": found.largest[where] / MM, "relative": error / told.size}
+    numbers = {"error": error / MM, "max_error": found.largest[where] / MM, "relative": error / study_data.size}
     return {**numbers, "unit": "mm", "seconds": found.seconds[where], "resolved": found.resolved(where)}
 
 
-def _row(told: Told, where: Point, error: float, seconds: float) -> dict[str, Any]:
-    settings = told.bench.settings(where)
+def _row(study_data: StudyData, where: Point, error: float, seconds: float) -> dict[str, Any]:
+    settings = study_data.bench.settings(where)
     return {"label": where.label(), "settings": settings, "error": error / MM, "unit": "mm", "seconds": seconds}
 
 
-def _advice(told: Told, each: Recommendation) -> dict[str, Any]:
-    row = _row(told, each.point, each.error, each.seconds)
+def _advice(study_data: StudyData, each: Recommendation) -> dict[str, Any]:
+    row = _row(study_data, each.point, each.error, each.seconds)
     return {**row, "error": each.target / MM, "measured_error": each.error / MM if each.measured else None,
             "predicted_error": None if each.measured else each.error / MM}  # fmt: skip
 
 
-def _knob(told: Told, found: Findings, name: str) -> dict[str, Any]:
+def _knob(study_data: StudyData, found: Findings, name: str) -> dict[str, Any]:
     each = found.reference.limits.get(name)
-    expected = told.bench.knobs[name].order(told.bench.base)
+    expected = study_data.bench.knobs[name].order(study_data.bench.base)
     return {
-        "base": told.bench.knobs[name].value(told.bench.base, 0),
+        "base": study_data.bench.knobs[name].value(study_data.bench.base, 0),
         "expected_slope": expected,
         "observed_slope": None if each is None else each.order,
         "extrapolated": each is not None and each.extrapolated,
@@ -145,10 +147,10 @@ def _knob(told: Told, found: Findings, name: str) -> dict[str, Any]:
     }
 
 
-def markdown(told: Told, found: Findings, result: Mapping[str, Any]) -> str:
+def markdown(study_data: StudyData, found: Findings, result: Mapping[str, Any]) -> str:
     """The report for people: the answer first."""
     parts = [
-        f"# What accuracy costs: {told.name}",
+        f"# What accuracy costs: {study_data.name}",
         "\n".join(answer(result)),
         "![Error against processor seconds](study.png)",
         "## What to take",
@@ -169,7 +171,7 @@ def markdown(told: Told, found: Findings, result: Mapping[str, Any]) -> str:
 
 
 def answer(result: Mapping[str, Any]) -> list[str]:
-    """How wrong is this, and what would half the error cost?"""
+    """The error of the scene as it is, and the cost of half of it, as sentences."""
     base, reference, better = result["base"], result["reference"], result["half_the_error"]
     share = f"{100 * base['error'] * MM / result['size']:.2g} % of its size"
     lines = [f"As it is, this scene is {_mm(base['error'])} wrong ({share}) and takes {_s(base['seconds'])}."]
@@ -210,7 +212,7 @@ def answer(result: Mapping[str, Any]) -> list[str]:
 
 
 def settings_text(settings: Mapping[str, Any]) -> str:
-    """ "dt 1/60 s, cells 40x40" """
+    """Settings as text, "dt 1/60 s, cells 40x40"."""
     return ", ".join(written(name, value) for name, value in settings.items())
 
 

@@ -1,4 +1,4 @@
-"""The same material points in runs on other meshes: linear interpolation at their places in the material."""
+"""Linear interpolation of material points between meshes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

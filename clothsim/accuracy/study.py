@@ -1,4 +1,4 @@
-"""The study of a scene: sweeps, reference, front, attribution, and the files that tell of them."""
+"""Accuracy study of a scene: sweeps, reference, Pareto front, error contributions and reports."""
 
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
@@ -18,7 +18,7 @@ from clothsim.accuracy.knobs import fixed, usable
 from clothsim.accuracy.points import BASE, CONVERGENT, Bench, Point, point
 from clothsim.accuracy.pool import Runner, cores, worker_processes
 from clothsim.accuracy.reference import Limit, Norm
-from clothsim.accuracy.report import Told, document, markdown
+from clothsim.accuracy.report import StudyData, document, markdown
 from clothsim.accuracy.resample import material_of, point_areas
 from clothsim.arrays import Floats, as_positive
 from clothsim.build.presets import PRESETS
@@ -46,13 +46,27 @@ REPORT_NAME, PICTURE_NAME = "study.md", "study.png"
 
 @dataclass(frozen=True)
 class Study:
-    """What a study left in `directory`: study.json, study.md, study.png; `result` is what study.json holds."""
+    """Result of `study_accuracy`; `str(study)` is the text of study.md.
+
+    Attributes
+    ----------
+    directory : Path
+        Directory of study.json, study.md and study.png.
+    result : dict
+        Content of study.json; errors in millimetres.
+
+    Examples
+    --------
+    >>> study = clothsim.study_accuracy(scene, budget=60)  # doctest: +SKIP
+    >>> study.result["base"]["error"], study.result["base"]["unit"]  # doctest: +SKIP
+    (1.9, 'mm')
+    """
 
     directory: Path
     result: dict[str, Any]
 
     def __str__(self) -> str:
-        """The report."""
+        """Text of study.md."""
         return (self.directory / REPORT_NAME).read_text(encoding="utf-8")
 
 
@@ -62,17 +76,50 @@ def study_accuracy(
     knobs: Sequence[str] | None = None,
     budget: float = 120.0,
     workers: int | None = None,
-    heard: Callable[[Progress], None] = lambda progress: None,
+    on_progress: Callable[[Progress], None] = lambda progress: None,
     runners: Callable[[int], AbstractContextManager[Runner]] = worker_processes,
     name: str = "the scene",
 ) -> Study:
-    """How wrong a scene's last frame is, by what, and what a smaller error costs; leaves its files in `output`.
+    """Estimate the error of a scene's last frame, its sources, and the cost of a smaller one.
 
-    knobs: names of `knobs.KNOBS` (default: all that the scene has); budget [s]: of the whole study, on the wall;
-    workers: processes (default: one a core); output: None is a fresh temporary folder, and one with an earlier study of
-    the same scene keeps its points. The error is the RMS distance, weighted by area, of the base mesh's material points
-    at the last frame to the reference; for a chaotic scene that of its histogram of heights. InputError for bad input,
-    and where the scene itself fails or does not fit into the budget.
+    The error is the area-weighted RMS distance of the base mesh's material points at the last frame to the reference;
+    for a chaotic scene that of its histogram of heights.
+
+    Parameters
+    ----------
+    scene : Scene
+    output : str or Path, optional
+        Directory of the results; points of an earlier study of the same scene there are reused. None: a new temporary
+        directory.
+    knobs : sequence of str, optional
+        Names of `knobs.KNOBS`; None: all that the scene has.
+    budget : float
+        Wall-clock time of the whole study [s].
+    workers : int, optional
+        Number of processes; None: one a core.
+    on_progress : callable
+        Called with a `Progress` at the start and the end of each run.
+    runners : callable
+        Context manager of a runner of jobs, given the number of processes.
+    name : str
+        Name of the scene in the reports.
+
+    Returns
+    -------
+    Study
+
+    Raises
+    ------
+    InputError
+        Invalid input, a scene that fails itself, or one that does not complete within the budget.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> scene = clothsim.load_scene("scenes/study_strip.toml")  # doctest: +SKIP
+    >>> study = clothsim.study_accuracy(scene, budget=60, knobs=["dt", "cells"])  # doctest: +SKIP
+    >>> [row["label"] for row in study.result["front"]]  # doctest: +SKIP
+    ['cells -1', 'base', 'dt +1']
     """
     started = monotonic()
     seconds = as_positive("budget", budget)
@@ -98,12 +145,12 @@ def study_accuracy(
             seconds,
             deadline,
             count,
-            heard,
+            on_progress,
             stored_points(directory, fingerprint),
         )
         observer = _gathered(gatherer, built.world)
     _refuse_nothing_finer(gatherer, observer)
-    told = Told(
+    study_data = StudyData(
         name,
         bench,
         gatherer,
@@ -115,7 +162,7 @@ def study_accuracy(
         missing,
     )
     spent = {"budget": seconds, "seconds": monotonic() - started, "workers": count}
-    return _written(told, observer, spent)
+    return _written(study_data, observer, spent)
 
 
 @dataclass(frozen=True)
@@ -279,16 +326,16 @@ def _fingerprint(base: Scene, world: World) -> str:
     return digest.hexdigest()[:16]
 
 
-def _written(told: Told, observer: _Observer, spent: dict[str, float]) -> Study:
+def _written(study_data: StudyData, observer: _Observer, spent: dict[str, float]) -> Study:
     """Write the three files."""
     from clothsim.accuracy.plot import draw
 
-    directory = told.gatherer.directory
-    found = told.findings()
-    rest = document(told, found, spent, _invariants(observer) if told.chaotic else {})
-    result = write_points(directory, told.gatherer.fingerprint, **rest)
-    (directory / REPORT_NAME).write_text(markdown(told, found, result), encoding="utf-8")
-    draw(told, found, directory / PICTURE_NAME)
+    directory = study_data.gatherer.directory
+    found = study_data.findings()
+    rest = document(study_data, found, spent, _invariants(observer) if study_data.chaotic else {})
+    result = write_points(directory, study_data.gatherer.fingerprint, **rest)
+    (directory / REPORT_NAME).write_text(markdown(study_data, found, result), encoding="utf-8")
+    draw(study_data, found, directory / PICTURE_NAME)
     return Study(directory, result)
 
 

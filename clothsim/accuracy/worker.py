@@ -1,4 +1,4 @@
-"""A process that runs scenes one after the other: a JSON object a line in, one a line out.
+"""Worker process of a study: jobs as JSON lines in, results as JSON lines out.
 
 A job is {scene, warm, target, seed}: the scene's text, that of one to run before a first job (it compiles and loads
 what both need), where the arrays go (.npz), the seed of the jitter (0: none). The answer is {seconds, wall_seconds,

@@ -73,7 +73,7 @@ def _fit(arguments: argparse.Namespace) -> int:
             fabric=arguments.fabric,
             resize=not arguments.own_size,
             markers=arguments.markers,
-            heard=lambda stage: report(_stage(stage)),
+            on_stage=lambda stage: report(_stage(stage)),
             progress=listener,
         )
     trouble = [] if arguments.no_picture else _picture(done)

@@ -9,7 +9,7 @@ from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.arrays import Floats
-    from clothsim.fitting.penetration_report import Dressed
+    from clothsim.fitting.penetration_report import PenetrationReport
 
 WORN = 0.1
 """A garment farther from the body than this fraction of its size is not worn."""
@@ -17,7 +17,7 @@ WORN = 0.1
 
 def check_dressed(arguments: argparse.Namespace) -> int:
     """Examine a garment on a body; 1 where a vertex is inside or triangles intersect."""
-    from clothsim.fitting.penetration_report import read_dressed
+    from clothsim.fitting.penetration_report import read_penetration_report
 
     def number(option: str, text: str | None) -> float | None:
         return None if text is None else as_positive_number(option, text)
@@ -30,7 +30,7 @@ def check_dressed(arguments: argparse.Namespace) -> int:
         raise InputError(
             f"There is no directory {arguments.output.parent}.", "Make it first, or choose another with -o."
         )
-    found = read_dressed(
+    found = read_penetration_report(
         arguments.target,
         arguments.on,
         scale=number("--scale", arguments.scale),
@@ -43,10 +43,10 @@ def check_dressed(arguments: argparse.Namespace) -> int:
     for line in (*found.notes, *_lines(found)):
         print(f"  {line}")
     if arguments.output is not None:
-        from clothsim.fitting.penetration_picture import draw_dressed
+        from clothsim.fitting.penetration_picture import draw_penetrations
 
         try:
-            print(f"  {arguments.output}: {draw_dressed(found, arguments.output)}")
+            print(f"  {arguments.output}: {draw_penetrations(found, arguments.output)}")
         except OSError as error:
             raise InputError(
                 f"{arguments.output} cannot be written ({error.strerror}).", "Choose another with -o."
@@ -62,11 +62,11 @@ def check_dressed(arguments: argparse.Namespace) -> int:
     return 1
 
 
-def _lines(found: "Dressed") -> list[str]:
-    """The faults, one line for each kind."""
+def _lines(found: "PenetrationReport") -> list[str]:
+    """Penetrations as text, one line for each kind."""
     import numpy as np
 
-    from clothsim.fitting.penetration_report import worst_places
+    from clothsim.fitting.penetration_report import deepest_vertices
     from clothsim.intersection.intersecting_pairs import intersection_points
 
     counts, lines = found.counts, []
@@ -74,7 +74,7 @@ def _lines(found: "Dressed") -> list[str]:
     if counts.penetrating_vertices:
         percent = 100 * counts.penetrating_vertices / n
         lines.append(f"error: {counts.penetrating_vertices:,} of {n:,} vertices ({percent:.1f} %) are inside the body")
-        for vertex, depth, place in worst_places(found):
+        for vertex, depth, place in deepest_vertices(found):
             lines.append(f"  vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(place)}")
     else:
         nearest = float(found.closest.signed_distance.min())

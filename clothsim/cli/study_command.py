@@ -59,9 +59,9 @@ def _study(arguments: argparse.Namespace) -> int:
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     if not arguments.quiet:
         print(f"clothsim {__version__}: study {arguments.scene}", file=talk, flush=True)
-    with shown(arguments.quiet) as heard:
+    with shown(arguments.quiet) as on_progress:
         name = arguments.scene.stem
-        done = study_accuracy(scene, directory, knobs, budget, workers, heard, name=name)
+        done = study_accuracy(scene, directory, knobs, budget, workers, on_progress, name=name)
     if arguments.json:
         print((done.directory / "study.json").read_text(encoding="utf-8"), end="")
     lines = answer(done.result)

@@ -11,11 +11,11 @@ from clothsim.mesh.topology import vertex_rings
 from transfer.signed_distance import SKIN, BodySurface
 
 KEPT = 0.9
-"""Largest displacement of a vertex as a fraction of the half thickness: the rest keeps the two sides apart."""
+"""Largest displacement as a fraction of the half thickness: the rest keeps the two sides apart."""
 SMOOTHINGS = 8
 """Smoothing iterations of thickness and normals, which vary strongly at ears and fingers."""
 RAYS, OPENING = 7, np.radians(20.0)
-"""Number of rays that measure the thickness below a vertex, and angle of all but one to its normal [rad]."""
+"""Rays that measure the thickness below a vertex, and angle of all but one to its normal [rad]."""
 
 
 def half_thickness(body: BodySurface) -> Floats:
@@ -23,7 +23,7 @@ def half_thickness(body: BodySurface) -> Floats:
     thicknesses = []
     for directions in _cone(-body.vertex_normals):
         distance, _ = body.exits(body.positions + 10 * SKIN * body.size * directions, directions)
-        thicknesses.append(np.where(np.isfinite(distance), distance, 0.0))  # nothing below: the rim of an open body stays
+        thicknesses.append(np.where(np.isfinite(distance), distance, 0.0))  # no hit: the rim of an open body stays
     return smoothed(0.5 * np.median(thicknesses, axis=0), body.triangles)
 
 

@@ -1,4 +1,4 @@
-"""`clothsim.fit`: a garment made for one body, draped and free of intersections on another."""
+"""Fit of a garment to another body: transfer, repair and drape."""
 
 import tempfile
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from clothsim.fitting.markers import NO_MARKERS, read_markers
 from clothsim.fitting.moving_body import BODY, REST, START, draped
 from clothsim.fitting.penetration import Counts
 from clothsim.fitting.pipeline import Seeded, Task, seeded
-from clothsim.fitting.stage import Garment, Heard, Stage, staged
+from clothsim.fitting.stage import Garment, Stage, StageCallback, staged
 from clothsim.io.checkpoint import CHECKPOINT_NAME
 from clothsim.io.obj_writer import write_obj
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
@@ -30,19 +30,44 @@ from clothsim.scene.fabrics import fabric_named
 from transfer.signed_distance import body_surface
 
 LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY)
-"""What a fit leaves in its directory."""
+"""Files of a fit in its directory."""
 REMEDY = "Look at fit.png, and at the garment on its own body: `clothsim check GARMENT --on BODY -o FILE`."
 FALLING = 0.5
-"""A garment that is faster than that at the end of its drape [m/s] is not settling."""
+"""Largest speed at the end of a drape [m/s] for a garment that rests on the body."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What a fit left in `directory`.
+    """Result of `fit`.
 
-    status: "completed" (simulated to its end), "refined" (the garment is free of intersections, but its simulation
-    could not go on), or "failed"; reason: a sentence; stages: what was tried, in order; run: the drape, or None where
-    none was started; cost: what it did to the garment.
+    Attributes
+    ----------
+    directory : Path
+        Output directory.
+    status : str
+        "completed" (simulated to its end), "refined" (the garment is free of intersections, but its simulation did not
+        complete) or "failed".
+    reason : str
+        Reason for the status, one sentence.
+    garment : Garment
+        Garment as given.
+    source, target : Figure
+        Body that the garment was made for, and body that it is fitted to.
+    stages : tuple of Stage
+        Stages in order, each with positions and penetration counts.
+    run : Run or None
+        Drape; None where none was started.
+    cost : Cost
+        Stretches and displacement of the garment.
+    notes : tuple of str
+        Choices made in reading and fitting.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> fit = clothsim.fit("shirt.obj", "tall.obj", made_for="small.obj")  # doctest: +SKIP
+    >>> fit.status, fit.positions.shape, fit.counts.clean  # doctest: +SKIP
+    ('completed', (4210, 3), True)
     """
 
     directory: Path
@@ -58,12 +83,12 @@ class Fit:
 
     @property
     def positions(self) -> Floats:
-        """The fitted garment, (n, 3) [m]."""
+        """Positions of the fitted garment, (n, 3) [m]."""
         return self.stages[-1].positions
 
     @property
     def counts(self) -> Counts:
-        """What is wrong with the fitted garment by the exact test: nothing, unless the fit failed."""
+        """Penetration counts of the fitted garment by the exact check; clean unless the fit failed."""
         return self.stages[-1].counts
 
 
@@ -80,11 +105,14 @@ def fit(
     fabric: str | None = None,
     resize: bool = True,
     markers: str | Path | None = None,
-    heard: Heard = lambda stage: None,
+    on_stage: StageCallback = lambda stage: None,
     progress: Listener | None = None,
     announce: Announcement | None = None,
 ) -> Fit:
-    """Fit a garment made for one body onto another.
+    """Fit a garment made for one body to another body.
+
+    The output directory holds the files of a run, `fitted.obj`, and the stages in summary.json; files of an earlier fit
+    there are removed.
 
     Parameters
     ----------
@@ -110,9 +138,11 @@ def fit(
     resize : bool
         True: the rest shape is scaled to the other body; False: it stays.
     markers : str or Path, optional
-        File of corresponding places on both bodies; None: derived where their meshes differ.
-    heard, progress, announce : callable, optional
-        Called after each stage; after each step and before the first, as of `clothsim.simulate`.
+        File of corresponding points, six numbers a line; None: derived where the meshes of the bodies differ.
+    on_stage : callable
+        Called with each `Stage` as it ends.
+    progress, announce : callable, optional
+        Callbacks of the drape, as in `simulate`.
 
     Returns
     -------
@@ -122,7 +152,16 @@ def fit(
     Raises
     ------
     InputError
-        For bad input.
+        Invalid files or arguments.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> clothsim.fit("shirt.obj", "tall.obj", made_for="small.obj").status  # doctest: +SKIP
+    'completed'
+    >>> clothsim.fit("shirt.obj", "tall.obj", output="out", fabric="paper")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    clothsim.errors.InputError: ...
     """
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
@@ -151,7 +190,7 @@ def fit(
         _refuse_a_body(worn, source, target)
     places = NO_MARKERS if markers is None else read_markers(markers)
     _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
-    task = Task(worn, source, target, named, resize, directory, heard, places)
+    task = Task(worn, source, target, named, resize, directory, on_stage, places)
     found = seeded(task)
     return _simulated(task, found, started, progress, announce)
 
@@ -169,7 +208,7 @@ def _refuse_file_options(scale: float | None, part: tuple[int, int] | None) -> N
 def _simulated(
     task: Task, found: Seeded, started: float, progress: Listener | None, announce: Announcement | None
 ) -> Fit:
-    """The drape, and what is left of it."""
+    """Drape the garment and write the results."""
     ended = _Ended("failed", found.failure, None, found.stages)
     if not found.failure:
         ended = _draped(task, found, progress, announce)
@@ -193,7 +232,7 @@ def _simulated(
 
 
 class _Ended(NamedTuple):
-    """How a drape ended."""
+    """End of a drape."""
 
     status: str
     reason: str
@@ -202,7 +241,7 @@ class _Ended(NamedTuple):
 
 
 def _draped(task: Task, found: Seeded, progress: Listener | None, announce: Announcement | None) -> _Ended:
-    """The drape; where it cannot begin or go on, what it started from is the answer, and is called refined."""
+    """Drape; where it cannot start or complete, its start is the result, with status refined."""
     body = body_surface(task.target.positions, task.target.triangles)
     runs: list[Run] = []
 
@@ -212,7 +251,7 @@ def _draped(task: Task, found: Seeded, progress: Listener | None, announce: Anno
         return runs[0].positions(-1), f"draped for {runs[0].times[-1]:g} s"
 
     try:
-        stage = staged("simulate", task.garment.triangles, body, make, task.heard)
+        stage = staged("simulate", task.garment.triangles, body, make, task.on_stage)
     except InputError as error:
         return _Ended("refined", f"The drape could not begin: {error.sentence}", None, found.stages)
     run = runs[0]
@@ -226,7 +265,7 @@ def _draped(task: Task, found: Seeded, progress: Listener | None, announce: Anno
 
 
 def _fallen(run: Run, body: str) -> str:
-    """A sentence where the garment is still falling when the drape ends: it does not lie on the body."""
+    """Sentence for a garment that is still falling at the end of the drape; empty where it rests on the body."""
     record = run.record()
     fastest = record[-1]["fastest"] if record else 0.0
     if fastest < FALLING:

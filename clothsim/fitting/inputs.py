@@ -153,8 +153,9 @@ def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
 
 
 def _largest(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
-    """The largest closed piece of a file by number of vertices, of those that are as long as a body: eyes are closed
-    too. Where none is closed, the largest of these. Where none is long, of all.
+    """Largest piece of a file by number of vertices: of the closed ones that are as long as a body, as eyes are closed too.
+
+    Where none is closed, the largest of the long ones; where none is long, of all.
     """
     label = components(mesh.triangles, len(mesh.positions))
     of_triangle = label[mesh.triangles[:, 0]]

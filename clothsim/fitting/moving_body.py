@@ -70,7 +70,7 @@ class Worn:
 def carried(
     worn: Worn, start: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None, slips: bool = False
 ) -> Run:
-    """Run of the garment, from `start` (n, 3) [m], under a body that moves through `frames`, each (k, 3) [m], without gravity.
+    """Run without gravity from `start` (n, 3) [m] under a body that moves through `frames`, each (k, 3) [m].
 
     slips: without friction. All files of the run are in `folder`, a scene among them that runs it again.
     """

@@ -54,10 +54,10 @@ class Counts:
 
 def counted(garment: Floats, triangles: Ints, body: BodySurface) -> Counts:
     """Penetration counts of `garment (n, 3)` [m] with `triangles (m, 3)` on `body`."""
-    return judged(garment, triangles, body)[0]
+    return penetrations(garment, triangles, body)[0]
 
 
-def judged(garment: Floats, triangles: Ints, body: BodySurface) -> tuple[Counts, Ints, Ints]:
+def penetrations(garment: Floats, triangles: Ints, body: BodySurface) -> tuple[Counts, Ints, Ints]:
     """The counts, and the pairs (p, 2) of intersecting triangles: of garment and body, of the garment with itself."""
     within = body.penetration(garment)
     x = np.concatenate([garment, body.positions])

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.fitting.penetration_report import Dressed
+from clothsim.fitting.penetration_report import PenetrationReport
 from clothsim.render.camera import Camera
 from clothsim.render.closeup import INK, pixels, ring
 from clothsim.render.legend import add_legend, label
@@ -26,7 +26,7 @@ TURNS = ((0.3, "from the front"), (np.pi + 0.3, "from behind"))
 """Where the camera stands: turned about the body from its front [rad]."""
 
 
-def draw_dressed(found: Dressed, file: Path) -> str:
+def draw_penetrations(found: PenetrationReport, file: Path) -> str:
     """A PNG with a dot where each vertex inside should come out, and intersecting triangles outlined.
 
     Marks that the body hides are left out: those of the other side are in the other half. The deepest is ringed where
@@ -65,7 +65,7 @@ def _towards(up: Floats, turn: float) -> Floats:
     return np.cos(turn) * front + np.sin(turn) * np.cross(up, front) + 0.12 * up
 
 
-def _mark(picture: Any, found: Dressed, camera: Camera) -> None:
+def _mark(picture: Any, found: PenetrationReport, camera: Camera) -> None:
     from PIL import ImageDraw
 
     pen = ImageDraw.Draw(picture, "RGBA")
@@ -88,7 +88,7 @@ def _mark(picture: Any, found: Dressed, camera: Camera) -> None:
         ring(pen, spots[-1], SIZE)
 
 
-def _seen(found: Dressed, places: Floats, normals: Floats, camera: Camera) -> np.ndarray:
+def _seen(found: PenetrationReport, places: Floats, normals: Floats, camera: Camera) -> np.ndarray:
     """Which places on the body (k, 3) face the camera and are not hidden by it."""
     rays = camera.position - places
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
@@ -103,7 +103,7 @@ def _dot(pen: Any, centre: Floats, share: float) -> None:
     pen.ellipse([*(centre - radius), *(centre + radius)], fill=colour, outline=(255, 255, 255, 140))
 
 
-def _with_key(halves: np.ndarray, found: Dressed) -> Any:
+def _with_key(halves: np.ndarray, found: PenetrationReport) -> Any:
     """The picture with a strip below that says what the marks mean."""
     from PIL import Image, ImageDraw
 

@@ -8,14 +8,14 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 from clothsim.fitting.inputs import Figure, read_figure, read_garment
-from clothsim.fitting.penetration import Counts, judged
+from clothsim.fitting.penetration import Counts, penetrations
 from clothsim.fitting.stage import Garment
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, Closest, body_surface
 
 
 @dataclass(frozen=True)
-class Dressed:
+class PenetrationReport:
     """Garment on a body and its penetrations: counts; closest (n,): of the garment's vertices to the body.
 
     body_pairs (p, 2): intersecting triangles of garment and body; self_pairs (q, 2): of the garment with itself.
@@ -44,17 +44,17 @@ class Dressed:
         return (*self.garment.notes, *self.figure.notes, *(hole if open_edges else ()))
 
 
-def dressed(garment: Garment, figure: Figure) -> Dressed:
+def penetration_report(garment: Garment, figure: Figure) -> PenetrationReport:
     """Check `garment` on the body `figure`. InputError for a body without a volume."""
     try:
         body = body_surface(figure.positions, figure.triangles)
     except TransferError as error:
         raise InputError(f"{figure.name}: {error.sentence}", error.remedy) from error
-    counts, with_body, own = judged(garment.positions, garment.triangles, body)
-    return Dressed(garment, figure, body, counts, body.closest(garment.positions), with_body, own)
+    counts, with_body, own = penetrations(garment.positions, garment.triangles, body)
+    return PenetrationReport(garment, figure, body, counts, body.closest(garment.positions), with_body, own)
 
 
-def read_dressed(
+def read_penetration_report(
     path: str | Path,
     on: str | Path,
     *,
@@ -63,7 +63,7 @@ def read_dressed(
     body_group: str | None = None,
     part: tuple[int, int] | None = None,
     weld: float = 0.0,
-) -> Dressed:
+) -> PenetrationReport:
     """The garment in `path` on the body in `on`, checked; keywords as of `read_figure` and `read_garment`.
 
     scale: metres per unit of both files; body_scale: of the body's, where it is in another unit; then the garment's
@@ -72,10 +72,10 @@ def read_dressed(
     figure = read_figure(on, scale=scale if body_scale is None else body_scale, group=body_group)
     own = scale if scale is not None else figure.scale if body_scale is None else 1.0
     on_base = Path(path).suffix.lower() == ".mhclo"
-    return dressed(read_garment(path, on, figure.scale if on_base else own, part=part, weld=weld), figure)
+    return penetration_report(read_garment(path, on, figure.scale if on_base else own, part=part, weld=weld), figure)
 
 
-def worst_places(found: Dressed, count: int = 5) -> list[tuple[int, float, Floats]]:
+def deepest_vertices(found: PenetrationReport, count: int = 5) -> list[tuple[int, float, Floats]]:
     """The deepest vertices, at most `count`: number, depth [m], place (3,) [m]."""
     distance, x = found.closest.signed_distance, found.garment.positions
     return [(int(v), -float(distance[v]), x[v]) for v in found.inside[:count]]

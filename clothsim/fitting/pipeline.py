@@ -19,7 +19,7 @@ from clothsim.fitting.guaranteed_path import Clearing, clearings, untangled_from
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.markers import NO_MARKERS
 from clothsim.fitting.moving_body import Worn, carried
-from clothsim.fitting.stage import Garment, Heard, Stage, staged
+from clothsim.fitting.stage import Garment, Stage, StageCallback, staged
 from clothsim.fitting.transfer_seed import Transferred, transferred
 from clothsim.mesh.body import make_body
 from clothsim.mesh.cloth import make_cloth
@@ -32,8 +32,8 @@ from transfer.signed_distance import BodySurface, body_surface
 class Task:
     """A fit: garment, the body that it was made for, the one that it shall be worn by (the same: it is only repaired).
 
-    resize: whether the garment's rest shape is the transferred one (it is made anew in the other size), or its own;
-    folder: where the guaranteed path leaves its runs; heard: called as each stage ends; markers (k, 6): see `markers`.
+    resize: True where the rest shape is the transferred one, False where it is the given one;
+    folder: where the guaranteed path leaves its runs; on_stage: called after each stage; markers (k, 6): see `markers`.
     """
 
     garment: Garment
@@ -42,7 +42,7 @@ class Task:
     fabric: str
     resize: bool
     folder: Path
-    heard: Heard
+    on_stage: StageCallback
     markers: Floats = field(default_factory=lambda: NO_MARKERS)
 
     @property
@@ -77,7 +77,7 @@ def seeded(task: Task) -> Seeded:
         worn_by = body if task.same_body else body_surface(task.source.positions, task.source.triangles)
         stages = _as_it_came(task, worn_by)
         carrier, rest = task.target.positions, task.garment.positions
-        came = partial(staged, triangles=task.garment.triangles, heard=task.heard)
+        came = partial(staged, triangles=task.garment.triangles, on_stage=task.on_stage)
         if not task.same_body:
             moved: list[Transferred] = []
             stages.append(came("transfer", body=body, make=partial(_moved, stages[-1].positions, task, moved)))
@@ -98,7 +98,7 @@ def seeded(task: Task) -> Seeded:
 def _as_it_came(task: Task, worn_by: BodySurface) -> list[Stage]:
     """The garment on its own body, and freed of intersections with itself where it has some."""
     garment, said = task.garment, f"as it lies on {task.source.name}"
-    stages = [staged("garment", garment.triangles, worn_by, lambda: (garment.positions, said), task.heard)]
+    stages = [staged("garment", garment.triangles, worn_by, lambda: (garment.positions, said), task.on_stage)]
     freed = _untangled(garment.positions, stages[0], None, worn_by, task) if stages[0].counts.self_pairs else None
     return stages if freed is None else [*stages, freed]
 
@@ -179,7 +179,7 @@ def _untangled(
     cloth = make_cloth("garment", rest, triangles, FABRICS[task.fabric], positions=stage.positions)
     bodies = [] if beside is None else [make_body("body", beside.positions, beside.triangles)]
     freed = untangled_from_itself(cloth, bodies)
-    return None if freed is None else staged("untangle", triangles, counted_on, lambda: freed, task.heard, started)
+    return None if freed is None else staged("untangle", triangles, counted_on, lambda: freed, task.on_stage, started)
 
 
 def _grown(found: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface) -> Seeded:
@@ -220,7 +220,7 @@ def _carried(
         return run.positions(-1), f"{said}{how}"
 
     try:
-        stage = staged(name, task.garment.triangles, body, make, task.heard)
+        stage = staged(name, task.garment.triangles, body, make, task.on_stage)
     except InputError as error:
         return replace(found, failure=f"The stage {name} could not begin: {error.sentence}")
     failure = ended[0] and f"In the stage {name}: {ended[0]}"

@@ -12,7 +12,7 @@ from transfer.signed_distance import BodySurface
 
 @dataclass(frozen=True)
 class Garment:
-    """Garment: positions (n, 3) [m] as it lies on the body that it was made for; triangles (m, 3); notes: choices in reading.
+    """Garment: positions (n, 3) [m] on the body that it was made for; triangles (m, 3); notes: choices in reading.
 
     sewn: its panels were welded, so that three may meet in a seam.
     """
@@ -26,7 +26,7 @@ class Garment:
 
 @dataclass(frozen=True)
 class Stage:
-    """Stage of a fit: name; seconds; positions (n, 3) [m] after it; counts of these on the body; said: description."""
+    """Stage of a fit: name, seconds, positions (n, 3) [m] after it, their counts on the body; said: description."""
 
     name: str
     seconds: float
@@ -47,7 +47,7 @@ class Stage:
         }
 
 
-Heard = Callable[[Stage], None]
+StageCallback = Callable[[Stage], None]
 """Called as each stage ends."""
 
 
@@ -56,10 +56,10 @@ def staged(
     triangles: Ints,
     body: BodySurface,
     make: Callable[[], tuple[Floats, str]],
-    heard: Heard,
+    on_stage: StageCallback,
     started: float | None = None,
 ) -> Stage:
-    """Run a stage: `make` returns its positions and a description; they are checked on `body`, then `heard` is called.
+    """Run a stage: `make` returns its positions and a description; checked on `body`, then `on_stage` is called.
 
     started: where the stage began before this call, its `perf_counter`.
     """
@@ -67,5 +67,5 @@ def staged(
     positions, said = make()
     seconds = perf_counter() - started
     stage = Stage(name, seconds, positions, counted(positions, triangles, body), said)
-    heard(stage)
+    on_stage(stage)
     return stage

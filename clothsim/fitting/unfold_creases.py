@@ -1,6 +1,6 @@
 """Opening of body folds by mean curvature flow, so that the body can be deflated.
 
-Mean curvature flow, dx/dt = -M^-1 L x, in implicit steps, with current areas and the cotangent weights of the given body
+Mean curvature flow, dx/dt = -M^-1 L x, in implicit steps, current areas and the initial cotangent weights
 (Kazhdan, Solomon & Ben-Chen 2012: no necks pinch off). Creases open first and thin limbs draw back a little; the
 weights are positive, so that no vertex leaves the convex hull.
 """
@@ -15,7 +15,7 @@ from transfer.triangle_surface import Sparse
 TIMES = (0.002, 0.004, 0.008, 0.016)
 """Flow times [m^2] that are tried: a cylinder of radius r loses dr in about r dr."""
 KEPT = 0.5
-"""Least size of the body as a fraction of its own: one that shrinks to a point frees any garment but inflates wrongly."""
+"""Least fraction of the body's size: one that shrinks to a point frees any garment but inflates wrongly."""
 LEAST, MOST = 1e-3, 10.0
 """Bounds of the cotangent weights: obtuse triangles have negative ones, slivers huge ones."""
 RESIDUAL, ITERATIONS = 1e-6, 2000

@@ -1,4 +1,4 @@
-"""What is behind the scene: a light gradient, and on an unseen floor the soft shadow of what stands above it."""
+"""Background of a picture: light gradient, and soft shadow on an invisible floor."""
 
 from collections.abc import Sequence
 
@@ -24,7 +24,7 @@ def backdrop(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Fl
 
 
 def _floor_light(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floats) -> Floats:
-    """The share of light that reaches the floor seen through each pixel, (height, width); 1 where none is seen."""
+    """Fraction of light that reaches the floor seen through each pixel, (height, width); 1 where none is seen."""
     from scipy.ndimage import map_coordinates
 
     triangles = np.concatenate([look.corners for look in made])

@@ -1,4 +1,4 @@
-"""A camera that frames the scene by itself: all of it, unless the cloth would then be small."""
+"""Automatic camera framing of the scene, or of the cloth where it would be small."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ class Camera:
     tangents: Floats
 
     def project(self, points: Floats) -> Floats:
-        """Where `points (n, 3)` land: (n, 2), x right and y up, -1..1 inside the picture."""
+        """Project `points` (n, 3): (n, 2), x right and y up, -1..1 inside the picture."""
         local = (points - self.position) @ self.axes.T
         return local[:, :2] / (-local[:, 2:] * self.tangents)
 
@@ -142,6 +142,6 @@ def _fit(local: Floats, tangents: Floats, margins: Margins) -> Floats:
 
 
 def _share(camera: Camera, points: Floats) -> float:
-    """How much of the picture's width or height, whichever is more, the points span."""
+    """Larger fraction of the picture's width and height that the points span."""
     seen = camera.project(points)
     return float(np.ptp(seen, axis=0).max() / 2)

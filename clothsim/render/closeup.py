@@ -1,4 +1,4 @@
-"""A PNG of one place seen close, with a ring round it: where a run failed."""
+"""Close-up picture of a point, such as the position of a failure, marked by a ring."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -68,7 +68,7 @@ def draw_place(
 
 
 def _reach(cloths: Sequence[Surface]) -> float:
-    """How far is seen round the place [m]."""
+    """Radius of the view around the point [m]."""
     corners = np.concatenate([cloth.positions[cloth.triangles] for cloth in cloths])
     edge = float(np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)))
     size = float(np.linalg.norm(np.ptp(np.concatenate([cloth.positions for cloth in cloths]), axis=0)))
@@ -144,7 +144,7 @@ def _behind(corners: Floats, heights: Floats) -> list[Floats]:
 
 
 def pixels(camera: Camera, points: Floats, size: tuple[int, int]) -> Floats:
-    """Where points (n, 3) are in the picture, from its upper left corner, (n, 2)."""
+    """Pixel coordinates of points (n, 3), from its upper left corner, (n, 2)."""
     x, y = camera.project(points).T
     return np.column_stack([(x + 1) / 2 * size[0], (1 - y) / 2 * size[1]])
 

@@ -1,4 +1,4 @@
-"""What colour a stretch has: diverging in log l, centred at l = 1, the range chosen from the data."""
+"""Colour map of stretches: diverging in log l, centred at l = 1, range from the data."""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,4 @@
-"""Whether VTK can draw here, found out without loading it into this process: where it cannot, it ends the process."""
+"""Availability of VTK, tested in another process, as VTK ends a process in which it cannot draw."""
 
 import os
 import subprocess
@@ -20,7 +20,7 @@ raise SystemExit(0 if window.SupportsOpenGL() else 1)
 
 @cache
 def why_not_vtk() -> str:
-    """Why VTK cannot draw on this machine, and which package would change that; empty where it can.
+    """Reason why VTK cannot draw here, with the missing package; empty where it can.
 
     VTK tries X, then EGL, then OSMesa, and ends in a segmentation fault where all fail. On Linux their libraries are
     looked for first; where some are present, a second Python draws one tiny picture (1-3 s), as only that tells whether

@@ -1,4 +1,4 @@
-"""The scalar bar and the title, drawn over a finished picture."""
+"""Scalar bar and title of a picture."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ _INK = (72, 74, 80)
 
 
 def margins(size: tuple[int, int], with_bar: bool, title: str) -> Margins:
-    """The room that the legend takes from a picture of `size` (width, height) pixels."""
+    """Margins that the legend takes from a picture of `size` (width, height) pixels."""
     em, (width, height) = _em(size), size
     return Margins(right=14 * em / width if with_bar else 0.08, top=max(0.08, 7 * em / height) if title else 0.08)
 

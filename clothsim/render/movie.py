@@ -1,4 +1,4 @@
-"""An MP4 or GIF of a run: one camera and one colour range for all frames."""
+"""MP4 or GIF of a run, with one camera and one colour range."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path

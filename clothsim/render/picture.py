@@ -1,4 +1,4 @@
-"""A PNG of cloths and bodies at one time."""
+"""PNG of cloths and bodies at one time."""
 
 import os
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ _SMALLEST = 64
 
 @dataclass(frozen=True)
 class Shot:
-    """How a picture is taken: the same for every frame of a movie.
+    """Camera, colour range and renderer of a picture, the same for every frame of a movie.
 
     size: (width, height) in pixels; half_range: of the colours in log l, 0 where the cloth is plain;
     up: (3,); renderer: "vtk" or "ray"; samples: per pixel and direction; note: one line that says what drew it.
@@ -128,7 +128,10 @@ def expose_bare(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
 
 
 def choose_renderer(renderer: str) -> tuple[str, str]:
-    """ "vtk" or "ray", and one line that says so; VTK is only tried where it is known to work, or asked for by name."""
+    """Name of the renderer, "vtk" or "ray", and a line of text that names it.
+
+    VTK is only tried where it is known to work, or asked for by name.
+    """
     from clothsim.render.display import why_not_vtk
 
     wanted = os.environ.get("CLOTHSIM_RENDERER", "auto") if renderer == "auto" else renderer

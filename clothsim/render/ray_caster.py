@@ -1,4 +1,4 @@
-"""The picture by ray casting (embree): smooth normals, a soft key light, ambient occlusion. Needs no graphics library.
+"""Ray-cast pictures (embree): smooth normals, soft key light, ambient occlusion; no graphics library needed.
 
 Every pixel holds samples x samples primary rays. Each sample then sends one ray to the key light and a few to the sky,
 in one of 16 patterns that fill a 4 x 4 block; a mean over alike neighbours turns the patterns into soft shade.
@@ -47,7 +47,7 @@ class _Stage:
 
 
 def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floats, samples: int = 2) -> Floats:
-    """What the camera sees, (height, width, 4): sRGB times coverage, and the coverage."""
+    """Rendered image, (height, width, 4): sRGB times coverage, and the coverage."""
     width, height = size
     stage = _stage(made, camera, up)
     low, high = _pixel_box(np.concatenate([look.corners for look in made]).reshape(-1, 3), camera, size)
@@ -126,7 +126,7 @@ def _band(stage: _Stage, size: tuple[int, int], rows: slice, columns: slice, sam
 
 
 def _free_light(stage: _Stage, origins: Floats, smooth: Floats, pattern: Ints) -> Floats:
-    """The share of the key light and of the near sky that each hit sees, (k, 2)."""
+    """Fraction of the key light and of the near sky that each hit sees, (k, 2)."""
     directions = light_rays(smooth, pattern, stage.to_key, _HEMISPHERE, _DISC)
 
     def free(towards, reach):

@@ -1,4 +1,4 @@
-"""The frames of a run as the surfaces that pictures and movies are made of."""
+"""Frames of a run as surfaces to draw."""
 
 from collections.abc import Sequence
 from typing import overload

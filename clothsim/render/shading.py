@@ -75,7 +75,7 @@ def camera_rays(axes, tangents, width, height, left, right, top, bottom):
 
 @kernel
 def surface_at(hits, triangle, u, v, rays, corners, normals, front, back):
-    """Where light rays start, the interpolated normal facing the camera, and the sRGB of the side seen, each (k, 3).
+    """Origins of light rays, the interpolated normal facing the camera, and the sRGB of the side seen, each (k, 3).
 
     They start above the triangle, on the curved surface that its corner normals n_i suggest, or the facets would shade
     one another near the terminator: p + sum_i w_i max(0, (v_i - p) . n_i) n_i (Hanika 2021, Hacking the shadow
@@ -124,7 +124,7 @@ def light_rays(smooth, pattern, to_key, hemisphere, disc):
 
 @kernel
 def mean_of_alike(light, guide):
-    """The mean of each sample's light over the 8 x 8 samples around it whose normal and depth are close to its own.
+    """Mean of each sample's light over the 8 x 8 samples around it whose normal and depth are close to its own.
 
     guide: (rows, columns, 4) normal and depth, depth 0 where nothing was hit.
     """

@@ -1,4 +1,4 @@
-"""What a surface looks like before light falls on it: corner normals, and the colours of its two sides."""
+"""Surface appearance without lighting: corner normals, and colours of both sides."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The picture by VTK through pyvista: three lights, ambient occlusion in screen space. Needs EGL, OSMesa or a display.
+"""VTK pictures through pyvista: three lights, screen-space ambient occlusion; needs EGL, OSMesa or a display.
 
 Ask `display.why_not_vtk` first: where VTK cannot draw it ends the whole process.
 """
@@ -18,7 +18,7 @@ _LIGHTS = (((-0.70, 0.85, 0.40), 0.88), ((0.80, 0.15, 0.60), 0.22), ((0.10, 0.90
 
 
 def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floats, samples: int = 2) -> Floats:
-    """What the camera sees, (height, width, 4): sRGB times coverage, and the coverage."""
+    """Rendered image, (height, width, 4): sRGB times coverage, and the coverage."""
     import pyvista
     from vtkmodules.vtkCommonCore import vtkLogger
 

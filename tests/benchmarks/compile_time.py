@@ -1,4 +1,4 @@
-"""What a cold start compiles, and how long that takes: `python -m tests.benchmarks.compile_time [SCENE] [--rows N]`.
+"""Compilation time of a cold start: `python -m tests.benchmarks.compile_time [SCENE] [--rows N]`.
 
 The scene is run with an empty cache of compiled kernels, as the first run after an installation does. The seconds are
 the processor's; what a kernel calls is compiled within it: `own` is without that. Numba's and NumPy's own functions

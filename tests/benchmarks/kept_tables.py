@@ -1,4 +1,4 @@
-"""Tables that are kept: rows in a JSON file, mended a few at a time, and a table between two marks of a text."""
+"""Stored tables: rows in a JSON file, updated a few at a time, and a table between two marks of a text."""
 
 import json
 from collections.abc import Iterable, Sequence

@@ -1,4 +1,4 @@
-"""The cost ladder: what each effect adds to a step, on one mesh, from one state.
+"""Cost ladder: cost that each effect adds to a step, on one mesh, from one state.
 
 `python -m tests.benchmarks.ladder [--cells N] [--page FILE] [--picture FILE]`.
 A sheet falls on a ball with every rung

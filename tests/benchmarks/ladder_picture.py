@@ -1,4 +1,4 @@
-"""The picture of the cost ladder: a bar a rung, stacked from what it is made of."""
+"""Picture of the cost ladder: a stacked bar for each rung."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

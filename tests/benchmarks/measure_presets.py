@@ -1,4 +1,4 @@
-"""Measures the presets on scenes: `python -m tests.benchmarks.measure_presets SCENE ... [--budget 120] [--write]`.
+"""Errors of the presets on scenes: `python -m tests.benchmarks.measure_presets SCENE ... [--budget 120] [--write]`.
 
 Each scene is studied; what its presets came to is printed, and with --write kept in `clothsim.build.preset_errors`,
 from where `clothsim run --preset` prints it; what it says of other scenes stays.

@@ -1,4 +1,4 @@
-"""Does what a study recommends hold? `python -m tests.benchmarks.recommendations SCENE DIR [--finer dt=2,cells=2]`.
+"""Recommendations of a study checked: `python -m tests.benchmarks.recommendations SCENE DIR [--finer dt=2,cells=2]`.
 
 Every recommended setting of the study in DIR is run anew, and compared with one run that shares nothing with the
 study's reference: BDF2, with every knob finer by some levels, and nothing extrapolated. That run has an error of its

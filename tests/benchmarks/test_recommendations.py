@@ -1,4 +1,4 @@
-"""A recommendation run anew against a run that shares nothing with the study."""
+"""Recommendation against an independent run."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Seeded against cold, on the small case."""
+"""Transfer seed against a cold start, on the small case."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""What a fit cost, where the stretch is known."""
+"""Distortion of a fit with known stretch."""
 
 import numpy as np
 import pytest

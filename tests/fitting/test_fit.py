@@ -1,4 +1,4 @@
-"""`clothsim.fit` from files to files: what it leaves, and how it ends."""
+"""`clothsim.fit` from files to files: outputs and status."""
 
 import json
 
@@ -41,11 +41,11 @@ def files(tmp_path, monkeypatch):
 
 
 def test_a_fit_leaves_what_a_run_leaves_and_its_stages(files, tmp_path, monkeypatch):
-    out, heard = tmp_path / "out", []
-    done = clothsim.fit(files["garment"], files["wide"], files["body"], out, heard=heard.append)
+    out, on_stage = tmp_path / "out", []
+    done = clothsim.fit(files["garment"], files["wide"], files["body"], out, on_stage=on_stage.append)
     assert done.status == "completed"
     assert [stage.name for stage in done.stages] == ["garment", "transfer", "simulate"]
-    assert heard == list(done.stages)
+    assert on_stage == list(done.stages)
     left = {file.name for file in out.iterdir()}
     assert {"summary.json", "record.jsonl", "fitted.obj", "garment_rest.obj", "garment_start.obj", "body.obj"} <= left
     assert any(name.startswith("trajectory") for name in left)

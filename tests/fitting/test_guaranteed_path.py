@@ -1,4 +1,4 @@
-"""Bodies that let a garment go."""
+"""Clearings of a garment by deflation of the body."""
 
 import numpy as np
 import pytest

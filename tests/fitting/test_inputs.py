@@ -1,4 +1,4 @@
-"""Bodies and garments as their files have them."""
+"""Bodies and garments read from files."""
 
 import numpy as np
 import pytest

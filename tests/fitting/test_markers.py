@@ -1,4 +1,4 @@
-"""Markers that a user gives: what the file may say, and that they steer the transfer."""
+"""Marker files: syntax, and effect on the transfer."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What is wrong with a garment on a body, against overlaps that are known."""
+"""Penetration counts against known overlaps."""
 
 import numpy as np
 import pytest

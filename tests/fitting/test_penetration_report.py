@@ -1,4 +1,4 @@
-"""A garment judged on a body, by arrays, by files and by the command."""
+"""Penetration report from arrays, from files and by the command."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from real_data import DATA, needs_data
 
 from clothsim.cli import main
 from clothsim.fitting.inputs import Figure
-from clothsim.fitting.penetration_report import dressed, read_dressed, worst_places
+from clothsim.fitting.penetration_report import deepest_vertices, penetration_report, read_penetration_report
 from clothsim.fitting.stage import Garment
 from clothsim.mesh.generators.shapes import slab
 from clothsim.mesh.generators.sheets import rectangle, tube
@@ -22,19 +22,19 @@ def write_obj(path, positions, triangles):
 
 
 def test_a_loose_garment_is_clean():
-    found = dressed(Garment("loose", LOOSE, TRIANGLES), BODY)
+    found = penetration_report(Garment("loose", LOOSE, TRIANGLES), BODY)
     assert found.counts.clean
     assert len(found.inside) == len(found.body_pairs) == len(found.self_pairs) == 0
 
 
 def test_vertices_inside_are_named_the_deepest_first():
     moved = LOOSE + np.array([0.15, 0.013, 0.0])
-    found = dressed(Garment("moved", moved, TRIANGLES), BODY)
+    found = penetration_report(Garment("moved", moved, TRIANGLES), BODY)
     depths = ([0.2, 0.2, 0.9] - np.abs(moved)).min(axis=1)
     truth = np.flatnonzero(depths > 0)
     np.testing.assert_array_equal(np.sort(found.inside), truth)
     assert found.counts.penetrating_vertices == len(truth) > 0
-    vertex, depth, place = worst_places(found)[0]
+    vertex, depth, place = deepest_vertices(found)[0]
     assert depth == pytest.approx(depths.max(), abs=1e-9)
     assert depths[vertex] == pytest.approx(depths.max(), abs=1e-9)
     np.testing.assert_array_equal(place, moved[vertex])
@@ -43,7 +43,7 @@ def test_vertices_inside_are_named_the_deepest_first():
 
 def test_a_triangle_that_cuts_the_body_with_no_vertex_inside_is_found():
     wide = np.array([[-1.0, 0.11, 0.03], [1.0, 0.12, 0.02], [0.0, 0.13, 2.0]])
-    found = dressed(Garment("sheet", wide, np.array([[0, 1, 2]])), BODY)
+    found = penetration_report(Garment("sheet", wide, np.array([[0, 1, 2]])), BODY)
     assert found.counts.penetrating_vertices == 0
     assert len(found.body_pairs) > 0
     assert not found.counts.clean
@@ -81,10 +81,10 @@ def test_the_command_refuses_what_does_not_go_together(tmp_path, capsys):
 def test_the_body_s_scale_is_not_the_garment_s(tmp_path):
     body = write_obj(tmp_path / "box.obj", 100 * BODY.positions, BODY.triangles)
     loose = write_obj(tmp_path / "loose.obj", LOOSE, TRIANGLES)
-    found = read_dressed(loose, body, body_scale=0.01)
+    found = read_penetration_report(loose, body, body_scale=0.01)
     np.testing.assert_allclose(found.garment.positions, LOOSE, atol=1e-6)
     np.testing.assert_allclose(found.figure.positions, BODY.positions, atol=1e-6)
-    both = read_dressed(loose, body, scale=0.5, body_scale=0.01)
+    both = read_penetration_report(loose, body, scale=0.5, body_scale=0.01)
     np.testing.assert_allclose(both.garment.positions, 0.5 * LOOSE, atol=1e-6)
     np.testing.assert_allclose(both.figure.positions, BODY.positions, atol=1e-6)
 
@@ -105,7 +105,7 @@ def test_a_picture_that_cannot_be_written_is_bad_input(tmp_path, capsys, monkeyp
     def full(found, file):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("clothsim.fitting.penetration_picture.draw_dressed", full)
+    monkeypatch.setattr("clothsim.fitting.penetration_picture.draw_penetrations", full)
     assert main(["check", loose, "--on", body, "-o", str(tmp_path / "a.png")]) == 2
     assert "a.png cannot be written (No space left on device)." in capsys.readouterr().err
 
@@ -120,7 +120,7 @@ def test_a_flat_body_is_refused_in_a_sentence(tmp_path, capsys):
 @needs_data
 @pytest.mark.parametrize(("suit", "share"), [("casual", 0.2103), ("sport", 0.1269)])
 def test_the_makehuman_suits_start_inside(suit, share):
-    found = read_dressed(
+    found = read_penetration_report(
         DATA / f"garments/female_{suit}suit01.mhclo",
         DATA / "bodies/makehuman_hm08_base.obj",
         scale=0.1,

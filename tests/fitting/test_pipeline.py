@@ -1,4 +1,4 @@
-"""Every way through the stages, end to end, on a capsule."""
+"""Every sequence of stages, end to end, on a capsule."""
 
 from dataclasses import replace
 
@@ -22,10 +22,10 @@ def names(found):
 
 
 def test_a_clean_garment_needs_no_stage(tmp_path):
-    garment, heard = tube_garment(0.11), []
-    found = seeded(task(garment, FIGURE, FIGURE, tmp_path, heard=heard.append))
+    garment, on_stage = tube_garment(0.11), []
+    found = seeded(task(garment, FIGURE, FIGURE, tmp_path, on_stage=on_stage.append))
     assert names(found) == ["garment"]
-    assert heard == list(found.stages)
+    assert on_stage == list(found.stages)
     assert found.last.positions is garment.positions
     assert (found.failure, found.notes, found.worn.self_contact) == ("", (), True)
     assert not list(tmp_path.iterdir())

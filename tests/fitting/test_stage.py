@@ -1,4 +1,4 @@
-"""Stages: what they keep and who hears of them."""
+"""Stages: contents and callback."""
 
 from time import perf_counter
 
@@ -12,9 +12,9 @@ BODY = body_surface(FIGURE.positions, FIGURE.triangles)
 
 
 def test_a_stage_is_counted_timed_and_heard():
-    garment, heard = tube_garment(0.095), []
-    stage = staged("refine", garment.triangles, BODY, lambda: (garment.positions, "said"), heard.append)
-    assert heard == [stage]
+    garment, on_stage = tube_garment(0.095), []
+    stage = staged("refine", garment.triangles, BODY, lambda: (garment.positions, "said"), on_stage.append)
+    assert on_stage == [stage]
     kept = stage.as_dict()
     assert {"name", "seconds", "penetrating_vertices", "intersecting_pairs"} <= set(kept)
     assert kept["name"] == "refine"

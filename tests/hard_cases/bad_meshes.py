@@ -1,4 +1,4 @@
-"""Meshes that must be refused before the first step, each in words that name the face, the vertex or the line."""
+"""Invalid meshes, refused before the first step with the face, vertex or line named."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""A hard case: a scene for each seed, what must hold of its run, and the verdict."""
+"""Hard case: scene for each seed, checks of its run, and result."""
 
 import tempfile
 from collections.abc import Callable, Mapping, Sequence

@@ -1,4 +1,4 @@
-"""Sheets that start far from rest: squeezed to nothing, stretched threefold, mirrored. They must come back."""
+"""Recovery of sheets from large initial distortion: collapsed, stretched threefold, mirrored."""
 
 from collections.abc import Mapping, Sequence
 

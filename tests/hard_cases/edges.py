@@ -1,4 +1,4 @@
-"""Cloth on what is sharp: knife edges, needles, a point under a face, an edge across an edge."""
+"""Cloth on sharp bodies: knife edges, needles, a point under a face, an edge across an edge."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Cloth pulled through a narrow place."""
+"""Cloth drawn through a narrow opening."""
 
 import numpy as np
 

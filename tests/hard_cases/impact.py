@@ -1,4 +1,4 @@
-"""Cloth that goes far in a step."""
+"""Impact with large displacements in a step."""
 
 from collections.abc import Callable
 from typing import Any

@@ -1,4 +1,4 @@
-"""What no cloth can follow: a body that jumps through it, pins driven into one another."""
+"""Infeasible prescribed motion: a body that jumps through cloth, pins driven into one another."""
 
 from collections.abc import Mapping
 from typing import Any

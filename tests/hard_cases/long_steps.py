@@ -1,4 +1,4 @@
-"""One scene at steps from .002 to 2 s."""
+"""Step sizes from .002 to 2 s on one scene."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Two bodies close on the cloth between them."""
+"""Cloth pinched between two closing bodies."""
 
 from collections.abc import Callable
 

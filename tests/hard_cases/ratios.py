@@ -1,4 +1,4 @@
-"""Fabrics far apart: stiff cloth on soft cloth, and area densities from a thousandth to a hundred."""
+"""Extreme stiffness and density ratios: stiff on soft cloth, area densities from .001 to 100."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Nothing happens: sheets at rest, alone, above a table, on a table. Nothing may drift, grow or go on for ever."""
+"""Sheets at rest, alone, above and on a table: no drift, growth or endless iteration."""
 
 import tempfile
 from functools import partial

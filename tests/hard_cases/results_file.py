@@ -1,4 +1,4 @@
-"""What was seen of each hard case, {case: {form: what `summary` makes of its results}}, kept in a file."""
+"""Results file of the hard cases, {case: {form: summary of its results}}."""
 
 from collections.abc import Iterable, Sequence
 from datetime import date

@@ -1,4 +1,4 @@
-"""Where cloth is: what the checks of the hard cases measure, on triangles whose answer is plain."""
+"""Geometric checks of the hard cases, on triangles with known results."""
 
 import numpy as np
 

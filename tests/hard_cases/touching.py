@@ -1,4 +1,4 @@
-"""Starts at the edge of contact: things exactly aligned, gaps down to nothing, bodies that jump through cloth."""
+"""Initial states near contact: exact alignment, vanishing gaps, bodies that jump through cloth."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""Cloth against itself: twisted, pressed together, driven into itself."""
+"""Self-contact: cloth twisted, compressed, driven into itself."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The same scene in other units, and in another place: nothing absolute is inside."""
+"""Invariance of a scene under change of units and of origin."""
 
 import tempfile
 

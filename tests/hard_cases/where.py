@@ -1,4 +1,4 @@
-"""Where cloth is, from positions alone: over a point, across a plane, on top of other cloth."""
+"""Geometric checks of positions: over a point, across a plane, above other cloth."""
 
 from collections.abc import Iterator, Sequence
 

@@ -1,4 +1,4 @@
-"""A7, the Cusick drape: a disc of cloth hangs over a smaller disc; how much of the light beside it does it stop?
+"""A7, the Cusick drape: drape coefficient of a disc of cloth over a smaller disc.
 
 The supporting disc clamps the cloth at its rim, so only the ring beyond it is there: 9 to 15 cm, as Cusick's.
 """

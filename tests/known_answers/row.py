@@ -1,4 +1,4 @@
-"""A row of the table of known answers: what is asked, what we find, what is exact, how far off it may be."""
+"""Row of the table of known answers: quantity, computed value, exact value, tolerance."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

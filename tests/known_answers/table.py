@@ -1,4 +1,4 @@
-"""All rows, in the order of docs/validation.md, and what was seen of them as text, as JSON and in Markdown."""
+"""All rows in the order of docs/validation.md, and their results as text, JSON and Markdown."""
 
 from collections.abc import Iterable, Sequence
 from datetime import date

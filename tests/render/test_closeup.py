@@ -1,4 +1,4 @@
-"""The picture of a place: seen close, from where nothing hides it, with a ring that is where the place is."""
+"""Close-up of a point: unobstructed view, and position of the ring."""
 
 import numpy as np
 import pytest

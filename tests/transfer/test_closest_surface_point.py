@@ -1,4 +1,4 @@
-"""The closest point that faces the same way: against brute force where it matters, and where there is none."""
+"""Closest compatible surface points against brute force, and where there is none."""
 
 import numpy as np
 

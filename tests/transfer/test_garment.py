@@ -1,4 +1,4 @@
-"""A garment goes with its body: exact for what the body does as a whole, close to it for what it does in parts."""
+"""Garment transfer: exact for global motion of the body, close for local deformation."""
 
 import numpy as np
 import pytest

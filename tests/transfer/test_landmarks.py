@@ -1,4 +1,4 @@
-"""Landmarks of people of other shapes, poses and meshes mean the same."""
+"""Corresponding landmarks of bodies of different shapes, poses and meshes."""
 
 import numpy as np
 import pytest

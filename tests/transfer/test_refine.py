@@ -1,4 +1,4 @@
-"""DRAPE refinement: which way, how far, and what stays as it is."""
+"""DRAPE refinement: direction, distance, and unchanged cases."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Signed distance to bodies: closed forms on a box and a sphere, and bodies that are not as they should be."""
+"""Signed distance to bodies: closed forms on a box and a sphere, and defective bodies."""
 
 import numpy as np
 import pytest

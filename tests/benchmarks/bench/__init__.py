@@ -1,1 +1,1 @@
-"""The benchmark: what a Newton iteration costs, and where, against other revisions of the package."""
+"""Benchmark: cost of a Newton iteration by part, against other revisions of the package."""

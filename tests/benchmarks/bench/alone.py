@@ -1,4 +1,4 @@
-"""A membrane alone: timed with the package, and with a copy of it without the files of all other effects."""
+"""Membrane-only timing, with the package and with a copy without the files of other effects."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The picture of the bench: processor time of a Newton iteration against vertices, whole and by what it is spent on."""
+"""Picture of the benchmark: processor time of a Newton iteration against vertices, total and by part."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

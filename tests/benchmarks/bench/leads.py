@@ -1,4 +1,4 @@
-"""The states that cases start from: made once by a few steps with a loose tolerance, kept in a folder."""
+"""Initial states of cases: made once by a few steps with a loose tolerance, cached in a folder."""
 
 import hashlib
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Measures cases, each in a process of its own, of this package and where asked of another beside it, in turns."""
+"""Measurement of cases in separate processes, alternating with another revision where asked."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The package as it was: a git revision in a temporary worktree."""
+"""Git revision of the package in a temporary worktree."""
 
 import subprocess
 import tempfile

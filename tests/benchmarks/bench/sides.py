@@ -1,4 +1,4 @@
-"""The work of contact in a Newton iteration, by the numba path and by ipctk, each part on its account."""
+"""Contact work of a Newton iteration by the numba path and by ipctk, timed by part."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

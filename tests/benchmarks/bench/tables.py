@@ -1,4 +1,4 @@
-"""The tables of the bench, for people to read."""
+"""Text tables of the benchmark."""
 
 from collections.abc import Mapping
 
