@@ -63,8 +63,8 @@ def flat(e1: Floats, e2: Floats, e1_x_e2: Floats) -> NDArray[np.bool_]:
 def inverse_frames(positions: Floats, triangles: Ints, name: str, numbers: Ints | None = None) -> Floats:
     """Inverse frames V^-1 (m, 3, 3).
 
-    Rows are the dual vectors e2 x c / |c|^2, c x e1 / |c|^2, c / |c|^(3/2), c = e1 x e2. TransferError where a triangle has no area; it is called by the mesh's `name` and its own row,
-    or its row's entry of `numbers`.
+    Rows are the dual vectors e2 x c / |c|^2, c x e1 / |c|^2, c / |c|^(3/2), c = e1 x e2. TransferError where a
+    triangle has no area; it is called by the mesh's `name` and its own row, or its row's entry of `numbers`.
     """
     e1, e2 = edge_vectors(positions, triangles)
     c = cross(e1, e2)

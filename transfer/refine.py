@@ -163,8 +163,8 @@ def refine(
 class Clearance:
     """Terms of eps.
 
-    edges (n,) [m], the longest edge at each garment vertex; curvature (m,) [1/m] of body triangles; floor [m], the least
-    eps.
+    edges (n,) [m], the longest edge at each garment vertex; curvature (m,) [1/m] of body triangles; floor [m], the
+    least eps.
     """
 
     edges: Floats

@@ -153,9 +153,9 @@ def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
 
 
 def _largest(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
-    """Largest piece of a file by number of vertices: of the closed ones that are as long as a body, as eyes are closed too.
+    """Largest closed piece of a file, by number of vertices, that is as long as a body.
 
-    Where none is closed, the largest of the long ones; where none is long, of all.
+    Eyes are closed too. Where none is closed, the largest of the long ones; where none is long, of all.
     """
     label = components(mesh.triangles, len(mesh.positions))
     of_triangle = label[mesh.triangles[:, 0]]
