@@ -136,4 +136,4 @@ def test_a_garment_that_nobody_wears_is_no_clean_bill(tmp_path, capsys):
     assert main(["check", away, "--on", body]) == 0
     said = capsys.readouterr().out
     assert "Nothing is wrong" not in said
-    assert "the garment is 4.5 m off the body" in said
+    assert "4.5 m away from the body" in said
