@@ -71,7 +71,7 @@ def test_the_error_of_a_run_is_one_line_of_its_verdict(tmp_path, estimate, line)
     from small_scenes import small_scene
 
     from clothsim import simulate
-    from clothsim.cli.report import verdict
+    from clothsim.cli.run_report import verdict
 
     run = simulate(small_scene(run={"duration": 0.02}), tmp_path)
     nothing = {"newton": 0.0, "contact_gap": "not estimated (no contact)"}

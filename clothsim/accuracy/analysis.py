@@ -15,7 +15,7 @@ from clothsim.accuracy.front import (
 )
 from clothsim.accuracy.knobs import Knob
 from clothsim.accuracy.points import BASE, Point, point
-from clothsim.accuracy.reference import Limit, Norm, Reference, largest_pair, limit, reference
+from clothsim.accuracy.reference_solution import Limit, Norm, Reference, largest_pair, limit, reference
 from clothsim.arrays import Floats
 from clothsim.scene.scene import Scene
 

@@ -6,7 +6,7 @@ from itertools import product
 import numpy as np
 
 from clothsim.accuracy.points import Point, point
-from clothsim.accuracy.reference import Norm
+from clothsim.accuracy.reference_solution import Norm
 from clothsim.arrays import Floats
 
 MOST_COMBINATIONS = 20_000

@@ -11,7 +11,7 @@ import numpy as np
 from clothsim.accuracy.analysis import Findings, Recommendation, findings, half, recommendations
 from clothsim.accuracy.evaluation import Gatherer
 from clothsim.accuracy.points import BASE, CONVERGENT, Bench, Point, written
-from clothsim.accuracy.reference import Norm
+from clothsim.accuracy.reference_solution import Norm
 from clothsim.accuracy.worker import SHORT, TIMES
 from clothsim.arrays import Floats
 

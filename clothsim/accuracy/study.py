@@ -17,7 +17,7 @@ from clothsim.accuracy.invariants import drape_coefficient, height_quantiles
 from clothsim.accuracy.knobs import fixed, usable
 from clothsim.accuracy.points import BASE, CONVERGENT, Bench, Point, point
 from clothsim.accuracy.pool import Runner, cores, worker_processes
-from clothsim.accuracy.reference import Limit, Norm
+from clothsim.accuracy.reference_solution import Limit, Norm
 from clothsim.accuracy.report import StudyData, document, markdown
 from clothsim.accuracy.resample import material_of, point_areas
 from clothsim.arrays import Floats, as_positive

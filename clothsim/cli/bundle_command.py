@@ -5,7 +5,7 @@ import shlex
 from pathlib import Path
 from typing import Any
 
-from clothsim.cli.report import program
+from clothsim.cli.run_report import program
 from clothsim.errors import InputError
 
 _DESCRIPTION = """\

@@ -111,7 +111,7 @@ def _resume(arguments: argparse.Namespace) -> int:
 def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[..., Run]") -> int:
     """Run `job` with its callbacks, draw the pictures, print the result."""
     from clothsim import __version__
-    from clothsim.cli import progress, report
+    from clothsim.cli import progress, run_report
     from clothsim.sim.iterate_log import iterates_name
 
     subject = arguments.scene if arguments.command == "run" else directory
@@ -121,21 +121,21 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     if not arguments.quiet:
         print(f"clothsim {__version__}: {arguments.command} {subject}", file=talk, flush=True)
-    before = report.existing_files_note(directory) if arguments.command == "run" else report.resumption_note(directory)
+    before = run_report.existing_files_note(directory) if arguments.command == "run" else run_report.resumption_note(directory)
 
     sessions: list[Session] = []
 
     def announce(session: "Session") -> None:
         sessions.append(session)
         if not arguments.quiet:
-            print(report.settings(session, directory, before), file=talk, flush=True)
+            print(run_report.settings(session, directory, before), file=talk, flush=True)
 
     try:
         with progress.shown(arguments.quiet) as listener:
             run = job(progress=listener, announce=announce, dump_iterates=step)
         trouble = _pictures(arguments, run, sessions[0])
     except KeyboardInterrupt:
-        print(report.stopped(directory), file=sys.stderr)
+        print(run_report.stopped(directory), file=sys.stderr)
         return 130
     if arguments.json:
         from clothsim.io.record import to_json
@@ -143,7 +143,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
         print(to_json(run.summary))
     if step is not None and not (run.directory / iterates_name(step)).is_file():
         trouble.append(f"No {iterates_name(step)}: the run took {run.summary['steps']} steps.")
-    print(report.verdict(run, trouble), file=talk)
+    print(run_report.verdict(run, trouble), file=talk)
     return 0 if run.status == "completed" else 1
 
 

@@ -11,7 +11,7 @@ from clothsim.accuracy.front import (
     worth_trying,
 )
 from clothsim.accuracy.points import point
-from clothsim.accuracy.reference import Norm
+from clothsim.accuracy.reference_solution import Norm
 
 
 def test_the_front_is_what_nothing_beats():

@@ -18,7 +18,7 @@ import numpy as np
 from clothsim.accuracy.evaluation import STUDY_NAME
 from clothsim.accuracy.knobs import KNOBS, fixed, set_key, usable
 from clothsim.accuracy.points import Bench, Point, point
-from clothsim.accuracy.reference import Norm
+from clothsim.accuracy.reference_solution import Norm
 from clothsim.accuracy.resample import at_points_of, material_of, point_areas
 from clothsim.accuracy.worker import answer
 from clothsim.arrays import Floats

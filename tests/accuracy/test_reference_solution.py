@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.accuracy.reference import Norm, limit, observed_order, reference
+from clothsim.accuracy.reference_solution import Norm, limit, observed_order, reference
 
 RANDOM = np.random.default_rng(1)
 EXACT, A, B, C = RANDOM.standard_normal((4, 7, 3))
