@@ -121,7 +121,8 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     if not arguments.quiet:
         print(f"clothsim {__version__}: {arguments.command} {subject}", file=talk, flush=True)
-    before = run_report.existing_files_note(directory) if arguments.command == "run" else run_report.resumption_note(directory)
+    note = run_report.existing_files_note if arguments.command == "run" else run_report.resumption_note
+    before = note(directory)
 
     sessions: list[Session] = []
 
