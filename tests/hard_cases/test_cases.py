@@ -1,6 +1,6 @@
 """The small form of every hard case, from a jittered start where it has one.
 
-The exact starts are those of `python -m clothsim.study.stability --small`, which a change must pass too.
+The exact starts are those of `python -m tests.hard_cases --small`, which a change must pass too.
 """
 
 import pytest
