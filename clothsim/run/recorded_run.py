@@ -6,8 +6,8 @@ from pathlib import Path
 from time import perf_counter
 
 import numpy as np
+from numpy.typing import NDArray
 
-from clothsim.arrays import Floats
 from clothsim.build.scene_world import Built
 from clothsim.energies.protocols import is_driven
 from clothsim.errors import InputError
@@ -162,7 +162,7 @@ def _stepped(
     return state, certificate, None
 
 
-def _written_fields(session: Session, state: State, report: StepReport | None) -> dict[str, Floats]:
+def _written_fields(session: Session, state: State, report: StepReport | None) -> dict[str, NDArray[np.floating]]:
     """The fields of a frame that the scene asks for, in the order of the table.
 
     Without the report of a step the contact pressure is zero: contact has its stiffness from a step.

@@ -176,6 +176,13 @@ def test_a_resumed_run_writes_the_fields_of_one_that_never_stopped(run, tmp_path
             values = whole.trajectory.field(name, k)
             assert np.isfinite(values).all()
             assert np.array_equal(resumed.trajectory.field(name, k), values)
+            if name == "contact_pressure":
+                with pytest.raises(InputError, match=r"run\.fields"):
+                    run.field(name, k)
+            else:  # computed from the positions of a run that did not write it
+                scale = max(1e-3, float(np.abs(values).max()))
+                np.testing.assert_allclose(run.field(name, k), values, rtol=1e-6, atol=1e-6 * scale)
+    assert np.array_equal(whole.field("stress", -2), whole.trajectory.field("stress", 3))
     assert not whole.trajectory.field("contact_pressure", 0).any()
     assert whole.trajectory.field("contact_pressure", -1).max() > 0
 
