@@ -82,11 +82,14 @@ class Scalar:
         "norm", "angle"; "" where it is the field itself.
     unit : str, optional
         None where it is that of the field.
+    stretch : bool
+        True for positive numbers about 1, which a picture shows by their logarithm.
     """
 
     compute: Callable[[Floats], Floats]
     name: str = ""
     unit: str | None = None
+    stretch: bool = False
 
     def __call__(self, values: Floats) -> Floats:
         """The numbers of the rows `values`."""
@@ -244,12 +247,15 @@ def _largest(values: Floats) -> Floats:
 
 
 NORM, ANGLE, ITSELF = Scalar(_norm, "norm"), Scalar(_angle, "angle", "rad"), Scalar(lambda values: values)
-FARTHEST = Scalar(_largest, "farthest from 1")
+FARTHEST = Scalar(_largest, "farthest from 1", stretch=True)
+MEAN_STRETCH = Scalar(lambda values: _norm(values) / np.sqrt(2), "mean stretch", stretch=True)
+"""Root mean square of the two principal stretches: |F| / sqrt 2, 1 at rest."""
+
 
 FIELDS: Mapping[str, Field] = {
-    "deformation_gradient": Field("triangle", "", "F (3x2), material plane to space", lambda at: at.F, NORM),
+    "deformation_gradient": Field("triangle", "", "F (3x2), material plane to space", lambda at: at.F, MEAN_STRETCH),
     "rotation": Field("triangle", "", "R3 (3x3) of F = R U", lambda at: at.stretch.R3, ANGLE),
-    "right_stretch": Field("triangle", "", "U (2x2) of F = R U", lambda at: at.stretch.U, NORM),
+    "right_stretch": Field("triangle", "", "U (2x2) of F = R U", lambda at: at.stretch.U, MEAN_STRETCH),
     "principal_stretches": Field("triangle", "", "l1 >= l2", lambda at: at.stretch.principal_stretches, FARTHEST),
     "principal_directions": Field(
         "triangle", "", "unit columns w1, w2 (3x2) in space", lambda at: at.stretch.spatial_directions, NORM

@@ -15,6 +15,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
 from clothsim.io.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
+from clothsim.run.field_pictures import field_settings
 from clothsim.run.pictures import PICTURE_NAME, draw_frame, draw_movie, frame_picture, upright
 
 if TYPE_CHECKING:
@@ -237,8 +238,10 @@ class Run(Sequence[Frame]):
         path = self.directory / RECORD_NAME
         return read_record(path) if path.is_file() else []
 
-    def plot(self, frame: int = -1, path: str | Path | None = None, **settings: Any) -> np.ndarray | Path:
-        """Draw one frame, coloured by its stretch.
+    def plot(
+        self, frame: int = -1, path: str | Path | None = None, field: str | None = None, **settings: Any
+    ) -> np.ndarray | Path:
+        """Draw one frame, coloured by its stretch or by another field.
 
         Parameters
         ----------
@@ -246,6 +249,8 @@ class Run(Sequence[Frame]):
             Its number; negative ones count from the end.
         path : str or Path, optional
             A PNG file to be written.
+        field : str, optional
+            A name as of `field`; tensors are drawn by their norm, rotations by their angle, directions as strokes.
         **settings
             size (width, height) in pixels, colour "stretch" or "plain", up and view as (3,) directions, renderer
             "vtk", "ray" or "auto".
@@ -255,14 +260,18 @@ class Run(Sequence[Frame]):
         ndarray or Path
             The picture, (height, width, 3) uint8; with `path` that file.
         """
-        given = {"up": upright(self.directory), **settings}
+        given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
         if path is None:
             return frame_picture(self.trajectory, frame, **given)
         draw_frame(self.trajectory, Path(path), frame, **given)
         return Path(path)
 
     def movie(
-        self, path: str | Path, progress: Callable[[int, int], None] = lambda done, total: None, **settings: Any
+        self,
+        path: str | Path,
+        progress: Callable[[int, int], None] = lambda done, total: None,
+        field: str | None = None,
+        **settings: Any,
     ) -> Path:
         """Write a movie of all frames, in real time unless a rate is given.
 
@@ -272,6 +281,8 @@ class Run(Sequence[Frame]):
             A file that ends in .mp4 or .gif.
         progress : callable, optional
             Called with the frames drawn and all frames after each of them.
+        field : str, optional
+            As of `plot`.
         **settings
             As of `plot`, and frames_per_second.
 
@@ -282,8 +293,12 @@ class Run(Sequence[Frame]):
         """
         target = Path(path)
         target.unlink(missing_ok=True)
-        draw_movie(self.trajectory, target, progress, **{"up": upright(self.directory), **settings})
+        given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
+        draw_movie(self.trajectory, target, progress, **given)
         return target if target.is_file() else target.with_suffix(".gif")
+
+    def _field_settings(self, field: str | None) -> dict[str, Any]:
+        return {} if field is None else field_settings(self, field)
 
 
 def open_run(path: str | Path) -> Run:
