@@ -8,7 +8,7 @@ INK = np.array([0.13, 0.13, 0.16])
 ACROSS = 22
 """So many crosses stand side by side along the longest side of the cloths, fewer where the triangles are larger."""
 
-REACH, WIDTHS, LIFT = 0.42, (0.11, 0.055), 0.06
+REACH, WIDTHS, LIFT = 0.42, (0.11, 0.055), 0.04
 """Half a stroke of stretch 1, the widths of the two strokes and their height over the cloth, in distances of crosses.
 
 The stroke of the larger stretch is the wider one."""
