@@ -17,6 +17,7 @@ _DESCRIPTION = """\
 Draw a frame of a run (.png) or all of them (.mp4, .gif).
 
   clothsim render drape -o side.png --frame 10 --view 1,-2,0.5
+  clothsim render drape -o stress.png --field stress
 """
 
 
@@ -31,7 +32,11 @@ def add_to(commands: Any) -> None:
     render.add_argument("--size", metavar="WxH", help="pixels (default 1280x960, of a movie 960x720)")
     render.add_argument("--view", default="auto", metavar="X,Y,Z", help="direction from the scene to the camera")
     render.add_argument("--up", metavar="X,Y,Z", help="x, y, z or a direction (default: against gravity)")
-    render.add_argument("--colour", choices=("stretch", "plain"), default="stretch", help="of the cloth")
+    look = render.add_mutually_exclusive_group()
+    look.add_argument("--colour", choices=("stretch", "plain"), default="stretch", help="of the cloth")
+    look.add_argument(
+        "--field", metavar="NAME", help="colour the cloth by a field: thickness, stress, compression, ..."
+    )
     render.add_argument("--frames-per-second", metavar="N", help="of a movie (default: as fast as it was)")
     render.add_argument("--quiet", action="store_true", help="print nothing")
     render.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -39,6 +44,7 @@ def add_to(commands: Any) -> None:
 
 
 def _render(arguments: argparse.Namespace) -> int:
+    from clothsim.run.field_pictures import field_settings
     from clothsim.run.pictures import draw_frame, draw_movie, upright
     from clothsim.run.results import open_run
 
@@ -50,6 +56,8 @@ def _render(arguments: argparse.Namespace) -> int:
         "view": as_direction("--view", arguments.view),
         "up": upright(run.directory) if arguments.up is None else as_direction("--up", arguments.up),
     }
+    if arguments.field is not None:
+        settings |= field_settings(run, arguments.field)
     if arguments.size is not None:
         settings["size"] = as_size(arguments.size)
     if not target.parent.is_dir():

@@ -53,7 +53,7 @@ def draw_penetrations(found: PenetrationReport, file: Path) -> str:
         )
         bare = Image.fromarray(np.round(255 * np.clip(expose_bare(shot, surfaces), 0, 1)).astype(np.uint8))
         _mark(bare, found, shot.camera)
-        halves.append(add_legend(np.asarray(bare, float) / 255, 0.0, side))
+        halves.append(add_legend(np.asarray(bare, float) / 255, None, side))
         note = shot.note
     _with_key(np.hstack(halves), found).save(file, format="PNG")
     return note

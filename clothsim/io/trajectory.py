@@ -1,6 +1,6 @@
 """Trajectory of a run: `trajectory.vtkhdf`, every cloth and body at every frame."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,11 +16,13 @@ from clothsim.errors import InputError
 from clothsim.io.run_surfaces import Surface, check_surfaces, same_surfaces
 from clothsim.io.vtkhdf import (
     STRETCHES,
+    FrameArray,
+    arrays_of,
     blocks,
     cut,
     grow_tables,
-    has_stretches,
     lay_out,
+    rows_of,
     set_frame_count,
     write_frame,
 )
@@ -32,7 +34,12 @@ class TrajectoryWriter:
     """A writer of frames; after each of them the file on disk is complete."""
 
     def __init__(
-        self, path: str | Path, surfaces: Sequence[Surface], resume_at: int | None = None, stretches: bool = True
+        self,
+        path: str | Path,
+        surfaces: Sequence[Surface],
+        resume_at: int | None = None,
+        stretches: bool = True,
+        fields: Sequence[FrameArray] = (),
     ) -> None:
         """Create the file at `path`, or continue it after its first `resume_at` frames; later ones are dropped.
 
@@ -46,17 +53,19 @@ class TrajectoryWriter:
             Number of frames to keep of an existing file.
         stretches : bool
             True where each frame holds the principal stretches of the cloths' triangles.
+        fields : sequence of FrameArray
+            Further arrays that each frame holds on the cloths.
 
         Raises
         ------
         InputError
-            The file cannot be written, has fewer frames, or other surfaces.
+            The file cannot be written, has fewer frames, or other surfaces or fields.
         """
         check_surfaces(surfaces)
         self.surfaces = tuple(surfaces)
-        self.stretches = stretches
+        self.arrays = (*([STRETCHES] if stretches else []), *fields)
         start = _create if resume_at is None else _resume
-        self._file = start(Path(path), self.surfaces, stretches, resume_at or 0)
+        self._file = start(Path(path), self.surfaces, self.arrays, resume_at or 0)
 
     def __enter__(self) -> "TrajectoryWriter":
         """The writer itself, closed at the end of the `with` block."""
@@ -77,7 +86,13 @@ class TrajectoryWriter:
         """Number of frames in the file."""
         return int(self._file["VTKHDF/Steps"].attrs["NSteps"])
 
-    def append(self, time: float, positions: ArrayLike, principal_stretches: ArrayLike | None = None) -> None:
+    def append(
+        self,
+        time: float,
+        positions: ArrayLike,
+        principal_stretches: ArrayLike | None = None,
+        fields: Mapping[str, ArrayLike] | None = None,
+    ) -> None:
         """Write one frame.
 
         Parameters
@@ -88,6 +103,8 @@ class TrajectoryWriter:
             Rows of x [m]; those after the last surface, the ghosts of clamps, are not written.
         principal_stretches : (m, 2) array_like, optional
             Of all triangles of cloths.
+        fields : mapping of str to (m, ...) or (n, ...) array_like
+            The values of each further array, for all triangles or vertices of cloths.
 
         Raises
         ------
@@ -100,29 +117,43 @@ class TrajectoryWriter:
         frame = self.n_frames
         if not np.isfinite(time) or (frame and time <= self._file["VTKHDF/Steps/Values"][frame - 1]):
             raise InputError(f"Frame {frame} is at {time!r} s, which is not later than the frame before it.")
-        stretches = self._per_cloth(principal_stretches)
+        stretches = {} if principal_stretches is None else {STRETCHES.name: principal_stretches}
+        parts = self._per_cloth({**stretches, **(fields or {})})
         grow_tables(self._file, frame)
         for surface, block in zip(self.surfaces, blocks(self._file), strict=True):
             if surface.moving or frame == 0:
                 write_frame(block, "Points", frame, x[surface.rows])
-            if surface.name in stretches:
-                write_frame(block, f"CellData/{STRETCHES}", frame, stretches[surface.name])
+            for array in self.arrays if surface.role == "cloth" else ():
+                write_frame(block, array.dataset, frame, parts[surface.name, array.name])
         # First the frame, then the number of frames: readers never see an incomplete one.
         self._file.flush()
         set_frame_count(self._file, frame + 1, float(time))
         self._file.flush()
 
-    def _per_cloth(self, principal_stretches: ArrayLike | None) -> dict[str, NDArray[np.float32]]:
-        if (principal_stretches is not None) != self.stretches:
-            raise InputError(f"This trajectory is written {'with' if self.stretches else 'without'} {STRETCHES}.")
-        if principal_stretches is None:
-            return {}
-        values = np.asarray(principal_stretches, dtype=np.float32)
-        cloths = [surface for surface in self.surfaces if surface.role == "cloth"]
-        ends = np.cumsum([len(cloth.triangles) for cloth in cloths])
-        if values.shape != (ends[-1], 2):
-            raise InputError(f"{STRETCHES} must have shape ({ends[-1]}, 2), not {values.shape}.")
-        return {cloth.name: part for cloth, part in zip(cloths, np.split(values, ends[:-1]), strict=True)}
+    def _per_cloth(self, values: Mapping[str, ArrayLike]) -> dict[tuple[str, str], NDArray[np.float32]]:
+        """The rows of each array that belong to each cloth, tensors flattened."""
+        names = [array.name for array in self.arrays]
+        if sorted(values) != sorted(names):
+            raise InputError(
+                f"This trajectory is written with {', '.join(names) or 'no field'}, "
+                f"not with {', '.join(values) or 'none'}."
+            )
+        cloths, parts = [surface for surface in self.surfaces if surface.role == "cloth"], {}
+        for array in self.arrays:
+            rows = np.asarray(values[array.name], dtype=np.float32)
+            ends = np.cumsum([_row_count(cloth, array) for cloth in cloths])
+            if rows.shape != (ends[-1], *array.components):
+                raise InputError(
+                    f"{array.name} must have shape {(int(ends[-1]), *array.components)}, not {rows.shape}."
+                )
+            flat = rows.reshape(len(rows), -1) if array.components else rows
+            for cloth, part in zip(cloths, np.split(flat, ends[:-1]), strict=True):
+                parts[cloth.name, array.name] = part
+        return parts
+
+
+def _row_count(cloth: Surface, array: FrameArray) -> int:
+    return cloth.n_vertices if array.location == "vertex" else len(cloth.triangles)
 
 
 @dataclass(frozen=True)
@@ -153,15 +184,25 @@ class Trajectory:
 
     def stretches(self, frame: int) -> NDArray[np.float32]:
         """The principal stretches of the cloths' triangles in a frame, (m, 2); InputError where none were written."""
-        i = self._number(frame)
+        return self.field(STRETCHES.name, frame)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """The names of the arrays that the frames hold beside the positions."""
         with _opened(self.path) as file:
-            parts = [
-                block[f"CellData/{STRETCHES}"][i * len(surface.triangles) : (i + 1) * len(surface.triangles)]
-                for surface, block in zip(self.surfaces, blocks(file), strict=True)
-                if has_stretches(block)
-            ]
+            return tuple(dict.fromkeys(array.name for block in blocks(file) for array in arrays_of(block)))
+
+    def field(self, name: str, frame: int) -> NDArray[np.float32]:
+        """The values of a field in a frame, (m, ...) or (n, ...); InputError where none were written."""
+        i, parts = self._number(frame), []
+        with _opened(self.path) as file:
+            for block in blocks(file):
+                for array in arrays_of(block):
+                    if array.name == name:
+                        rows = rows_of(block, array)
+                        parts.append(block[array.dataset][i * rows : (i + 1) * rows].reshape(rows, *array.components))
         if not parts:
-            raise InputError(f"{self.path} holds no {STRETCHES}.")
+            raise InputError(f"{self.path} holds no {name}.")
         return np.concatenate(parts)
 
     def _points(self, frame: int, role: str) -> list[tuple[Surface, Floats]]:
@@ -207,25 +248,25 @@ def _read_surfaces(file: h5py.File) -> tuple[Surface, ...]:
     return tuple(surfaces)
 
 
-def _create(path: Path, surfaces: tuple[Surface, ...], stretches: bool, frames: int) -> h5py.File:
+def _create(path: Path, surfaces: tuple[Surface, ...], arrays: tuple[FrameArray, ...], frames: int) -> h5py.File:
     try:
         # Without a lock, so that a viewer may look at a run while it goes on.
         file = h5py.File(path, "w", locking=False)
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error}).") from error
-    lay_out(file, surfaces, stretches)
+    lay_out(file, surfaces, arrays)
     file.flush()
     return file
 
 
-def _resume(path: Path, surfaces: tuple[Surface, ...], stretches: bool, frames: int) -> h5py.File:
+def _resume(path: Path, surfaces: tuple[Surface, ...], arrays: tuple[FrameArray, ...], frames: int) -> h5py.File:
     trajectory = read_trajectory(path)
     if not 0 <= frames <= len(trajectory.times):
         raise InputError(f"{path} holds {len(trajectory.times)} frames, so no run can go on from frame {frames}.")
     with _opened(path) as file:
-        stored = any(has_stretches(block) for block in blocks(file))
-    if stored != stretches or not same_surfaces(trajectory.surfaces, surfaces):
-        raise InputError(f"{path} holds other surfaces than this run.", "Write to another directory.")
+        stored = {array for block in blocks(file) for array in arrays_of(block)}
+    if stored != set(arrays) or not same_surfaces(trajectory.surfaces, surfaces):
+        raise InputError(f"{path} holds other surfaces or fields than this run.", "Write to another directory.")
     file = h5py.File(path, "r+", locking=False)
     cut(file, frames)
     return file

@@ -10,9 +10,14 @@ VTK 9.7 needs VTKHDF/Steps, which the specification does not require, or it show
 PartitionedDataSetCollection that group would show as an empty block. VTK before 9.5 reads no such file.
 
 `Values` has exactly NSteps entries, as VTK copies all of it; all other tables may be longer.
+
+A cloth's block also holds CellData/<name> and PointData/<name>: arrays of all frames one below the other, a row per
+triangle or vertex. Tensors are flattened row by row; the attribute `components` of the dataset is their shape.
 """
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
 
 import h5py
 import numpy as np
@@ -21,11 +26,36 @@ from numpy.typing import ArrayLike
 from clothsim.arrays import Ints
 from clothsim.io.run_surfaces import Surface
 
-STRETCHES = "principal_stretches"
 _TABLE_ROWS = 256
+_GROUPS = {"triangle": "CellData", "vertex": "PointData"}
 
 
-def lay_out(file: h5py.File, surfaces: Sequence[Surface], stretches: bool) -> None:
+@dataclass(frozen=True)
+class FrameArray:
+    """Numbers that every frame holds on the cloths, a row per triangle or vertex.
+
+    components: shape of a row, () for a scalar.
+    """
+
+    name: str
+    location: Literal["triangle", "vertex"]
+    components: tuple[int, ...] = ()
+
+    @property
+    def dataset(self) -> str:
+        """Path of the values in a block."""
+        return f"{_GROUPS[self.location]}/{self.name}"
+
+    @property
+    def offsets(self) -> str:
+        """Path in a block of the table with the first row of each frame."""
+        return f"Steps/{_GROUPS[self.location]}Offsets/{self.name}"
+
+
+STRETCHES = FrameArray("principal_stretches", "triangle", (2,))
+
+
+def lay_out(file: h5py.File, surfaces: Sequence[Surface], arrays: Sequence[FrameArray]) -> None:
     """Write the parts that are the same in every frame into the empty `file`."""
     root = file.create_group("VTKHDF", track_order=True)
     _mark(root, "MultiBlockDataSet")
@@ -37,7 +67,7 @@ def lay_out(file: h5py.File, surfaces: Sequence[Surface], stretches: bool) -> No
     _create_table(steps, "CellOffsets", columns=(4,))
     assembly = root.create_group("Assembly", track_order=True)
     for k, surface in enumerate(surfaces):
-        _create_block(root.create_group(f"surface{k}"), surface, steps, stretches)
+        _create_block(root.create_group(f"surface{k}"), surface, steps, arrays if surface.role == "cloth" else ())
         assembly[_link_name(surface.name, list(assembly))] = h5py.SoftLink(f"/VTKHDF/surface{k}")
 
 
@@ -70,8 +100,8 @@ def grow_tables(file: h5py.File, frame: int) -> None:
     for block in blocks(file):
         if block.attrs["Moving"]:
             _count_by(block["Steps/PointOffsets"], rows, block["NumberOfPoints"][0])
-        if has_stretches(block):
-            _count_by(block[f"Steps/CellDataOffsets/{STRETCHES}"], rows, block["Polygons/NumberOfCells"][0])
+        for array in arrays_of(block):
+            _count_by(block[array.offsets], rows, rows_of(block, array))
 
 
 def cut(file: h5py.File, frames: int) -> None:
@@ -79,10 +109,10 @@ def cut(file: h5py.File, frames: int) -> None:
     set_frame_count(file, frames, None)
     file.flush()
     for block in blocks(file):
-        n, m = int(block["NumberOfPoints"][0]), int(block["Polygons/NumberOfCells"][0])
+        n = int(block["NumberOfPoints"][0])
         block["Points"].resize(n * (frames if block.attrs["Moving"] else min(frames, 1)), axis=0)
-        if has_stretches(block):
-            block[f"CellData/{STRETCHES}"].resize(frames * m, axis=0)
+        for array in arrays_of(block):
+            block[array.dataset].resize(frames * rows_of(block, array), axis=0)
     file.flush()
 
 
@@ -92,17 +122,27 @@ def blocks(file: h5py.File) -> Iterator[h5py.Group]:
     return (root[f"surface{k}"] for k in range(len(root["Assembly"])))
 
 
-def has_stretches(block: h5py.Group) -> bool:
-    """True where the block holds the principal stretches of its triangles."""
-    return f"CellData/{STRETCHES}" in block
+def arrays_of(block: h5py.Group) -> list[FrameArray]:
+    """The arrays of a block beside its positions."""
+    found = []
+    for location in ("triangle", "vertex"):
+        for name, dataset in block.get(_GROUPS[location], {}).items():
+            components = dataset.attrs.get("components", dataset.shape[1:])
+            found.append(FrameArray(name, location, tuple(int(n) for n in components)))
+    return found
 
 
-def _create_block(block: h5py.Group, surface: Surface, shared: h5py.Group, stretches: bool) -> None:
+def rows_of(block: h5py.Group, array: FrameArray) -> int:
+    """Number of rows that an array has in a frame."""
+    return int(block["NumberOfPoints" if array.location == "vertex" else "Polygons/NumberOfCells"][0])
+
+
+def _create_block(block: h5py.Group, surface: Surface, shared: h5py.Group, arrays: Sequence[FrameArray]) -> None:
     triangles = surface.own_triangles
     _mark(block, "PolyData")
     block.attrs.update({"Name": surface.name, "Role": surface.role, "Moving": int(surface.moving)})
     block["NumberOfPoints"] = np.array([surface.n_vertices])
-    _create_frames(block, "Points", surface.n_vertices, 3, "f8")
+    _create_frames(block, "Points", surface.n_vertices, (3,), "f8")
     _create_cells(block.create_group("Polygons"), triangles)
     _create_cells(block.create_group("Vertices"), triangles[:0])
     block["Lines"] = block["Strips"] = block["Vertices"]
@@ -115,15 +155,18 @@ def _create_block(block: h5py.Group, surface: Surface, shared: h5py.Group, stret
         _create_table(steps, "PointOffsets")
     else:
         steps["PointOffsets"] = shared["PartOffsets"]
-    if stretches and surface.role == "cloth":
-        _create_frames(block, f"CellData/{STRETCHES}", len(triangles), 2, "f4")
-        _create_table(steps.create_group("CellDataOffsets"), STRETCHES)
+    for array in arrays:
+        columns = (int(np.prod(array.components)),) if array.components else ()
+        _create_frames(block, array.dataset, rows_of(block, array), columns, "f4")
+        if len(array.components) > 1:
+            block[array.dataset].attrs["components"] = np.array(array.components)
+        _create_table(block, array.offsets)
 
 
-def _create_frames(block: h5py.Group, name: str, rows: int, columns: int, kind: str) -> None:
-    chunks = (max(rows, 1), columns)
+def _create_frames(block: h5py.Group, name: str, rows: int, columns: tuple[int, ...], kind: str) -> None:
+    chunks = (max(rows, 1), *columns)
     pack = {"compression": "gzip", "compression_opts": 1, "shuffle": True}
-    block.create_dataset(name, (0, columns), kind, maxshape=(None, columns), chunks=chunks, **pack)
+    block.create_dataset(name, (0, *columns), kind, maxshape=(None, *columns), chunks=chunks, **pack)
 
 
 def _create_table(steps: h5py.Group, name: str, columns: tuple[int, ...] = (), fill: int = 0) -> None:

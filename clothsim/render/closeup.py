@@ -61,8 +61,8 @@ def draw_place(
         outline = pixels(shot.camera, corners, shot.size)
         pen.line([*map(tuple, outline), tuple(outline[0])], fill=(40, 40, 46, 70), width=1)
     ring(pen, pixels(shot.camera, place[None], shot.size)[0], shot.size)
-    _veil(pen, margins(shot.size, shot.half_range > 0, said), shot)
-    legend = add_legend(np.asarray(picture, float) / 255, shot.half_range, said)
+    _veil(pen, margins(shot.size, shot.scale is not None, said), shot)
+    legend = add_legend(np.asarray(picture, float) / 255, shot.scale, said)
     Image.fromarray(legend).save(path, format="PNG")
     return shot.note
 
@@ -154,7 +154,7 @@ def _veil(pen: Any, room: Margins, shot: Shot) -> None:
     (width, height), white = shot.size, (255, 255, 255, 170)
     bottom = room.top * height / 2 if shot.title else 0
     pen.rectangle([0, 0, width, bottom], fill=white)
-    if shot.half_range > 0:
+    if shot.scale is not None:
         pen.rectangle([width * (1 - room.right / 2), bottom + 1, width, height], fill=white)
 
 

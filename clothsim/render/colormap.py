@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 
-_DIVERGING = np.array(
+DIVERGING = np.array(
     [
         [24, 62, 128],
         [37, 97, 168],
@@ -64,9 +64,15 @@ def ticks(half_range: float) -> tuple[float, ...]:
 
 def stretch_colours(logs: Floats, half_range: float) -> Floats:
     """sRGB in [0, 1] of each log l, (n, 3); values beyond the range take its end colours."""
-    place = np.clip(0.5 + 0.5 * logs / half_range, 0.0, 1.0)
-    knots = np.linspace(0, 1, len(_DIVERGING))
-    return np.column_stack([np.interp(place, knots, channel / 255.0) for channel in _DIVERGING.T])
+    return painted(logs, -half_range, half_range, DIVERGING)
+
+
+def painted(values: Floats, low: float, high: float, table: np.ndarray) -> Floats:
+    """sRGB in [0, 1] of each number, (n, 3), by a table (k, 3) of equally spaced colours from low to high."""
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    fraction = np.clip(0.5 + 0.5 * (values - middle) / half, 0.0, 1.0)
+    knots = np.linspace(0, 1, len(table))
+    return np.column_stack([np.interp(fraction, knots, channel / 255.0) for channel in table.T])
 
 
 def per_vertex(values: Floats, positions: Floats, triangles: Ints) -> Floats:

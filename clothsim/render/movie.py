@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.arrays import as_positive
 from clothsim.errors import InputError, MissingPackageError
+from clothsim.render.colour_scale import Quantity
 from clothsim.render.picture import Shot, expose, take_aim
 from clothsim.render.surface_look import Surface
 
@@ -18,7 +19,7 @@ def movie(
     *,
     frames_per_second: float = 24.0,
     size: tuple[int, int] = (960, 720),
-    colour: str = "stretch",
+    colour: str | Quantity = "stretch",
     up: ArrayLike | str = "z",
     view: ArrayLike | str = "auto",
     title: str = "",

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from clothsim.arrays import Floats, as_points, as_triangles, as_vector
 from clothsim.errors import InputError
 from clothsim.render.camera import Camera, extreme_points, frame, three_quarter_view
-from clothsim.render.colormap import colour_range, log_stretch
+from clothsim.render.colormap import log_stretch
+from clothsim.render.colour_scale import Quantity, Scale, sequential_scale, stretch_scale
 from clothsim.render.legend import add_legend, margins
 from clothsim.render.surface_look import Surface, looks
 
@@ -23,13 +24,13 @@ _SMALLEST = 64
 class Shot:
     """Camera, colour range and renderer of a picture, the same for every frame of a movie.
 
-    size: (width, height) in pixels; half_range: of the colours in log l, 0 where the cloth is plain;
+    size: (width, height) in pixels; scale: of the cloth's colours, None where it is plain;
     up: (3,); renderer: "vtk" or "ray"; samples: per pixel and direction; note: one line that says what drew it.
     """
 
     camera: Camera
     size: tuple[int, int]
-    half_range: float
+    scale: Scale | None
     up: Floats
     title: str
     renderer: str
@@ -42,7 +43,7 @@ def draw(
     surfaces: Sequence[Surface],
     *,
     size: tuple[int, int] = (1280, 960),
-    colour: str = "stretch",
+    colour: str | Quantity = "stretch",
     up: ArrayLike | str = "z",
     view: ArrayLike | str = "auto",
     title: str = "",
@@ -50,9 +51,10 @@ def draw(
 ) -> str:
     """Write a PNG of `surfaces` and return one line that says which renderer drew it, and how to get the better one.
 
-    size: (width, height) in pixels; colour: "stretch" (the principal stretch farthest from 1, with a scalar bar) or
-    "plain"; up: (3,) or "x", "y", "z"; view: the direction from the scene to the camera (3,), or "auto";
-    renderer: "vtk", "ray", or "auto": what the environment variable CLOTHSIM_RENDERER says, else VTK where it works.
+    size: (width, height) in pixels; colour: "stretch" (the principal stretch farthest from 1, with a scalar bar),
+    "plain", or the quantity that the surfaces have as `values`; up: (3,) or "x", "y", "z"; view: the direction from the
+    scene to the camera (3,), or "auto"; renderer: "vtk", "ray", or "auto": what the environment variable
+    CLOTHSIM_RENDERER says, else VTK where it works.
     InputError for a bad argument, MissingPackageError where the renderer's package is not installed.
     """
     from PIL import Image
@@ -66,7 +68,7 @@ def take_aim(
     frames: Sequence[Sequence[Surface]],
     *,
     size: tuple[int, int],
-    colour: str,
+    colour: str | Quantity,
     up: ArrayLike | str,
     view: ArrayLike | str,
     title: str,
@@ -80,7 +82,7 @@ def take_aim(
     """
     if not len(frames):
         raise InputError("There is no frame to draw.")
-    if colour not in ("stretch", "plain"):
+    if not isinstance(colour, Quantity) and colour not in ("stretch", "plain"):
         raise InputError(f'colour must be "stretch" or "plain", not {colour!r}.')
     pixels = (int(size[0]), int(size[1]))
     if min(pixels) < _SMALLEST:
@@ -89,8 +91,7 @@ def take_aim(
         _check(surface)
     upright = _direction("up", _UP.get(up, up) if isinstance(up, str) else up)
     chosen, note = choose_renderer(renderer)
-    logs = [log_stretch(s.principal_stretches) for surfaces in frames for s in surfaces if s.role == "cloth"]
-    half_range = colour_range(logs) if colour == "stretch" and any(len(part) for part in logs) else 0.0
+    scale = _scale(colour, [s for surfaces in frames for s in surfaces if s.role == "cloth"])
     everything = np.concatenate([extreme_points(s.positions) for surfaces in frames for s in surfaces])
     cloths = [s for surfaces in frames for s in surfaces if s.role == "cloth"]
     cloth = np.concatenate([np.zeros((0, 3)), *(extreme_points(s.positions) for s in cloths)])
@@ -101,16 +102,16 @@ def take_aim(
         backward = three_quarter_view(np.concatenate([s.positions[s.triangles] for s in last]), upright)
     else:
         backward = _direction("view", view)
-    room = margins(pixels, half_range > 0, title)
+    room = margins(pixels, scale is not None, title)
     if focus is not None:
         cloth = everything = focus
     camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
-    return Shot(camera, pixels, half_range, upright, title, chosen, samples, note)
+    return Shot(camera, pixels, scale, upright, title, chosen, samples, note)
 
 
 def expose(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
     """The picture of one frame with its legend, (height, width, 3) uint8."""
-    return add_legend(expose_bare(shot, surfaces), shot.half_range, shot.title)
+    return add_legend(expose_bare(shot, surfaces), shot.scale, shot.title)
 
 
 def expose_bare(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
@@ -121,7 +122,7 @@ def expose_bare(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
         from clothsim.render.vtk_scene import render
     else:
         from clothsim.render.ray_caster import render
-    made = looks(surfaces, shot.half_range)
+    made = looks(surfaces, shot.scale)
     seen = render(made, shot.camera, shot.size, shot.up, shot.samples)
     behind = backdrop(made, shot.camera, shot.size, shot.up)
     return np.asarray(seen[:, :, :3] + (1 - seen[:, :, 3:]) * behind)
@@ -147,6 +148,16 @@ def choose_renderer(renderer: str) -> tuple[str, str]:
     return "ray", f"Drawn by ray casting, as {missing}."
 
 
+def _scale(colour: str | Quantity, cloths: Sequence[Surface]) -> Scale | None:
+    """The colours that suit all `cloths`; None where they are plain."""
+    if isinstance(colour, Quantity) and colour.log_stretch:
+        return stretch_scale([cloth.values for cloth in cloths], colour.name)
+    if isinstance(colour, Quantity):
+        return sequential_scale(colour, [cloth.values for cloth in cloths])
+    logs = [log_stretch(cloth.principal_stretches) for cloth in cloths]
+    return stretch_scale(logs) if colour == "stretch" and any(len(part) for part in logs) else None
+
+
 def _check(surface: Surface) -> None:
     name = surface.name
     as_points(f"{name} positions", surface.positions)
@@ -158,6 +169,8 @@ def _check(surface: Surface) -> None:
     stretches = as_points(f"{name} principal_stretches", surface.principal_stretches, 2)
     if len(stretches) not in (0, len(surface.triangles)):
         raise InputError(f"{name}: {len(stretches)} principal_stretches for {len(surface.triangles)} triangles.")
+    if len(surface.values) not in (0, len(surface.positions)):
+        raise InputError(f"{name}: {len(surface.values)} values for {len(surface.positions)} vertices.")
 
 
 def _direction(name: str, values: ArrayLike | str) -> Floats:

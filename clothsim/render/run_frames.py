@@ -1,6 +1,6 @@
 """Frames of a run as surfaces to draw."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import overload
 
 import numpy as np
@@ -41,10 +41,12 @@ def state_surfaces(world: World, x: Floats, stretches: Floats) -> list[Surface]:
 
 
 class Frames(Sequence[list[Surface]]):
-    """All frames of a run, each read when it is asked for."""
+    """All frames of a run, each read when it is asked for; surfaces_of: the surfaces of a frame."""
 
-    def __init__(self, trajectory: Trajectory) -> None:
-        self._trajectory = trajectory
+    def __init__(
+        self, trajectory: Trajectory, surfaces_of: Callable[[Trajectory, int], list[Surface]] = frame_surfaces
+    ) -> None:
+        self._trajectory, self._surfaces_of = trajectory, surfaces_of
 
     def __len__(self) -> int:
         return len(self._trajectory.times)
@@ -57,10 +59,10 @@ class Frames(Sequence[list[Surface]]):
 
     def __getitem__(self, frame: int | slice) -> list[Surface] | list[list[Surface]]:
         if isinstance(frame, slice):
-            return [frame_surfaces(self._trajectory, k) for k in range(*frame.indices(len(self)))]
+            return [self._surfaces_of(self._trajectory, k) for k in range(*frame.indices(len(self)))]
         if not -len(self) <= frame < len(self):
             raise IndexError(frame)
-        return frame_surfaces(self._trajectory, frame)
+        return self._surfaces_of(self._trajectory, frame)
 
 
 def _stretches(trajectory: Trajectory, frame: int) -> Floats:

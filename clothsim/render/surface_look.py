@@ -1,13 +1,15 @@
 """Surface appearance without lighting: corner normals, and colours of both sides."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from clothsim.arrays import Floats, Ints
-from clothsim.render.colormap import log_stretch, per_vertex, stretch_colours
+from clothsim.render.colormap import log_stretch, per_vertex
+from clothsim.render.colour_scale import Scale
+from clothsim.render.strokes import INK, ribbons
 
 BODY_GREY = np.array([0.70, 0.70, 0.71])
 _FABRICS = np.array([[0.46, 0.60, 0.72], [0.80, 0.63, 0.45], [0.56, 0.68, 0.55], [0.72, 0.55, 0.62]])
@@ -20,7 +22,8 @@ class Surface:
     """One cloth or body at one time.
 
     positions: (n, 3) [m]; triangles: (m, 3); role: "cloth" or "body"; principal_stretches: (m, 2), or empty (0, 2)
-    where they are not known, which draws the cloth in its plain colour.
+    where they are not known, which draws the cloth in its plain colour; values: (n,) that colour the cloth instead, or
+    empty; strokes: (k, 2, 2, 3) ends of crosses drawn on it [m], `spacing` [m] apart.
     """
 
     name: str
@@ -28,6 +31,9 @@ class Surface:
     triangles: Ints
     role: str
     principal_stretches: Floats
+    values: Floats = field(default_factory=lambda: np.zeros(0))
+    strokes: Floats = field(default_factory=lambda: np.zeros((0, 2, 2, 3)))
+    spacing: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -40,8 +46,8 @@ class Look:
     back: Floats
 
 
-def looks(surfaces: Sequence[Surface], half_range: float) -> list[Look]:
-    """The look of each surface; cloth coloured by its stretch within `half_range` of log l, plain where that is 0."""
+def looks(surfaces: Sequence[Surface], scale: Scale | None) -> list[Look]:
+    """The look of each surface and of the strokes on it; cloth by its values or else its log l, plain without scale."""
     made, n_cloths = [], 0
     for surface in surfaces:
         corners = surface.positions[surface.triangles]
@@ -49,15 +55,26 @@ def looks(surfaces: Sequence[Surface], half_range: float) -> list[Look]:
             paint = np.broadcast_to(BODY_GREY, corners.shape)
             made.append(Look(corners, creased_normals(surface.positions, surface.triangles), paint, paint))
             continue
-        if half_range > 0 and len(surface.principal_stretches):
-            logs = per_vertex(log_stretch(surface.principal_stretches), surface.positions, surface.triangles)
-            front = stretch_colours(logs, half_range)[surface.triangles]
+        values = _values(surface)
+        if scale is not None and len(values):
+            front = scale.colours(values)[surface.triangles]
         else:
             front = np.broadcast_to(_FABRICS[n_cloths % len(_FABRICS)], corners.shape)
         n_cloths += 1
         normals = vertex_normals(surface.positions, surface.triangles)[surface.triangles]
         made.append(Look(corners, normals, front, front * _BACK))
+        if len(surface.strokes):
+            corners, normals = ribbons(surface.strokes, surface.spacing)
+            paint = np.broadcast_to(INK, corners.shape)
+            made.append(Look(corners, normals, paint, paint))
     return made
+
+
+def _values(surface: Surface) -> Floats:
+    """The numbers at the vertices (n,) that colour a cloth; none where they are not known."""
+    if len(surface.values) or not len(surface.principal_stretches):
+        return surface.values
+    return per_vertex(log_stretch(surface.principal_stretches), surface.positions, surface.triangles)
 
 
 def vertex_normals(positions: Floats, triangles: Ints) -> Floats:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy
-from clothsim.energies.protocols import restricted
+from clothsim.energies.protocols import is_idle, restricted
 from clothsim.errors import InputError
 from clothsim.kinematics.deformation_gradient import deformation_gradients
 from clothsim.kinematics.kabsch_frames import vertex_frames as kabsch_frames
@@ -26,6 +26,9 @@ from clothsim.mesh.topology import vertex_rings
 from clothsim.mesh.world import World
 
 CONTACTS = ("body_contact", "self_contact")
+
+BLOCK = 64
+"""Triangles whose energies are taken from one restriction of the membrane."""
 
 
 @runtime_checkable
@@ -68,6 +71,32 @@ class Configuration:
 
 
 @dataclass(frozen=True)
+class Scalar:
+    """One number per row of a field, for a colour map.
+
+    Parameters
+    ----------
+    compute : function of the values
+        (k, ...) to (k,).
+    name : str
+        "norm", "angle"; "" where it is the field itself.
+    unit : str, optional
+        None where it is that of the field.
+    stretch : bool
+        True for positive numbers about 1, which a picture shows by their logarithm.
+    """
+
+    compute: Callable[[Floats], Floats]
+    name: str = ""
+    unit: str | None = None
+    stretch: bool = False
+
+    def __call__(self, values: Floats) -> Floats:
+        """The numbers of the rows `values`."""
+        return self.compute(values)
+
+
+@dataclass(frozen=True)
 class Field:
     """A named field of the cloth.
 
@@ -81,7 +110,7 @@ class Field:
         The quantity, in a few words.
     compute : function of a Configuration
         The values, `(m, ...)` or `(n, ...)`.
-    scalar : function of the values
+    scalar : Scalar
         One number per triangle or vertex, for a colour map.
     """
 
@@ -89,7 +118,7 @@ class Field:
     unit: str
     meaning: str
     compute: Callable[[Configuration], NDArray[np.floating]]
-    scalar: Callable[[Floats], Floats]
+    scalar: Scalar
 
 
 def field(name: str, configuration: Configuration) -> NDArray[np.floating]:
@@ -158,17 +187,17 @@ def energy_density(at: Configuration) -> Floats:
     """Membrane energy per reference area [J/m2], (m,)."""
     membrane, rows, x = _separate_triangles(at)
     values = np.zeros(len(at.world.triangles))
-    corners = np.zeros(len(x), bool)
-    for k, row in enumerate(rows):
-        corners[3 * k : 3 * k + 3] = True
-        values[row] = restricted(membrane, corners, x).value(x)
-        corners[3 * k : 3 * k + 3] = False
+    # In two levels, as each restriction looks at all triangles of what it restricts.
+    for block in np.array_split(np.arange(len(rows)), max(1, len(rows) // BLOCK)):
+        part = restricted(membrane, _corners_of(block, len(x)), x)
+        for k in block:
+            values[rows[k]] = restricted(part, _corners_of(k, len(x)), x).value(x)
     return values / at.world.rest_areas
 
 
 def contact_pressure(at: Configuration) -> Floats:
     """Force of the barriers on a vertex over its reference area [Pa], (n,)."""
-    contacts = [at.energies[name] for name in CONTACTS if name in at.energies]
+    contacts = [at.energies[name] for name in CONTACTS if name in at.energies and not is_idle(at.energies[name])]
     if not at.bound:
         raise InputError(
             "contact_pressure needs the contact stiffness of the step.",
@@ -195,6 +224,13 @@ def _separate_triangles(at: Configuration) -> tuple[Energy, Ints, Floats]:
     return separate, rows, np.ascontiguousarray(at.x[triangles.ravel()])
 
 
+def _corners_of(triangles: Ints, count: int) -> NDArray[np.bool_]:
+    """True at the corners of some of the separate triangles, (count,)."""
+    corners = np.zeros((count // 3, 3), bool)
+    corners[triangles] = True
+    return corners.ravel()
+
+
 def _norm(values: Floats) -> Floats:
     return np.sqrt((values.reshape(len(values), -1) ** 2).sum(axis=1))
 
@@ -204,29 +240,31 @@ def _angle(rotations: Floats) -> Floats:
     return np.arccos(np.clip((np.trace(rotations, axis1=1, axis2=2) - 1) / 2, -1.0, 1.0))
 
 
-def _itself(values: Floats) -> Floats:
-    return values
-
-
 def _largest(values: Floats) -> Floats:
     """The stretch furthest from 1 in |log l|."""
     logs = np.abs(np.log(np.maximum(values, 1e-6)))
     return np.take_along_axis(values, logs.argmax(axis=1)[:, None], axis=1)[:, 0]
 
 
+NORM, ANGLE, ITSELF = Scalar(_norm, "norm"), Scalar(_angle, "angle", "rad"), Scalar(lambda values: values)
+FARTHEST = Scalar(_largest, "farthest from 1", stretch=True)
+MEAN_STRETCH = Scalar(lambda values: _norm(values) / np.sqrt(2), "mean stretch", stretch=True)
+"""Root mean square of the two principal stretches: |F| / sqrt 2, 1 at rest."""
+
+
 FIELDS: Mapping[str, Field] = {
-    "deformation_gradient": Field("triangle", "", "F (3x2), material plane to space", lambda at: at.F, _norm),
-    "rotation": Field("triangle", "", "R3 (3x3) of F = R U", lambda at: at.stretch.R3, _angle),
-    "right_stretch": Field("triangle", "", "U (2x2) of F = R U", lambda at: at.stretch.U, _norm),
-    "principal_stretches": Field("triangle", "", "l1 >= l2", lambda at: at.stretch.principal_stretches, _largest),
+    "deformation_gradient": Field("triangle", "", "F (3x2), material plane to space", lambda at: at.F, MEAN_STRETCH),
+    "rotation": Field("triangle", "", "R3 (3x3) of F = R U", lambda at: at.stretch.R3, ANGLE),
+    "right_stretch": Field("triangle", "", "U (2x2) of F = R U", lambda at: at.stretch.U, MEAN_STRETCH),
+    "principal_stretches": Field("triangle", "", "l1 >= l2", lambda at: at.stretch.principal_stretches, FARTHEST),
     "principal_directions": Field(
-        "triangle", "", "unit columns w1, w2 (3x2) in space", lambda at: at.stretch.spatial_directions, _norm
+        "triangle", "", "unit columns w1, w2 (3x2) in space", lambda at: at.stretch.spatial_directions, NORM
     ),
-    "compression": Field("triangle", "", "max(0, 1 - l2), the wrinkle field", compression, _itself),
-    "thickness": Field("triangle", "m", "thickness of the stretched sheet", thickness, _itself),
-    "vertex_frames": Field("vertex", "", "Kabsch rotations (3x3) of the vertex rings", vertex_frames, _angle),
-    "stress": Field("triangle", "N/m", "first Piola-Kirchhoff membrane stress (3x2)", stress, _norm),
-    "energy_density": Field("triangle", "J/m2", "membrane energy per reference area", energy_density, _itself),
-    "contact_pressure": Field("vertex", "Pa", "contact force over reference area", contact_pressure, _itself),
+    "compression": Field("triangle", "", "max(0, 1 - l2), the wrinkle field", compression, ITSELF),
+    "thickness": Field("triangle", "m", "thickness of the stretched sheet", thickness, ITSELF),
+    "vertex_frames": Field("vertex", "", "Kabsch rotations (3x3) of the vertex rings", vertex_frames, ANGLE),
+    "stress": Field("triangle", "N/m", "first Piola-Kirchhoff membrane stress (3x2)", stress, NORM),
+    "energy_density": Field("triangle", "J/m2", "membrane energy per reference area", energy_density, ITSELF),
+    "contact_pressure": Field("vertex", "Pa", "contact force over reference area", contact_pressure, ITSELF),
 }
 """THE table of fields."""

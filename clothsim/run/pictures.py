@@ -10,25 +10,34 @@ from clothsim.errors import InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.io.trajectory import Trajectory
 from clothsim.mesh.world import World
+from clothsim.run.field_pictures import Drawing
 from clothsim.scene.scene import scene_from_text
 
 PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "movie.gif", "failure.png"
 
 
-def draw_frame(trajectory: Trajectory, target: Path, frame: int = -1, **settings: Any) -> str:
-    """Write a PNG of one frame; returns the line that names the renderer. settings: as of `render.picture.draw`."""
+def draw_frame(
+    trajectory: Trajectory, target: Path, frame: int = -1, surfaces_of: Drawing | None = None, **settings: Any
+) -> str:
+    """Write a PNG of one frame; returns the line that names the renderer.
+
+    surfaces_of: in place of the usual surfaces of a frame; settings: as of `render.picture.draw`.
+    """
     from clothsim.render.picture import draw
     from clothsim.render.run_frames import frame_surfaces
 
-    return draw(target, frame_surfaces(trajectory, frame), title=_title(trajectory, frame), **settings)
+    surfaces = (surfaces_of or frame_surfaces)(trajectory, frame)
+    return draw(target, surfaces, title=_title(trajectory, frame), **settings)
 
 
-def frame_picture(trajectory: Trajectory, frame: int = -1, **settings: Any) -> np.ndarray:
-    """The picture of one frame, (height, width, 3) uint8."""
+def frame_picture(
+    trajectory: Trajectory, frame: int = -1, surfaces_of: Drawing | None = None, **settings: Any
+) -> np.ndarray:
+    """The picture of one frame, (height, width, 3) uint8; arguments as of `draw_frame`."""
     from clothsim.render.picture import expose, take_aim
     from clothsim.render.run_frames import frame_surfaces
 
-    surfaces = frame_surfaces(trajectory, frame)
+    surfaces = (surfaces_of or frame_surfaces)(trajectory, frame)
     given = {"size": (1280, 960), "colour": "stretch", "view": "auto", "renderer": "auto", **settings}
     return expose(take_aim([surfaces], title=_title(trajectory, frame), **given), surfaces)
 
@@ -37,16 +46,17 @@ def draw_movie(
     trajectory: Trajectory,
     target: Path,
     progress: Callable[[int, int], None] = lambda done, total: None,
+    surfaces_of: Drawing | None = None,
     **settings: Any,
 ) -> str:
     """Write a movie of all frames, in real time unless a rate is given; returns the line that names the renderer."""
     from clothsim.render.movie import movie
-    from clothsim.render.run_frames import Frames
+    from clothsim.render.run_frames import Frames, frame_surfaces
 
     times = trajectory.times
     if "frames_per_second" not in settings and len(times) > 1:
         settings["frames_per_second"] = (len(times) - 1) / (times[-1] - times[0])
-    return movie(target, Frames(trajectory), progress=progress, **settings)
+    return movie(target, Frames(trajectory, surfaces_of or frame_surfaces), progress=progress, **settings)
 
 
 def draw_failure(directory: Path, failure: dict[str, Any], world: World, target: Path, up: Any) -> str:

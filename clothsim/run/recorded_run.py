@@ -5,6 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 
+import numpy as np
+from numpy.typing import NDArray
+
 from clothsim.build.scene_world import Built
 from clothsim.energies.protocols import is_driven
 from clothsim.errors import InputError
@@ -12,6 +15,8 @@ from clothsim.io.checkpoint import CHECKPOINT_NAME, write_checkpoint
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
 from clothsim.io.run_surfaces import world_surfaces
 from clothsim.io.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
+from clothsim.io.vtkhdf import STRETCHES, FrameArray
+from clothsim.run.fields import FIELDS, Configuration, field
 from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session
 from clothsim.run.simulation_state import SimulationState, state_after
@@ -54,11 +59,12 @@ class _Output:
     record: RecordWriter
     check: IntersectionCheck
 
-    def frame(self, state: State) -> None:
-        """Append the state to the trajectory."""
+    def frame(self, state: State, report: StepReport | None = None) -> None:
+        """Append the state to the trajectory; report: of the step that ended there."""
         world = self.session.built.world
         stretches = world_stretches(world, state.positions)
-        self.trajectory.append(state.time, state.positions + world.origin, stretches)
+        fields = _written_fields(self.session, state, report)
+        self.trajectory.append(state.time, state.positions + world.origin, stretches, fields)
 
     def save(self, state: State, certificate: Certificate) -> None:
         """Write the checkpoint."""
@@ -82,11 +88,15 @@ def recorded_run(
     formula = session.integrator.formula
     certificate = replace(certificate, moved_by_script=scripted, formula=formula, asked=asked)
     check = intersection_check_of(surfaces, session.scene.effects, session.built.energies)
+    arrays = [
+        FrameArray(name, FIELDS[name].location, values.shape[1:])
+        for name, values in _written_fields(session, state, None).items()
+    ]
     kept = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
     if not resumed:
         _remove(directory / SUMMARY_NAME)
     with (
-        TrajectoryWriter(directory / TRAJECTORY_NAME, surfaces, resume_at=kept) as trajectory,
+        TrajectoryWriter(directory / TRAJECTORY_NAME, surfaces, resume_at=kept, fields=arrays) as trajectory,
         RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed else None) as record,
     ):
         _remove(directory / SUMMARY_NAME)  # of a resumed run only here: one that cannot continue keeps its summary
@@ -138,7 +148,7 @@ def _stepped(
         if not report.frame_done:
             continue
         with timers.phase("output"):
-            output.frame(state)
+            output.frame(state, report)
         with timers.phase("certificate"):
             found = output.check.crossings(state.positions)
         if found:
@@ -150,6 +160,21 @@ def _stepped(
         with timers.phase("output"):
             output.save(state, certificate)
     return state, certificate, None
+
+
+def _written_fields(session: Session, state: State, report: StepReport | None) -> dict[str, NDArray[np.floating]]:
+    """The fields of a frame that the scene asks for, in the order of the table.
+
+    Without the report of a step the contact pressure is zero: contact has its stiffness from a step.
+    """
+    world, asked = session.built.world, set(session.scene.run_settings.fields) - {STRETCHES.name}
+    energies = session.built.energies if report is None else report.potential.energies
+    at = Configuration(world, state.positions, energies, bound=report is not None)
+    return {
+        name: np.zeros(world.n_cloth) if report is None and name == "contact_pressure" else field(name, at)
+        for name in FIELDS
+        if name in asked
+    }
 
 
 def _frames_until(path: Path, time: float) -> int | None:

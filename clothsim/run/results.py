@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from html import escape
 from pathlib import Path
-from typing import Any, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,12 @@ from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
 from clothsim.io.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
+from clothsim.run.field_pictures import field_settings
 from clothsim.run.pictures import PICTURE_NAME, draw_frame, draw_movie, frame_picture, upright
+
+if TYPE_CHECKING:
+    from clothsim.build.scene_world import Built
+    from clothsim.run.fields import Configuration
 
 _INTERRUPTED = {"status": "interrupted", "reason": "The run was stopped before its end, or is still going."}
 
@@ -168,13 +173,75 @@ class Run(Sequence[Frame]):
         """The principal stretches of the triangles in a frame, (m, 2); InputError where none were written."""
         return self.trajectory.stretches(frame)
 
+    def field(self, name: str, frame: int = -1) -> NDArray[np.floating]:
+        """Values of a field in a frame: those that the run wrote, else computed from the positions.
+
+        Parameters
+        ----------
+        name : str
+            "deformation_gradient", "rotation", "right_stretch", "principal_stretches", "principal_directions",
+            "compression", "thickness", "vertex_frames", "stress", "energy_density" or "contact_pressure".
+        frame : int
+            Its number; negative ones count from the end.
+
+        Returns
+        -------
+        ndarray
+            (m, ...) for a field of the triangles, (n, ...) for one of the vertices, in SI units; float32 where the run
+            wrote it (``run.fields`` of the scene), else float64.
+
+        Raises
+        ------
+        InputError
+            For an unknown name, for "contact_pressure" where the run did not write it, or where the scene in the
+            checkpoint cannot be built again.
+
+        Examples
+        --------
+        >>> import clothsim
+        >>> cloth = clothsim.Cloth([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], fabric="denim")
+        >>> effects = [clothsim.Inertia(), clothsim.Membrane()]
+        >>> settings = clothsim.RunSettings(duration=0.04, fields=["stress"])
+        >>> run = clothsim.simulate(clothsim.Scene(cloth, effects=effects, run=settings))
+        >>> run.field("stress").shape, run.field("thickness", frame=0)
+        ((1, 3, 2), array([0.00062308]))
+        """
+        from clothsim.run.fields import field, known_field
+
+        known_field(name)
+        if name in self.trajectory.fields:
+            return self.trajectory.field(name, frame)
+        return field(name, self._configuration(frame))
+
+    def _configuration(self, frame: int) -> "Configuration":
+        """The world at the positions of a frame."""
+        from clothsim.run.fields import Configuration
+
+        positions, world = self.positions(frame), self._built.world
+        if not np.array_equal(self.triangles, world.triangles):
+            raise InputError(f"{self.directory} has another mesh than its scene.", "Restore the mesh files.")
+        x = world.start()
+        x[: len(positions)] = positions - world.origin
+        return Configuration(world, x, self._built.energies)
+
+    @cached_property
+    def _built(self) -> "Built":
+        """The scene of the checkpoint, built once for all fields."""
+        from clothsim.build.scene_world import build
+        from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+        from clothsim.scene.scene import scene_from_text
+
+        return build(scene_from_text(read_checkpoint(self.directory / CHECKPOINT_NAME).scene_text, self.directory))
+
     def record(self) -> list[dict[str, Any]]:
         """The entries of the record, one a step; none where the run kept no record."""
         path = self.directory / RECORD_NAME
         return read_record(path) if path.is_file() else []
 
-    def plot(self, frame: int = -1, path: str | Path | None = None, **settings: Any) -> np.ndarray | Path:
-        """Draw one frame, coloured by its stretch.
+    def plot(
+        self, frame: int = -1, path: str | Path | None = None, field: str | None = None, **settings: Any
+    ) -> np.ndarray | Path:
+        """Draw one frame, coloured by its stretch or by another field.
 
         Parameters
         ----------
@@ -182,6 +249,8 @@ class Run(Sequence[Frame]):
             Its number; negative ones count from the end.
         path : str or Path, optional
             A PNG file to be written.
+        field : str, optional
+            A name as of `field`; tensors are drawn by their norm, rotations by their angle, directions as strokes.
         **settings
             size (width, height) in pixels, colour "stretch" or "plain", up and view as (3,) directions, renderer
             "vtk", "ray" or "auto".
@@ -191,14 +260,18 @@ class Run(Sequence[Frame]):
         ndarray or Path
             The picture, (height, width, 3) uint8; with `path` that file.
         """
-        given = {"up": upright(self.directory), **settings}
+        given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
         if path is None:
             return frame_picture(self.trajectory, frame, **given)
         draw_frame(self.trajectory, Path(path), frame, **given)
         return Path(path)
 
     def movie(
-        self, path: str | Path, progress: Callable[[int, int], None] = lambda done, total: None, **settings: Any
+        self,
+        path: str | Path,
+        progress: Callable[[int, int], None] = lambda done, total: None,
+        field: str | None = None,
+        **settings: Any,
     ) -> Path:
         """Write a movie of all frames, in real time unless a rate is given.
 
@@ -208,6 +281,8 @@ class Run(Sequence[Frame]):
             A file that ends in .mp4 or .gif.
         progress : callable, optional
             Called with the frames drawn and all frames after each of them.
+        field : str, optional
+            As of `plot`.
         **settings
             As of `plot`, and frames_per_second.
 
@@ -218,8 +293,12 @@ class Run(Sequence[Frame]):
         """
         target = Path(path)
         target.unlink(missing_ok=True)
-        draw_movie(self.trajectory, target, progress, **{"up": upright(self.directory), **settings})
+        given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
+        draw_movie(self.trajectory, target, progress, **given)
         return target if target.is_file() else target.with_suffix(".gif")
+
+    def _field_settings(self, field: str | None) -> dict[str, Any]:
+        return {} if field is None else field_settings(self, field)
 
 
 def open_run(path: str | Path) -> Run:

@@ -6,7 +6,8 @@ from math import nan
 from pathlib import Path
 from typing import Any
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from clothsim.arrays import Floats
 from clothsim.build.scene_world import build
@@ -15,6 +16,7 @@ from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_check
 from clothsim.io.run_surfaces import world_surfaces
 from clothsim.run.archive import refuse_functions
 from clothsim.run.changes import body_at, body_rows, driven, new_pins, pinned_rows, pins_at, with_effect, with_fabric
+from clothsim.run.fields import Configuration, field
 from clothsim.run.hand_motions import HandMotions, hand_motions_from, pin_groups
 from clothsim.run.session import Session, prepare, refuse_leaps
 from clothsim.run.simulation_state import SimulationState, starting_state, state_after
@@ -103,6 +105,7 @@ class Simulation:
     def _begin(self, session: Session, state: State, by_hand: HandMotions) -> None:
         self._session, self._state, self._by_hand = session, state, by_hand
         self.state: SimulationState = starting_state(session.built.world, state)
+        self._configuration = Configuration(session.built.world, state.positions, session.built.energies)
         self.failure: Failure | None = None
 
     def __repr__(self) -> str:
@@ -153,8 +156,40 @@ class Simulation:
             self.failure = self._intersection(report.state, report.dt)
         if self.failure is not None:
             raise SimulationError(self.failure)
-        self._state, self.state = report.state, state_after(self._session.built.world, report)
+        world, energies = self._session.built.world, report.potential.energies
+        self._state, self.state = report.state, state_after(world, report)
+        self._configuration = Configuration(world, report.state.positions, energies, bound=True)
         return self.state
+
+    def field(self, name: str) -> NDArray[np.floating]:
+        """Values of a field at the end of the last step.
+
+        Parameters
+        ----------
+        name : str
+            As of `Run.field`.
+
+        Returns
+        -------
+        ndarray
+            (m, ...) for a field of the triangles, (n, ...) for one of the vertices, in SI units.
+
+        Raises
+        ------
+        InputError
+            For an unknown name, or for "contact_pressure" before the first step.
+
+        Examples
+        --------
+        >>> import clothsim
+        >>> cloth = clothsim.Cloth([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]], velocity=[0, 0, 1])
+        >>> scene = clothsim.Scene(cloth, effects=[clothsim.Inertia(), clothsim.Membrane()])
+        >>> simulation = clothsim.Simulation(scene)
+        >>> state = simulation.step()
+        >>> simulation.field("principal_stretches").round(9), simulation.field("contact_pressure")
+        (array([[1., 1.]]), array([0., 0., 0.]))
+        """
+        return field(name, self._configuration)
 
     def _intersection(self, state: State, dt: float) -> Failure | None:
         """The failure of a frame that intersects where contact should have prevented it."""
@@ -323,6 +358,7 @@ class Simulation:
         other = object.__new__(Simulation)
         other._session, other._state, other._by_hand = self._session, self._state, self._by_hand
         other.state, other.failure = self.state, self.failure
+        other._configuration = self._configuration
         return other
 
     def save(self, path: str | Path) -> None:

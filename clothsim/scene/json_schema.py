@@ -110,6 +110,8 @@ def _array(entry: Any, key: Key) -> dict[str, Any]:
     if entry in (float, int):
         length = {"minItems": key.length, "maxItems": key.length} if key.length else {}
         return {"type": "array", "items": _type(entry, key), **length}
+    if words := choices(entry):
+        return {"type": "array", "items": {"enum": list(words)}}
     if key.tables and collections.abc.Mapping in [get_origin(part) for part in members(entry)]:
         return {"type": "array", "items": _nested(key.tables[0])}
     return {"type": "array"}

@@ -139,6 +139,12 @@ def choices(annotation: Any) -> tuple[str, ...]:
     return tuple(word for part in parts for word in get_args(part))
 
 
+def listed_choices(annotation: Any) -> tuple[str, ...]:
+    """The words of a key that takes a list of them."""
+    lists = (get_args(part)[0] for part in members(annotation) if get_origin(part) is Sequence)
+    return tuple(word for entry in lists for word in choices(entry))
+
+
 def type_in_words(annotation: Any, key: Key) -> str:
     """The type of a value: "number", "3 numbers", '"right" | "delaunay"', "list of tables"."""
     for alias, words in _WORDS:
@@ -154,10 +160,12 @@ def type_in_words(annotation: Any, key: Key) -> str:
 def _one_in_words(part: Any, key: Key) -> str:
     origin = get_origin(part) or part
     if origin is Sequence:
+        if words := listed_choices(part):
+            return "list of " + " | ".join(f'"{word}"' for word in words)
         entries = {int: "whole numbers", float: "numbers"}.get(get_args(part)[0], "tables" if key.tables else "rows")
         return f"{key.length} {entries}" if key.length else f"list of {entries}"
-    words = {float: "number", int: "whole number", bool: "true or false", str: "text", Mapping: "table"}
-    return words.get(origin, "function" if origin is Callable else "")
+    kinds = {float: "number", int: "whole number", bool: "true or false", str: "text", Mapping: "table"}
+    return kinds.get(origin, "function" if origin is Callable else "")
 
 
 def _is_pipe(annotation: Any) -> bool:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
 from clothsim.errors import InputError
 from clothsim.scene.key_table import KeyTable
@@ -65,9 +65,23 @@ class Contact(KeyTable):
     ] = "auto"
 
 
+FieldName: TypeAlias = Literal[
+    "deformation_gradient", "rotation", "right_stretch", "principal_stretches", "principal_directions", "compression",
+    "thickness", "vertex_frames", "stress", "energy_density", "contact_pressure",
+]  # fmt: skip
+"""Names of the fields that a run can write; `clothsim.run.fields.FIELDS` has their formulas."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class RunSettings(KeyTable):
-    """Duration and frame rate: the section [run]."""
+    """Duration, frame rate and fields of the frames: the section [run].
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> clothsim.RunSettings(duration=0.5, fields=["thickness", "stress"]).as_table()
+    {'duration': 0.5, 'fields': ['thickness', 'stress']}
+    """
 
     section: ClassVar[str] = "run"
 
@@ -75,6 +89,9 @@ class RunSettings(KeyTable):
         float, Key("Simulated time; a quasi-static run steps its loads over it", "s", above=0)
     ] = 2.0  # fmt: skip
     frames_per_second: Annotated[float, Key("Frames written for each simulated second", "1/s", above=0)] = 25.0
+    fields: Annotated[
+        Sequence[FieldName], Key("Fields written with each frame, beside the positions and the principal stretches")
+    ] = ()
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,6 +1,5 @@
 """Checks of a scene's values against the schema: type, range, choices, and the keys of nested tables."""
 
-import difflib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, get_args, get_origin
@@ -8,7 +7,7 @@ from typing import Any, get_args, get_origin
 import numpy as np
 
 from clothsim.errors import InputError
-from clothsim.scene.keys import refuse_unknown, shown, table
+from clothsim.scene.keys import nearest, refuse_unknown, shown, table
 from clothsim.scene.schema import FUNCTION, SceneKey, choices, keys_of, members, type_in_words
 
 MOST = 10**6
@@ -107,9 +106,12 @@ def _word(where: str, value: str, known: SceneKey) -> str:
         return value
     if not words:
         raise _wrong_type(where, value, known)
-    close = difflib.get_close_matches(value, words, n=1, cutoff=0.5)
-    listed = f"Known: {type_in_words(known.annotation, known.key)}."
-    raise InputError(f"{where} is {value!r}.", f"Did you mean {close[0]!r}? {listed}" if close else listed)
+    raise _unknown_word(where, value, words, type_in_words(known.annotation, known.key))
+
+
+def _unknown_word(where: str, value: Any, words: Sequence[str], listed: str) -> InputError:
+    """The error for a value that is none of the choices, with the nearest of them."""
+    return InputError(f"{where} is {shown(value)}.", f"{nearest(value, words)} Known: {listed}.".strip())
 
 
 def _nested(where: str, value: Any, known: SceneKey) -> Any:
@@ -140,13 +142,17 @@ def _checked_kind(where: str, value: Mapping[str, Any], sections: tuple[type, ..
 
 
 def _entries(parts: tuple[Any, ...]) -> type | None:
-    """The type of the entries of a list of numbers; None where the list may be something else too."""
+    """The type of the entries of a list of numbers or words; None where the list may be something else too."""
     lists = [get_args(part)[0] for part in parts if get_origin(part) is Sequence]
-    return lists[0] if len(lists) == 1 and lists[0] in (int, float) else None
+    return lists[0] if len(lists) == 1 and (lists[0] in (int, float) or choices(lists[0])) else None
 
 
 def _each(where: str, values: Any, known: SceneKey, entry: type) -> None:
     """InputError unless a list has its length, and each entry its type and range."""
+    words = choices(entry)
+    for index, word in enumerate(values if words else ()):
+        if word not in words:
+            raise _unknown_word(f"{where}[{index}]", word, words, " | ".join(words))
     length, numbers = known.key.length, np.ndim(np.asarray(values, object))
     if length is None:
         return

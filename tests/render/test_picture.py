@@ -11,11 +11,13 @@ from clothsim.render import ray_caster
 from clothsim.render.backdrop import backdrop
 from clothsim.render.camera import Camera
 from clothsim.render.colormap import stretch_colours
+from clothsim.render.colour_scale import stretch_scale
 from clothsim.render.display import why_not_vtk
 from clothsim.render.picture import draw, take_aim
 from clothsim.render.surface_look import Surface, looks
 
 SIZE = (200, 150)
+STRETCH = stretch_scale([np.array([-0.1, 0.1])])
 DOWN = Camera(np.array([0.0, 0.0, 10.0]), np.eye(3), np.array([0.1, 0.1]))
 """Looks down on the square of side 2 about the origin."""
 
@@ -27,12 +29,12 @@ def renderer(request):
     return request.param
 
 
-def render(renderer, surfaces, camera, size, half_range=0.1):
+def render(renderer, surfaces, camera, size, scale=STRETCH):
     if renderer == "vtk":
         from clothsim.render import vtk_scene
 
-        return vtk_scene.render(looks(surfaces, half_range), camera, size, np.array([0.0, 0, 1]))
-    return ray_caster.render(looks(surfaces, half_range), camera, size, np.array([0.0, 0, 1]))
+        return vtk_scene.render(looks(surfaces, scale), camera, size, np.array([0.0, 0, 1]))
+    return ray_caster.render(looks(surfaces, scale), camera, size, np.array([0.0, 0, 1]))
 
 
 def aim(surfaces, **changed):
@@ -116,8 +118,8 @@ def test_a_cloth_shades_what_is_below_it():
 def test_the_floor_below_is_shaded_and_the_sky_is_not():
     surfaces = [sheet()]
     shot = aim(surfaces)
-    with_floor = backdrop(looks(surfaces, 0.1), shot.camera, SIZE, shot.up)
-    from_below = backdrop(looks(surfaces, 0.1), aim(surfaces, view=(0.3, 0.8, -0.4)).camera, SIZE, shot.up)
+    with_floor = backdrop(looks(surfaces, STRETCH), shot.camera, SIZE, shot.up)
+    from_below = backdrop(looks(surfaces, STRETCH), aim(surfaces, view=(0.3, 0.8, -0.4)).camera, SIZE, shot.up)
     assert (from_below - with_floor).max() > 0.1
     np.testing.assert_array_equal(with_floor[0], from_below[0])
 
@@ -138,7 +140,7 @@ def test_a_missing_ray_caster_is_named(tmp_path, monkeypatch):
 
 
 def test_an_unknown_stretch_is_drawn_plain():
-    assert aim([replace(sheet(), principal_stretches=NO_STRETCHES), ball()]).half_range == 0
+    assert aim([replace(sheet(), principal_stretches=NO_STRETCHES), ball()]).scale is None
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@ import numpy as np
 from meshes import grid
 from render_scenes import NO_STRETCHES, ball, sheet
 
+from clothsim.render.colour_scale import stretch_scale
 from clothsim.render.surface_look import BODY_GREY, Surface, creased_normals, looks, vertex_normals
 
 TENT = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0]], float)
@@ -41,7 +42,7 @@ def test_lone_vertices_and_empty_triangles_give_finite_normals():
 
 
 def test_the_back_of_a_cloth_is_darker_and_bodies_are_grey():
-    cloth, body = looks([sheet(), ball()], half_range=0.1)
+    cloth, body = looks([sheet(), ball()], scale=stretch_scale([np.array([0.1])]))
     assert (cloth.back < cloth.front).all()
     assert (cloth.front[..., 0] > cloth.front[..., 2]).all()  # stretched: red
     np.testing.assert_array_equal(body.front, np.broadcast_to(BODY_GREY, body.front.shape))
@@ -50,5 +51,5 @@ def test_the_back_of_a_cloth_is_darker_and_bodies_are_grey():
 def test_plain_cloths_differ_in_colour():
     first = sheet()
     second = Surface("other", first.positions, first.triangles, "cloth", NO_STRETCHES)
-    colours = [look.front[0, 0] for look in looks([first, second], half_range=0.0)]
+    colours = [look.front[0, 0] for look in looks([first, second], scale=None)]
     assert np.abs(colours[0] - colours[1]).max() > 0.1

@@ -1,5 +1,7 @@
 """Fields of homogeneous deformations against closed forms, for every entry of the table."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from clothsim.build.scene_world import build
 from clothsim.errors import InputError
 from clothsim.run.fields import FIELDS, Configuration, field
 from clothsim.scene.scene import Scene
+from clothsim.scene.settings import FieldName
 
 SHEAR = np.array([[1.1, 0.2], [0.0, 0.9], [0.3, 0.0]])
 MATERIALS = {
@@ -116,3 +119,7 @@ def test_a_field_that_cannot_be_is_refused_by_name():
         field("contact_pressure", at)
     with pytest.raises(InputError, match="pairs"):
         field("stress", stretched(sheet(elements="pairs"), SHEAR))
+
+
+def test_a_scene_can_ask_for_every_field():
+    assert get_args(FieldName) == tuple(FIELDS)

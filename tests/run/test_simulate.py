@@ -4,12 +4,13 @@ import ipctk
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from small_scenes import BALL, EFFECTS, SHEET, SOLVER, small_scene, without
+from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene, without
 
 from clothsim import InputError, open_run, resume, simulate
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME
 from clothsim.io.trajectory import TRAJECTORY_NAME
+from clothsim.run.fields import FIELDS
 
 FILES = {TRAJECTORY_NAME, RECORD_NAME, SUMMARY_NAME, CHECKPOINT_NAME}
 
@@ -160,6 +161,30 @@ def test_a_resumed_run_of_bdf2_has_the_bits_of_one_that_never_stopped(tmp_path, 
     assert np.array_equal(frames(resumed), frames(whole))
     assert resumed.summary["certificate"] == whole.summary["certificate"]
     assert never_intersects(whole)
+
+
+def test_a_resumed_run_writes_the_fields_of_one_that_never_stopped(run, tmp_path):
+    scene = small_scene(run=RUN | {"fields": list(FIELDS)})
+    whole = simulate(scene, tmp_path / "whole")
+    stopped_after(tmp_path / "stopped", scene, 5)
+    resumed = resume(tmp_path / "stopped")
+    assert np.array_equal(frames(whole), frames(run))
+    assert set(whole.trajectory.fields) == set(FIELDS)
+    assert set(run.trajectory.fields) == {"principal_stretches"}
+    for name in FIELDS:
+        for k in range(len(whole)):
+            values = whole.trajectory.field(name, k)
+            assert np.isfinite(values).all()
+            assert np.array_equal(resumed.trajectory.field(name, k), values)
+            if name == "contact_pressure":
+                with pytest.raises(InputError, match=r"run\.fields"):
+                    run.field(name, k)
+            else:  # computed from the positions of a run that did not write it
+                scale = max(1e-3, float(np.abs(values).max()))
+                np.testing.assert_allclose(run.field(name, k), values, rtol=1e-6, atol=1e-6 * scale)
+    assert np.array_equal(whole.field("stress", -2), whole.trajectory.field("stress", 3))
+    assert not whole.trajectory.field("contact_pressure", 0).any()
+    assert whole.trajectory.field("contact_pressure", -1).max() > 0
 
 
 @pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_scenes import BALL, EFFECTS, SHEET, SOLVER, small_scene
+from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene
 
 from clothsim import InputError, resume, simulate
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
+from clothsim.run.fields import FIELDS
 from clothsim.run.simulation import Simulation, SimulationError
 
 SKY = {"inertia": {}, "membrane": {}, "bending": {}, "gravity": {}, "air": {"wind": [1.0, 0.0, 0.0]}}
@@ -214,6 +215,23 @@ def test_a_run_can_be_gone_on_with_by_hand(tmp_path):
     for _ in whole:
         pass
     assert np.array_equal(end(simulation, 2), end(whole, 2))
+
+
+# --- fields ---------------------------------------------------------------------------------------------------------
+
+
+def test_fields_are_those_that_a_run_writes(tmp_path):
+    run = simulate(small_scene(run=RUN | {"fields": list(FIELDS)}), tmp_path)
+    simulation = Simulation(small_scene())
+    with pytest.raises(InputError, match="contact_pressure"):
+        simulation.field("contact_pressure")
+    *_, state = simulation
+    branch = simulation.branch()
+    simulation.step()
+    assert state.frame == len(run) - 1
+    for name in FIELDS:
+        assert np.array_equal(branch.field(name).astype(np.float32), run.field(name))
+    assert not np.array_equal(simulation.field("contact_pressure"), branch.field("contact_pressure"))
 
 
 # --- failures and mistakes ------------------------------------------------------------------------------------------

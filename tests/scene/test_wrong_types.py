@@ -60,3 +60,23 @@ def test_the_keys_of_an_effect(effect, key, value):
 def test_poisson_s_ratio_may_be_negative():
     world = built({"poisson_ratio": -0.5}).world
     assert world.cloths[0].fabric.poisson_ratio == -0.5
+
+
+@pytest.mark.parametrize(
+    ("fields", "where"),
+    [
+        ("thickness", "run.fields"),
+        (["stress", 3], r"run\.fields\[1\]"),
+        ({"stress": True}, "run.fields"),
+        (5, "run.fields"),
+    ],
+)
+def test_the_fields_of_a_run_are_a_list_of_names(fields, where):
+    with pytest.raises(InputError, match=where):
+        Scene(cloth=CLOTH, run={"fields": fields})
+
+
+def test_an_unknown_field_is_answered_with_the_nearest():
+    with pytest.raises(InputError, match=r"run\.fields\[0\]") as caught:
+        Scene(cloth=CLOTH, run={"fields": ["thikness"]})
+    assert "'thickness'" in caught.value.remedy
