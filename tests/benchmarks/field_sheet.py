@@ -19,16 +19,24 @@ from clothsim import Run, load_scene, open_run, simulate
 ROOT = Path(__file__).parents[2]
 FIELDS = ("stress", "principal_directions", "compression", "thickness", "energy_density", "contact_pressure")
 SCENE = ROOT / "scenes" / "shirt.toml"
-SIZE = (480, 360)
+SIZE = (600, 450)
+CELL = (slice(36, 340), slice(90, 600))
+"""Rows and columns of a picture of SIZE pixels that hold the shirt and the scale bar."""
 COLUMNS = 3
-COLOURS = 192
+COLOURS = 256
 
 
 def sheet(run: Run) -> Image.Image:
     """The last frame in each of FIELDS, in rows of COLUMNS."""
-    pictures = [np.asarray(run.plot(field=name, size=SIZE)) for name in FIELDS]
+    pictures = [np.asarray(run.plot(field=name, size=SIZE))[CELL] for name in FIELDS]
     rows = [np.concatenate(pictures[k : k + COLUMNS], axis=1) for k in range(0, len(pictures), COLUMNS)]
     return Image.fromarray(np.concatenate(rows))
+
+
+def in_few_colours(image: Image.Image) -> Image.Image:
+    """The image with a palette that holds its rare colours too, dithered."""
+    palette = image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE, kmeans=3)
+    return image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -40,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     with tempfile.TemporaryDirectory() as folder:
         scene = replace(load_scene(SCENE), run={"duration": 0.4, "fields": ["contact_pressure"]})
         run = simulate(scene, folder) if arguments.run is None else open_run(arguments.run)
-        sheet(run).quantize(COLOURS).save(arguments.output, optimize=True)
+        in_few_colours(sheet(run)).save(arguments.output, optimize=True)
     return 0
 
 
