@@ -125,7 +125,7 @@ class TrajectoryWriter:
         return {cloth.name: part for cloth, part in zip(cloths, np.split(values, ends[:-1]), strict=True)}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """The frames of a run, read on demand: times (k,) [s] and surfaces, cloths first."""
 
