@@ -37,8 +37,11 @@ def as_points(name: str, values: ArrayLike, dimension: int = 3) -> Floats:
 def as_triangles(name: str, values: ArrayLike, n_vertices: int) -> Ints:
     """Return `values` as (m, 3) int64 with entries in 0..n_vertices-1; InputError names the first bad row."""
     try:
-        raw = np.asarray(values)
-        triangles = np.ascontiguousarray(raw, dtype=np.int64)
+        raw = _plain(values)
+        if raw.dtype.kind == "b":
+            raise TypeError("they are truth values")
+        with np.errstate(invalid="ignore"):  # NaN: compared below
+            triangles = np.ascontiguousarray(raw, dtype=np.int64)
     except (ValueError, TypeError) as error:
         raise InputError(f"{name} must be whole numbers: {error}.") from error
     if raw.size and not np.array_equal(raw, triangles):
@@ -81,9 +84,19 @@ def as_count(name: str, value: int) -> int:
 
 def _as_floats(name: str, values: ArrayLike) -> Floats:
     try:
-        return np.asarray(values, dtype=np.float64)
+        return np.asarray(_plain(values), dtype=np.float64)
     except (ValueError, TypeError, OverflowError) as error:
         raise InputError(f"{name} must be numbers: {error}.") from error
+
+
+def _plain(values: ArrayLike) -> NDArray[np.generic]:
+    """An array of `values`; TypeError where a conversion would drop an imaginary part or a mask without a word."""
+    if np.ma.is_masked(values):
+        raise TypeError("some are masked")
+    array = np.asarray(values)
+    if array.dtype.kind == "c":
+        raise TypeError("they are complex")
+    return array
 
 
 def _finite(name: str, values: Floats) -> Floats:

@@ -97,3 +97,18 @@ def test_zero_only_where_allowed():
 def test_bad_positive_numbers(value):
     with pytest.raises(InputError, match="k must be"):
         as_positive("k", value, zero=True)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("values", [np.ones((2, 3), complex), np.ma.masked_equal([[0.0, 1.0, 2.0]], 1.0)])
+def test_what_a_conversion_would_drop_is_refused(values):
+    for check in (lambda: as_points("a", values), lambda: as_triangles("a", values, 9)):
+        with pytest.raises(InputError, match="a must be"):
+            check()
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("values", [np.ones((1, 3), bool), [[0.0, 1.0, np.nan]], [[0.0, 1.0, np.inf]]])
+def test_triangles_are_whole_numbers(values):
+    with pytest.raises(InputError, match="t must be whole numbers"):
+        as_triangles("t", values, 9)

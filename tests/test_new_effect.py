@@ -15,9 +15,10 @@ from import_graph import PACKAGE
 from small_scenes import SHEET, SOLVER, small_scene
 
 from clothsim import InputError, simulate
+from clothsim.build.scene_world import build
 from clothsim.cli import main
 from clothsim.run.receipt import explain_scene
-from clothsim.scene.effects import EFFECTS, register_effect
+from clothsim.scene.effects import EFFECTS, Effect, register_effect
 
 CLONE = Path(__file__).parent.parent
 PAGE = (CLONE / "docs" / "extending.md").read_text(encoding="utf-8")
@@ -142,6 +143,8 @@ def test_a_registered_effect_has_its_example_and_its_headline(folder):
         ("nothing", None),
         ("worldless", lambda *, strength=1.0: None),
         ("demanding", lambda world, strength: None),
+        ("unnamed", lambda world, *, strength: None),
+        ("unsigned", int),
     ],
 )
 def test_what_is_no_effect_is_not_registered(name, builder):
@@ -149,3 +152,10 @@ def test_what_is_no_effect_is_not_registered(name, builder):
     with pytest.raises(InputError, match=str(name)):
         register_effect(name, builder)
     assert before == EFFECTS
+
+
+@pytest.mark.parametrize("made", [None, 7, (1, 2), object()])
+def test_what_a_builder_returns_is_checked(monkeypatch, made):
+    monkeypatch.setitem(EFFECTS, "mistaken", Effect(lambda world: made, "a builder that returns no energy"))
+    with pytest.raises(InputError, match="mistaken"):
+        build(small_scene(effects={"inertia": {}, "mistaken": {}}))

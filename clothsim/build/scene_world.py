@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 from clothsim.build.array_files import with_arrays
 from clothsim.build.initial_positions import initial_positions
@@ -68,6 +69,11 @@ def build(scene: Scene) -> Built:
     >>> build(scene).world.n_cloth
     9
     """
+    if not isinstance(scene, Scene):
+        raise InputError(
+            f"A clothsim.Scene is needed, not a value of the type {type(scene).__name__}.",
+            'Load one with clothsim.load_scene("scene.toml"), or make it: clothsim.Scene(cloth=..., effects=...).',
+        )
     world, notes = _world(scene)
     return build_effects(scene, world, notes)
 
@@ -107,7 +113,7 @@ def build_effects(
             energies[name] = made
             notes.extend(f"{name}: {choice}." for choice in report_of(made).defaults_used())
         else:
-            world, constraints[name] = made
+            world, constraints[name] = _constrained(name, made)
     if not energies:
         raise InputError(
             "The scene has no effect that is on.", f"Write [effects.NAME], NAME one of {', '.join(EFFECTS)}."
@@ -115,6 +121,16 @@ def build_effects(
     refuse_unsupported(world, energies, constraints.values())
     dt = min(scene.solver_settings.longest_step, 1 / scene.run_settings.frames_per_second)
     return Built(world, energies, constraints, off, (*notes, *scene_warnings(world, energies, dt)))
+
+
+def _constrained(name: str, made: Any) -> tuple[World, Constraint]:
+    """The world and the constraint that a builder made. InputError where a builder of a user's own made neither."""
+    if isinstance(made, tuple) and len(made) == 2 and isinstance(made[0], World) and isinstance(made[1], Constraint):
+        return made
+    raise InputError(
+        f"The builder of effects.{name} returned a value of the type {type(made).__name__}.",
+        "Return an object of a subclass of clothsim.energies.base.Energy, or Off with a reason.",
+    )
 
 
 def _take_over(

@@ -156,7 +156,7 @@ def _row_count(cloth: Surface, array: FrameArray) -> int:
     return cloth.n_vertices if array.location == "vertex" else len(cloth.triangles)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """The frames of a run, read on demand: times (k,) [s] and surfaces, cloths first."""
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from clothsim.arrays import Floats, Ints, as_points
 from clothsim.build.meshes import FABRIC, fabric_of
 from clothsim.build.scene_world import Built, build_effects
+from clothsim.energies.protocols import BarrierGap
 from clothsim.errors import InputError
 from clothsim.mesh.motion import LaterMotion, motion_of
 from clothsim.mesh.world import World, make_world
@@ -49,6 +50,17 @@ def with_fabric(
     return prepared_again(session, scene, by_hand.applied(build_effects(scene, unclamped)))
 
 
+def refuse_infeasible(session: Session, before: Session, effect: str, state: State) -> None:
+    """InputError where a barrier that was made again is infinite at the state, which no step could leave."""
+    for name, energy in session.built.energies.items():
+        made_again = energy is not before.built.energies.get(name)
+        if made_again and isinstance(energy, BarrierGap) and not np.isfinite(energy.value(state.positions)):
+            raise InputError(
+                f"The cloth at {state.time:g} s does not satisfy effects.{name} with these keys of {effect}.",
+                "Choose a smaller offset or a larger limit, or change it in smaller steps.",
+            )
+
+
 def pins_at(built: Built, state: State, group: str, positions: ArrayLike) -> tuple[Ints, LaterMotion]:
     """The rows of x of a group and the motion that keeps them at `positions` (k, 3) [m] from the next step on."""
     rows = pinned_rows(built, group)
@@ -63,10 +75,15 @@ def new_pins(
 ) -> tuple[Ints, LaterMotion]:
     """The rows of x of a new group of pins and the motion that keeps them where they are."""
     world, groups = built.world, pin_groups(built)
+    if not isinstance(group, str) or not group:
+        raise InputError(f"The name of a group of pins must be a text, not {group!r}.", 'Write add_pins("hand", ...).')
     if group in {each.name for each in groups}:
         raise InputError(f"There is a group {group!r} of pins already.", "Choose another name.")
     part = world.cloth_slices[number_of("cloth", cloth, [each.name for each in world.cloths])]
-    own = np.unique(np.asarray(vertices))
+    try:
+        own = np.unique(np.asarray(vertices))
+    except ValueError:  # a ragged list
+        own = np.zeros(0, np.int64)
     if not own.size or own.dtype.kind not in "iu" or own[0] < 0 or own[-1] >= part.stop - part.start:
         raise InputError(f"vertices of {group} must be whole numbers from 0 to {part.stop - part.start - 1}.")
     rows = (own + part.start).astype(np.int64)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from html import escape
+from operator import index
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -63,7 +64,7 @@ class Frame:
         return {name: points for name, points, _ in self.trajectory.bodies(self.frame)}
 
 
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True, repr=False, eq=False)
 class Run(Sequence[Frame]):
     """The results of a run, also of one that failed, was stopped, or is still going.
 
@@ -108,9 +109,10 @@ class Run(Sequence[Frame]):
     def __getitem__(self, frame: int | slice) -> Frame | list[Frame]:
         if isinstance(frame, slice):
             return [Frame(self.trajectory, k) for k in range(*frame.indices(len(self)))]
+        frame = index(frame)  # a float is no number of a frame
         if not -len(self) <= frame < len(self):
             raise IndexError(f"There is no frame {frame}: the run has {len(self)} frames.")
-        return Frame(self.trajectory, int(frame) % len(self))
+        return Frame(self.trajectory, frame % len(self))
 
     def __bool__(self) -> bool:
         return True  # a run without a frame is a run, too

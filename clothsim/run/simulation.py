@@ -15,7 +15,17 @@ from clothsim.errors import ClothsimError, InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
 from clothsim.io.run_surfaces import world_surfaces
 from clothsim.run.archive import refuse_functions
-from clothsim.run.changes import body_at, body_rows, driven, new_pins, pinned_rows, pins_at, with_effect, with_fabric
+from clothsim.run.changes import (
+    body_at,
+    body_rows,
+    driven,
+    new_pins,
+    pinned_rows,
+    pins_at,
+    refuse_infeasible,
+    with_effect,
+    with_fabric,
+)
 from clothsim.run.fields import Configuration, field
 from clothsim.run.hand_motions import HandMotions, hand_motions_from, pin_groups
 from clothsim.run.session import Session, prepare, refuse_leaps
@@ -233,7 +243,9 @@ class Simulation:
         InputError
             For an effect that the scene does not name, an unknown key or a bad value; nothing is changed then.
         """
-        self._session = with_effect(self._session, self._by_hand, effect, keys)
+        session = with_effect(self._session, self._by_hand, effect, keys)
+        refuse_infeasible(session, self._session, effect, self._state)
+        self._session = session
 
     def _key(self, effect: str, key: str) -> Any:
         refuse_unknown("The scene's effects", [effect], self.scene.effects)

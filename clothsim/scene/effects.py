@@ -129,14 +129,20 @@ def register_effect(name: str, builder: Callable[..., Any], says: str = "") -> N
         raise InputError(f"{name!r} cannot name an effect.", "Take letters, digits and underscores.")
     if name in EFFECTS:
         raise InputError(f"There is already an effect {name!r}.", f"Take another name than {', '.join(EFFECTS)}.")
-    positional = [
-        p
-        for p in (inspect.signature(builder).parameters.values() if callable(builder) else ())
-        if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)
-    ]
-    if len(positional) != 1:
+    if not _takes_a_world_and_keywords(builder):
         raise InputError(
             f"The builder of the effect {name!r} must take the world and keywords, not {builder!r}.",
             "Write def builder(world, *, strength=1.0).",
         )
     EFFECTS[name] = Effect(builder, says or (inspect.getdoc(builder) or name).splitlines()[0])
+
+
+def _takes_a_world_and_keywords(builder: Any) -> bool:
+    """True for a callable of one positional argument whose keywords all have defaults."""
+    try:
+        parameters = inspect.signature(builder).parameters.values()
+    except (TypeError, ValueError):  # nothing that can be called, or a class of C without a signature
+        return False
+    positional = [p for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    required = [p for p in parameters if p.kind is p.KEYWORD_ONLY and p.default is p.empty and p.name not in SUPPLIED]
+    return len(positional) == 1 and not required

@@ -45,7 +45,10 @@ def surface_of(where: str, mesh: Any) -> tuple[Floats, Ints]:
     """
     for is_of_kind, read in _KINDS:
         if is_of_kind(mesh):
-            points, faces = read(where, mesh)
+            try:
+                points, faces = read(where, mesh)
+            except (TypeError, ValueError) as error:  # another library's object, whose faces may be anything
+                raise _unreadable(where, mesh, error) from error
             break
     else:
         raise InputError(
@@ -143,6 +146,12 @@ def _of_skfem(where: str, mesh: Any) -> tuple[Any, Faces]:
     if mesh.elem.refdom.name not in ("Triangular", "Quadrilateral"):
         raise _no_surface(where, f"{mesh.elem.refdom.name.lower()} cells", "Give a MeshTri or MeshQuad.")
     return np.asarray(mesh.p).T, [np.asarray(mesh.t).T]
+
+
+def _unreadable(where: str, mesh: Any, error: Exception) -> InputError:
+    return InputError(
+        f"{where}: the faces of the {type(mesh).__name__} cannot be read ({error}).", "Give vertices and triangles."
+    )
 
 
 def _no_surface(where: str, has: str, remedy: str) -> InputError:

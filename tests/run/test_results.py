@@ -153,3 +153,12 @@ def test_it_draws_its_frames(directory):
     with Image.open(movie) as image:
         assert image.n_frames == 3
     assert drawn == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_runs_and_frames_are_compared_and_hashed(directory):
+    run, again = open_run(directory), open_run(directory)
+    assert run != again
+    assert run[0] == run[-len(run)]
+    assert len({run, again, run[0], run[-len(run)]}) == 3
+    with pytest.raises(TypeError):
+        run[0.5]

@@ -273,6 +273,8 @@ def test_a_failed_step_raises_and_leaves_the_last_good_state():
         lambda s: s.add_pins("hand", [4]),
         lambda s: s.add_pins("hand", [99]),
         lambda s: s.add_pins("hand", []),
+        lambda s: s.add_pins("hand", [[7], [8, 9]]),
+        lambda s: s.add_pins(3, [7]),
         lambda s: s.release_pins("hand"),
         lambda s: s.move_body("ball", np.zeros((3, 3))),
         lambda s: s.drive_body("ball"),
@@ -283,6 +285,25 @@ def test_a_mistake_is_refused_and_changes_nothing(mistake):
     with pytest.raises(InputError):
         mistake(simulation)
     assert np.array_equal(end(simulation, 2), end(as_it_was, 2))
+
+
+@pytest.mark.parametrize(("effect", "keys"), [("strain_limit", {"limit": 1.00001}), ("body_contact", {"offset": 0.02})])
+def test_a_barrier_that_the_cloth_does_not_satisfy_is_refused(effect, keys):
+    effects = EFFECTS | {"pins": {"select": [0, 4]}, "strain_limit": {"limit": 1.5}}
+    simulation = Simulation(small_scene(body=BALL | {"position": [0, 0, -0.03]}, effects=effects))
+    end(simulation, 8)
+    unchanged = simulation.branch()
+    with pytest.raises(InputError, match=effect):
+        simulation.change(effect, **keys)
+    assert simulation.scene is unchanged.scene
+    assert np.array_equal(end(simulation, 1), end(unchanged, 1))
+
+
+@pytest.mark.parametrize("scene", [None, "scenes/sphere.toml", {}])
+@pytest.mark.parametrize("start", [Simulation, simulate])
+def test_what_is_no_scene_is_refused(start, scene):
+    with pytest.raises(InputError, match=type(scene).__name__):
+        start(scene)
 
 
 def test_a_python_function_is_not_saved(tmp_path):

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
@@ -87,9 +88,10 @@ def test_a_scikit_fem_surface_in_space_is_wound_alike():
         (meshio.Mesh(POINTS, {"line": [[0, 1]]}), "no faces"),
         (object(), "object, which is no mesh"),
         (3.5, "float, which is no mesh"),
+        (SimpleNamespace(vertices=POINTS, faces=None), "SimpleNamespace cannot be read"),
         (trimesh.Trimesh, "ABCMeta, which is no mesh"),
     ],
-    ids=["tet", "meshio tet", "voxels", "points", "lines", "object", "number", "class"],
+    ids=["tet", "meshio tet", "voxels", "points", "lines", "object", "number", "no faces", "class"],
 )
 def test_what_is_no_surface_is_refused(mesh, names):
     with pytest.raises(InputError, match=names):
