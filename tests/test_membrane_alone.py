@@ -71,7 +71,7 @@ def stretched_sheet(folder):
 
 
 def told(folder, gone):
-    """What the run says of itself in an interpreter of its own that does not find the modules `gone`."""
+    """Summary of the run in an interpreter of its own without the modules `gone`."""
     (folder / "gone.json").write_text(json.dumps(sorted(gone)))
     script = folder / "run.py"
     script.write_text(RUN)

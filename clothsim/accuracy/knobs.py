@@ -55,7 +55,7 @@ def _nested(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, 
 
 
 def steps_per_frame(scene: Scene) -> tuple[int, float]:
-    """How many steps a frame of `scene` takes, and how long a frame is [s]."""
+    """Number of steps a frame of `scene`, and duration of a frame [s]."""
     run = scene.run_settings
     frame = min(1 / run.frames_per_second, run.duration)
     return max(1, ceil(frame / scene.solver_settings.dt - 1e-9)), frame

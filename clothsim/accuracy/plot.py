@@ -166,7 +166,7 @@ def _overlap(one: Box, other: Box) -> bool:
 
 
 def _bars(axes: Any, study_data: StudyData, found: Findings) -> None:
-    """What each knob adds to the error of the scene as given, and what they leave."""
+    """Error contributions of the knobs at the base settings, and the remainder."""
     rows = sorted(found.bars.items(), key=lambda row: row[1])
     rest = [("remainder", found.remainder / MM)] if found.reference.joint else []
     names = [*(name for name, _ in rest), *(_slopes(study_data, found, name) for name, _ in rows)]

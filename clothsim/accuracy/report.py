@@ -102,7 +102,7 @@ def document(
 
 
 def _model(study_data: StudyData) -> dict[str, Any] | None:
-    """How far the convergent bending model moves the result, and what it costs; None where that was not run."""
+    """Difference and cost of the convergent bending model; None where that was not run."""
     done = study_data.gatherer.outcomes.get(Point(variant=CONVERGENT))
     if done is None or done.failed or study_data.chaotic:
         return None
@@ -274,7 +274,7 @@ def _method(result: Mapping[str, Any]) -> list[str]:
 
 
 def _invariants(invariants: Mapping[str, Any]) -> list[str]:
-    """What chaotic folds leave alone, at the base: mean and spread over its seeds."""
+    """Invariants of chaotic folds at the base settings: mean and spread over the seeds."""
     units = {"drape_coefficient": ("Drape coefficient", ""), "energy": ("Energy", " J")}
     return [
         f"{units[name][0]} as given, over {each['seeds']} seeds: {each['mean']:.4g}{units[name][1]}, spread "

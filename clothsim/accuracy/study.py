@@ -167,7 +167,7 @@ def study_accuracy(
 
 @dataclass(frozen=True)
 class _Observer:
-    """What of a run is compared: places of material points, or with chaotic folds the histogram of their heights.
+    """Compared data of a run: positions of material points, or with chaotic folds the histogram of their heights.
 
     twins: how far apart those end that start a hair apart, in places [m]; noise: the same in what is compared [m].
     """
@@ -188,7 +188,7 @@ class _Observer:
         return Norm(self.areas / self.areas.sum())
 
     def fields(self) -> dict[Point, Floats]:
-        """What is compared, of each data point: with chaotic folds the mean over its seeds.
+        """Compared data of each data point: with chaotic folds the mean over its seeds.
 
         A variant with another bending model is none: it tends to something else.
         """
@@ -204,7 +204,7 @@ class _Observer:
         return {where: np.mean(each, axis=0) for where, each in several.items()}
 
     def limits(self) -> dict[str, Limit]:
-        """Where each one-knob sweep tends to, as far as it is known."""
+        """Limits of the one-knob sweeps, as far as known."""
         bench = self.gatherer.bench
         return analysis.limits_of(self.fields(), bench.knobs, bench.base, self.norm, self.noise)
 
@@ -313,7 +313,7 @@ def _refuse_nothing_finer(gatherer: Gatherer, observer: _Observer) -> None:
 
 
 def _fingerprint(base: Scene, world: World) -> str:
-    """What tells a scene, its meshes and the code that computes them from others."""
+    """Identity of a scene: hash of its settings, its meshes and the code that computes them."""
     import clothsim
 
     digest = sha256(f"{clothsim.__version__} {base.to_text()}".encode())

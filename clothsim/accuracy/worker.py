@@ -76,7 +76,7 @@ def _run(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def _failure(status: str, reason: str, record: list[dict[str, Any]]) -> str:
-    """Why a run is no data point: it failed, or a solve that was capped or stopped was tried again with another dt."""
+    """Reason to reject a run as a data point: it failed, or a capped or stopped solve was repeated with another dt."""
     if status != "completed":
         return reason
     retried = next((entry for entry in record if entry["failures"]), None)

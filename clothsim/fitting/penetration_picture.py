@@ -89,7 +89,7 @@ def _mark(picture: Any, found: PenetrationReport, camera: Camera) -> None:
 
 
 def _seen(found: PenetrationReport, places: Floats, normals: Floats, camera: Camera) -> np.ndarray:
-    """Which places on the body (k, 3) face the camera and are not hidden by it."""
+    """Mask of the points on the body (k, 3) that face the camera and are not hidden by it."""
     rays = camera.position - places
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     facing = (rays * normals).sum(axis=1) > 0

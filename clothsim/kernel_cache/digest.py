@@ -157,7 +157,7 @@ class _Walk:
 
 
 def _versioned_name(value: Any) -> str:
-    """Where a function or class of a package with a version is found; empty for all others.
+    """Qualified name of a function or class of a versioned package; empty for all others.
 
     An object that only looks like a function, as numba's `vectorize` makes, has the module of its class for its own.
     """

@@ -97,7 +97,7 @@ def write(path: Path, content: bytes) -> bool:
 
 
 def can_write(folder: Path) -> bool:
-    """Whether files can be written below `folder`, which is made where it is missing."""
+    """True where files can be written below `folder`, which is made where it is missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         NamedTemporaryFile(dir=folder, prefix="writing-", suffix=SUFFIX).close()

@@ -132,7 +132,7 @@ def _cut_open(surfaces: Sequence[Surface], place: Floats, eye: Floats, skin: flo
 
 
 def _behind(corners: Floats, heights: Floats) -> list[Floats]:
-    """What of a triangle (3, 3) is where its heights (3,) above a plane are negative: 0 to 2 triangles."""
+    """Part of a triangle (3, 3) where its heights (3,) above a plane are negative: 0 to 2 triangles."""
     polygon = []
     for k in range(3):
         here, there = heights[k], heights[(k + 1) % 3]

@@ -38,7 +38,7 @@ class Compiled:
 
 
 def compiled(job: Callable[[], object]) -> list[Compiled]:
-    """What numba compiles while the job runs, the longest first."""
+    """Compilations by numba while the job runs, the longest first."""
     from numba.core import event
 
     done: list[Compiled] = []
@@ -96,7 +96,7 @@ def told(functions: Sequence[Compiled], seconds: float, cpu: float, rows: int) -
 
 
 def _run(scene: Path, directory: Path) -> None:
-    """What `clothsim run` does: a run and its picture."""
+    """Work of `clothsim run`: a run and its picture."""
     from clothsim.render.picture import draw
     from clothsim.render.run_frames import frame_surfaces
     from clothsim.run.simulate import simulate

@@ -134,7 +134,7 @@ def measure(
 
 
 def chained(garment: Garment, body: BodySurface, depth: float) -> Row:
-    """What the stages of a fit before its drape make of the garment on the body, inflated by `depth` [m]."""
+    """Result of the stages of a fit before its drape, for the body inflated by `depth` [m]."""
     figure = Figure(f"the body {1e3 * depth:g} mm wider", body.positions, body.triangles, 1.0, ())
     started = perf_counter()
     with tempfile.TemporaryDirectory(prefix="clothsim-study-") as folder:

@@ -172,7 +172,7 @@ def lines(ladder: Ladder) -> list[list[str]]:
 
 
 def markdown(ladder: Ladder, picture: str = "") -> str:
-    """What the README shows: the picture, where there is one, and the table."""
+    """Section of the README: the picture, where there is one, and the table."""
     left = ", ".join(f"{name} ({why})" for name, why in ladder.left_out.items())
     said = f"{ladder.day}, a sheet of {ladder.cells}x{ladder.cells} cells on a ball, one thread, every rung from one"
     return "\n".join(

@@ -35,7 +35,7 @@ TWICE = 2.0
 
 @dataclass(frozen=True)
 class Promise:
-    """What was recommended for an error [mm], the error that it was measured to have, and the one found anew [mm].
+    """Recommended settings for an error [mm], the error measured by the study, and the one of the repeated run [mm].
 
     doubt [mm]: the error of the run that it was compared with.
     """

@@ -42,7 +42,7 @@ def chosen(names: Iterable[str], rows: Sequence[Row] = ROWS) -> list[Row]:
 
 
 def entry(seen: Seen) -> dict[str, Any]:
-    """What the record keeps of a row."""
+    """Record entry of a row."""
     kept: dict[str, Any] = {"date": date.today().isoformat(), "seconds": seen.seconds, "wrong": seen.wrong}
     outcome = seen.outcome
     if outcome is not None:

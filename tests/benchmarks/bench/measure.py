@@ -118,7 +118,7 @@ def each(row: Measured) -> float:
 
 
 def ratio(row: Measured) -> float | None:
-    """What a Newton iteration costs, over one direct factorisation and solve of its own matrix."""
+    """Cost of a Newton iteration over that of one direct factorisation and solve of its own matrix."""
     if not row.get("own_solve") or not row.get("iterations"):
         return None
     return each(row) / row["own_solve"]

@@ -45,7 +45,7 @@ def module(name: str) -> Any:
 
 
 class RefusalError(Exception):
-    """Why a case cannot be measured."""
+    """Case that cannot be measured, with the reason."""
 
 
 def stepper(job: Job) -> Callable[[], Trial]:

@@ -50,7 +50,7 @@ class Compared:
     ipctk: Seconds
 
     def ratio(self, part: str | None = None) -> float:
-        """How many times the processor time of ours ipctk takes, for a part or in all."""
+        """Ratio of ipctk's processor time to ours, for a part or in all."""
         ours, theirs = (sum(side.values()) if part is None else side[part] for side in (self.ours, self.ipctk))
         return theirs / ours if ours > 0 else np.inf
 
@@ -106,7 +106,7 @@ def settled(session: Session, case: Case, states: Path) -> State:
 
 
 def recorded(session: Session, state: State) -> list[Way]:
-    """Where, and about which steps, Newton asks body contact in the time step from `state`, once at each place.
+    """Positions and steps at which Newton evaluates body contact in the time step from `state`, each position once.
 
     A line search that tries longer steps asks again from the same place, where nothing but the way is new: to take the
     energy and its derivatives there once more would measure who remembers them.
