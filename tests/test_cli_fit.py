@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from dressing import capsule_figure, in_file, tube_garment
+from fitting_cases import capsule_figure, in_file, tube_garment
 
 from clothsim.cli import main
 from clothsim.fitting import fit as module

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from made_up_study import Runners
+from analytic_study import Runners
 
 from clothsim.accuracy.evaluation import Progress
 from clothsim.cli import main

@@ -108,11 +108,11 @@ def measure(
     triangles: Ints,
     depths: Sequence[float],
     chain: bool = False,
-    heard: Callable[[Row], None] = lambda row: None,
+    announce: Callable[[Row], None] = lambda row: None,
 ) -> list[Row]:
     """Refine the torso of the body (n, 3) [m], (m, 3) against the body inflated by each of `depths` [m].
 
-    chain: a row for the whole chain too; heard: called with that row as it ends.
+    chain: a row for the whole chain too; announce: called with that row as it ends.
     """
     body = body_surface(positions, triangles)
     garment = torso(body)
@@ -129,7 +129,7 @@ def measure(
             rows.append(Row(depth, method, left, cost_of(garment, refined.positions), refined.passes, seconds))
         if chain:
             rows.append(chained(garment, inflated, depth))
-            heard(rows[-1])
+            announce(rows[-1])
     return rows
 
 

@@ -23,7 +23,7 @@ from clothsim.scene.scene import Scene
 from clothsim.sim.state import State, first_state
 from clothsim.sim.stepping import advance
 from clothsim.text_table import text_table
-from tests.benchmarks.kept_tables import markdown_table, write_between
+from tests.benchmarks.stored_tables import markdown_table, write_between
 
 MARK = "ladder"
 GROUND = ("inertia", "membrane")

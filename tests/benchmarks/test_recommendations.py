@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from made_up_study import SHEET
+from analytic_study import SHEET
 
 from clothsim.errors import InputError
 from tests.benchmarks.recommendations import Promise, main, promises

@@ -17,10 +17,10 @@ from clothsim.text_table import text_table
 from tests.benchmarks.bench.alone import ALONE, COPY, without_others
 from tests.benchmarks.bench.bench_cases import ORACLE, QUICK, ROOT, Case, aims, benchmark
 from tests.benchmarks.bench.measure import Measured, measured
-from tests.benchmarks.bench.page import against, told, write_oracle, write_page
+from tests.benchmarks.bench.page import against, oracle_summary, write_oracle, write_page
 from tests.benchmarks.bench.revision import name_of, worktree
 from tests.benchmarks.bench.tables import comparison, split, summary
-from tests.benchmarks.kept_tables import read_record
+from tests.benchmarks.stored_tables import read_record
 
 RESULTS = Path("results/bench")
 STATES, COMPARED = "states", "-compared"
@@ -98,7 +98,7 @@ def oracle(cases: Sequence[Case], results: Path, repeats: int, page: Path | None
     rows = {case.name: compared(case, results / STATES, repeats, _say) for case in cases}
     if page is not None:
         write_oracle(page, rows, where["date"])
-    return "\n\n".join([_headline(where), text_table(*against(rows)), told(rows)])
+    return "\n\n".join([_headline(where), text_table(*against(rows)), oracle_summary(rows)])
 
 
 def _joined(file: Path, kept: dict[str, Any]) -> dict[str, Any]:

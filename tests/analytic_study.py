@@ -1,4 +1,4 @@
-"""A made-up scene and runner: q = q* + a h^2 + b dt + c h^2 dt, known to the last digit, and nothing is simulated."""
+"""Study with a closed-form error: q = q* + a h^2 + b dt + c h^2 dt; nothing is simulated."""
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def answer(job, seconds=None):
 
 
 class Runners:
-    """Stands in for `worker_processes`, and remembers the jobs that were run."""
+    """Replacement of `worker_processes` that records its jobs."""
 
     def __init__(self, reply=answer):
         self.jobs, self.reply = [], reply
