@@ -101,7 +101,7 @@ def can_store() -> bool:
 def _rebuilt(content: bytes, target_context: Any) -> CompileResult | None:
     try:
         return CompileResult._rebuild(target_context, *pickle.loads(content))
-    except Exception:  # a damaged file raises whatever its bytes say: it is compiled and written again
+    except Exception:  # a damaged file may raise anything: the kernel is compiled and stored once more
         return None
 
 

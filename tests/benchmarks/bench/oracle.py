@@ -56,7 +56,7 @@ class Compared:
 
 
 def compared(case: Case, states: Path, repeats: int, announce: Callable[[str], None]) -> Compared:
-    """Both implementations on the Newton steps of a case, `repeats` times in turn; ClothsimError for different energies.
+    """Both implementations on the Newton steps of a case, `repeats` times; ClothsimError for different energies.
 
     states: folder of the stored initial states; announce: called with a line at the start of the case.
     """
