@@ -1,4 +1,4 @@
-"""`clothsim fit` in this process: what it prints and leaves, and bad input in one sentence."""
+"""`clothsim fit` in this process: printed text, output files, and bad input in one sentence."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""A membrane-only run: the files of the other effects may as well not be there (docs/contributing.md)."""
+"""Membrane-only run without the files of the other effects (docs/contributing.md)."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""`clothsim study` on a made-up scene: what it prints, and bad input."""
+"""`clothsim study` on an analytic scene: printed text and bad input."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The whole study on a made-up scene whose errors are known, and once on real processes."""
+"""Accuracy study on an analytic scene with known errors, and once on real processes."""
 
 import json
 from dataclasses import replace

@@ -35,7 +35,7 @@ from transfer.refine import refine
 from transfer.signed_distance import BodySurface, body_surface
 
 CLEARANCE = 5e-3
-"""How far outside the body the garment starts [m]."""
+"""Initial distance of the garment from the body [m]."""
 HEIGHTS, REACH = (0.47, 0.80), 0.115
 """The torso of a standing body: shares of its height from below, and how far from its axis."""
 METHODS: Mapping[str, Mapping[str, Any]] = {
@@ -47,7 +47,7 @@ METHODS: Mapping[str, Mapping[str, Any]] = {
 
 CHAIN = "the whole chain"
 FABRIC = "cotton"
-"""What the garment of the whole chain is made of."""
+"""Fabric of the garment of the whole chain."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ def as_text(rows: Sequence[Row]) -> str:
 
 
 def _say(row: Row) -> None:
-    """Each stage of a chain takes minutes: what it came to is told at once."""
+    """Each stage of a chain takes minutes: its result is printed at once."""
     print(f"{1e3 * row.depth:g} mm, {row.method}: {row.left}; {row.said}", file=sys.stderr, flush=True)
 
 

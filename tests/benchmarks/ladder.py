@@ -3,7 +3,7 @@
 `python -m tests.benchmarks.ladder [--cells N] [--page FILE] [--picture FILE]`.
 A sheet falls on a ball with every rung
 on. From the state that it is in then, each rung takes the same steps, several times: the fastest counts, on one thread.
-What a rung solves is another problem than the rung below it: the times compare costs, not results.
+Each rung solves a different problem: the times compare costs, not results.
 """
 
 import argparse
@@ -177,7 +177,7 @@ def markdown(ladder: Ladder, picture: str = "") -> str:
     said = f"{ladder.day}, a sheet of {ladder.cells}x{ladder.cells} cells on a ball, one thread, every rung from one"
     return "\n".join(
         [
-            "<details><summary>What each effect adds to a step: the cost ladder</summary>",
+            "<details><summary>Cost ladder: cost that each effect adds to a step</summary>",
             "",
             *([f"![Milliseconds a step, rung by rung]({picture})", ""] if picture else []),
             f"{said} state;",

@@ -35,7 +35,7 @@ from transfer.signed_distance import body_surface
 REST = 0.02
 """At rest no vertex is faster [m/s]."""
 DURATION = 2.0
-"""How long each drapes [s]."""
+"""Duration of each drape [s]."""
 FABRIC = "cotton"
 
 

@@ -1,4 +1,4 @@
-"""Creases: where they are, what they come to rest at, and what is refused."""
+"""Creases: their hinges, equilibrium angles, and refused input."""
 
 from dataclasses import replace
 

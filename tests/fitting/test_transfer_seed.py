@@ -1,4 +1,4 @@
-"""The seed on the same mesh, in another place, and between meshes."""
+"""Transfer seed on the same mesh, with a moved body, and between meshes."""
 
 import numpy as np
 from fitting_cases import capsule_figure, tube_garment, wider

@@ -1,4 +1,4 @@
-"""The small form of every hard case, from its exact start and from one jittered one."""
+"""Small form of every hard case, from its exact start and from a jittered one."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The reference: each key that is accepted is documented, and each that is documented is accepted."""
+"""Reference page: every accepted key is documented, and every documented key is accepted."""
 
 import inspect
 import json

@@ -1,4 +1,4 @@
-"""Symbolic analyses of a system: one for a pattern, another where many blocks were added."""
+"""Symbolic analyses of a system: one for a pattern, another after many added blocks."""
 
 import numpy as np
 import pytest

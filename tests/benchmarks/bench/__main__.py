@@ -1,4 +1,4 @@
-"""`python -m tests.benchmarks.bench`: what a Newton iteration costs, and where."""
+"""`python -m tests.benchmarks.bench`: cost of a Newton iteration by part."""
 
 import argparse
 import os
@@ -26,8 +26,8 @@ RESULTS = Path("results/bench")
 STATES, COMPARED = "states", "-compared"
 
 _DESCRIPTION = """\
-What a Newton iteration costs, and where: short scenes, each measured several times from one state, in a process of its
-own. The seconds are the processor's, on one thread; each number is the median. Nothing here judges: the numbers
+Cost of a Newton iteration by part: short scenes, each measured several times from one state, in a process of its
+own. CPU seconds of one thread; each number is the median. No pass or fail: the numbers
 belong to the machine that they were measured on.
 """
 
@@ -157,7 +157,7 @@ def main(argv: Sequence[str] | None = None, cases: Sequence[Case] | None = None)
     try:
         if arguments.repeats < 1:
             raise InputError(f"--repeats is {arguments.repeats}.", "Give 1 or more.")
-        if arguments.page is not None and not arguments.page.is_file():  # told before minutes of measuring
+        if arguments.page is not None and not arguments.page.is_file():  # reported before minutes of measurement
             raise InputError(f"--page is {arguments.page}, which is no file.", "Give a page with marks in it.")
         if arguments.alone:
             print(alone(arguments.results, arguments.repeats))

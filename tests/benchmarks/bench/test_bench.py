@@ -1,4 +1,4 @@
-"""The bench on tiny cases: what it keeps and shows, its starts, and another revision beside it. Nothing is timed."""
+"""Benchmark on tiny cases: stored and printed results, initial states, comparison of revisions. Nothing is timed."""
 
 import json
 import sys
@@ -270,7 +270,7 @@ def test_contact_that_finds_another_energy_than_ipctk_is_not_timed(tmp_path, mon
         compared(ON_BALL, tmp_path, 1, print)
 
 
-def test_a_page_that_is_not_there_is_told_before_anything_is_measured(tmp_path, capsys):
+def test_a_missing_page_is_reported_before_any_measurement(tmp_path, capsys):
     assert main(["--oracle", "--results", str(tmp_path), "--page", str(tmp_path / "no.md")]) == 2
     oracle_summary = capsys.readouterr()
     assert "no.md, which is no file" in oracle_summary.err
