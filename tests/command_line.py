@@ -1,4 +1,4 @@
-"""Two small scenes for tests of the command line, and the two lines of bad input."""
+"""Command-line helpers: two small scenes, and the two lines of bad input."""
 
 from clothsim.cli import main
 

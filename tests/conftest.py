@@ -1,4 +1,4 @@
-"""A run of the suite on several processes: each kernel is compiled once, and each module's fixtures are made once."""
+"""Parallel test runs: each kernel is compiled once, and each module's fixtures are made once."""
 
 from contextlib import suppress
 from tempfile import TemporaryDirectory

@@ -1,4 +1,4 @@
-"""Small worlds in contact, for the tests of contact."""
+"""Small worlds in contact."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""THE finite-difference checker: every derivative in the package is tested through it.
+"""Finite-difference checker of all derivatives of the package.
 
 Errors are relative to the largest entry. A gradient or Hessian that is empty or all zero is refused: a test over
 nothing must fail.

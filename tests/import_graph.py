@@ -1,4 +1,4 @@
-"""Which modules of the package import which, read from the sources: what an effect needs, and what only it needs."""
+"""Import graph of the package, read from the sources: modules that an effect needs, and those only it needs."""
 
 import ast
 from functools import cache

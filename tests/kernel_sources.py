@@ -1,4 +1,4 @@
-"""Small kernels made from text, as an editor would change them."""
+"""Kernels compiled from edited source text."""
 
 import sys
 from types import ModuleType

@@ -1,4 +1,4 @@
-"""The mannequin as a linear body model: arrays by the keys of SMPL-like files."""
+"""Mannequin as a linear body model: arrays under the keys of SMPL-like files."""
 
 from dataclasses import fields, replace
 

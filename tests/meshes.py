@@ -1,4 +1,4 @@
-"""The one way to build small meshes in the tests."""
+"""Small meshes for the tests."""
 
 import numpy as np
 

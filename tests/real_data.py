@@ -1,4 +1,4 @@
-"""The real bodies and garments, which do not come with the package."""
+"""Real bodies and garments that are not shipped with the package."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A motion with one solution, for orders in time: the same masses and membrane integrated by an explicit method."""
+"""Convergence reference in time: the same masses and membrane with an explicit integrator."""
 
 from tests.known_answers.a4_time import ringing
 

@@ -1,4 +1,4 @@
-"""Scenes of a few dozen vertices that run in well under a second."""
+"""Scenes of a few dozen vertices."""
 
 from clothsim import Scene
 

@@ -1,4 +1,4 @@
-"""The package's own Newton on a world and some energies, for tests that need an equilibrium or a step."""
+"""Newton solves and steps of a world with given energies."""
 
 from tests.known_answers.unit_solver import (
     NOTHING,

@@ -1,4 +1,4 @@
-"""The command line, run in this process: exit codes, what is printed where, what is left behind."""
+"""Command line in this process: exit codes, printed text, output files."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""`clothsim fabrics`: the list, one fabric with its sources, the card of swatches, and what it refuses."""
+"""`clothsim fabrics`: the list, one fabric with its sources, the card of swatches, and refused input."""
 
 import numpy as np
 import pytest

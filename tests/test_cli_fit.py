@@ -1,10 +1,10 @@
-"""`clothsim fit` in this process: what it prints and leaves, and bad input in one sentence."""
+"""`clothsim fit` in this process: printed text, output files, and bad input in one sentence."""
 
 import json
 
 import numpy as np
 import pytest
-from dressing import capsule_figure, in_file, tube_garment
+from fitting_cases import capsule_figure, in_file, tube_garment
 
 from clothsim.cli import main
 from clothsim.fitting import fit as module

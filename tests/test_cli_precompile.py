@@ -1,4 +1,4 @@
-"""What the first run compiles is shared with a second process, once."""
+"""Precompilation: kernels of a first run compiled by two processes, each once."""
 
 import json
 import os
@@ -20,7 +20,7 @@ print(json.dumps([name for name, types in loaded().items() if types]))
 
 
 def output(code, **environment):
-    """What the code prints in an interpreter of its own."""
+    """Output of the code in an interpreter of its own."""
     environment = os.environ | environment
     return subprocess.run(
         [sys.executable, "-c", code], env=environment, cwd=ROOT, capture_output=True, text=True, check=True

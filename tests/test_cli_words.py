@@ -1,4 +1,4 @@
-"""The words of the command line: help, version, progress lines, and what --debug shows."""
+"""Texts of the command line: help, version, progress lines, and --debug."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""The checker itself: what is wrong must be caught, what is right must pass."""
+"""Finite-difference checker: wrong derivatives fail, right ones pass."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The examples of all docstrings."""
+"""Examples of all docstrings."""
 
 import doctest
 import importlib

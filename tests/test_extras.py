@@ -1,4 +1,4 @@
-"""A run with the packages of `pip install clothsim` alone, and without the renderer's before its end."""
+"""Runs with the base install only: extras and the renderer are not imported."""
 
 import json
 import subprocess

@@ -1,4 +1,4 @@
-"""A membrane-only run: the files of the other effects may as well not be there (docs/contributing.md)."""
+"""Membrane-only run without the files of the other effects (docs/contributing.md)."""
 
 import json
 import os
@@ -71,7 +71,7 @@ def stretched_sheet(folder):
 
 
 def told(folder, gone):
-    """What the run says of itself in an interpreter of its own that does not find the modules `gone`."""
+    """Summary of the run in an interpreter of its own without the modules `gone`."""
     (folder / "gone.json").write_text(json.dumps(sorted(gone)))
     script = folder / "run.py"
     script.write_text(RUN)

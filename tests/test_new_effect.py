@@ -1,4 +1,4 @@
-"""The two steps of docs/extending.md, followed as written in a copy of the package: one file and one line."""
+"""Steps of docs/extending.md, followed in a copy of the package: one file and one line."""
 
 import os
 import re

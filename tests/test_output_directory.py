@@ -1,4 +1,4 @@
-"""What a run does with a directory that holds something already, and with a start that intersects."""
+"""Output directories that are not empty, and runs with an intersecting start."""
 
 import pytest
 from small_scenes import BALL, RUN, SHEET, small_scene, without

@@ -1,4 +1,4 @@
-"""The public names of both packages."""
+"""Public names of both packages."""
 
 import subprocess
 import sys

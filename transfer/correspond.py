@@ -171,9 +171,9 @@ def follow_fitted(rest: Mesh, fitted: Ints, laid: Floats) -> Floats:
     """Components without a marker follow the nearest fitted triangles (eyes the head)."""
     positions, triangles = rest
     pairs = np.column_stack([fitted, fitted])
-    carried = deformation_transfer(positions, triangles, pairs).pose(positions, triangles, laid)
-    carried[np.unique(triangles[fitted])] = laid[np.unique(triangles[fitted])]
-    return carried
+    warped = deformation_transfer(positions, triangles, pairs).pose(positions, triangles, laid)
+    warped[np.unique(triangles[fitted])] = laid[np.unique(triangles[fitted])]
+    return warped
 
 
 def triangle_pairs(laid: Mesh, target: Mesh) -> Ints:

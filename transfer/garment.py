@@ -18,7 +18,7 @@ FOLLOWED, CANDIDATES = 16, 64
 """Most body triangles that a garment triangle follows, and nearest ones that are searched."""
 FAINTEST = 1e-6
 """A body triangle with a weight below this is left out."""
-REACH = 0.05
+BLEND_LENGTH = 0.05
 """Length, as a fraction of the body's longest side, below which gradients and above which anchors dominate. A tenth
 of a metre on a person; of .02 to .3 m, longer ones drift and shorter ones imprint the body on the cloth."""
 
@@ -79,7 +79,7 @@ def garment_transfer(
     garment = as_surface("garment", garment_positions, garment_triangles)
     body = as_surface("body", body_positions, body_triangles)
     pairs, weights = followed(garment, body)
-    length = REACH * float(np.ptp(body[0][np.unique(body[1])], axis=0).max())
+    length = BLEND_LENGTH * float(np.ptp(body[0][np.unique(body[1])], axis=0).max())
     return deformation_transfer(*garment, pairs, weights, anchor=2.0 / length**2)
 
 

@@ -51,12 +51,12 @@ class Findings:
 
 def sweeps_of(fields: Mapping[Point, Floats], knobs: Mapping[str, Knob]) -> dict[str, dict[int, Floats]]:
     """The one-knob runs {knob: {level: field}} of the knobs that have a finer one."""
-    found: dict[str, dict[int, Floats]] = {name: {} for name in knobs}
+    sweeps: dict[str, dict[int, Floats]] = {name: {} for name in knobs}
     for where, each in fields.items():
-        if len(where.levels) == 1 and not where.variant and where.levels[0][0] in found:
+        if len(where.levels) == 1 and not where.variant and where.levels[0][0] in sweeps:
             name, level = where.levels[0]
-            found[name][level] = each
-    return {name: sweep for name, sweep in found.items() if max(sweep, default=0) > 0}
+            sweeps[name][level] = each
+    return {name: sweep for name, sweep in sweeps.items() if max(sweep, default=0) > 0}
 
 
 def limits_of(
@@ -70,7 +70,7 @@ def limits_of(
 
 
 def joint_points(limits: Mapping[str, Limit], base: Floats, norm: Norm) -> list[Point]:
-    """The runs that tell what the two largest errors add only together: both coarser, both finer."""
+    """Joint runs for the interaction of the two largest errors: both coarser, both finer."""
     pair = largest_pair(base, limits, norm)
     return [point(dict.fromkeys(pair, level)) for level in (-1, 1)] if len(pair) == 2 else []
 
@@ -92,7 +92,7 @@ def findings(
     norm: Norm,
     noise: float,
 ) -> Findings:
-    """All that follows from the fields (n, k) and the seconds of the data points; the base must be one of them."""
+    """Errors, front and limits from the fields (n, k) and CPU seconds of the data points, base included."""
     sweeps, limits = sweeps_of(fields, knobs), limits_of(fields, knobs, base, norm, noise)
     start = fields[BASE]
     pair = largest_pair(start, limits, norm)
@@ -101,20 +101,20 @@ def findings(
         together = point(dict.fromkeys(pair, level))
         if len(pair) == 2 and together in fields:
             joint[level] = fields[together]
-    found = reference(start, sweeps, limits, joint, {name: knobs[name].ratio for name in limits}, norm, noise)
-    errors = {where: norm(each - found.field) for where, each in fields.items()}
-    largest = {where: float(np.linalg.norm(each - found.field, axis=1).max()) for where, each in fields.items()}
-    whole = start - found.field
+    estimate = reference(start, sweeps, limits, joint, {name: knobs[name].ratio for name in limits}, norm, noise)
+    errors = {where: norm(each - estimate.field) for where, each in fields.items()}
+    largest = {where: float(np.linalg.norm(each - estimate.field, axis=1).max()) for where, each in fields.items()}
+    whole = start - estimate.field
     parts = {name: start - each.field for name, each in limits.items()}
     points = list(fields)
     rows = pareto_front([seconds[where] for where in points], [errors[where] for where in points])
     return Findings(
-        found,
+        estimate,
         errors,
         largest,
         seconds,
         {name: norm(part) for name, part in parts.items()},
-        norm(whole - sum(parts.values(), start=np.zeros_like(whole))) if found.joint else np.nan,
+        norm(whole - sum(parts.values(), start=np.zeros_like(whole))) if estimate.joint else np.nan,
         tuple(points[row] for row in rows),
     )
 
@@ -158,25 +158,25 @@ class Recommendation:
     measured: bool = True
 
 
-def recommendations(found: Findings, unit: float) -> list[Recommendation]:
+def recommendations(findings: Findings, unit: float) -> list[Recommendation]:
     """For errors of 1, 2, 5 ... times `unit` [m]: the cheapest data point that keeps them with the reference's own.
 
     Where one point is the answer for several errors, only the smallest of them is listed.
     """
-    points = list(found.errors)
-    safe = [found.errors[where] + found.reference.error for where in points]
-    seconds = [found.seconds[where] for where in points]
+    points = list(findings.errors)
+    safe = [findings.errors[where] + findings.reference.error for where in points]
+    seconds = [findings.seconds[where] for where in points]
     chosen: dict[Point, Recommendation] = {}
     for target in targets([error / unit for error in safe]):
         row = cheapest_within(target * unit, seconds, safe)
         if row is not None and points[row] not in chosen:
             where = points[row]
-            chosen[where] = Recommendation(target * unit, where, found.errors[where], found.seconds[where])
+            chosen[where] = Recommendation(target * unit, where, findings.errors[where], findings.seconds[where])
     return list(chosen.values())
 
 
 def half(
-    found: Findings,
+    findings: Findings,
     fields: Mapping[Point, Floats],
     knobs: Mapping[str, Knob],
     norm: Norm,
@@ -185,18 +185,18 @@ def half(
 
     None without either, and where the reference is less certain than that.
     """
-    target = 0.5 * found.errors[BASE]
-    if found.reference.error > target:
+    target = 0.5 * findings.errors[BASE]
+    if findings.reference.error > target:
         return None
-    points = list(found.errors)
-    seconds, errors = [found.seconds[where] for where in points], [found.errors[where] for where in points]
+    points = list(findings.errors)
+    seconds, errors = [findings.seconds[where] for where in points], [findings.errors[where] for where in points]
     row = cheapest_within(target, seconds, errors)
     if row is not None:
         return Recommendation(target, points[row], errors[row], seconds[row])
-    limits = found.reference.limits
+    limits = findings.reference.limits
     if not limits:
         return None
     others, guesses = predicted(fields, limits, norm)
-    costs = [predicted_seconds(where, found.seconds, knobs) for where in others]
+    costs = [predicted_seconds(where, findings.seconds, knobs) for where in others]
     row = cheapest_within(target, costs, guesses)
     return None if row is None else Recommendation(target, others[row], guesses[row], costs[row], measured=False)

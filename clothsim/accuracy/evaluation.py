@@ -59,8 +59,8 @@ class Gatherer:
     slowness: float = 1.0
     reused: int = 0
 
-    def gather(self, points: Sequence[Point], share: float = 1.0) -> None:
-        """Have the points run, the cheapest first, as far as each fits into `share` of what is left of the budget."""
+    def gather(self, points: Sequence[Point], fraction: float = 1.0) -> None:
+        """Run the points, the cheapest first, where each fits into `fraction` of what is left of the budget."""
         jobs: dict[str, tuple[Point, Job]] = {}
         for where in sorted((p for p in dict.fromkeys(points) if p not in self.outcomes), key=self._guess):
             try:
@@ -72,7 +72,7 @@ class Gatherer:
             if key in self.stored and self._reuse(where, key):
                 continue
             jobs[str(job.target)] = (where, job)
-        self._run(jobs, share)
+        self._run(jobs, fraction)
 
     def field_seconds(self) -> dict[Point, float]:
         """Seconds of the data points."""
@@ -82,13 +82,13 @@ class Gatherer:
         """True for a point that is a data point."""
         return where in self.outcomes and not self.outcomes[where].failed
 
-    def _run(self, jobs: dict[str, tuple[Point, Job]], share: float) -> None:
+    def _run(self, jobs: dict[str, tuple[Point, Job]], fraction: float) -> None:
         def fits(job: Job) -> bool:
             where = jobs[str(job.target)][0]
             left = self.deadline - monotonic()
             guess = self._guess(where) * self.slowness
             guess *= TIMES if guess < SHORT else 1
-            if guess > left * (1.0 if share == 1.0 else share * self.cores):
+            if guess > left * (1.0 if fraction == 1.0 else fraction * self.cores):
                 self.left_out[where] = f"it would take about {guess:.0f} s, and {max(left, 0):.0f} s were left"
                 return False
             self._tell(where.label(), len(jobs))
@@ -114,7 +114,7 @@ class Gatherer:
         write_points(self.directory, self.fingerprint, list(self.stored.values()))
 
     def _reuse(self, where: Point, key: str) -> bool:
-        """Take a point from what is stored; False where its arrays are gone."""
+        """Read a stored point; False where its arrays are missing."""
         entry, file = self.stored[key], self._file(key)
         failed = entry.get("failed", "")
         if not failed and not file.is_file():

@@ -28,7 +28,7 @@ def pareto_front(seconds: Sequence[float], errors: Sequence[float]) -> list[int]
 def predicted_errors(own: Mapping[str, Mapping[int, Floats]], norm: Norm) -> tuple[list[dict[str, int]], list[float]]:
     """Every combination of swept levels, and its error if the knobs' own error fields {knob: {level: field}} add up.
 
-    Fields, not numbers, are added: two errors that point the same way add, opposite ones cancel. The number of
+    Fields, not numbers, are added: two errors of the same direction add, opposite ones cancel. The number of
     combinations is held to MOST_COMBINATIONS by leaving out the levels furthest from the base.
     """
     levels = {name: sorted(fields, key=abs) for name, fields in own.items()}
@@ -38,11 +38,11 @@ def predicted_errors(own: Mapping[str, Mapping[int, Floats]], norm: Norm) -> tup
     flat = [own[name][level] for name in levels for level in levels[name]]
     gram = np.array([[norm.inner(one, other) for other in flat] for one in flat])
     starts = np.cumsum([0, *(len(each) for each in levels.values())])
-    choices = product(*(range(len(each)) for each in levels.values()))
+    index_tuples = product(*(range(len(each)) for each in levels.values()))
     combinations, errors = [], []
-    for choice in choices:
-        rows = [start + k for start, k in zip(starts[:-1], choice, strict=True)]
-        combinations.append({name: levels[name][k] for name, k in zip(levels, choice, strict=True)})
+    for indices in index_tuples:
+        rows = [start + k for start, k in zip(starts[:-1], indices, strict=True)]
+        combinations.append({name: levels[name][k] for name, k in zip(levels, indices, strict=True)})
         errors.append(float(np.sqrt(max(0.0, gram[np.ix_(rows, rows)].sum()))))
     return combinations, errors
 
@@ -54,12 +54,12 @@ def worth_trying(
 
     One whose error is not below WORTH times that of the one before it is not worth a run.
     """
-    kept: list[int] = []
+    selected: list[int] = []
     for row in pareto_front(seconds, errors):
-        if not kept or errors[row] < WORTH * errors[kept[-1]]:
-            kept.append(row)
-    chosen = np.unique(np.linspace(0, len(kept) - 1, min(most, len(kept))).round().astype(int))
-    return [point(combinations[kept[k]]) for k in chosen]
+        if not selected or errors[row] < WORTH * errors[selected[-1]]:
+            selected.append(row)
+    chosen = np.unique(np.linspace(0, len(selected) - 1, min(most, len(selected))).round().astype(int))
+    return [point(combinations[selected[k]]) for k in chosen]
 
 
 def targets(errors: Sequence[float]) -> list[float]:

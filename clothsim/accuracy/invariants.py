@@ -16,9 +16,9 @@ def height_quantiles(positions: Floats, areas: Floats, up: Floats) -> Floats:
     """
     heights = positions @ up
     order = np.argsort(heights, kind="stable")
-    share = np.cumsum(areas[order]) - 0.5 * areas[order]
+    quantiles = np.cumsum(areas[order]) - 0.5 * areas[order]
     wanted = (np.arange(QUANTILES) + 0.5) / QUANTILES * areas.sum()
-    return np.interp(wanted, share, heights[order])[:, None]
+    return np.interp(wanted, quantiles, heights[order])[:, None]
 
 
 def drape_coefficient(positions: Floats, triangles: Ints, area: float, up: Floats) -> float:

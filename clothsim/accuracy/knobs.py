@@ -55,7 +55,7 @@ def _nested(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, 
 
 
 def steps_per_frame(scene: Scene) -> tuple[int, float]:
-    """How many steps a frame of `scene` takes, and how long a frame is [s]."""
+    """Number of steps a frame of `scene`, and duration of a frame [s]."""
     run = scene.run_settings
     frame = min(1 / run.frames_per_second, run.duration)
     return max(1, ceil(frame / scene.solver_settings.dt - 1e-9)), frame
@@ -109,10 +109,10 @@ def _eps_v(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
 def _iterations(base: Scene, scene: Scene, level: int) -> tuple[int, Scene]:
     if isinstance(base.effects.get("friction", {}).get("eps_v", "auto"), str):
         raise InputError("the scene has no friction")
-    passes = base.effects["friction"].get("iterations", 1) * Fraction(2) ** level
-    if passes.denominator != 1:
+    iterations = base.effects["friction"].get("iterations", 1) * Fraction(2) ** level
+    if iterations.denominator != 1:
         raise InputError("friction is lagged once already")
-    return int(passes), set_key(scene, "effects.friction.iterations", int(passes))
+    return int(iterations), set_key(scene, "effects.friction.iterations", int(iterations))
 
 
 def _in_time(scene: Scene) -> float:
@@ -150,18 +150,18 @@ def fixed(scene: Scene, built: Built) -> Scene:
 
 
 def usable(base: Scene, names: list[str] | None) -> tuple[dict[str, Knob], dict[str, str]]:
-    """The knobs that a scene has, and why it has none of the others. InputError where a named one does not exist."""
+    """Knobs of a scene, and the reason for each missing one. InputError for an unknown name."""
     from clothsim.scene.keys import refuse_unknown
 
     refuse_unknown("--knobs", names or [], KNOBS)
-    found, missing = {}, {}
+    available, missing = {}, {}
     for name in names or KNOBS:
         try:
             KNOBS[name].value(base, 0)
             KNOBS[name].value(base, 1)
-            found[name] = KNOBS[name]
+            available[name] = KNOBS[name]
         except InputError as error:
             missing[name] = error.sentence.rstrip(".")
-    if not found:
+    if not available:
         raise InputError(f"There is nothing to refine: {'; '.join(missing.values())}.", "Name other knobs.")
-    return found, missing
+    return available, missing

@@ -30,7 +30,7 @@ Mark = tuple[float, float, str, str]
 """Seconds, error, text, colour."""
 
 
-def draw(study_data: StudyData, found: Findings, target: Path) -> None:
+def draw(study_data: StudyData, findings: Findings, target: Path) -> None:
     """Write the picture of a study as PNG."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -38,73 +38,73 @@ def draw(study_data: StudyData, found: Findings, target: Path) -> None:
     figure = Figure(figsize=(9.6, 4.8), dpi=160, layout="constrained")
     FigureCanvasAgg(figure)
     left, right = figure.subplots(1, 2, width_ratios=(2.1, 1))
-    _bars(right, study_data, found)
-    _against_seconds(left, study_data, found)
+    _bars(right, study_data, findings)
+    _against_seconds(left, study_data, findings)
     figure.savefig(target)
 
 
-def _against_seconds(axes: Any, study_data: StudyData, found: Findings) -> None:
+def _against_seconds(axes: Any, study_data: StudyData, findings: Findings) -> None:
     """Log error against log seconds: a curve a knob, the front, the variants, what the reference does not resolve."""
     axes.set(xscale="log", yscale="log", xlabel="processor time of the run [s]")
     axes.set_ylabel(f"RMS error {'of the histogram of heights' if study_data.chaotic else 'at the last frame'} [mm]")
     axes.set_title(f"{study_data.name}: what accuracy costs", loc="left", fontsize=10)
-    _limits(axes, found)
+    _limits(axes, findings)
     axes.figure.canvas.draw()  # places the axes: the labels are laid out in pixels
     swept: set[Point] = {BASE}
-    marks: list[Mark] = [(*_at(found, BASE), "as given", "black")]
-    lines = [axes.transData.transform([_at(found, where) for where in found.errors])]
-    variants = [where for where in found.errors if where.variant]
-    marks += [(*_at(found, where), where.variant, "black") for where in variants]
+    marks: list[Mark] = [(*_at(findings, BASE), "as given", "black")]
+    lines = [axes.transData.transform([_at(findings, where) for where in findings.errors])]
+    variants = [where for where in findings.errors if where.variant]
+    marks += [(*_at(findings, where), where.variant, "black") for where in variants]
     for (name, knob), (colour, marker, line) in zip(study_data.bench.knobs.items(), STYLES * 2, strict=False):
-        curve = sorted(_curve(found, name), key=lambda where: where.level(name))
+        curve = sorted(_curve(findings, name), key=lambda where: where.level(name))
         swept.update(curve)
         if len(curve) < 2:
             continue
-        x, y = _coordinates(found, curve)
+        x, y = _coordinates(findings, curve)
         axes.plot(x, y, color=colour, marker=marker, ls=line, ms=5, lw=1.3, mfc="white", mec=colour, zorder=3)
         lines += [_pixels(axes, one, other) for one, other in pairwise(zip(x, y, strict=True))]
         ends = [end for end in (curve[0], curve[-1]) if end != BASE]
         texts = [written(name, knob.value(study_data.bench.base, end.level(name))) for end in ends]
         if np.ptp(axes.transData.transform(np.column_stack([x, y])), axis=0).max() < SHORT:
             ends, texts = ends[-1:], [name]
-        marks += [(*_at(found, end), text, colour) for end, text in zip(ends, texts, strict=True)]
-    rest = [where for where in found.errors if where not in swept and not where.variant]
-    axes.plot(*_coordinates(found, rest), ls="", marker=".", ms=6, color="0.45", zorder=2)
-    axes.plot(*_coordinates(found, list(found.front)), color="0.84", lw=8, solid_capstyle="round", zorder=1)
+        marks += [(*_at(findings, end), text, colour) for end, text in zip(ends, texts, strict=True)]
+    rest = [where for where in findings.errors if where not in swept and not where.variant]
+    axes.plot(*_coordinates(findings, rest), ls="", marker=".", ms=6, color="0.45", zorder=2)
+    axes.plot(*_coordinates(findings, list(findings.front)), color="0.84", lw=8, solid_capstyle="round", zorder=1)
     for where in variants:
         star = {"marker": "*", "ms": 12} if where.variant in PRESETS else {"marker": "X", "ms": 7}
-        axes.plot(*_coordinates(found, [where]), ls="", mfc="0.1", mec="white", zorder=5, **star)
-    axes.plot(*_coordinates(found, [BASE]), ls="", marker="o", ms=9, mfc="none", mec="black", mew=1.4, zorder=6)
-    corner = found.front[len(found.front) // 2]
-    marks.append((*_at(found, corner), "front", "0.4"))
+        axes.plot(*_coordinates(findings, [where]), ls="", mfc="0.1", mec="white", zorder=5, **star)
+    axes.plot(*_coordinates(findings, [BASE]), ls="", marker="o", ms=9, mfc="none", mec="black", mew=1.4, zorder=6)
+    corner = findings.front[len(findings.front) // 2]
+    marks.append((*_at(findings, corner), "front", "0.4"))
     _labelled(axes, marks, np.concatenate(lines))
 
 
-def _curve(found: Findings, name: str) -> list[Point]:
+def _curve(findings: Findings, name: str) -> list[Point]:
     return [
         where
-        for where in found.errors
+        for where in findings.errors
         if where == BASE or (not where.variant and len(where.levels) == 1 and where.levels[0][0] == name)
     ]
 
 
-def _at(found: Findings, where: Point) -> tuple[float, float]:
-    return found.seconds[where], found.errors[where] / MM
+def _at(findings: Findings, where: Point) -> tuple[float, float]:
+    return findings.seconds[where], findings.errors[where] / MM
 
 
-def _coordinates(found: Findings, points: Sequence[Point]) -> tuple[list[float], list[float]]:
-    return [_at(found, where)[0] for where in points], [_at(found, where)[1] for where in points]
+def _coordinates(findings: Findings, points: Sequence[Point]) -> tuple[list[float], list[float]]:
+    return [_at(findings, where)[0] for where in points], [_at(findings, where)[1] for where in points]
 
 
-def _limits(axes: Any, found: Findings) -> None:
+def _limits(axes: Any, findings: Findings) -> None:
     """Room for the labels, plain numbers on the axes, and a shade over what the reference does not resolve."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    x, y = _coordinates(found, list(found.errors))
+    x, y = _coordinates(findings, list(findings.errors))
     low, high = min(each for each in y if each > 0), max(y)
     axes.set_xlim(min(x) / 1.7, max(x) * 1.7)
     axes.set_ylim(low / 1.8, high * 1.8)
-    floor = RESOLVED * found.reference.error / MM
+    floor = RESOLVED * findings.reference.error / MM
     if floor > axes.get_ylim()[0]:
         axes.axhspan(axes.get_ylim()[0], min(floor, axes.get_ylim()[1]), color="0.94", zorder=0, lw=0)
         axes.text(
@@ -165,15 +165,15 @@ def _overlap(one: Box, other: Box) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-def _bars(axes: Any, study_data: StudyData, found: Findings) -> None:
-    """What each knob adds to the error of the scene as given, and what they leave."""
-    rows = sorted(found.bars.items(), key=lambda row: row[1])
-    rest = [("remainder", found.remainder / MM)] if found.reference.joint else []
-    names = [*(name for name, _ in rest), *(_slopes(study_data, found, name) for name, _ in rows)]
+def _bars(axes: Any, study_data: StudyData, findings: Findings) -> None:
+    """Error contributions of the knobs at the base settings, and the remainder."""
+    rows = sorted(findings.bars.items(), key=lambda row: row[1])
+    rest = [("remainder", findings.remainder / MM)] if findings.reference.joint else []
+    names = [*(name for name, _ in rest), *(_slopes(study_data, findings, name) for name, _ in rows)]
     values = [*(value for _, value in rest), *(each / MM for _, each in rows)]
     shades = [*(["0.85"] * len(rest)), *(["0.45"] * len(rows))]
     axes.barh(names, values, color=shades, edgecolor="black", lw=0.6, height=0.5)
-    whole = found.errors[BASE] / MM
+    whole = findings.errors[BASE] / MM
     span = max([whole, *values]) * 1.25
     axes.axvline(whole, color="black", lw=1, ls=(0, (4, 2)))
     axes.text(whole, 1.01, f"all: {whole:.2g}", transform=axes.get_xaxis_transform(), ha="center", fontsize=8)
@@ -188,9 +188,9 @@ def _bars(axes: Any, study_data: StudyData, found: Findings) -> None:
         axes.spines[side].set_visible(False)
 
 
-def _slopes(study_data: StudyData, found: Findings, name: str) -> str:
+def _slopes(study_data: StudyData, findings: Findings, name: str) -> str:
     """The knob's name, its observed slope and the expected one."""
-    each, expected = found.reference.limits[name], study_data.bench.knobs[name].order(study_data.bench.base)
+    each, expected = findings.reference.limits[name], study_data.bench.knobs[name].order(study_data.bench.base)
     if expected is None or not each.extrapolated:
         return name
     observed = f"{each.order:.2f}" if each.order == each.order else "not seen"

@@ -41,7 +41,7 @@ BASE = Point()
 
 CONVERGENT = "midedge"
 VARIANTS = {"bdf2": ("solver.integrator", "bdf2"), CONVERGENT: ("effects.bending.model", CONVERGENT)}
-"""Other ways to compute the same scene: the key and its value. Other bending models have limits of their own."""
+"""Other ways to compute the same scene: the key and its value. Each bending model has its own limit."""
 
 
 @dataclass(frozen=True)

@@ -53,7 +53,7 @@ class _Process:
         try:
             pipe.write(json.dumps({**asdict(job), "target": str(job.target)}) + "\n")
             pipe.flush()
-        except OSError:  # it died: its listener says so
+        except OSError:  # the process ended: its listener reports it
             return
 
     def stop(self) -> None:
@@ -70,7 +70,7 @@ def cores() -> int:
 
 @contextmanager
 def worker_processes(count: int) -> "Iterator[Runner]":
-    """A runner with `count` processes, which start with their first job and are gone at the end."""
+    """A runner with `count` processes, which start with their first job and end with the context."""
     answers: Queue[tuple[_Process, Answer]] = Queue()
     processes = [_Process(answers) for _ in range(count)]
 
@@ -87,7 +87,7 @@ def worker_processes(count: int) -> "Iterator[Runner]":
             if all(worker.job is None for worker in processes):
                 return
             try:
-                worker, said = answers.get(timeout=TICK)
+                worker, answer = answers.get(timeout=TICK)
             except Empty:
                 if monotonic() >= deadline:
                     for worker in processes:
@@ -98,7 +98,7 @@ def worker_processes(count: int) -> "Iterator[Runner]":
                 continue
             if worker.job is not None:
                 job, worker.job = worker.job, None
-                yield job, said
+                yield job, answer
 
     try:
         yield run
@@ -116,7 +116,7 @@ def _started() -> "subprocess.Popen[str]":
 
 
 def _listen(worker: _Process, process: "subprocess.Popen[str]") -> None:
-    """Pass on each answer; at the end of the output say how the process ended, unless it was stopped."""
+    """Queue each answer; at the end of the output the exit code, unless the process was stopped."""
     assert process.stdout is not None
     for line in process.stdout:
         worker.answers.put((worker, json.loads(line)))

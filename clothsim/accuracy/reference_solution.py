@@ -34,7 +34,7 @@ class Limit:
 class Reference:
     """field (n, k); error: its own (RMS); limits: of each knob; cross: size of what the knobs add only together.
 
-    joint: how many runs with two knobs at once tell of that; without any, cross is a guess.
+    joint: number of runs with two knobs changed that measure it; with none, cross is an estimate.
     """
 
     field: Floats
@@ -110,7 +110,7 @@ def reference(
     q* = q_base + sum_k (q_k* - q_base) + c, where c is what the `largest_pair` of knobs adds only together. joint:
     {level: field} with both at that level, which gives c by the orders of the two. The reference's own error: that of
     each limit, and of c its spread over two joint runs; with one joint run, c itself; with none, what c would be if the
-    two errors, as shares of the base's size, were multiplied. noise: RMS by which a run differs from itself.
+    two errors, relative to the base's size, were multiplied. noise: RMS by which a run differs from itself.
     """
     field = base + sum((each.field - base for each in limits.values()), start=np.zeros_like(base))
     pair = largest_pair(base, limits, norm)
@@ -144,11 +144,11 @@ def _cross(
 ) -> Floats:
     """c at the base from a run with both knobs at `level`, and from each of them alone there.
 
-    A knob of order p keeps the share f = ratio^(-p level) of its base error, so the joint run differs from the sum of
-    the two alone by c (1 - f_k)(1 - f_l). An order that was not observed counts as 1.
+    A knob of order p keeps the fraction f = ratio^(-p level) of its base error, so the joint run differs
+    from the sum of the two alone by c (1 - f_k)(1 - f_l). An order that was not observed counts as 1.
     """
     mismatch = together + base - alone[0] - alone[1]
     orders = [limits[name].order if limits[name].extrapolated else 1.0 for name in pair]
     orders = [order if np.isfinite(order) else 1.0 for order in orders]
-    shares = [ratios[name] ** (-level * order) for name, order in zip(pair, orders, strict=True)]
-    return mismatch / ((1.0 - shares[0]) * (1.0 - shares[1]))
+    fractions = [ratios[name] ** (-level * order) for name, order in zip(pair, orders, strict=True)]
+    return mismatch / ((1.0 - fractions[0]) * (1.0 - fractions[1]))

@@ -56,7 +56,7 @@ class StudyData:
 
 
 def document(
-    study_data: StudyData, found: Findings, spent: Mapping[str, float], invariants: Mapping[str, Any]
+    study_data: StudyData, findings: Findings, spent: Mapping[str, float], invariants: Mapping[str, Any]
 ) -> dict[str, Any]:
     """The content of study.json; errors in millimetres."""
     gatherer, bench = study_data.gatherer, study_data.bench
@@ -67,27 +67,27 @@ def document(
             points.append(entry)  # listed apart when it is written
         elif entry["key"] in keys:
             where = keys[entry["key"]]
-            points.append({**entry, "settings": bench.settings(where), **_errors(study_data, found, where)})
+            points.append({**entry, "settings": bench.settings(where), **_errors(study_data, findings, where)})
         else:
             others.append(entry)
-    better = half(found, study_data.fields, bench.knobs, study_data.norm)
+    better = half(findings, study_data.fields, bench.knobs, study_data.norm)
     return {
         "points": points,
-        "front": [_row(study_data, where, found.errors[where], found.seconds[where]) for where in found.front],
-        "recommended": [_advice(study_data, each) for each in recommendations(found, MM)],
+        "front": [_row(study_data, where, findings.errors[where], findings.seconds[where]) for where in findings.front],
+        "recommended": [_advice(study_data, each) for each in recommendations(findings, MM)],
         "half_the_error": None if better is None else _advice(study_data, better),
-        "base": _row(study_data, BASE, found.errors[BASE], found.seconds[BASE]),
+        "base": _row(study_data, BASE, findings.errors[BASE], findings.seconds[BASE]),
         "unit": "mm",
         "measure": measure(study_data.chaotic),
         "size": study_data.size,
         "reference": {
-            "own_error": found.reference.error / MM,
-            "valid": found.valid,
-            "smallest_error": min(found.errors.values()) / MM,
-            "cross": found.reference.cross / MM,
+            "own_error": findings.reference.error / MM,
+            "valid": findings.valid,
+            "smallest_error": min(findings.errors.values()) / MM,
+            "cross": findings.reference.cross / MM,
         },
-        "knobs": {name: _knob(study_data, found, name) for name in bench.knobs},
-        "remainder": found.remainder / MM,
+        "knobs": {name: _knob(study_data, findings, name) for name in bench.knobs},
+        "remainder": findings.remainder / MM,
         "bending_model": _model(study_data),
         "missing_knobs": dict(study_data.missing),
         "left_out": {where.label(): reason for where, reason in gatherer.left_out.items()},
@@ -102,7 +102,7 @@ def document(
 
 
 def _model(study_data: StudyData) -> dict[str, Any] | None:
-    """How far the convergent bending model moves the result, and what it costs; None where that was not run."""
+    """Difference and cost of the convergent bending model; None where that was not run."""
     done = study_data.gatherer.outcomes.get(Point(variant=CONVERGENT))
     if done is None or done.failed or study_data.chaotic:
         return None
@@ -117,10 +117,10 @@ def measure(chaotic: bool) -> str:
     return "RMS distance of the same material points at the last frame to the reference"
 
 
-def _errors(study_data: StudyData, found: Findings, where: Point) -> dict[str, Any]:
-    error = found.errors[where]
-    numbers = {"error": error / MM, "max_error": found.largest[where] / MM, "relative": error / study_data.size}
-    return {**numbers, "unit": "mm", "seconds": found.seconds[where], "resolved": found.resolved(where)}
+def _errors(study_data: StudyData, findings: Findings, where: Point) -> dict[str, Any]:
+    error = findings.errors[where]
+    numbers = {"error": error / MM, "max_error": findings.largest[where] / MM, "relative": error / study_data.size}
+    return {**numbers, "unit": "mm", "seconds": findings.seconds[where], "resolved": findings.resolved(where)}
 
 
 def _row(study_data: StudyData, where: Point, error: float, seconds: float) -> dict[str, Any]:
@@ -134,20 +134,20 @@ def _advice(study_data: StudyData, each: Recommendation) -> dict[str, Any]:
             "predicted_error": None if each.measured else each.error / MM}  # fmt: skip
 
 
-def _knob(study_data: StudyData, found: Findings, name: str) -> dict[str, Any]:
-    each = found.reference.limits.get(name)
+def _knob(study_data: StudyData, findings: Findings, name: str) -> dict[str, Any]:
+    each = findings.reference.limits.get(name)
     expected = study_data.bench.knobs[name].order(study_data.bench.base)
     return {
         "base": study_data.bench.knobs[name].value(study_data.bench.base, 0),
         "expected_slope": expected,
         "observed_slope": None if each is None else each.order,
         "extrapolated": each is not None and each.extrapolated,
-        "adds": None if each is None else found.bars[name] / MM,
+        "adds": None if each is None else findings.bars[name] / MM,
         "own_uncertainty": None if each is None else each.error / MM,
     }
 
 
-def markdown(study_data: StudyData, found: Findings, result: Mapping[str, Any]) -> str:
+def markdown(study_data: StudyData, findings: Findings, result: Mapping[str, Any]) -> str:
     """The report for people: the answer first."""
     parts = [
         f"# What accuracy costs: {study_data.name}",
@@ -173,10 +173,10 @@ def markdown(study_data: StudyData, found: Findings, result: Mapping[str, Any]) 
 def answer(result: Mapping[str, Any]) -> list[str]:
     """The error of the scene as it is, and the cost of half of it, as sentences."""
     base, reference, better = result["base"], result["reference"], result["half_the_error"]
-    share = f"{100 * base['error'] * MM / result['size']:.2g} % of its size"
-    lines = [f"As it is, this scene is {_mm(base['error'])} wrong ({share}) and takes {_s(base['seconds'])}."]
+    fraction = f"{100 * base['error'] * MM / result['size']:.2g} % of its size"
+    lines = [f"As it is, this scene is {_mm(base['error'])} wrong ({fraction}) and takes {_s(base['seconds'])}."]
     if better is None:
-        lines.append("What half of that error would cost is not known: the runs inside the budget do not tell.")
+        lines.append("What half of that error would cost is not known: the runs inside the budget do not resolve it.")
     else:
         times = better["seconds"] / max(base["seconds"], 1e-9)
         source = "" if better["measured_error"] is not None else ", predicted, not run"
@@ -274,7 +274,7 @@ def _method(result: Mapping[str, Any]) -> list[str]:
 
 
 def _invariants(invariants: Mapping[str, Any]) -> list[str]:
-    """What chaotic folds leave alone, at the base: mean and spread over its seeds."""
+    """Invariants of chaotic folds at the base settings: mean and spread over the seeds."""
     units = {"drape_coefficient": ("Drape coefficient", ""), "energy": ("Energy", " J")}
     return [
         f"{units[name][0]} as given, over {each['seeds']} seeds: {each['mean']:.4g}{units[name][1]}, spread "

@@ -45,7 +45,7 @@ def barycentric(points: Floats, rest: Floats, triangles: Ints) -> tuple[Ints, Fl
 
 
 def at_points_of(base: Material, run: Material, positions: Floats) -> Floats:
-    """Where the vertices of `base` are in a run whose vertices are at `positions (n, 3)` [m]."""
+    """Positions of the vertices of `base` in a run whose vertices are at `positions (n, 3)` [m]."""
     if run.same_as(base):
         return positions
     starts = np.cumsum([0, *(len(rest) for rest in run.rest)])

@@ -30,17 +30,17 @@ from clothsim.scene.scene import Scene
 TIGHT = 2
 """Level of the tolerance at which a run and its jittered twin are compared."""
 CHAOTIC = 0.25
-"""Twins that differ by that share of what the largest refinement changes have no one solution between them."""
+"""Difference of twin runs, over the effect of the largest refinement, above which the solution is not unique."""
 SEEDS = 4
 COMBINATIONS = 6
 LATE = 0.35
-"""Largest share of what is left of the budget that one of the finest runs may take."""
+"""Largest fraction of the remaining budget for one of the finest runs."""
 FINER = 3
 """How many more levels are run of the knob whose limit is least certain, one at a time."""
 FOR_FILES = 0.15, 8.0
-"""What is kept of the budget for picture and tables: that share of it, that many seconds at most."""
+"""Reserve of the budget for picture and tables: fraction of the budget, and most seconds."""
 COMPUTES = ("mesh", "kinematics", "energies", "contact", "solve", "sim")
-"""The folders of the package on which a result depends: a study made with other code is made anew."""
+"""The folders of the package on which a result depends: a study made with other code is repeated."""
 REPORT_NAME, PICTURE_NAME = "study.md", "study.png"
 
 
@@ -127,8 +127,8 @@ def study_accuracy(
     directory = Path(tempfile.mkdtemp(prefix="clothsim-study-") if output is None else output)
     built = build(scene)
     base = fixed(scene, built)
-    found, missing = usable(base, None if knobs is None else list(knobs))
-    bench = Bench(scene, base, found)
+    knobs_used, missing = usable(base, None if knobs is None else list(knobs))
+    bench = Bench(scene, base, knobs_used)
     count = workers or cores()
     _make_folder(directory / FOLDER)
     material = material_of([c.rest_positions for c in built.world.cloths], [c.triangles for c in built.world.cloths])
@@ -167,7 +167,7 @@ def study_accuracy(
 
 @dataclass(frozen=True)
 class _Observer:
-    """What of a run is compared: places of material points, or with chaotic folds the histogram of their heights.
+    """Compared data of a run: positions of material points, or with chaotic folds the histogram of their heights.
 
     twins: how far apart those end that start a hair apart, in places [m]; noise: the same in what is compared [m].
     """
@@ -188,7 +188,7 @@ class _Observer:
         return Norm(self.areas / self.areas.sum())
 
     def fields(self) -> dict[Point, Floats]:
-        """What is compared, of each data point: with chaotic folds the mean over its seeds.
+        """Compared data of each data point: with chaotic folds the mean over its seeds.
 
         A variant with another bending model is none: it tends to something else.
         """
@@ -204,7 +204,7 @@ class _Observer:
         return {where: np.mean(each, axis=0) for where, each in several.items()}
 
     def limits(self) -> dict[str, Limit]:
-        """Where each one-knob sweep tends to, as far as it is known."""
+        """Limits of the one-knob sweeps, as far as known."""
         bench = self.gatherer.bench
         return analysis.limits_of(self.fields(), bench.knobs, bench.base, self.norm, self.noise)
 
@@ -313,7 +313,7 @@ def _refuse_nothing_finer(gatherer: Gatherer, observer: _Observer) -> None:
 
 
 def _fingerprint(base: Scene, world: World) -> str:
-    """What tells a scene, its meshes and the code that computes them from others."""
+    """Identity of a scene: hash of its settings, its meshes and the code that computes them."""
     import clothsim
 
     digest = sha256(f"{clothsim.__version__} {base.to_text()}".encode())
@@ -331,11 +331,11 @@ def _written(study_data: StudyData, observer: _Observer, spent: dict[str, float]
     from clothsim.accuracy.plot import draw
 
     directory = study_data.gatherer.directory
-    found = study_data.findings()
-    rest = document(study_data, found, spent, _invariants(observer) if study_data.chaotic else {})
+    findings = study_data.findings()
+    rest = document(study_data, findings, spent, _invariants(observer) if study_data.chaotic else {})
     result = write_points(directory, study_data.gatherer.fingerprint, **rest)
-    (directory / REPORT_NAME).write_text(markdown(study_data, found, result), encoding="utf-8")
-    draw(study_data, found, directory / PICTURE_NAME)
+    (directory / REPORT_NAME).write_text(markdown(study_data, findings, result), encoding="utf-8")
+    draw(study_data, findings, directory / PICTURE_NAME)
     return Study(directory, result)
 
 

@@ -3,7 +3,7 @@
 A job is {scene, warm, target, seed}: the scene's text, that of one to run before a first job (it compiles and loads
 what both need), where the arrays go (.npz), the seed of the jitter (0: none). The answer is {seconds, wall_seconds,
 warmup_seconds, counts, energy, failed}. Seconds are the processor's, of this process alone, so that what runs beside it
-stays out of them (but for caches and clock rates that it shares).
+stays out of them (but for shared caches and clock rates).
 """
 
 import json
@@ -18,11 +18,11 @@ from typing import Any
 SHORT, TIMES = 1.0, 3
 """A run below so many seconds is timed so often, and the median counts: a short run's time has the most noise."""
 JITTER = 1e-6
-"""How far a jittered start is off, at most, in sizes of the cloth."""
+"""Largest perturbation of a jittered start, relative to the size of the cloth."""
 
 
 def main() -> None:
-    """Serve until the input ends. What is printed meanwhile goes to stderr: stdout carries answers only."""
+    """Serve until the input ends. Printed text goes to stderr: stdout is for answers only."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     warm = 0.0
@@ -76,14 +76,14 @@ def _run(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def _failure(status: str, reason: str, record: list[dict[str, Any]]) -> str:
-    """Why a run is no data point: it failed, or a solve that was capped or stopped was tried again with another dt."""
+    """Reason to reject a run as a data point: it failed, or a capped or stopped solve was repeated with another dt."""
     if status != "completed":
         return reason
     retried = next((entry for entry in record if entry["failures"]), None)
     if retried is None:
         return ""
     count = sum(bool(entry["failures"]) for entry in record)
-    return f"{count} of its steps had to be tried again, first step {retried['step']}: {retried['failures'][0]}"
+    return f"{count} of its steps had to be repeated, first step {retried['step']}: {retried['failures'][0]}"
 
 
 def _write(target: Path, world: Any, positions: Any) -> None:
@@ -113,10 +113,10 @@ def _jittered(scene: Any, seed: int, folder: Path) -> dict[str, Any]:
     start = np.concatenate(starts)
     first = np.cumsum([0, *(len(shape.positions) for shape in shapes)])
     triangles = np.concatenate([shape.triangles + k for shape, k in zip(shapes, first[:-1], strict=True)])
-    reach = JITTER * float(np.linalg.norm(np.ptp(start, axis=0)))
-    moved = start + np.random.default_rng(seed).uniform(-reach, reach, start.shape)
-    kept = {key: value for key, value in scene.seed.items() if key == "untangle"}
-    return {**kept, "from": "file", "file": str(write_obj(folder / "start.obj", moved, triangles))}
+    amplitude = JITTER * float(np.linalg.norm(np.ptp(start, axis=0)))
+    moved = start + np.random.default_rng(seed).uniform(-amplitude, amplitude, start.shape)
+    untangling = {key: value for key, value in scene.seed.items() if key == "untangle"}
+    return {**untangling, "from": "file", "file": str(write_obj(folder / "start.obj", moved, triangles))}
 
 
 if __name__ == "__main__":

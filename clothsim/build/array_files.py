@@ -26,7 +26,7 @@ def with_arrays(where: str, value: Any, directory: Path) -> Any:
     Raises
     ------
     InputError
-        Where a file is missing or holds no numbers.
+        Where a file is missing or has no numeric data.
     """
     if isinstance(value, Mapping):
         return {key: with_arrays(f"{where}.{key}", inner, directory) for key, inner in value.items()}

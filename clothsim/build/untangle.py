@@ -2,7 +2,7 @@
 
 A drape from elsewhere may intersect itself, or a body, by a millimetre: panels that were not sewn, seams whose vertices
 do not match. Contact needs a start without intersections. And it may hold collapsed triangles, whose energy would
-dominate the first step. This is a heuristic, and the notes of a run say so; the rest shape stays as it is.
+dominate the first step. This is a heuristic, and is listed in the notes of a run; the rest shape stays as it is.
 """
 
 from dataclasses import replace

@@ -51,8 +51,8 @@ REMEDIES = {
 BAD_INPUT, UNEXPECTED, INTERRUPTED = 2, 1, 130
 
 _MANY_OBJECTS = 100_000, 50
-"""New objects before Python looks for unused cycles, and how often before it looks at older ones again. The compiler
-makes millions that stay: at Python's own 700 and 10 the looking takes a tenth of a cold start."""
+"""Thresholds of Python's cyclic garbage collector. The compiler makes millions of lasting objects: with Python's
+defaults, 700 and 10, collection takes a tenth of a cold start."""
 
 _DESCRIPTION = """\
 Finite-element cloth with intersection-free contact.

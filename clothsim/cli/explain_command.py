@@ -84,7 +84,7 @@ def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
     for name in sorted(receipt.phases, key=lambda name: -receipt.phases[name]):
         rows.append([f"({name})", *_time(receipt.phases[name], receipt.seconds), *("" for _ in columns)])
     rows.append(["all", *_time(receipt.seconds, receipt.seconds), *("" for _ in columns)])
-    header = ["effect (phase)", "seconds", "share", *(_COLUMNS[key] for key in columns)]
+    header = ["effect (phase)", "seconds", "fraction", *(_COLUMNS[key] for key in columns)]
     lines = [f"Measured: {receipt.source}", "", text_table(header, rows)]
     left = {name: entry for name, entry in off.items() if absent is None or name not in absent.effects}
     if left:

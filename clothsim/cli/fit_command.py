@@ -86,7 +86,8 @@ def _fit(arguments: argparse.Namespace) -> int:
 
 
 def _stage(stage: "Stage") -> str:
-    return f"  {stage.name:<9} {stage.seconds:6.1f} s  {stage.counts}{'; ' + stage.said if stage.said else ''}"
+    note = f"; {stage.description}" if stage.description else ""
+    return f"  {stage.name:<9} {stage.seconds:6.1f} s  {stage.counts}{note}"
 
 
 def _verdict(done: "Fit") -> list[str]:

@@ -30,7 +30,7 @@ def check_dressed(arguments: argparse.Namespace) -> int:
         raise InputError(
             f"There is no directory {arguments.output.parent}.", "Make it first, or choose another with -o."
         )
-    found = read_penetration_report(
+    report = read_penetration_report(
         arguments.target,
         arguments.on,
         scale=number("--scale", arguments.scale),
@@ -40,52 +40,52 @@ def check_dressed(arguments: argparse.Namespace) -> int:
         weld=number("--weld", arguments.weld) or 0.0,
     )
     print(f"{arguments.target} on {arguments.on}")
-    for line in (*found.notes, *_lines(found)):
+    for line in (*report.notes, *_lines(report)):
         print(f"  {line}")
     if arguments.output is not None:
         from clothsim.fitting.penetration_picture import draw_penetrations
 
         try:
-            print(f"  {arguments.output}: {draw_penetrations(found, arguments.output)}")
+            print(f"  {arguments.output}: {draw_penetrations(report, arguments.output)}")
         except OSError as error:
             raise InputError(
                 f"{arguments.output} cannot be written ({error.strerror}).", "Choose another with -o."
             ) from error
-    if found.counts.clean:
-        nearest = float(found.closest.signed_distance.min())
-        worn = nearest <= WORN * found.body.size
+    if report.counts.clean:
+        nearest = float(report.closest.signed_distance.min())
+        worn = nearest <= WORN * report.body.size
         far = f"Nothing intersects, but the garment is {length(nearest)} away from the body: give their units, --scale."
         print("Nothing is wrong." if worn else far)
         return 0
-    where = "" if found.counts.place is None else f", worst {found.counts.where}"
-    print(f"Not clean: {found.counts}{where}.")
+    where = "" if report.counts.place is None else f", worst {report.counts.where}"
+    print(f"Not clean: {report.counts}{where}.")
     return 1
 
 
-def _lines(found: "PenetrationReport") -> list[str]:
+def _lines(report: "PenetrationReport") -> list[str]:
     """Penetrations as text, one line for each kind."""
     import numpy as np
 
     from clothsim.fitting.penetration_report import deepest_vertices
     from clothsim.intersection.intersecting_pairs import intersection_points
 
-    counts, lines = found.counts, []
-    n = len(found.garment.positions)
+    counts, lines = report.counts, []
+    n = len(report.garment.positions)
     if counts.penetrating_vertices:
         percent = 100 * counts.penetrating_vertices / n
         lines.append(f"error: {counts.penetrating_vertices:,} of {n:,} vertices ({percent:.1f} %) are inside the body")
-        for vertex, depth, place in deepest_vertices(found):
+        for vertex, depth, place in deepest_vertices(report):
             lines.append(f"  vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(place)}")
     else:
-        nearest = float(found.closest.signed_distance.min())
+        nearest = float(report.closest.signed_distance.min())
         lines.append(f"none of {n:,} vertices is inside the body; the nearest is {length(nearest)} away")
-    x, own = found.garment.positions, found.garment.triangles
+    x, own = report.garment.positions, report.garment.triangles
     for who, pairs, other in (
-        ("the garment and the body", found.body_pairs, found.body.triangles + n),
-        ("the garment and itself", found.self_pairs, own),
+        ("the garment and the body", report.body_pairs, report.body.triangles + n),
+        ("the garment and itself", report.self_pairs, own),
     ):
         if len(pairs):
-            place = intersection_points(np.concatenate([x, found.body.positions]), own, other, pairs[:1])[0]
+            place = intersection_points(np.concatenate([x, report.body.positions]), own, other, pairs[:1])[0]
             lines.append(f"error: {who} intersect in {len(pairs):,} pairs of triangles, the first near {_at(place)}")
         else:
             lines.append(f"{who} do not intersect")

@@ -84,10 +84,13 @@ def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
     from clothsim.build import preset_errors
     from clothsim.build.presets import with_preset
 
-    scene, said = with_preset(scene, arguments.preset)
+    scene, settings_text = with_preset(scene, arguments.preset)
     if not arguments.quiet:
         talk: IO[str] = sys.stderr if arguments.json else sys.stdout
-        lines = [f"preset {arguments.preset}: {said}", f"  its RMS error at the last frame, {preset_errors.DATE}:"]
+        lines = [
+            f"preset {arguments.preset}: {settings_text}",
+            f"  its RMS error at the last frame, {preset_errors.DATE}:",
+        ]
         lines += [f"    {line}" for line in preset_errors.measured(arguments.preset)]
         lines.append("  Another scene has another error: `clothsim study` measures it.")
         print("\n".join(lines), file=talk, flush=True)

@@ -74,8 +74,8 @@ def verdict(run: "Run", trouble: list[str]) -> str:
     rejections = summary["rejected_steps"]
     rejected = f" ({rejections:,} rejected for their error)" if rejections else ""
     parts = summary.get("regional_iterations", 0)
-    regional = f" and {parts:,} of parts of the cloth" if parts else ""
-    newton = f"{_many(summary['newton_iterations'], 'Newton iteration')}{regional}"
+    patch_iterations = f" and {parts:,} on patches" if parts else ""
+    newton = f"{_many(summary['newton_iterations'], 'Newton iteration')}{patch_iterations}"
     effort = (
         f"{clock(summary['wall_seconds'])} ({clock(summary['warmup_seconds'])} to start), "
         f"{_many(summary['steps'], 'step')}{rejected}, {newton}, "
@@ -84,7 +84,7 @@ def verdict(run: "Run", trouble: list[str]) -> str:
     rows = [
         *_certificate(summary["certificate"], "body_contact" in summary["effects"]),
         ("error", _error(summary["certificate"]["error_estimate"])),
-        *(("found", said) for said in summary.get("found", [])),
+        *(("found", text) for text in summary.get("found", [])),
         ("effort", effort),
         ("files", f"{run.directory}{os.sep}: {', '.join(files)}"),
     ]

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _DESCRIPTION = """\
 Measure the error of a scene's last frame, its sources, and the cost of a smaller one: runs the scene finer and coarser,
-one process a core, and leaves study.md, study.json and study.png. Called again, it continues with the points it has.
+one process a core, and leaves study.md, study.json and study.png. A repeated call continues with the stored points.
 
   clothsim study scenes/study_strip.toml -o accuracy --budget 120s
 """

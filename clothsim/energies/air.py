@@ -157,13 +157,13 @@ def air(
     field, pace = wind_of("effects.air.wind", wind), schedule("effects.air.strength", strength)
     if rho == 0:
         return Off("the density of the air is 0")
-    kept = np.flatnonzero(across)
-    if not len(kept):
+    selected = np.flatnonzero(across)
+    if not len(selected):
         return Off("drag is 0")
-    across, along = rho / 2 * across[kept], rho / 2 * (across * (1 - lifts))[kept]
-    none = np.zeros((len(kept), 3))
-    tensors = np.zeros((len(kept), 3, 3))
-    return Air(world.triangles[kept], across, along, field, pace, world.origin, tensors, none, 1.0)
+    across, along = rho / 2 * across[selected], rho / 2 * (across * (1 - lifts))[selected]
+    none = np.zeros((len(selected), 3))
+    tensors = np.zeros((len(selected), 3, 3))
+    return Air(world.triangles[selected], across, along, field, pace, world.origin, tensors, none, 1.0)
 
 
 EXAMPLE = Example(

@@ -15,7 +15,7 @@ class Energy(abc.ABC):
     """A term of E(x) = sum of energies over the vertex positions x (N, 3) [m], relative to `World.origin`.
 
     A subclass is a frozen dataclass with `value`, `gradient` and `hessian`. `begin` and `step_limit` are optional; what
-    few energies have besides (a gap to keep, lagged data, memory, a report) is in `energies.protocols`.
+    few energies have besides (contact gap, lagged data, history, report) is in `energies.protocols`.
     """
 
     begins_last: ClassVar[bool] = False

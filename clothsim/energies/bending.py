@@ -43,9 +43,9 @@ def bending(world: World, *, model: str = "hinge") -> Energy | Off:
     stiff = hinges.stiffness > 0
     if not stiff.any():
         return Off("bending stiffness is zero")
-    kept = Hinges(*(getattr(hinges, field.name)[stiff] for field in fields(hinges)))
+    stiff_hinges = Hinges(*(getattr(hinges, field.name)[stiff] for field in fields(hinges)))
     module, function = builder.split(":")
-    return getattr(importlib.import_module(module), function)(kept, world)
+    return getattr(importlib.import_module(module), function)(stiff_hinges, world)
 
 
 def _builder(name: str) -> str:

@@ -142,10 +142,10 @@ def _mass_damping(world: World, rates: Floats) -> MassDamping:
 def _strain_damping(world: World, shear: Floats, trace: Floats) -> Energy:
     from clothsim.energies.strain_damping import StrainDamping
 
-    kept = np.flatnonzero(shear)
-    inverses, areas = world.rest_shape_inverses[kept], world.rest_areas[kept]
-    none = np.zeros((len(kept), 2, 2))
-    return StrainDamping(world.triangles[kept], inverses, areas, shear[kept], trace[kept], none, 1.0)
+    selected = np.flatnonzero(shear)
+    inverses, areas = world.rest_shape_inverses[selected], world.rest_areas[selected]
+    none = np.zeros((len(selected), 2, 2))
+    return StrainDamping(world.triangles[selected], inverses, areas, shear[selected], trace[selected], none, 1.0)
 
 
 def _hinge_damping(world: World, beta: float) -> Energy:

@@ -176,7 +176,7 @@ def room_for(elements: Ints) -> Floats:
     """Uninitialised blocks (m, 3k, 3k) for `elements` (m, k).
 
     Allocated by numpy, which asks the system for large pages: an array of more than 32 MB that a kernel allocates is
-    mapped in small pages, at each Hessian again, which takes longer than filling it.
+    mapped in small pages at every Hessian, which takes longer than filling it.
     """
     size = 3 * elements.shape[1]
     return np.empty((len(elements), size, size))

@@ -15,7 +15,7 @@ from clothsim.kinematics.hinge_angle import hinge_angle_gradient, hinge_blocks, 
 @kernel
 def angles(vertices: Ints, x: Floats) -> Floats:
     """The angle of each hinge, (h,) [rad]; +inf where a triangle has no area."""
-    found, points, turned = np.empty(len(vertices)), np.zeros(12 * LANES), np.zeros(3 * LANES)
+    hinge_angles, points, turned = np.empty(len(vertices)), np.zeros(12 * LANES), np.zeros(3 * LANES)
     for first in range(0, len(vertices), LANES):
         _gather(points, vertices, x, first)
         for lane in range(LANES):
@@ -24,8 +24,8 @@ def angles(vertices: Ints, x: Floats) -> Floats:
             turned[lane], turned[LANES + lane], turned[2 * LANES + lane] = sine, cosine, 1.0 if whole else 0.0
         for lane in range(min(LANES, len(vertices) - first)):
             angle = np.arctan2(turned[lane], turned[LANES + lane])
-            found[first + lane] = angle if turned[2 * LANES + lane] > 0.0 else np.inf
-    return found
+            hinge_angles[first + lane] = angle if turned[2 * LANES + lane] > 0.0 else np.inf
+    return hinge_angles
 
 
 @kernel

@@ -7,14 +7,14 @@ import numpy as np
 
 from clothsim.energies.neo_hookean import density, inverse_factor, other_modes, stretch_block
 from clothsim.energies.triangle_kernels import (
-    KEPT,
+    VALUES_PER_LANE,
     deformation_gradient,
     fill_lanes,
-    keep,
     normal,
     principal_state,
     products,
     project_2x2,
+    store_lane,
 )
 from clothsim.jit import LANES, kernel, natural
 
@@ -68,7 +68,7 @@ def fill(lanes, first, x, triangles, inverses, areas, mu, lam, project):
     """
     F, n, V, W = np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3))
     alpha, beta = np.empty(3), np.empty(3)
-    kept = np.zeros(KEPT * LANES)
+    lane_values = np.zeros(VALUES_PER_LANE * LANES)
     for group in range(len(lanes)):
         for lane in range(min(LANES, len(triangles) - first - group * LANES)):
             t = first + group * LANES + lane
@@ -78,5 +78,5 @@ def fill(lanes, first, x, triangles, inverses, areas, mu, lam, project):
             if project:
                 a, b, c = project_2x2(a, b, c)
                 twist, flip, out1, out2 = max(twist, 0.0), max(flip, 0.0), max(out1, 0.0), max(out2, 0.0)
-            keep(kept, lane, areas[t], alpha, beta, W, n, (a, b, c), (twist, flip, out1, out2))
-        fill_lanes(lanes[group], kept)
+            store_lane(lane_values, lane, areas[t], alpha, beta, W, n, (a, b, c), (twist, flip, out1, out2))
+        fill_lanes(lanes[group], lane_values)

@@ -103,11 +103,11 @@ def _rows_in_threes(matrix: sparse.csr_array) -> tuple[Ints, Floats]:
     threes = (sparse.kron(sparse.eye_array(m), np.ones((1, 3))) @ abs(matrix)).tocsr()
     threes.sort_indices()
     counts = np.diff(threes.indptr)
-    kept = np.flatnonzero(counts)
+    selected = np.flatnonzero(counts)
     j = np.arange(counts.max(initial=1))
-    filled = j < counts[kept, None]
-    columns = threes.indices[threes.indptr[kept, None] + np.where(filled, j, 0)].astype(np.int64)
-    rows = 3 * kept[:, None] + np.arange(3)
+    filled = j < counts[selected, None]
+    columns = threes.indices[threes.indptr[selected, None] + np.where(filled, j, 0)].astype(np.int64)
+    rows = 3 * selected[:, None] + np.arange(3)
     entries = matrix[np.repeat(rows.ravel(), len(j)), np.repeat(columns, 3, axis=0).ravel()].reshape(-1, 3, len(j))
     return columns, np.where(filled[:, None, :], np.asarray(entries), 0.0)
 

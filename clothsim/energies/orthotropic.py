@@ -48,7 +48,7 @@ class ThreadedMembrane(Energy, Restrictable, Report):
         return self.sheet.triangles
 
     def with_triangles(self, triangles: Ints) -> Self:
-        """The same elements between other vertices, `triangles (m, 3)`."""
+        """Copy of the elements between other vertices, `triangles (m, 3)`."""
         threads = replace(self.threads, triangles=triangles)
         return replace(self, sheet=self.sheet.with_triangles(triangles), threads=threads)
 

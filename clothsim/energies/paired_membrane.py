@@ -111,8 +111,8 @@ def pairs(world: World) -> tuple[Ints, Ints]:
         if alike[pair] and not taken[both[pair]].any():
             taken[both[pair]] = True
             chosen.append(pair)
-    kept = np.array(chosen, np.int64)
-    return corners[kept], both[kept]
+    selected = np.array(chosen, np.int64)
+    return corners[selected], both[selected]
 
 
 def _rest(world: World) -> tuple[np.ndarray, Floats]:

@@ -1,4 +1,4 @@
-"""Optional protocols of energies, and the neutral answers for energies without them.
+"""Optional protocols of energies, and the neutral values for energies without them.
 
 An energy takes part by deriving from a class of this file; callers ask by `isinstance` or by the function below it.
 """
@@ -143,7 +143,7 @@ class Report:
         return ()
 
     def tightest(self, x: Floats) -> str:
-        """The limit that is nearly reached at x, for the message of a failed step; empty where none is."""
+        """Name of a limit that is nearly active at x, for the message of a failed step; empty where none is."""
         return ""
 
     def counts(self) -> dict[str, float]:

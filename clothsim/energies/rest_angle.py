@@ -123,10 +123,10 @@ def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: Hing
     bent = np.sort(hinges.vertices[:, :2], axis=1)
     if "vertices" in keys:
         group = vertex_numbers(f"{name}.vertices", keys["vertices"], len(cloth.positions)) + first
-        found = np.flatnonzero(np.isin(bent, group).all(axis=1))
-        if not len(found):
+        selected = np.flatnonzero(np.isin(bent, group).all(axis=1))
+        if not len(selected):
             raise InputError(f"{name} has no interior edge.", "Give neighbouring vertices inside the cloth.")
-        return found
+        return selected
     points = as_points(f"{name}.through", keys["through"])
     path = path_along(f"{name}.through", cloth.rest_positions, edges, points)
     if len(path) < 2:
@@ -134,10 +134,10 @@ def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: Hing
     along = np.sort(np.column_stack([path[:-1], path[1:]]), axis=1)
     numbers, wanted = ((pairs * [world.n_vertices, 1]).sum(axis=1) for pairs in (bent, along + first))
     order = np.argsort(numbers)
-    found = order[np.minimum(np.searchsorted(numbers, wanted, sorter=order), len(order) - 1)]
-    for a, b in along[numbers[found] != wanted][:1]:
+    selected = order[np.minimum(np.searchsorted(numbers, wanted, sorter=order), len(order) - 1)]
+    for a, b in along[numbers[selected] != wanted][:1]:
         raise InputError(f"{name}: the edge {a}-{b} has no hinge.", "Draw the crease along interior edges.")
-    return found
+    return selected
 
 
 def _refuse_twice(hinges: HingeBending, chosen: Ints) -> None:

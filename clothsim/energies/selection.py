@@ -88,10 +88,10 @@ def _in_box(where: str, world: World, select: Mapping[str, Any]) -> Ints:
         raise InputError(f"{where}.box has {len(box)} corners.", "Give two: [lo, hi].")
     low, high = box
     start = world.start()[: world.n_cloth] + world.origin
-    found = np.flatnonzero(((start >= low) & (start <= high)).all(axis=1))
-    if not len(found):
+    selected = np.flatnonzero(((start >= low) & (start <= high)).all(axis=1))
+    if not len(selected):
         raise InputError(f"{where}.box contains no cloth vertex.", "Move or enlarge it.")
-    return found
+    return selected
 
 
 def _named(name: str, rest: Floats, triangles: Ints) -> Ints:
@@ -101,13 +101,13 @@ def _named(name: str, rest: Floats, triangles: Ints) -> Ints:
         return border
     x, y = rest[:, 0], rest[:, 1]
     near = 1e-6 * max(np.ptp(x), np.ptp(y))
-    sides = {
+    borders = {
         "left": x <= x.min() + near,
         "right": x >= x.max() - near,
         "bottom": y <= y.min() + near,
         "top": y >= y.max() - near,
     }
-    if name in sides:
-        return np.flatnonzero(sides[name])
+    if name in borders:
+        return np.flatnonzero(borders[name])
     corners = [(a, b) for a in (x.min(), x.max()) for b in (y.min(), y.max())]
     return np.unique([border[np.hypot(x[border] - a, y[border] - b).argmin()] for a, b in corners])

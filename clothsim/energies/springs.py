@@ -109,12 +109,12 @@ def springs(world: World, *, spring: Sequence[Mapping[str, Any]] = ()) -> Energy
     check_tables("effects.springs.spring", spring, KEYS, ("select", "stiffness"))
     tables = [(f"effects.springs.spring[{k}]", keys) for k, keys in enumerate(spring)]
     stiffnesses = [schedule(f"{name}.stiffness", keys["stiffness"], 0.0) for name, keys in tables]
-    kept = [(*table, k) for table, k in zip(tables, stiffnesses, strict=True) if not k.is_zero]
-    if not kept:
+    selected = [(*table, k) for table, k in zip(tables, stiffnesses, strict=True) if not k.is_zero]
+    if not selected:
         return Off("every stiffness is 0" if spring else "there is no spring")
     start = world.start()
     rows, ends, lengths, slack = [], [], [], []
-    for name, keys, stiffness in kept:
+    for name, keys, stiffness in selected:
         vertices = selected_vertices(f"{name}.select", world, keys["select"])
         if not len(vertices):
             raise InputError(f"{name} selects no vertex.")

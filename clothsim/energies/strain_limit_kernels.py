@@ -6,12 +6,12 @@
 import numpy as np
 
 from clothsim.energies.triangle_kernels import (
-    KEPT,
+    VALUES_PER_LANE,
     deformation_gradient,
     fill_lanes,
-    keep,
     principal_state,
     products,
+    store_lane,
 )
 from clothsim.jit import LANES, kernel, natural
 
@@ -57,7 +57,7 @@ def fill(lanes, first, x, triangles, inverses, slopes, curvatures, between):
     flip, e_i'/s_i out of plane. None is negative where e grows and is convex.
     """
     F, n, V, W = np.empty((3, 2)), np.empty(3), np.empty((2, 2)), np.empty((2, 3))
-    alpha, beta, kept = np.empty(3), np.empty(3), np.zeros(KEPT * LANES)
+    alpha, beta, lane_values = np.empty(3), np.empty(3), np.zeros(VALUES_PER_LANE * LANES)
     for group in range(len(lanes)):
         for lane in range(min(LANES, len(triangles) - first - group * LANES)):
             t = first + group * LANES + lane
@@ -65,5 +65,5 @@ def fill(lanes, first, x, triangles, inverses, slopes, curvatures, between):
             p1, p2 = slopes[t]
             flip = (p1 - p2) / (s1 - s2) if s1 - s2 > ALIKE else between[t]
             others = (p1 + p2) / (s1 + s2), flip, p1 / s1, p2 / s2
-            keep(kept, lane, 1.0, alpha, beta, W, n, (curvatures[t, 0], 0.0, curvatures[t, 1]), others)
-        fill_lanes(lanes[group], kept)
+            store_lane(lane_values, lane, 1.0, alpha, beta, W, n, (curvatures[t, 0], 0.0, curvatures[t, 1]), others)
+        fill_lanes(lanes[group], lane_values)

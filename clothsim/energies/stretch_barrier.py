@@ -88,7 +88,7 @@ class StrainLimit(Elementwise, Energy, BarrierGap, Report):
         """The fraction of dx, at most `most`, with which a stretch covers at most SLACK of the distance to its limit.
 
         A stretch is convex along dx, hence below its secant: where the secant from x to x + dx meets the goal, the
-        stretch has not reached it. The next secant starts there.
+        stretch is still below it. The next secant starts there.
         """
         passing = np.flatnonzero(self._loads(x + dx, self.triangles).max(axis=1, initial=0.0) >= 1)
         if not len(passing):
@@ -122,7 +122,7 @@ class StrainLimit(Elementwise, Energy, BarrierGap, Report):
         worst = np.unravel_index(int(y.argmax()), y.shape)
         if y[worst] < TIGHT:
             return ""
-        return f"effects.strain_limit is nearly reached: a stretch of {stretches[worst]:.4g} of {self.limits[worst]:g}"
+        return f"effects.strain_limit is nearly active: a stretch of {stretches[worst]:.4g} of {self.limits[worst]:g}"
 
     def stretches(self, x: Floats) -> Floats:
         """Stretches s1, s2, la, lb of the triangles at x, (m, 4)."""

@@ -94,8 +94,8 @@ class Fibres(Energy, Restrictable):
 
     def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
         """The threads of the triangles with a moving vertex."""
-        kept = np.flatnonzero(moving[self.triangles].any(axis=1))
-        return replace(self, law=self.law.of(kept), **{name: getattr(self, name)[kept] for name in ARRAYS})
+        selected = np.flatnonzero(moving[self.triangles].any(axis=1))
+        return replace(self, law=self.law.of(selected), **{name: getattr(self, name)[selected] for name in ARRAYS})
 
     def measured(self, x: Floats) -> Floats:
         """la, lb, I8 of each triangle, (m, 3)."""

@@ -79,29 +79,33 @@ def principal_state(x, triangle, B, F, n, V, W, alpha, beta):
     return s1, s2
 
 
-KEPT = 23
+VALUES_PER_LANE = 23
 """Numbers of a triangle that determine its block: W, n, shape-function gradients, area and modes."""
 
 
 @inlined
-def keep(kept, lane, area, alpha, beta, W, n, stretch, others):
-    """Store the numbers of a triangle that `fill_lanes` needs in its lane of kept (KEPT LANES,)."""
+def store_lane(lane_values, lane, area, alpha, beta, W, n, stretch, others):
+    """Store the numbers of a triangle that `fill_lanes` needs: its lane of lane_values (VALUES_PER_LANE LANES,)."""
     for k in range(3):
-        kept[k * LANES + lane], kept[(3 + k) * LANES + lane], kept[(6 + k) * LANES + lane] = W[0, k], W[1, k], n[k]
-        kept[(9 + k) * LANES + lane], kept[(12 + k) * LANES + lane] = alpha[k], beta[k]
-        kept[(15 + k) * LANES + lane] = stretch[k]
+        lane_values[k * LANES + lane], lane_values[(3 + k) * LANES + lane], lane_values[(6 + k) * LANES + lane] = (
+            W[0, k],
+            W[1, k],
+            n[k],
+        )
+        lane_values[(9 + k) * LANES + lane], lane_values[(12 + k) * LANES + lane] = alpha[k], beta[k]
+        lane_values[(15 + k) * LANES + lane] = stretch[k]
     for k in range(4):
-        kept[(18 + k) * LANES + lane] = others[k]
-    kept[22 * LANES + lane] = area
+        lane_values[(18 + k) * LANES + lane] = others[k]
+    lane_values[22 * LANES + lane] = area
 
 
 @inlined
-def fill_lanes(out, kept):
+def fill_lanes(out, lane_values):
     """Fill a group of `LanesHessian` from the stored numbers of its triangles."""
     for lane in range(LANES):
-        w1, w2, n = point(kept, 0, lane), point(kept, 3, lane), point(kept, 6, lane)
-        alpha, beta, stretch = point(kept, 9, lane), point(kept, 12, lane), point(kept, 15, lane)
-        others, area = (*point(kept, 18, lane), kept[21 * LANES + lane]), kept[22 * LANES + lane]
+        w1, w2, n = point(lane_values, 0, lane), point(lane_values, 3, lane), point(lane_values, 6, lane)
+        alpha, beta, stretch = point(lane_values, 9, lane), point(lane_values, 12, lane), point(lane_values, 15, lane)
+        others, area = (*point(lane_values, 18, lane), lane_values[21 * LANES + lane]), lane_values[22 * LANES + lane]
         b00, b01, b02, b11, b12, b22 = principal_blocks(area, alpha, beta, w1, w2, n, stretch, others)
         write(out, 0, lane, b00)
         write(out, 1, lane, b01)

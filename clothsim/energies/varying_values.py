@@ -128,7 +128,7 @@ def lost_function(name: str, value: Mapping[str, Any]) -> InputError:
     """The error for a run's scene that has the name of a Python function only."""
     return InputError(
         f"{name} was the Python function {value[FUNCTION]!r}, which is not in the scene of the run.",
-        "Simulate from the Python program again, or give key frames.",
+        "Simulate from the Python program, or give key frames.",
     )
 
 

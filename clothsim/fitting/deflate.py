@@ -1,7 +1,7 @@
 """Deflation of a body until it is clear of a garment; the guaranteed path inflates it again.
 
-Each vertex moves inward along its normal by the depth, but at most by KEPT of the half thickness of the body below it.
-It returns along the same straight line: a moving obstacle that only moves outward.
+Each vertex moves inward along its normal by the depth, but at most by LARGEST_FRACTION of the half thickness of the
+body below it. It returns along the same straight line: a moving obstacle that only moves outward.
 """
 
 import numpy as np
@@ -10,8 +10,8 @@ from clothsim.arrays import Floats, Ints
 from clothsim.mesh.topology import vertex_rings
 from transfer.signed_distance import SKIN, BodySurface
 
-KEPT = 0.9
-"""Largest displacement as a fraction of the half thickness: the rest keeps the two sides apart."""
+LARGEST_FRACTION = 0.9
+"""Largest displacement as a fraction of the half thickness: the rest keeps the two surfaces apart."""
 SMOOTHINGS = 8
 """Smoothing iterations of thickness and normals, which vary strongly at ears and fingers."""
 RAYS, OPENING = 7, np.radians(20.0)
@@ -30,7 +30,7 @@ def half_thickness(body: BodySurface) -> Floats:
 def deflated(body: BodySurface, depth: float, half: Floats) -> Floats:
     """Body vertices moved inward by `depth` [m], (n, 3) [m]; half (n,): its `half_thickness` [m]."""
     normals = np.column_stack([smoothed(body.vertex_normals[:, axis], body.triangles) for axis in range(3)])
-    return body.positions - np.minimum(depth, KEPT * half)[:, None] * _unit(normals)
+    return body.positions - np.minimum(depth, LARGEST_FRACTION * half)[:, None] * _unit(normals)
 
 
 def smoothed(values: Floats, triangles: Ints) -> Floats:
@@ -49,8 +49,8 @@ def _cone(directions: Floats) -> list[Floats]:
     steepest = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
     side = _unit(np.cross(directions, steepest))
     other = np.cross(directions, side)
-    around = 2 * np.pi * np.arange(RAYS - 1) / (RAYS - 1)
-    tilted = [directions + np.tan(OPENING) * (np.cos(a) * side + np.sin(a) * other) for a in around]
+    angles = 2 * np.pi * np.arange(RAYS - 1) / (RAYS - 1)
+    tilted = [directions + np.tan(OPENING) * (np.cos(a) * side + np.sin(a) * other) for a in angles]
     return [_unit(ray) for ray in (directions, *tilted)]
 
 

@@ -60,7 +60,7 @@ class Fit:
     cost : Cost
         Stretches and displacement of the garment.
     notes : tuple of str
-        Choices made in reading and fitting.
+        Defaults used in reading and fitting.
 
     Examples
     --------
@@ -191,8 +191,8 @@ def fit(
     places = NO_MARKERS if markers is None else read_markers(markers)
     _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
     task = Task(worn, source, target, named, resize, directory, on_stage, places)
-    found = seeded(task)
-    return _simulated(task, found, started, progress, announce)
+    seeded_fit = seeded(task)
+    return _simulated(task, seeded_fit, started, progress, announce)
 
 
 def _figure(body: Any, scale: float | None, group: str | None) -> Figure:
@@ -206,12 +206,12 @@ def _refuse_file_options(scale: float | None, part: tuple[int, int] | None) -> N
 
 
 def _simulated(
-    task: Task, found: Seeded, started: float, progress: Listener | None, announce: Announcement | None
+    task: Task, seeded_fit: Seeded, started: float, progress: Listener | None, announce: Announcement | None
 ) -> Fit:
     """Drape the garment and write the results."""
-    ended = _Ended("failed", found.failure, None, found.stages)
-    if not found.failure:
-        ended = _draped(task, found, progress, announce)
+    ended = _Ended("failed", seeded_fit.failure, None, seeded_fit.stages)
+    if not seeded_fit.failure:
+        ended = _draped(task, seeded_fit, progress, announce)
     status, reason, run, stages = ended
     if not stages[-1].counts.clean:  # self_contact was off, or nothing freed it
         status = "failed"
@@ -225,7 +225,7 @@ def _simulated(
         stages,
         run,
         cost_of(task.garment, stages[-1].positions),
-        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *found.notes),
+        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *seeded_fit.notes),
     )
     _write(done, perf_counter() - started)
     return done
@@ -240,28 +240,30 @@ class _Ended(NamedTuple):
     stages: tuple[Stage, ...]
 
 
-def _draped(task: Task, found: Seeded, progress: Listener | None, announce: Announcement | None) -> _Ended:
+def _draped(task: Task, seeded_fit: Seeded, progress: Listener | None, announce: Announcement | None) -> _Ended:
     """Drape; where it cannot start or complete, its start is the result, with status refined."""
     body = body_surface(task.target.positions, task.target.triangles)
     runs: list[Run] = []
 
     def make() -> tuple[Floats, str]:
-        start, up = found.last.positions, task.target.up
-        runs.append(draped(found.worn, start, body.positions, up, task.folder, progress, announce))
+        start, up = seeded_fit.last.positions, task.target.up
+        runs.append(draped(seeded_fit.worn, start, body.positions, up, task.folder, progress, announce))
         return runs[0].positions(-1), f"draped for {runs[0].times[-1]:g} s"
 
     try:
         stage = staged("simulate", task.garment.triangles, body, make, task.on_stage)
     except InputError as error:
-        return _Ended("refined", f"The drape could not begin: {error.sentence}", None, found.stages)
+        return _Ended("refined", f"The drape could not start: {error.sentence}", None, seeded_fit.stages)
     run = runs[0]
     if run.status != "completed":
-        return _Ended("refined", run.reason, run, found.stages)
+        return _Ended("refined", run.reason, run, seeded_fit.stages)
     if not stage.counts.clean:
         reason = f"The drape ended with {stage.counts}, {stage.counts.where}."
-        return _Ended("refined", reason, run, found.stages if found.last.counts.clean else (*found.stages, stage))
+        return _Ended(
+            "refined", reason, run, seeded_fit.stages if seeded_fit.last.counts.clean else (*seeded_fit.stages, stage)
+        )
     fallen = _fallen(run, task.target.name)
-    return _Ended("failed" if fallen else "completed", fallen or run.reason, run, (*found.stages, stage))
+    return _Ended("failed" if fallen else "completed", fallen or run.reason, run, (*seeded_fit.stages, stage))
 
 
 def _fallen(run: Run, body: str) -> str:
@@ -280,20 +282,20 @@ def _write(done: Fit, seconds: float) -> None:
     """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
     write_obj(done.directory / FITTED, done.positions, done.garment.triangles)
     file = done.directory / SUMMARY_NAME
-    kept = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
+    previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
     fitted: dict[str, Any] = {
         "status": done.status,
         "reason": done.reason,
         "stages": [stage.as_dict() for stage in done.stages],
         "cost": done.cost.as_dict(),
-        "notes": [*done.notes, *kept["notes"]],
+        "notes": [*done.notes, *previous["notes"]],
         "fit_seconds": seconds,
     }
     if done.status == "failed":
         place, counts = done.counts.place, str(done.counts)
         failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": place, "remedy": REMEDY}
         fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
-    write_summary(file, {**kept, **fitted})
+    write_summary(file, {**previous, **fitted})
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -30,11 +30,11 @@ DEEPEST = DEPTHS[-4:-1]
 class Clearing:
     """Body frames from the thinnest, which a garment is clear of, to the body itself; each (k, 3) [m].
 
-    said: description; a single frame means that no deflation was needed.
+    description: deflation in words; a single frame means that no deflation was needed.
     """
 
     frames: tuple[Floats, ...]
-    said: str = ""
+    description: str = ""
 
     @property
     def body(self) -> Floats:
@@ -58,19 +58,19 @@ def clearings(garment: Floats, triangles: Ints, body: BodySurface) -> Iterator[C
     def thinner(of: BodySurface, depths: Sequence[float]) -> tuple[float, Floats] | None:
         half = half_thickness(of)
         thin = ((depth, deflated(of, depth, half)) for depth in depths)
-        return next((found for found in thin if clear_of(found[1])), None)
+        return next((thinned for thinned in thin if clear_of(thinned[1])), None)
 
     if clear_of(body.positions):
         yield Clearing((body.positions,))
         return
-    found = thinner(body, DEPTHS)
-    if found is not None:
-        yield Clearing((found[1], body.positions), f"{1e3 * found[0]:.3g} mm thinner")
+    thinned = thinner(body, DEPTHS)
+    if thinned is not None:
+        yield Clearing((thinned[1], body.positions), f"{1e3 * thinned[0]:.3g} mm thinner")
     for opened in unfolding(body.positions, body.triangles):
-        found = thinner(body_surface(opened, body.triangles), DEEPEST)
-        if found is not None:
-            said = f"without folds and {1e3 * found[0]:.3g} mm thinner"
-            yield Clearing((found[1], opened, body.positions), said)
+        thinned = thinner(body_surface(opened, body.triangles), DEEPEST)
+        if thinned is not None:
+            description = f"without folds and {1e3 * thinned[0]:.3g} mm thinner"
+            yield Clearing((thinned[1], opened, body.positions), description)
             return
 
 
@@ -80,7 +80,7 @@ def untangled_from_itself(cloth: Cloth, bodies: Sequence[Body]) -> tuple[Floats,
     None where untangling fails.
     """
     try:
-        freed, said = untangled(make_world([cloth], bodies))
+        freed, description = untangled(make_world([cloth], bodies))
     except InputError:
         return None
-    return freed.cloths[0].positions, said
+    return freed.cloths[0].positions, description

@@ -33,7 +33,7 @@ LONG = 0.5
 
 @dataclass(frozen=True)
 class Figure:
-    """Body: positions (n, 3) [m], triangles (m, 3); scale [m per file unit]; notes: choices made in reading."""
+    """Body: positions (n, 3) [m], triangles (m, 3); scale [m per file unit]; notes: defaults used in reading."""
 
     name: str
     positions: Floats
@@ -58,12 +58,12 @@ def read_figure(path: str | Path, *, scale: float | None = None, group: str | No
         return _of_scene(file)
     if group is not None:
         mesh = read_mesh(file, group=group)
-        said: tuple[str, ...] = ()
+        remarks: tuple[str, ...] = ()
     else:
-        mesh, said = _largest(file, read_mesh(file))
+        mesh, remarks = _largest(file, read_mesh(file))
     extent = float(np.ptp(mesh.positions, axis=0).max())
     factor, unit = (scale, ()) if scale is not None else _unit(file, extent)
-    notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *said, *unit))
+    notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *remarks, *unit))
     return Figure(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
 
 
@@ -127,16 +127,16 @@ def read_garment(
         shape, _ = sewn(file.name, shape, None, weld, at_start=False)
     report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
     refuse(report)
-    reach = float(np.abs(shape.positions).max())
-    if reach > FARTHEST:
-        raise InputError(f"{file.name} reaches {reach:.3g} m from the origin.", "Give its unit with --scale.")
-    said = (*shape.notes, *(finding.sentence for finding in report.warnings))
-    notes = tuple(f"{file.name}: {note}" for note in said)
+    farthest = float(np.abs(shape.positions).max())
+    if farthest > FARTHEST:
+        raise InputError(f"{file.name} has a vertex {farthest:.3g} m from the origin.", "Give its unit with --scale.")
+    remarks = (*shape.notes, *(finding.sentence for finding in report.warnings))
+    notes = tuple(f"{file.name}: {note}" for note in remarks)
     return Garment(file.name, shape.positions, shape.triangles, notes, sewn=bool(weld))
 
 
 def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
-    """The first cloth of a scene as it starts there, sewn and untangled as the scene says, and the first body.
+    """The first cloth of a scene in its initial positions, sewn and untangled per scene, and the first body.
 
     InputError for a scene without a body, or one that cannot be built.
     """
@@ -147,8 +147,8 @@ def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
     cloth, body = built.world.cloths[0], built.world.bodies[0]
     origin = built.world.origin
     several = ((len(built.world.cloths), "cloths"), (len(built.world.bodies), "bodies"))
-    said = tuple(f"{file.name}: only the first of {count} {what} is fitted" for count, what in several if count > 1)
-    garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, (*built.notes, *said), sewn=True)
+    remarks = tuple(f"{file.name}: only the first of {count} {what} is fitted" for count, what in several if count > 1)
+    garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, (*built.notes, *remarks), sewn=True)
     return garment, Figure(body.name, body.positions + origin, body.triangles, 1.0, ())
 
 
@@ -175,9 +175,9 @@ def _largest(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
 
 def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> tuple[MeshFile, tuple[str, ...]]:
     used, renumbered = np.unique(triangles, return_inverse=True)
-    said = (f"{what}: {len(used):,} of {len(mesh.positions):,} vertices",) if pieces > 1 else ()
+    remarks = (f"{what}: {len(used):,} of {len(mesh.positions):,} vertices",) if pieces > 1 else ()
     faces = renumbered.reshape(-1, 3).astype(np.int64)
-    return MeshFile(mesh.positions[used], faces, np.zeros((0, 3, 2)), mesh.messages), said
+    return MeshFile(mesh.positions[used], faces, np.zeros((0, 3, 2)), mesh.messages), remarks
 
 
 def is_closed(triangles: Ints) -> bool:

@@ -45,7 +45,7 @@ def marked_vertices(points: Floats, source: Figure, target: Figure) -> Ints:
     """
     from scipy.spatial import cKDTree
 
-    sides = []
+    matched = []
     for figure, places in ((source, points[:, :3]), (target, points[:, 3:])):
         used = np.unique(figure.triangles)
         far, nearest = cKDTree(figure.positions[used]).query(figure.scale * places)
@@ -55,5 +55,5 @@ def marked_vertices(points: Floats, source: Figure, target: Figure) -> Ints:
                 f"Marker {worst + 1} is {1e3 * far[worst]:.0f} mm away from {figure.name}.",
                 f"It must lie on the body, in the units of its file ({figure.scale:g} m).",
             )
-        sides.append(used[nearest])
-    return np.column_stack(sides).astype(np.int64)
+        matched.append(used[nearest])
+    return np.column_stack(matched).astype(np.int64)

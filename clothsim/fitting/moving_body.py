@@ -25,7 +25,7 @@ CARRYING_FRICTION = 0.5
 """It keeps the garment where it is on the body. Without, a growing body squeezes it from the hips up to the waist, and
 the folds that it makes there take four times the Newton iterations. Where a crease of the body closes on the garment it
 must slip out: what fails with friction is tried without."""
-CARRYING: dict[str, Any] = {
+MORPH_SETTINGS: dict[str, Any] = {
     "effects": {
         "inertia": {},
         "membrane": {},
@@ -67,12 +67,12 @@ class Worn:
     self_contact: bool
 
 
-def carried(
+def moved_with_body(
     worn: Worn, start: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None, slips: bool = False
 ) -> Run:
     """Run without gravity from `start` (n, 3) [m] under a body that moves through `frames`, each (k, 3) [m].
 
-    slips: without friction. All files of the run are in `folder`, a scene among them that runs it again.
+    slips: without friction. All files of the run are in `folder`, with a scene that repeats it.
     """
     _make(folder)
     for old in folder.glob(FRAMES):  # of an earlier fit with more frames
@@ -81,8 +81,8 @@ def carried(
         write_obj(folder / f"body{k:03d}.obj", frame, worn.body_triangles)
     rate = (len(frames) - 1) / CARRYING_SECONDS
     body = {"name": "body", "frames": FRAMES, "frames_per_second": rate}
-    effects = {name: keys for name, keys in CARRYING["effects"].items() if not (slips and name == "friction")}
-    return simulate(_scene(worn, start, body, {**CARRYING, "effects": effects}, folder), folder, listener)
+    effects = {name: keys for name, keys in MORPH_SETTINGS["effects"].items() if not (slips and name == "friction")}
+    return simulate(_scene(worn, start, body, {**MORPH_SETTINGS, "effects": effects}, folder), folder, listener)
 
 
 def draped(

@@ -21,20 +21,20 @@ OUTLINE = (30, 30, 34, 255)
 STRIP = (238, 239, 241)
 """The colour behind the words."""
 CLEAR = 2e-3
-"""How far above a surface a mark is looked at, as a share of the body's size."""
+"""Height of a mark above its surface for the visibility test, relative to the body's size."""
 TURNS = ((0.3, "from the front"), (np.pi + 0.3, "from behind"))
 """Where the camera stands: turned about the body from its front [rad]."""
 
 
-def draw_penetrations(found: PenetrationReport, file: Path) -> str:
+def draw_penetrations(report: PenetrationReport, file: Path) -> str:
     """A PNG with a dot where each vertex inside should come out, and intersecting triangles outlined.
 
     Marks that the body hides are left out: those of the other side are in the other half. The deepest is ringed where
-    it is seen. Returns the line that says what drew it.
+    it is seen. Returns one line that names the renderer.
     """
     from PIL import Image
 
-    garment, figure = found.garment, found.figure
+    garment, figure = report.garment, report.figure
     none = np.zeros((0, 2))
     surfaces = [
         Surface(garment.name, garment.positions, garment.triangles, "cloth", none),
@@ -52,10 +52,10 @@ def draw_penetrations(found: PenetrationReport, file: Path) -> str:
             renderer="auto",
         )
         bare = Image.fromarray(np.round(255 * np.clip(expose_bare(shot, surfaces), 0, 1)).astype(np.uint8))
-        _mark(bare, found, shot.camera)
+        _mark(bare, report, shot.camera)
         halves.append(add_legend(np.asarray(bare, float) / 255, None, side))
         note = shot.note
-    _with_key(np.hstack(halves), found).save(file, format="PNG")
+    _with_key(np.hstack(halves), report).save(file, format="PNG")
     return note
 
 
@@ -65,22 +65,22 @@ def _towards(up: Floats, turn: float) -> Floats:
     return np.cos(turn) * front + np.sin(turn) * np.cross(up, front) + 0.12 * up
 
 
-def _mark(picture: Any, found: PenetrationReport, camera: Camera) -> None:
+def _mark(picture: Any, report: PenetrationReport, camera: Camera) -> None:
     from PIL import ImageDraw
 
     pen = ImageDraw.Draw(picture, "RGBA")
-    x, triangles = found.garment.positions, found.garment.triangles
-    bad = np.unique(np.concatenate([found.body_pairs[:, 0], found.self_pairs.ravel()]))
+    x, triangles = report.garment.positions, report.garment.triangles
+    bad = np.unique(np.concatenate([report.body_pairs[:, 0], report.self_pairs.ravel()]))
     middles = x[triangles[bad]].mean(axis=1)
-    at = found.body.closest(middles)
+    at = report.body.closest(middles)
     outside = np.where(at.inside[:, None], at.points, middles)
-    for triangle in bad[_seen(found, outside, at.normals, camera)]:
+    for triangle in bad[_seen(report, outside, at.normals, camera)]:
         outline = [tuple(point) for point in pixels(camera, x[triangles[triangle]], SIZE)]
         pen.line([*outline, outline[0]], fill=OUTLINE, width=1)
-    inside = found.inside[::-1]
-    places, normals = found.closest.points[inside], found.closest.normals[inside]
-    depths = -found.closest.signed_distance[inside]
-    seen = np.flatnonzero(_seen(found, places, normals, camera))
+    inside = report.inside[::-1]
+    places, normals = report.closest.points[inside], report.closest.normals[inside]
+    depths = -report.closest.signed_distance[inside]
+    seen = np.flatnonzero(_seen(report, places, normals, camera))
     spots = pixels(camera, places, SIZE)
     for k in seen:
         _dot(pen, spots[k], depths[k] / depths[-1])
@@ -88,32 +88,32 @@ def _mark(picture: Any, found: PenetrationReport, camera: Camera) -> None:
         ring(pen, spots[-1], SIZE)
 
 
-def _seen(found: PenetrationReport, places: Floats, normals: Floats, camera: Camera) -> np.ndarray:
-    """Which places on the body (k, 3) face the camera and are not hidden by it."""
+def _seen(report: PenetrationReport, places: Floats, normals: Floats, camera: Camera) -> np.ndarray:
+    """Mask of the points on the body (k, 3) that face the camera and are not hidden by it."""
     rays = camera.position - places
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     facing = (rays * normals).sum(axis=1) > 0
-    ahead, _ = found.body.exits(places + CLEAR * found.body.size * normals, rays)
-    return np.logical_and(facing, ~np.isfinite(ahead))
+    distance, _ = report.body.exits(places + CLEAR * report.body.size * normals, rays)
+    return np.logical_and(facing, ~np.isfinite(distance))
 
 
-def _dot(pen: Any, centre: Floats, share: float) -> None:
+def _dot(pen: Any, centre: Floats, depth_fraction: float) -> None:
     radius = 0.0042 * min(SIZE)
-    colour = tuple(round((1 - share) * a + share * b) for a, b in zip(SHALLOW, INK, strict=True))
+    colour = tuple(round((1 - depth_fraction) * a + depth_fraction * b) for a, b in zip(SHALLOW, INK, strict=True))
     pen.ellipse([*(centre - radius), *(centre + radius)], fill=colour, outline=(255, 255, 255, 140))
 
 
-def _with_key(halves: np.ndarray, found: PenetrationReport) -> Any:
-    """The picture with a strip below that says what the marks mean."""
+def _with_key(halves: np.ndarray, report: PenetrationReport) -> Any:
+    """The picture with a legend of the marks below it."""
     from PIL import Image, ImageDraw
 
-    counts, em = found.counts, min(SIZE) / 48
+    counts, em = report.counts, min(SIZE) / 48
     height, width = halves.shape[:2]
     picture = Image.new("RGB", (width, height + round(5 * em)), STRIP)
     picture.paste(Image.fromarray(halves), (0, 0))
     deepest = f", the deepest {1e3 * counts.depth:.3g} mm (pink, ringed)" if counts.penetrating_vertices else ""
-    share = 100 * counts.penetrating_vertices / len(found.garment.positions)
-    first = f"dots: {counts.penetrating_vertices:,} vertices ({share:.3g} %) inside {found.figure.name}{deepest}"
+    percent = 100 * counts.penetrating_vertices / len(report.garment.positions)
+    first = f"dots: {counts.penetrating_vertices:,} vertices ({percent:.3g} %) inside {report.figure.name}{deepest}"
     second = (
         f"dark triangles: they intersect the body ({counts.body_pairs:,} pairs) "
         f"or the garment itself ({counts.self_pairs:,} pairs)"

@@ -38,7 +38,7 @@ class PenetrationReport:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Choices made in reading both files, and a warning for an open body."""
+        """Defaults used in reading both files, and a warning for an open body."""
         open_edges = self.body.open_edges
         hole = (f"{self.figure.name}: open at {open_edges:,} edges; near its holes inside is a guess",)
         return (*self.garment.notes, *self.figure.notes, *(hole if open_edges else ()))
@@ -67,7 +67,7 @@ def read_penetration_report(
     """The garment in `path` on the body in `on`, checked; keywords as of `read_figure` and `read_garment`.
 
     scale: metres per unit of both files; body_scale: of the body's, where it is in another unit; then the garment's
-    numbers are metres unless `scale` says otherwise. MakeHuman clothes are placed by the body, so in its unit.
+    coordinates are in metres unless `scale` is given. MakeHuman clothes are placed by the body, so in its unit.
     """
     figure = read_figure(on, scale=scale if body_scale is None else body_scale, group=body_group)
     own = scale if scale is not None else figure.scale if body_scale is None else 1.0
@@ -75,7 +75,7 @@ def read_penetration_report(
     return penetration_report(read_garment(path, on, figure.scale if on_base else own, part=part, weld=weld), figure)
 
 
-def deepest_vertices(found: PenetrationReport, count: int = 5) -> list[tuple[int, float, Floats]]:
+def deepest_vertices(report: PenetrationReport, count: int = 5) -> list[tuple[int, float, Floats]]:
     """The deepest vertices, at most `count`: number, depth [m], place (3,) [m]."""
-    distance, x = found.closest.signed_distance, found.garment.positions
-    return [(int(v), -float(distance[v]), x[v]) for v in found.inside[:count]]
+    distance, x = report.closest.signed_distance, report.garment.positions
+    return [(int(v), -float(distance[v]), x[v]) for v in report.inside[:count]]

@@ -2,7 +2,7 @@
 
 Deformation transfer seeds; where its shape is not clear of the body, DRAPE refines it; where that is not either, the
 body is deflated until the better of the two is clear of it, and grows back under IPC; where no depth frees it, the body
-that the garment was made for becomes the other one under IPC and carries it along.
+that the garment was made for deforms into the other one under IPC and moves the garment by contact.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from clothsim.errors import InputError
 from clothsim.fitting.guaranteed_path import Clearing, clearings, untangled_from_itself
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.markers import NO_MARKERS
-from clothsim.fitting.moving_body import Worn, carried
+from clothsim.fitting.moving_body import Worn, moved_with_body
 from clothsim.fitting.stage import Garment, Stage, StageCallback, staged
 from clothsim.fitting.transfer_seed import Transferred, transferred
 from clothsim.mesh.body import make_body
@@ -91,21 +91,21 @@ def seeded(task: Task) -> Seeded:
     except TransferError as error:
         raise InputError(error.sentence, error.remedy) from error
     worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
-    found = Seeded(tuple(stages), worn)
-    return found if found.last.counts.clean else _guaranteed(found, task, body, carrier)
+    state = Seeded(tuple(stages), worn)
+    return state if state.last.counts.clean else _guaranteed(state, task, body, carrier)
 
 
 def _as_it_came(task: Task, worn_by: BodySurface) -> list[Stage]:
     """The garment on its own body, and freed of intersections with itself where it has some."""
-    garment, said = task.garment, f"as it lies on {task.source.name}"
-    stages = [staged("garment", garment.triangles, worn_by, lambda: (garment.positions, said), task.on_stage)]
+    garment, description = task.garment, f"as it lies on {task.source.name}"
+    stages = [staged("garment", garment.triangles, worn_by, lambda: (garment.positions, description), task.on_stage)]
     freed = _untangled(garment.positions, stages[0], None, worn_by, task) if stages[0].counts.self_pairs else None
     return stages if freed is None else [*stages, freed]
 
 
 def _moved(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats, str]:
     moved.append(transferred(replace(task.garment, positions=shape), task.source, task.target, task.markers))
-    return moved[0].positions, moved[0].said
+    return moved[0].positions, moved[0].description
 
 
 def _refined(positions: Floats, task: Task, along_normals: bool) -> tuple[Floats, str]:
@@ -117,23 +117,23 @@ def _refined(positions: Floats, task: Task, along_normals: bool) -> tuple[Floats
     return done.positions, f"DRAPE, eps {1e3 * np.min(done.eps):.2g} to {1e3 * np.max(done.eps):.2g} mm{how}"
 
 
-def _guaranteed(found: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
+def _guaranteed(state: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
     """Deflate and grow; where no depth frees any shape, morph the one body into the other first."""
-    tried = [stage for stage in found.stages if task.same_body or stage.name in ("transfer", "refine")]
-    done = _freed(found, tried, task, body)
-    if (done is None or done.failure) and not task.same_body and _own(found).counts.on_body:
-        found = _morphed(found, task, body, carrier)
-        if found.failure or found.last.counts.clean:
-            return found
-        done = _freed(found, [found.last], task, body)
+    tried = [stage for stage in state.stages if task.same_body or stage.name in ("transfer", "refine")]
+    done = _freed(state, tried, task, body)
+    if (done is None or done.failure) and not task.same_body and _own(state).counts.on_body:
+        state = _morphed(state, task, body, carrier)
+        if state.failure or state.last.counts.clean:
+            return state
+        done = _freed(state, [state.last], task, body)
     if done is None:
-        counts = found.last.counts
-        said = f"No deflation of {task.target.name} frees the garment: {counts}, worst {counts.where}."
-        return replace(found, failure=said)
+        counts = state.last.counts
+        description = f"No deflation of {task.target.name} frees the garment: {counts}, worst {counts.where}."
+        return replace(state, failure=description)
     return done
 
 
-def _freed(found: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface) -> Seeded | None:
+def _freed(state: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface) -> Seeded | None:
     """The shape of one of the stages `tried`, clear of the body and, where that can be had, of itself.
 
     The shape with the fewest intersections with itself comes first: they are harder to mend than those with the body.
@@ -145,29 +145,29 @@ def _freed(found: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
         for start in clearings(stage.positions, task.garment.triangles, body):
             clear.append((stage, start))
             thin = body_surface(start.body, body.triangles)
-            freed = stage if not stage.counts.self_pairs else _untangled(found.worn.rest, stage, thin, thin, task)
+            freed = stage if not stage.counts.self_pairs else _untangled(state.worn.rest, stage, thin, thin, task)
             if freed is None:
                 continue
-            before = found if freed is stage else found.after(freed)
+            before = state if freed is stage else state.after(freed)
             grown = _grown(before, stage, start, freed.positions, task, body)
             if not grown.failure:
                 return grown
             failed = grown
-            found = replace(found, notes=(*found.notes, f"Tried {start.said or 'as it is'}: {grown.failure}"))
+            state = replace(state, notes=(*state.notes, f"Tried {start.description or 'as it is'}: {grown.failure}"))
     if not clear:
         return None
-    return _meeting_itself(found, clear, failed, task, body)
+    return _meeting_itself(state, clear, failed, task, body)
 
 
 def _meeting_itself(
-    found: Seeded, clear: Sequence[tuple[Stage, Clearing]], failed: Seeded | None, task: Task, body: BodySurface
+    state: Seeded, clear: Sequence[tuple[Stage, Clearing]], failed: Seeded | None, task: Task, body: BodySurface
 ) -> Seeded:
     """The garment that could not be untangled, worn as it is; where all that failed was its growth, that failure."""
     stage, start = min(clear, key=lambda one: len(one[1].frames))
     if failed is not None and len(start.frames) > 1:
         return failed
-    note = "The garment intersects itself and could not be untangled: self_contact is off."
-    meeting = replace(found, worn=replace(found.worn, self_contact=False), notes=(*found.notes, note))
+    note = "The garment intersects itself and could not be untangled: self_contact is switched off."
+    meeting = replace(state, worn=replace(state.worn, self_contact=False), notes=(*state.notes, note))
     return _grown(meeting, stage, start, stage.positions, task, body)
 
 
@@ -182,46 +182,46 @@ def _untangled(
     return None if freed is None else staged("untangle", triangles, counted_on, lambda: freed, task.on_stage, started)
 
 
-def _grown(found: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface) -> Seeded:
+def _grown(state: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface) -> Seeded:
     """The thin body grows back to its size as a moving obstacle; nothing to do where it is not thinner."""
     if len(start.frames) == 1:
-        return found if found.last.positions is shape else found.after(replace(stage, seconds=0.0))
-    said = f"the body {start.said}, from {stage.name}, grown back under IPC"
-    return _carried(found, "grow", shape, start.frames, task, body, said)
+        return state if state.last.positions is shape else state.after(replace(stage, seconds=0.0))
+    description = f"the body {start.description}, from {stage.name}, grown back under IPC"
+    return _after_motion(state, "grow", shape, start.frames, task, body, description)
 
 
-def _own(found: Seeded) -> Stage:
+def _own(state: Seeded) -> Stage:
     """The stage of the garment on its own body."""
-    return [stage for stage in found.stages if stage.name in ("garment", "untangle")][-1]
+    return [stage for stage in state.stages if stage.name in ("garment", "untangle")][-1]
 
 
-def _morphed(found: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
+def _morphed(state: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
     """The source body becomes the target, with the garment on it."""
-    start = _own(found)
-    worn = replace(found.worn, body_triangles=task.source.triangles, self_contact=not start.counts.self_pairs)
-    said = f"{task.source.name} became {task.target.name} under IPC"
+    start = _own(state)
+    worn = replace(state.worn, body_triangles=task.source.triangles, self_contact=not start.counts.self_pairs)
+    description = f"{task.source.name} became {task.target.name} under IPC"
     frames = [task.source.positions, carrier]
-    done = _carried(replace(found, worn=worn), "morph", start.positions, frames, task, body, said)
-    return replace(done, worn=found.worn)
+    done = _after_motion(replace(state, worn=worn), "morph", start.positions, frames, task, body, description)
+    return replace(done, worn=state.worn)
 
 
-def _carried(
-    found: Seeded, name: str, shape: Floats, frames: Sequence[Floats], task: Task, body: BodySurface, said: str
+def _after_motion(
+    state: Seeded, name: str, shape: Floats, frames: Sequence[Floats], task: Task, body: BodySurface, description: str
 ) -> Seeded:
     folder, ended = task.folder / name, []
 
     def make() -> tuple[Floats, str]:
-        run = carried(found.worn, shape, frames, folder, None)
+        run = moved_with_body(state.worn, shape, frames, folder, None)
         how = ""
         if run.status != "completed":
-            run = carried(found.worn, shape, frames, folder, None, slips=True)
+            run = moved_with_body(state.worn, shape, frames, folder, None, slips=True)
             how = ", without friction"
         ended.append("" if run.status == "completed" else run.reason)
-        return run.positions(-1), f"{said}{how}"
+        return run.positions(-1), f"{description}{how}"
 
     try:
         stage = staged(name, task.garment.triangles, body, make, task.on_stage)
     except InputError as error:
-        return replace(found, failure=f"The stage {name} could not begin: {error.sentence}")
+        return replace(state, failure=f"The stage {name} could not start: {error.sentence}")
     failure = ended[0] and f"In the stage {name}: {ended[0]}"
-    return replace(found.after(stage), failure=failure)
+    return replace(state.after(stage), failure=failure)

@@ -12,7 +12,7 @@ from transfer.signed_distance import BodySurface
 
 @dataclass(frozen=True)
 class Garment:
-    """Garment: positions (n, 3) [m] on the body that it was made for; triangles (m, 3); notes: choices in reading.
+    """Garment: positions (n, 3) [m] on its source body; triangles (m, 3); notes: defaults used in reading.
 
     sewn: its panels were welded, so that three may meet in a seam.
     """
@@ -26,13 +26,13 @@ class Garment:
 
 @dataclass(frozen=True)
 class Stage:
-    """Stage of a fit: name, seconds, positions (n, 3) [m] after it, their counts on the body; said: description."""
+    """Stage of a fit: name, seconds, positions (n, 3) [m] after it, their counts on the body; description: one line."""
 
     name: str
     seconds: float
     positions: Floats
     counts: Counts
-    said: str = ""
+    description: str = ""
 
     def as_dict(self) -> dict[str, Any]:
         """Entry in summary.json."""
@@ -43,7 +43,7 @@ class Stage:
             "depth": self.counts.depth,
             "intersecting_pairs": self.counts.body_pairs,
             "self_pairs": self.counts.self_pairs,
-            "said": self.said,
+            "said": self.description,
         }
 
 
@@ -64,8 +64,8 @@ def staged(
     started: where the stage began before this call, its `perf_counter`.
     """
     started = perf_counter() if started is None else started
-    positions, said = make()
+    positions, description = make()
     seconds = perf_counter() - started
-    stage = Stage(name, seconds, positions, counted(positions, triangles, body), said)
+    stage = Stage(name, seconds, positions, counted(positions, triangles, body), description)
     on_stage(stage)
     return stage

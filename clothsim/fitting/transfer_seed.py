@@ -13,11 +13,11 @@ from transfer.correspond import correspond
 
 @dataclass(frozen=True)
 class Transferred:
-    """positions (n, 3) of the garment; body (k, 3): the source body in the target's shape; both [m]; said: how."""
+    """Garment positions (n, 3) [m], source body in the target's shape (k, 3) [m], registration in one line."""
 
     positions: Floats
     body: Floats
-    said: str
+    description: str
 
 
 def transferred(garment: Garment, source: Figure, target: Figure, markers: Floats = NO_MARKERS) -> Transferred:
@@ -27,13 +27,13 @@ def transferred(garment: Garment, source: Figure, target: Figure, markers: Float
     """
     from transfer.garment import transfer_garment
 
-    body, said = target.positions, "the bodies share their mesh"
+    body, description = target.positions, "the bodies share their mesh"
     if not np.array_equal(source.triangles, target.triangles):
         given = marked_vertices(markers, source, target) if len(markers) else None
-        found = correspond(source.positions, source.triangles, target.positions, target.triangles, given)
-        how = f"{len(found.markers)} {'derived' if found.derived else 'given'} markers"
-        body, said = found.positions, f"{source.name} registered to {target.name} with {how}"
+        registration = correspond(source.positions, source.triangles, target.positions, target.triangles, given)
+        how = f"{len(registration.markers)} {'derived' if registration.derived else 'given'} markers"
+        body, description = registration.positions, f"{source.name} registered to {target.name} with {how}"
     elif len(markers):
-        said += ", so the markers are not needed"
+        description += ", so the markers are not needed"
     placed = transfer_garment(garment.positions, garment.triangles, source.positions, body, source.triangles)
-    return Transferred(placed, body, said)
+    return Transferred(placed, body, description)

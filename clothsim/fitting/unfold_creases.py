@@ -14,7 +14,7 @@ from transfer.triangle_surface import Sparse
 
 TIMES = (0.002, 0.004, 0.008, 0.016)
 """Flow times [m^2] that are tried: a cylinder of radius r loses dr in about r dr."""
-KEPT = 0.5
+SMALLEST_FRACTION = 0.5
 """Least fraction of the body's size: one that shrinks to a point frees any garment but inflates wrongly."""
 LEAST, MOST = 1e-3, 10.0
 """Bounds of the cotangent weights: obtuse triangles have negative ones, slivers huge ones."""
@@ -22,13 +22,13 @@ RESIDUAL, ITERATIONS = 1e-6, 2000
 
 
 def unfolding(positions: Floats, triangles: Ints) -> Iterator[Floats]:
-    """Body vertices (n, 3) [m] at each of TIMES, while at least KEPT of its size remains."""
+    """Body vertices (n, 3) [m] at each of TIMES, while at least SMALLEST_FRACTION of its size remains."""
     size = np.linalg.norm(np.ptp(positions[triangles.ravel()], axis=0))
     x, before = positions, 0.0
     stiffness = _laplacian(positions, triangles)
     for time in TIMES:
         x = _flowed(x, stiffness, _vertex_areas(x, triangles), time - before)
-        if np.linalg.norm(np.ptp(x[triangles.ravel()], axis=0)) < KEPT * size:
+        if np.linalg.norm(np.ptp(x[triangles.ravel()], axis=0)) < SMALLEST_FRACTION * size:
             return
         before = time
         yield x

@@ -100,9 +100,9 @@ def read_checkpoint(path: str | Path) -> Checkpoint:
                 raise ValueError("it would unpack to more than it holds")  # NumPy writes it uncompressed
         with np.load(content, allow_pickle=False) as arrays:
             return _from_arrays(arrays)
-    except Exception as error:  # zipfile, NumPy and JSON fail in a dozen ways
+    except Exception as error:  # zipfile, NumPy and JSON raise a dozen types of errors
         raise InputError(
-            f"{path} is broken or not a checkpoint ({error}).", "Start the run again from its scene."
+            f"{path} is broken or not a checkpoint ({error}).", "Repeat the run from its scene."
         ) from error
 
 

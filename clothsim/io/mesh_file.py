@@ -116,11 +116,11 @@ def _read_with_library(file: Path, ending: str, content: bytes) -> Polygons:
 def _checked(file: Path, polygons: Polygons) -> Polygons:
     """The polygons. InputError for a vertex that is not finite and for a face of vertices that are not there."""
     points, corners = polygons.positions, polygons.corners
-    said = "".join(f", {message}" for message in polygons.messages)
+    notes = "".join(f", {message}" for message in polygons.messages)
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{file} has vertices of shape {points.shape}, not (n, 3).")
     if not len(corners):
-        raise InputError(f"{file} holds no faces ({len(points)} vertices{said}).")
+        raise InputError(f"{file} holds no faces ({len(points)} vertices{notes}).")
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
         raise InputError(

@@ -20,7 +20,7 @@ LONGEST = 100
 
 
 class KernelCache(NullCache):
-    """What a kernel was compiled to, for each set of types.
+    """Machine code of a kernel, by argument types.
 
     Parameters
     ----------
@@ -66,7 +66,7 @@ class KernelCache(NullCache):
         """Nothing: a name stands for one content."""
 
     def stem(self, target_context: Any) -> Path | None:
-        """How the paths of this kernel's files begin; None where there is no folder to be chosen.
+        """Common prefix of the paths of this kernel's files; None where no folder can be chosen.
 
         Raises
         ------
@@ -82,7 +82,7 @@ class KernelCache(NullCache):
 
 
 def is_cached(kernel: Any) -> bool:
-    """Whether the machine code of a kernel is on disk, for any types."""
+    """True where machine code of the kernel is on disk, for any types."""
     if not hasattr(kernel, "targetctx"):  # NUMBA_DISABLE_JIT: a function of Python, nothing to compile
         return True
     try:
@@ -93,7 +93,7 @@ def is_cached(kernel: Any) -> bool:
 
 
 def can_store() -> bool:
-    """Whether there is a folder for machine code, and it can be written."""
+    """True where the folder for machine code exists and can be written."""
     root = storage.root(config.CACHE_DIR)
     return root is not None and storage.can_write(root)
 
@@ -101,7 +101,7 @@ def can_store() -> bool:
 def _rebuilt(content: bytes, target_context: Any) -> CompileResult | None:
     try:
         return CompileResult._rebuild(target_context, *pickle.loads(content))
-    except Exception:  # a damaged file raises whatever its bytes say: it is compiled and written again
+    except Exception:  # a damaged file may raise anything: the kernel is compiled and stored once more
         return None
 
 

@@ -1,4 +1,4 @@
-"""Texts for values, bytecode and types: the same for the same in each process, different for what differs."""
+"""Canonical descriptions of values, bytecode and types, identical in every process."""
 
 import dis
 import functools
@@ -9,7 +9,7 @@ from typing import Any
 from numba import types
 
 PLAIN = (bool, int, float, complex, str, bytes, type(None), type(Ellipsis), range, slice)
-"""What `repr` says all of."""
+"""Types that `repr` describes completely."""
 
 _READ_THE_FIRST_CONSTANT = {(instruction, 0) for instruction in dis.hasconst}
 _TYPES = (types.Number, types.Boolean, types.Array, types.Literal, types.NoneType, types.UnicodeType)
@@ -17,7 +17,7 @@ _TYPES = (types.Number, types.Boolean, types.Array, types.Literal, types.NoneTyp
 
 
 class UnnameableError(Exception):
-    """A value whose description would not be the same in another process, or would not say all."""
+    """Value without a complete description that is identical in every process."""
 
 
 def unnameable(value: Any) -> str:
@@ -26,19 +26,19 @@ def unnameable(value: Any) -> str:
 
 
 def plain(value: Any) -> str:
-    """Of a value that `repr` says all of."""
+    """Description of a value of the types `PLAIN`."""
     return f"{type(value).__qualname__} {value!r}"
 
 
 def array(value: Any) -> str:
-    """Of an array or a number of NumPy: its bytes."""
+    """Description of a NumPy array or scalar: its bytes."""
     if value.dtype.hasobject:
         return unnameable(value)
     return f"array {value.dtype.descr} {value.shape} {value.strides} {value.tobytes().hex()}"
 
 
 def named_type(value: Any) -> str:
-    """Of a type of numba, NumPy or LLVM; `UnnameableError` where its name holds an address."""
+    """Description of a type of numba, NumPy or LLVM; `UnnameableError` where its name holds an address."""
     text = f"{type(value).__qualname__} {value}"
     return unnameable(value) if "0x" in text else text
 

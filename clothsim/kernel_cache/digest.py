@@ -1,13 +1,13 @@
-"""The hash of a kernel's code: its own, that of all functions that it reaches, and the values that these use.
+"""Hash of a kernel's code, of all functions that it calls, and of the values that these use.
 
 Taken from what is in memory, not from files: an editor may have changed a file since Python read it, and what is
-compiled is what Python read. So it does not matter either where a file lies, what a comment says, or whether there is a
-file at all (a notebook, an archive).
+compiled is what Python read. Paths and comments therefore do not enter, and no file is needed
+(a notebook, an archive).
 
 Numba binds the names of a function when it compiles: a global is a constant. So the code of a kernel follows from the
-bytecode of the functions that can be reached by their names, from the values that other names stand for, and from the
+bytecode of the functions that are bound to their names, from the values that other names stand for, and from the
 options of the compiler. A value that has no lasting description (an object of an unknown class) makes the kernel
-`UnnameableError`: it is not cached rather than cached under a name that does not say all. Not seen are extensions of
+`UnnameableError`: it is not cached rather than cached under an incomplete name. Not seen are extensions of
 numba's own types and of NumPy's functions by others (`overload_method`, `overload(numpy...)`); nothing here has one.
 """
 
@@ -27,7 +27,7 @@ from numba.extending import _Intrinsic
 from clothsim.kernel_cache.descriptions import PLAIN, array, code_text, named_type, names_of, plain, unnameable
 
 VERSIONED = {"builtins", "math", "cmath", "typing", "collections", "numpy", "numba", "llvmlite"}
-"""Packages whose version, or Python's, says what their functions are: it is part of `compiler.identity`."""
+"""Packages whose functions are identified by their version, or Python's, a part of `compiler.identity`."""
 
 
 def digest(kernel: Dispatcher, target_context: Any) -> str:
@@ -50,7 +50,7 @@ def digest(kernel: Dispatcher, target_context: Any) -> str:
 
 
 class _Walk:
-    """A way through all functions that one reaches: each is described once and called by its number after that."""
+    """Traversal of the call graph: each function is described once, later named by its number."""
 
     def __init__(self, typing_context: Any) -> None:
         self._typing_context = typing_context
@@ -74,8 +74,8 @@ class _Walk:
 
     def hash_of(self, kernel: Dispatcher) -> str:
         hasher = hashlib.blake2b(self.describe(kernel).encode(), digest_size=12)
-        for reached in self._functions:  # grows while they are described
-            hasher.update(self._describe_function(reached).encode())
+        for function in self._functions:  # grows while they are described
+            hasher.update(self._describe_function(function).encode())
         return hasher.hexdigest()
 
     def _number(self, function: Any) -> int:
@@ -157,7 +157,7 @@ class _Walk:
 
 
 def _versioned_name(value: Any) -> str:
-    """Where a function or class of a package with a version is found; empty for all others.
+    """Qualified name of a function or class of a versioned package; empty for all others.
 
     An object that only looks like a function, as numba's `vectorize` makes, has the module of its class for its own.
     """

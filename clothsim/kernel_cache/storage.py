@@ -22,7 +22,7 @@ UNUSED_DAYS = 30
 SUFFIX = ".kernel"
 _FOLDER = re.compile(r"[0-9a-f]{16}")
 _SWEPT = "last-removal"
-"""A file whose time says when old files were last looked for: once a day is enough."""
+"""Marker file with the time of the last removal of old files, once a day at most."""
 
 
 def root(chosen: str = "") -> Path | None:
@@ -43,7 +43,7 @@ def root(chosen: str = "") -> Path | None:
 
 
 def user_cache() -> Path | None:
-    """The platform's folder for what can be made again; None where the user has no home."""
+    """The platform's cache folder; None where the user has no home."""
     if sys.platform == "win32":
         variable, below_home = "LOCALAPPDATA", ("AppData", "Local")
     elif sys.platform == "darwin":
@@ -97,7 +97,7 @@ def write(path: Path, content: bytes) -> bool:
 
 
 def can_write(folder: Path) -> bool:
-    """Whether files can be written below `folder`, which is made where it is missing."""
+    """True where files can be written below `folder`, which is made where it is missing."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         NamedTemporaryFile(dir=folder, prefix="writing-", suffix=SUFFIX).close()
@@ -109,7 +109,7 @@ def can_write(folder: Path) -> bool:
 def remove_unused(folder: Path, now: float | None = None) -> list[Path]:
     """Remove the files below `folder` that nobody used for UNUSED_DAYS, at most once a day.
 
-    Only files of this module in folders of this module are touched, and no link is followed.
+    Only files of this module in folders of this module are removed, and no link is followed.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def remove_unused(folder: Path, now: float | None = None) -> list[Path]:
 def _remove_from(folder: Path, now: float) -> list[Path]:
     removed = []
     for file in folder.glob(f"*{SUFFIX}"):
-        with contextlib.suppress(OSError):  # gone already, or open in another process (Windows)
+        with contextlib.suppress(OSError):  # already removed, or open in another process (Windows)
             if now - file.lstat().st_mtime > UNUSED_DAYS * DAY:
                 file.unlink()
                 removed.append(file)

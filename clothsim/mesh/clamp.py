@@ -105,14 +105,14 @@ def _ghost_hinges(world: World, cloth_number: int, pinned: np.ndarray, first_gho
 def _mirrored(name: str, positions: Floats, edges: Ints, corners: Ints) -> Floats:
     """`corners (g,)` mirrored about the lines of `edges (g, 2)`, each within its triangle's plane, (g, 3) [m]."""
     start, corner = positions[edges[:, 0]], positions[corners]
-    edge, reach = positions[edges[:, 1]] - start, corner - start
+    edge, to_corner = positions[edges[:, 1]] - start, corner - start
     squared = np.einsum("ij,ij->i", edge, edge)
-    twice_area = np.linalg.norm(np.cross(edge, reach), axis=1)
+    twice_area = np.linalg.norm(np.cross(edge, to_corner), axis=1)
     bad = np.flatnonzero(~(twice_area > 1e-14 * squared))
     if bad.size:
         a, b = edges[bad[0]]
         raise InputError(
             f"{name}: the triangle at the clamped edge {a}-{b} has no area at the start.", "Start it unfolded."
         )
-    foot = start + (np.einsum("ij,ij->i", reach, edge) / squared)[:, None] * edge
+    foot = start + (np.einsum("ij,ij->i", to_corner, edge) / squared)[:, None] * edge
     return 2 * foot - corner

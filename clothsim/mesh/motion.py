@@ -98,7 +98,7 @@ class LaterMotion:
         return False
 
     def apply(self, points: Floats, time: float) -> Floats:
-        """`places` carried to `time` [s]; `points`, the positions at time 0, do not matter any more."""
+        """Positions `places` moved to `time` [s]; `points`, the positions at time 0, are not used."""
         return self.motion.apply(self.places, time - self.since)
 
 

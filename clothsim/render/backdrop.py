@@ -12,7 +12,7 @@ _TOP, _BOTTOM = np.array([0.975, 0.977, 0.98]), np.array([0.90, 0.905, 0.915])
 _TEXELS = 320
 _PAD = 0.55
 _BANDS = ((0.0, 0.06, 0.012, 0.34), (0.06, 0.2, 0.03, 0.28), (0.2, 0.5, 0.06, 0.20), (0.5, np.inf, 0.11, 0.14))
-"""Height from, height to, blur, darkness; the first three as shares of the scene's size: higher things blur more."""
+"""Height from, height to, blur, darkness; the first three relative to the scene's size: higher things blur more."""
 
 
 def backdrop(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floats) -> Floats:
@@ -24,7 +24,7 @@ def backdrop(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Fl
 
 
 def _floor_light(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floats) -> Floats:
-    """Fraction of light that reaches the floor seen through each pixel, (height, width); 1 where none is seen."""
+    """Unoccluded fraction of light on the floor seen through each pixel, (height, width); 1 where none is seen."""
     from scipy.ndimage import map_coordinates
 
     triangles = np.concatenate([look.corners for look in made])
@@ -47,8 +47,8 @@ def _floor_light(made: Sequence[Look], camera: Camera, size: tuple[int, int], up
     if above <= 0:
         return np.ones(fall.shape)
     with np.errstate(divide="ignore", invalid="ignore"):
-        reach = np.where(fall > 1e-6, above / fall, 0.0)
-    on_plane = (camera.position @ plane.T + reach[:, :, None] * (rays @ plane.T) - origin) / per_texel - 0.5
+        distance = np.where(fall > 1e-6, above / fall, 0.0)
+    on_plane = (camera.position @ plane.T + distance[:, :, None] * (rays @ plane.T) - origin) / per_texel - 0.5
     light = map_coordinates(texture, [on_plane[:, :, 1], on_plane[:, :, 0]], order=1, mode="constant", cval=1.0)
     return np.where(fall > 1e-6, light, 1.0)
 

@@ -10,7 +10,7 @@ from clothsim.errors import InputError
 _HALF_ANGLE = np.radians(13.0)
 _ELEVATION = np.radians(24.0)
 _AZIMUTHS = np.radians([32.0, -32.0, 62.0, -62.0])
-_CLOTH_SHARE = 0.5
+_CLOTH_FRACTION = 0.5
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class Margins:
-    """The parts of the picture to leave free, as shares of its half width and half height."""
+    """Margins of the picture, as fractions of its half width and half height."""
 
     left: float = 0.08
     right: float = 0.08
@@ -65,11 +65,11 @@ def frame(
     tangents = np.tan(_HALF_ANGLE) * np.array([aspect, 1.0]) / min(aspect, 1.0)
     far, near = (_fit(points @ axes.T, tangents, margins) @ axes for points in (everything, cloth))
     low, high = 0.0, 1.0
-    if _share(Camera(far, axes, tangents), cloth) >= _CLOTH_SHARE:
+    if _fraction(Camera(far, axes, tangents), cloth) >= _CLOTH_FRACTION:
         return Camera(far, axes, tangents)
     for _ in range(40):
         middle = 0.5 * (low + high)
-        enough = _share(Camera((1 - middle) * far + middle * near, axes, tangents), cloth) >= _CLOTH_SHARE
+        enough = _fraction(Camera((1 - middle) * far + middle * near, axes, tangents), cloth) >= _CLOTH_FRACTION
         low, high = (low, middle) if enough else (middle, high)
     return Camera((1 - high) * far + high * near, axes, tangents)
 
@@ -141,7 +141,7 @@ def _fit(local: Floats, tangents: Floats, margins: Margins) -> Floats:
     return np.array([*centre, distance])
 
 
-def _share(camera: Camera, points: Floats) -> float:
+def _fraction(camera: Camera, points: Floats) -> float:
     """Larger fraction of the picture's width and height that the points span."""
     seen = camera.project(points)
     return float(np.ptp(seen, axis=0).max() / 2)

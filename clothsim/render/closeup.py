@@ -18,13 +18,13 @@ INK = (196, 0, 120)
 """No colour of cloth, body or stretch."""
 
 EDGES, SMALLEST, LARGEST = 5.0, 0.10, 0.25
-"""What is seen round the place: so many median cloth edges each way, within these shares of the cloth's size."""
+"""Radius of the view in median cloth edges, and its bounds relative to the cloth's size."""
 
 OUTLINED = 60
-"""So many triangles of cloth nearest to the place are outlined."""
+"""Number of outlined cloth triangles, the nearest to the point."""
 
 ELEVATIONS, AZIMUTHS = (24, 8, 50, 75, -20), range(0, 360, 30)
-"""Directions of views that are tried [degrees]."""
+"""Candidate view directions [degrees]."""
 
 
 def draw_place(
@@ -37,22 +37,24 @@ def draw_place(
     size: tuple[int, int] = (1280, 960),
     renderer: str = "auto",
 ) -> str:
-    """Write a PNG of `surfaces` round `place (3,)` [m] with a ring there; returns the line that says what drew it.
+    """Write a PNG of `surfaces` round `place (3,)` [m] with a ring there; returns one line that names the renderer.
 
     The view is one from which nothing hides the place. Where there is none, the bodies in front of it are cut away, and
-    the title says so. Other arguments as in `picture.draw`.
+    the title names them. Other arguments as in `picture.draw`.
     """
     from PIL import Image, ImageDraw
 
-    reach = _reach([surface for surface in surfaces if surface.role == "cloth"])
-    focus = place + reach * np.concatenate([np.eye(3), -np.eye(3)])
+    view_radius = _view_radius([surface for surface in surfaces if surface.role == "cloth"])
+    focus = place + view_radius * np.concatenate([np.eye(3), -np.eye(3)])
     settings = {"size": size, "colour": "stretch", "up": up, "renderer": renderer, "focus": focus}
     upright = take_aim([surfaces], view="auto", title=title, **settings).up  # type: ignore[arg-type]
-    near = np.concatenate([_corners_near(surface, place, reach) for surface in surfaces if surface.role == "cloth"])
-    view = _freest_view(surfaces, place, upright, near, 0.05 * reach)
+    near = np.concatenate(
+        [_corners_near(surface, place, view_radius) for surface in surfaces if surface.role == "cloth"]
+    )
+    view = _freest_view(surfaces, place, upright, near, 0.05 * view_radius)
     shot = take_aim([surfaces], view=view, title=title, **settings)  # type: ignore[arg-type]
-    seen, cut = _cut_open(surfaces, place, shot.camera.position, 0.05 * reach)
-    said = f"{title} ({' and '.join(cut)} cut open)" if cut else title
+    seen, cut = _cut_open(surfaces, place, shot.camera.position, 0.05 * view_radius)
+    caption = f"{title} ({' and '.join(cut)} cut open)" if cut else title
     nearest = near[np.argsort(np.linalg.norm(near.mean(axis=1) - place, axis=1))[:OUTLINED]]
     bare = np.round(255 * np.clip(expose_bare(shot, seen), 0, 1)).astype(np.uint8)
     picture = Image.fromarray(bare)
@@ -61,13 +63,13 @@ def draw_place(
         outline = pixels(shot.camera, corners, shot.size)
         pen.line([*map(tuple, outline), tuple(outline[0])], fill=(40, 40, 46, 70), width=1)
     ring(pen, pixels(shot.camera, place[None], shot.size)[0], shot.size)
-    _veil(pen, margins(shot.size, shot.scale is not None, said), shot)
-    legend = add_legend(np.asarray(picture, float) / 255, shot.scale, said)
+    _veil(pen, margins(shot.size, shot.scale is not None, caption), shot)
+    legend = add_legend(np.asarray(picture, float) / 255, shot.scale, caption)
     Image.fromarray(legend).save(path, format="PNG")
     return shot.note
 
 
-def _reach(cloths: Sequence[Surface]) -> float:
+def _view_radius(cloths: Sequence[Surface]) -> float:
     """Radius of the view around the point [m]."""
     corners = np.concatenate([cloth.positions[cloth.triangles] for cloth in cloths])
     edge = float(np.median(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)))
@@ -75,11 +77,11 @@ def _reach(cloths: Sequence[Surface]) -> float:
     return min(max(EDGES * edge, SMALLEST * size), LARGEST * size)
 
 
-def _corners_near(surface: Surface, place: Floats, reach: float) -> Floats:
-    """The corners (k, 3, 3) of the triangles whose middles are in reach; of the nearest where none is."""
+def _corners_near(surface: Surface, place: Floats, radius: float) -> Floats:
+    """The corners (k, 3, 3) of the triangles whose centroids are within `radius` [m]; of the nearest where none is."""
     corners = surface.positions[surface.triangles]
     distances = np.linalg.norm(corners.mean(axis=1) - place, axis=1)
-    return corners[distances <= max(reach, float(distances.min()))]
+    return corners[distances <= max(radius, float(distances.min()))]
 
 
 def _freest_view(surfaces: Sequence[Surface], place: Floats, up: Floats, near: Floats, skin: float) -> Floats:
@@ -121,10 +123,10 @@ def _cut_open(surfaces: Sequence[Surface], place: Floats, eye: Floats, skin: flo
     for surface in surfaces:
         if surface.role == "body" and len(_in_front(surface, place, towards, skin)):
             corners = surface.positions[surface.triangles]
-            kept = [part for triangle in corners for part in _behind(triangle, (triangle - place) @ towards)]
+            parts = [part for triangle in corners for part in _behind(triangle, (triangle - place) @ towards)]
             cut.append(surface.name)
-            if kept:
-                points = np.concatenate(kept)
+            if parts:
+                points = np.concatenate(parts)
                 seen.append(replace(surface, positions=points, triangles=np.arange(len(points)).reshape(-1, 3)))
         else:
             seen.append(surface)
@@ -132,7 +134,7 @@ def _cut_open(surfaces: Sequence[Surface], place: Floats, eye: Floats, skin: flo
 
 
 def _behind(corners: Floats, heights: Floats) -> list[Floats]:
-    """What of a triangle (3, 3) is where its heights (3,) above a plane are negative: 0 to 2 triangles."""
+    """Part of a triangle (3, 3) where its heights (3,) above a plane are negative: 0 to 2 triangles."""
     polygon = []
     for k in range(3):
         here, there = heights[k], heights[(k + 1) % 3]

@@ -23,8 +23,8 @@ def why_not_vtk() -> str:
     """Reason why VTK cannot draw here, with the missing package; empty where it can.
 
     VTK tries X, then EGL, then OSMesa, and ends in a segmentation fault where all fail. On Linux their libraries are
-    looked for first; where some are present, a second Python draws one tiny picture (1-3 s), as only that tells whether
-    they work. The answer holds for the life of this process.
+    searched first; where some are present, a second process draws a tiny picture (1-3 s), the only reliable test.
+    The result is cached for the life of this process.
     """
     if find_spec("pyvista") is None or find_spec("vtkmodules") is None:
         return "pyvista is not installed; `pip install pyvista` would give the better picture"

@@ -27,7 +27,7 @@ def movie(
     samples: int = 2,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> str:
-    """Write the frames to `path`, whose ending says what: .mp4 or .gif; returns one line that says what drew it.
+    """Write the frames to `path`, as .mp4 or .gif by its suffix; returns one line that names the renderer.
 
     An .mp4 needs the extra `movies`: MissingPackageError without it. A .gif needs no more than Pillow; it shows at most
     50 frames a second in steps of 10 ms. progress(done, total) is called after each frame; other arguments as in

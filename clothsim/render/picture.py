@@ -25,7 +25,7 @@ class Shot:
     """Camera, colour range and renderer of a picture, the same for every frame of a movie.
 
     size: (width, height) in pixels; scale: of the cloth's colours, None where it is plain;
-    up: (3,); renderer: "vtk" or "ray"; samples: per pixel and direction; note: one line that says what drew it.
+    up: (3,); renderer: "vtk" or "ray"; samples: per pixel and direction; note: one line that names the renderer.
     """
 
     camera: Camera
@@ -49,12 +49,12 @@ def draw(
     title: str = "",
     renderer: str = "auto",
 ) -> str:
-    """Write a PNG of `surfaces` and return one line that says which renderer drew it, and how to get the better one.
+    """Write a PNG of `surfaces` and return one line that names the renderer, and how to get the better one.
 
     size: (width, height) in pixels; colour: "stretch" (the principal stretch farthest from 1, with a scalar bar),
     "plain", or the quantity that the surfaces have as `values`; up: (3,) or "x", "y", "z"; view: the direction from the
-    scene to the camera (3,), or "auto"; renderer: "vtk", "ray", or "auto": what the environment variable
-    CLOTHSIM_RENDERER says, else VTK where it works.
+    scene to the camera (3,), or "auto"; renderer: "vtk", "ray", or "auto": the environment variable
+    CLOTHSIM_RENDERER, else VTK where it works.
     InputError for a bad argument, MissingPackageError where the renderer's package is not installed.
     """
     from PIL import Image

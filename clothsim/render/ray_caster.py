@@ -27,7 +27,7 @@ from clothsim.render.surface_look import Look
 Ray = tuple[float, float, float]
 _BAND = 48
 _HALO = 4
-_SKY_REACH = 0.5
+_SKY_DISTANCE = 0.5
 
 
 @dataclass(frozen=True)
@@ -121,19 +121,19 @@ def _band(stage: _Stage, size: tuple[int, int], rows: slice, columns: slice, sam
         light = mean_of_alike(light, guide).reshape(-1, 2)
         image[hits, :3] = shaded(hits, light, smooth, paint, rays, *stage.directions)
         image[hits, 3] = 1.0
-    kept = image.reshape(*shape, 4)[rows.start * samples - top : rows.stop * samples - top]
-    return kept.reshape(rows.stop - rows.start, samples, columns.stop - columns.start, samples, 4).mean(axis=(1, 3))
+    inner = image.reshape(*shape, 4)[rows.start * samples - top : rows.stop * samples - top]
+    return inner.reshape(rows.stop - rows.start, samples, columns.stop - columns.start, samples, 4).mean(axis=(1, 3))
 
 
 def _free_light(stage: _Stage, origins: Floats, smooth: Floats, pattern: Ints) -> Floats:
     """Fraction of the key light and of the near sky that each hit sees, (k, 2)."""
     directions = light_rays(smooth, pattern, stage.to_key, _HEMISPHERE, _DISC)
 
-    def free(towards, reach):
-        limits = np.full(len(origins), reach, np.float32)
+    def free(towards, distance):
+        limits = np.full(len(origins), distance, np.float32)
         return stage.caster.run(origins, towards, dists=limits, query="OCCLUDED") < 0
 
-    sky = np.mean([free(towards, _SKY_REACH) for towards in directions[1:]], axis=0)
+    sky = np.mean([free(towards, _SKY_DISTANCE) for towards in directions[1:]], axis=0)
     return np.column_stack([free(directions[0], 10.0), sky])
 
 

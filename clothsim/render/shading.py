@@ -152,7 +152,7 @@ def mean_of_alike(light, guide):
 def shaded(hits, light, smooth, paint, rays, up, to_key, to_fill):
     """sRGB of each hit, (k, 3): colour x (key light in soft shadow + weak fill + sky and ground under occlusion).
 
-    light: (samples, 2) the share of the key light and of the sky that is free; up, to_key, to_fill: three numbers
+    light: (samples, 2) unoccluded fractions of the key light and of the sky; up, to_key, to_fill: three numbers
     each. A faint rim keeps outlines readable.
     """
     out = np.empty((len(hits), 3), np.float32)
@@ -174,7 +174,7 @@ def shaded(hits, light, smooth, paint, rays, up, to_key, to_fill):
 
 @part
 def _rolled_off(linear):
-    """The brightest fifth is rolled off so that nothing clips hard."""
+    """Smooth compression of the brightest fifth, without hard clipping."""
     if linear <= 0.8:
         return linear
     return 0.8 + 0.2 * (1 - np.exp(-(linear - 0.8) / 0.2))

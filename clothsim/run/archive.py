@@ -166,13 +166,13 @@ def _refuse_large(checkpoint: Path) -> None:
 
 def _versions() -> dict[str, str]:
     """Versions of the installed packages."""
-    found = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
+    versions = {"python": platform.python_version(), "system": f"{platform.system()} {platform.machine()}"}
     for package in PACKAGES:
         try:
-            found[package] = version(package)
+            versions[package] = version(package)
         except PackageNotFoundError:
             continue
-    return found
+    return versions
 
 
 def _readme(name: str, saved: Checkpoint, summary: dict) -> str:

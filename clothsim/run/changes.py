@@ -15,7 +15,7 @@ from clothsim.errors import InputError
 from clothsim.mesh.motion import LaterMotion, motion_of
 from clothsim.mesh.world import World, make_world
 from clothsim.run.hand_motions import HandMotions, pin_groups, standing
-from clothsim.run.session import Session, prepared_again
+from clothsim.run.session import Session, rebuilt
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.keys import refuse_unknown
 from clothsim.sim.state import State
@@ -31,13 +31,13 @@ def with_effect(session: Session, by_hand: HandMotions, effect: str, keys: Mappi
         raise InputError(f"The scene has no effects.{effect}.", "Name it in the scene; it may be off at the start.")
     scene = replace(scene, effects={**scene.effects, effect: {**scene.effects[effect], **keys}})
     built = build_effects(scene, built.world, before=built, changed=(effect,))
-    return prepared_again(session, scene, by_hand.applied(built))
+    return rebuilt(session, scene, by_hand.applied(built))
 
 
 def with_fabric(
     session: Session, by_hand: HandMotions, fabric: str | None, cloth: str | None, keys: Mapping[str, float]
 ) -> Session:
-    """The session with the fabric of a cloth changed: masses, hinges and all energies are made again."""
+    """Session with the fabric of a cloth changed: masses, hinges and all energies are rebuilt."""
     world, scene = session.built.world, session.scene
     refuse_unknown("A fabric", keys, FABRIC)
     names = [each.name for each in world.cloths]
@@ -47,7 +47,7 @@ def with_fabric(
     scene = replace(scene, cloth=[table if i == k else each for i, each in enumerate(scene.cloths)])
     cloths = tuple(replace(each, fabric=made) if i == k else each for i, each in enumerate(world.cloths))
     unclamped = replace(make_world(cloths, world.bodies), origin=world.origin)
-    return prepared_again(session, scene, by_hand.applied(build_effects(scene, unclamped)))
+    return rebuilt(session, scene, by_hand.applied(build_effects(scene, unclamped)))
 
 
 def refuse_infeasible(session: Session, before: Session, effect: str, state: State) -> None:
@@ -65,7 +65,9 @@ def pins_at(built: Built, state: State, group: str, positions: ArrayLike) -> tup
     """The rows of x of a group and the motion that keeps them at `positions` (k, 3) [m] from the next step on."""
     rows = pinned_rows(built, group)
     if (rows >= built.world.n_cloth).any():
-        raise InputError(f"{group} is clamped, so that positions alone do not say how it turns.", "Use drive_pins.")
+        raise InputError(
+            f"{group} is clamped, so that positions alone do not determine its rotation.", "Use drive_pins."
+        )
     points = _points(f"positions of {group}", positions, len(rows)) - built.world.origin
     return rows, standing(points, state.time)
 

@@ -87,7 +87,7 @@ def _of_scene(scene: Scene) -> list[Finding]:
     test = intersection_check_of(world_surfaces(built.world), scene.effects, built.energies)
     crossings = test.crossings(built.world.start(), cloth_cloth=True)
     broken = test.violations(crossings)
-    found = [
+    selected = [
         Finding(
             "error" if crossing in broken else "warning",
             "intersection",
@@ -97,4 +97,4 @@ def _of_scene(scene: Scene) -> list[Finding]:
         )
         for crossing in crossings
     ]
-    return sorted(found, key=lambda finding: finding.severity)
+    return sorted(selected, key=lambda finding: finding.severity)

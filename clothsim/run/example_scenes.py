@@ -14,7 +14,7 @@ from clothsim.scene.toml_file import load_scene
 INSTALLED = Path("share") / "clothsim" / "scenes"
 """Where a wheel puts the scenes, from the root of an environment or of a target folder."""
 MARK = "sphere.toml"
-"""A file that tells the folder of scenes from another of that name."""
+"""Marker file of the folder of scenes."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,9 @@ def scene_file(path: Path) -> Path:
     """
     if path.is_file() or path.suffix or len(path.parts) != 1:
         return path
-    found = installed_scene(path)
-    if found is not None:
-        return found
+    selected = installed_scene(path)
+    if selected is not None:
+        return selected
     names = [file.stem for file in _folder().glob("*.toml")]
     close = difflib.get_close_matches(path.name, names, n=1, cutoff=0.5)
     hint = f"Did you mean {close[0]!r}?" if close else "`clothsim scenes` lists those that are installed."
@@ -63,7 +63,7 @@ def _folder() -> Path:
     for folder in _folders():
         if (folder / MARK).is_file():
             return folder
-    raise InputError("The example scenes are not installed.", "Install the wheel again, or name a file of a clone.")
+    raise InputError("The example scenes are not installed.", "Reinstall the wheel, or name a file of a clone.")
 
 
 def _folders() -> Iterator[Path]:

@@ -14,7 +14,7 @@ from clothsim.mesh.motion import LaterMotion, RigidMotion
 
 @dataclass(frozen=True)
 class HandMotions:
-    """What replaces the motions of a scene.
+    """Motions set by hand that replace those of a scene.
 
     pins: of each group by its name the rows of x (k,) and their motion, None where the group is released; bodies: the
     motion of each body by its name.
@@ -24,7 +24,7 @@ class HandMotions:
     bodies: Mapping[str, LaterMotion] = field(default_factory=dict)
 
     def applied(self, built: Built) -> Built:
-        """What was built, with these motions."""
+        """Built world with these motions."""
         if self.bodies:
             bodies = tuple(replace(body, motion=self.bodies.get(body.name, body.motion)) for body in built.world.bodies)
             built = replace(built, world=replace(built.world, bodies=bodies))

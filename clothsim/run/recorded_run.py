@@ -92,16 +92,16 @@ def recorded_run(
         FrameArray(name, FIELDS[name].location, values.shape[1:])
         for name, values in _written_fields(session, state, None).items()
     ]
-    kept = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
+    resume_frame = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
     if not resumed:
         _remove(directory / SUMMARY_NAME)
     with (
-        TrajectoryWriter(directory / TRAJECTORY_NAME, surfaces, resume_at=kept, fields=arrays) as trajectory,
+        TrajectoryWriter(directory / TRAJECTORY_NAME, surfaces, resume_at=resume_frame, fields=arrays) as trajectory,
         RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed else None) as record,
     ):
         _remove(directory / SUMMARY_NAME)  # of a resumed run only here: one that cannot continue keeps its summary
         output = _Output(session, directory, trajectory, record, check)
-        if kept is None:
+        if resume_frame is None:
             output.frame(state)
         if not resumed:
             if check.crossings(state.positions):
@@ -150,11 +150,11 @@ def _stepped(
         with timers.phase("output"):
             output.frame(state, report)
         with timers.phase("certificate"):
-            found = output.check.crossings(state.positions)
-        if found:
+            intersections = output.check.crossings(state.positions)
+        if intersections:
             frames = (*certificate.intersecting_frames, state.frame)
             certificate = replace(certificate, intersecting_frames=frames)
-        broken = output.check.violations(found)
+        broken = output.check.violations(intersections)
         if broken:
             return state, certificate, crossing_failure(world, broken[0], state, report.dt)
         with timers.phase("output"):

@@ -140,7 +140,7 @@ class Run(Sequence[Frame]):
 
     @property
     def status(self) -> str:
-        """How it ended: "completed", "failed" or "interrupted"."""
+        """Status of the run: "completed", "failed" or "interrupted"."""
         return str((self.summary or _INTERRUPTED)["status"])
 
     @property

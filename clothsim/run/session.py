@@ -1,4 +1,4 @@
-"""A scene made ready to step: sparsity pattern, linear solver and integrator."""
+"""Session: a scene prepared for stepping, with sparsity pattern, linear solver and integrator."""
 
 import os
 import sys
@@ -32,7 +32,7 @@ LARGEST_TURN = 45.0
 
 @dataclass(frozen=True)
 class Session:
-    """A scene made ready to step; notes: defaults that were chosen for the user, and remarks on the meshes."""
+    """Scene prepared for stepping; notes: defaults used, and remarks on the meshes."""
 
     scene: Scene
     built: Built
@@ -41,7 +41,7 @@ class Session:
 
 
 def prepare(scene: Scene, built: Built) -> Session:
-    """Make a built scene ready to step. InputError for settings that conflict."""
+    """Prepare a built scene for stepping. InputError for settings that conflict."""
     settings = scene.solver_settings
     _set_threads(settings.threads)
     keep_freed_memory()
@@ -55,8 +55,8 @@ def prepare(scene: Scene, built: Built) -> Session:
     return Session(scene, built, integrator, notes)
 
 
-def prepared_again(session: Session, scene: Scene, built: Built) -> Session:
-    """Make `scene` ready with what was `built` of it; where the pattern is unchanged the linear solver is taken over.
+def rebuilt(session: Session, scene: Scene, built: Built) -> Session:
+    """Prepare `scene` from its `built` world; where the pattern is unchanged the linear solver is taken over.
 
     The solver and run settings of both scenes are the same.
     """
@@ -92,7 +92,7 @@ def _pattern(built: Built) -> Pattern:
 
 
 def _same_couplings(before: Built, built: Built) -> bool:
-    """True where every energy that was made again couples the same rows of x in its Hessian."""
+    """True where every rebuilt energy couples the same rows of x in its Hessian."""
     if before.energies.keys() != built.energies.keys():
         return False
     start = built.world.start()

@@ -129,4 +129,4 @@ class Vortex(KeyTable):
     core: Annotated[float, Key("Radius of the largest velocity", "m", above=0)]
     centre: Annotated[Vector, Key("Point on the line", "m", length=3)] = (0, 0, 0)
     axis: Annotated[Vector, Key("Direction of the line", "1", length=3)] = (0.0, 0.0, 1.0)
-    velocity: Annotated[Vector, Key("Wind that carries the vortex", "m/s", length=3)] = (0, 0, 0)
+    velocity: Annotated[Vector, Key("Wind that advects the vortex", "m/s", length=3)] = (0, 0, 0)

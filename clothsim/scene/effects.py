@@ -102,14 +102,14 @@ EFFECTS = {
 CONTACTS = ("body_contact", "self_contact")
 
 
-def register_effect(name: str, builder: Callable[..., Any], says: str = "") -> None:
+def register_effect(name: str, builder: Callable[..., Any], summary: str = "") -> None:
     """Add an own effect to the table, for the scenes of this process.
 
     Parameters
     ----------
     name : the effect's name in scenes, a Python identifier that the table does not have.
     builder : `builder(world, *, key=default, ...)` returns an Energy or `Off`; its keywords are the scene's keys.
-    says : what the effect does, in a few words; by default the first line of the builder's docstring.
+    summary : one line on the effect; by default the first line of the builder's docstring.
 
     Raises
     ------
@@ -120,7 +120,7 @@ def register_effect(name: str, builder: Callable[..., Any], says: str = "") -> N
     >>> from clothsim.energies.base import Off
     >>> def tickle(world, *, strength=0.0):
     ...     return Off("strength is 0")
-    >>> register_effect("tickle", tickle, "a gentle touch")
+    >>> register_effect("tickle", tickle, "a gentle force")
     >>> EFFECTS["tickle"].keys()
     {'strength': 0.0}
     >>> del EFFECTS["tickle"]
@@ -134,7 +134,7 @@ def register_effect(name: str, builder: Callable[..., Any], says: str = "") -> N
             f"The builder of the effect {name!r} must take the world and keywords, not {builder!r}.",
             "Write def builder(world, *, strength=1.0).",
         )
-    EFFECTS[name] = Effect(builder, says or (inspect.getdoc(builder) or name).splitlines()[0])
+    EFFECTS[name] = Effect(builder, summary or (inspect.getdoc(builder) or name).splitlines()[0])
 
 
 def _takes_a_world_and_keywords(builder: Any) -> bool:

@@ -35,7 +35,7 @@ def override(scene: Scene, assignment: str) -> Scene:
     Returns
     -------
     Scene
-        solver.error replaces solver.dt, and the other way round; a new mesh replaces the keys of the old generator.
+        solver.error replaces solver.dt, and vice versa; a new mesh replaces the keys of the old generator.
 
     Raises
     ------

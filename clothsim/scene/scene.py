@@ -194,7 +194,7 @@ def scene_from_text(text: str, here: Path = Path()) -> Scene:
         directory = here / data.pop("directory")
     except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise InputError(
-            f"The scene of the run is broken ({type(error).__name__}: {error}).", "Start the run again from its scene."
+            f"The scene of the run is broken ({type(error).__name__}: {error}).", "Repeat the run from its scene."
         ) from error
     return make_scene(data, directory)
 

@@ -68,7 +68,7 @@ def check_value(where: str, value: Any, known: SceneKey) -> Any:
         _each(where, value, known, entries)
         return value
     elif any(_accepts(part, value) for part in parts):
-        return value  # of {function = "name"}, from the text of a run, the effect says that the function is lost
+        return value  # of {function = "name"}, from the text of a run, the effect reports that the function is lost
     raise _wrong_type(where, value, known)
 
 
@@ -166,7 +166,7 @@ def _each(where: str, values: Any, known: SceneKey, entry: type) -> None:
 
 
 def _accepts(part: Any, value: Any) -> bool:
-    """True where a value that is no number and no text may be of the type."""
+    """True where a value that is neither a number nor a text may be of the type."""
     origin = get_origin(part) or part
     if isinstance(value, Mapping) and set(value) == {FUNCTION}:
         return origin is Callable

@@ -106,7 +106,7 @@ def failure_of(
     dts : sequence of float
         Lengths of the tries [s].
     infeasible : bool
-        True where the prescribed motion was blocked at the same point again and again.
+        True where the prescribed motion was blocked repeatedly at the same point.
     """
     end = result.outcome
     pair = None

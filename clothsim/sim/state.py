@@ -36,7 +36,7 @@ class State:
     blocked : int
         Number of those tries.
     memory : mapping
-        What each energy carries over from the last step (contact the stiffness of its barrier).
+        History data of each energy from the last step (for contact the barrier stiffness).
     previous : Previous or None
         None at a start and with a one-step formula.
     temporal_error : float

@@ -34,7 +34,7 @@ class LinearSolver(abc.ABC):
     def __init__(self, pattern: Pattern, threads: int) -> None:
         """Analyse the pattern; threads 0: all cores."""
 
-    def restart(self) -> None:  # noqa: B027 - most solvers carry nothing over
+    def restart(self) -> None:  # noqa: B027 - most solvers have no state
         """Drop what was learnt from earlier matrices, so that a step depends on its own start only."""
 
     @abc.abstractmethod

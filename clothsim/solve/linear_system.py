@@ -12,7 +12,7 @@ from clothsim.solve.sparsity import Hessian, Pattern, couplings, extended
 
 NEW_BLOCKS = 0.02
 """Fraction of blocks that may be missing from the last symbolic analysis for a preconditioner to do without them: a
-crumpling sheet would else be analysed again at every second iteration.
+crumpling sheet would otherwise be reanalysed at every second iteration.
 """
 
 

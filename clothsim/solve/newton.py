@@ -1,4 +1,4 @@
-"""Newton's method on the sum of energies; Dirichlet positions are reached first, then E decreases monotonically.
+"""Newton's method on the sum of energies; Dirichlet positions first, then monotone decrease of E.
 
 Every loop is bounded and every end has a name (`outcome.Ending`).
 """
@@ -41,7 +41,7 @@ change is .3, one more step leaves its square, 9 %.
 """
 LAST_DIGITS = float(np.finfo(float).eps)
 MAX_PATCH_ITERATIONS = 10
-"""Newton iterations on a patch before the whole cloth is visited again."""
+"""Newton iterations on a patch before the next global one."""
 MAX_EXTENSION = 32.0
 """Factor by which a step of negative curvature may be extended beyond the Newton step."""
 

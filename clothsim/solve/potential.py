@@ -196,7 +196,7 @@ class Potential:
                     yield energy
 
     def memory(self) -> dict[str, float | Floats]:
-        """Return what the energies carry over to the next step, of those that carry over anything."""
+        """Return the history data of the energies that pass any to the next step."""
         return {name: energy.carry_over for name, energy in self.energies.items() if isinstance(energy, History)}
 
     def effect_counters(self) -> dict[str, dict[str, Any]]:

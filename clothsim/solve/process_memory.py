@@ -7,14 +7,14 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD = -1, -3
-LARGEST_KEPT = 1 << 30
+LARGEST_CACHED = 1 << 30
 
 
 def keep_freed_memory() -> bool:
     """Set glibc's malloc to keep freed memory instead of returning it to the kernel; True on success.
 
-    Every Newton iteration allocates the same element blocks again. By default each is returned when freed, and every
-    page faults again: 57,601 faults against 472 in 64 iterations at 32 x 32 cells, and half of the wall time on a
+    Every Newton iteration allocates the same element blocks. By default each is returned when freed, and every
+    page then faults: 57,601 faults against 472 in 64 iterations at 32 x 32 cells, and half of the wall time on a
     virtual machine. Without glibc nothing is done.
     """
     if not sys.platform.startswith("linux"):
@@ -23,7 +23,7 @@ def keep_freed_memory() -> bool:
         mallopt = ctypes.CDLL(None).mallopt
     except (OSError, AttributeError):
         return False
-    return bool(mallopt(M_MMAP_THRESHOLD, LARGEST_KEPT) and mallopt(M_TRIM_THRESHOLD, LARGEST_KEPT))
+    return bool(mallopt(M_MMAP_THRESHOLD, LARGEST_CACHED) and mallopt(M_TRIM_THRESHOLD, LARGEST_CACHED))
 
 
 def peak_memory() -> int:

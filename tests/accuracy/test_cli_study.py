@@ -1,9 +1,9 @@
-"""`clothsim study` on a made-up scene: what it prints, and bad input."""
+"""`clothsim study` on an analytic scene: printed text and bad input."""
 
 import json
 
 import pytest
-from made_up_study import Runners
+from analytic_study import Runners
 
 from clothsim.accuracy.evaluation import Progress
 from clothsim.cli import main

@@ -1,4 +1,4 @@
-"""The front and the recommendations against made-up numbers."""
+"""Pareto front and recommendations on prescribed errors."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Knobs: what a level sets, and why a scene has none of some."""
+"""Knobs: scene of each level, and reasons for missing knobs."""
 
 from fractions import Fraction
 

@@ -1,4 +1,4 @@
-"""The same material points on nested meshes, against closed forms."""
+"""Resampling: identical material points on nested meshes, against closed forms."""
 
 import numpy as np
 import pytest

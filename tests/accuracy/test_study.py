@@ -1,11 +1,11 @@
-"""The whole study on a made-up scene whose errors are known, and once on real processes."""
+"""Accuracy study on an analytic scene with known errors, and once on real processes."""
 
 import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_up_study import SHEET, A, B, C, Runners, answer, positions
+from analytic_study import SHEET, A, B, C, Runners, answer, positions
 
 from clothsim.accuracy.points import written
 from clothsim.accuracy.report import answer as told
@@ -151,7 +151,7 @@ def test_a_capped_solve_is_no_data_point(tmp_path):
     def capped(job):
         said = answer(job)
         if '"dt": 0.04' in job.scene:
-            said["failed"] = "2 of its steps had to be tried again, first step 1: dt 0.04 s: the iterations ran out."
+            said["failed"] = "2 of its steps had to be repeated, first step 1: dt 0.04 s: the iterations ran out."
         return said
 
     result = study_accuracy(SHEET, tmp_path, KNOBS, budget=1e9, workers=1, runners=Runners(capped)).result

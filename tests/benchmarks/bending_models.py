@@ -35,7 +35,7 @@ GAMMAS = (1, 10, 100)
 
 @dataclass(frozen=True)
 class Case:
-    """What was measured on one mesh: errors by model, as shares of the exact value."""
+    """Measurements on one mesh: errors by model, relative to the exact value."""
 
     what: str
     mesh: str
@@ -45,7 +45,7 @@ class Case:
 
 @dataclass(frozen=True)
 class Price:
-    """What a model costs: ms a call; 3x3 blocks of the Newton matrix a vertex; ms to factor and solve it."""
+    """Cost of a model: ms a call; 3x3 blocks of the Newton matrix a vertex; ms to factor and solve it."""
 
     model: str
     value: float

@@ -38,7 +38,7 @@ class Compiled:
 
 
 def compiled(job: Callable[[], object]) -> list[Compiled]:
-    """What numba compiles while the job runs, the longest first."""
+    """Compilations by numba while the job runs, the longest first."""
     from numba.core import event
 
     done: list[Compiled] = []
@@ -76,7 +76,7 @@ def loaded() -> dict[str, list[str]]:
     return {name: [_short(str(types)) for types in kernel.signatures] for name, kernel in kernels.items()}
 
 
-def told(functions: Sequence[Compiled], seconds: float, cpu: float, rows: int) -> str:
+def compilation_report(functions: Sequence[Compiled], seconds: float, cpu: float, rows: int) -> str:
     """The table of the longest, and sums: by module, and what should not be."""
     table = [[f"{f.own:.2f}", f"{f.seconds:.2f}", f.name, f.types] for f in functions[:rows]]
     modules: Counter[str] = Counter()
@@ -96,7 +96,7 @@ def told(functions: Sequence[Compiled], seconds: float, cpu: float, rows: int) -
 
 
 def _run(scene: Path, directory: Path) -> None:
-    """What `clothsim run` does: a run and its picture."""
+    """Work of `clothsim run`: a run and its picture."""
     from clothsim.render.picture import draw
     from clothsim.render.run_frames import frame_surfaces
     from clothsim.run.simulate import simulate
@@ -129,7 +129,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         os.environ["NUMBA_CACHE_DIR"] = str(Path(folder, "cache"))
         start = perf_counter()
         functions = compiled(lambda: _run(arguments.scene, Path(folder, "run")))
-        print(told(functions, perf_counter() - start, process_time(), arguments.rows))
+        print(compilation_report(functions, perf_counter() - start, process_time(), arguments.rows))
     return 0
 
 

@@ -35,7 +35,7 @@ from transfer.refine import refine
 from transfer.signed_distance import BodySurface, body_surface
 
 CLEARANCE = 5e-3
-"""How far outside the body the garment starts [m]."""
+"""Initial distance of the garment from the body [m]."""
 HEIGHTS, REACH = (0.47, 0.80), 0.115
 """The torso of a standing body: shares of its height from below, and how far from its axis."""
 METHODS: Mapping[str, Mapping[str, Any]] = {
@@ -47,7 +47,7 @@ METHODS: Mapping[str, Mapping[str, Any]] = {
 
 CHAIN = "the whole chain"
 FABRIC = "cotton"
-"""What the garment of the whole chain is made of."""
+"""Fabric of the garment of the whole chain."""
 
 
 @dataclass(frozen=True)
@@ -108,11 +108,11 @@ def measure(
     triangles: Ints,
     depths: Sequence[float],
     chain: bool = False,
-    heard: Callable[[Row], None] = lambda row: None,
+    announce: Callable[[Row], None] = lambda row: None,
 ) -> list[Row]:
     """Refine the torso of the body (n, 3) [m], (m, 3) against the body inflated by each of `depths` [m].
 
-    chain: a row for the whole chain too; heard: called with that row as it ends.
+    chain: a row for the whole chain too; announce: called with that row as it ends.
     """
     body = body_surface(positions, triangles)
     garment = torso(body)
@@ -129,12 +129,12 @@ def measure(
             rows.append(Row(depth, method, left, cost_of(garment, refined.positions), refined.passes, seconds))
         if chain:
             rows.append(chained(garment, inflated, depth))
-            heard(rows[-1])
+            announce(rows[-1])
     return rows
 
 
 def chained(garment: Garment, body: BodySurface, depth: float) -> Row:
-    """What the stages of a fit before its drape make of the garment on the body, inflated by `depth` [m]."""
+    """Result of the stages of a fit before its drape, for the body inflated by `depth` [m]."""
     figure = Figure(f"the body {1e3 * depth:g} mm wider", body.positions, body.triangles, 1.0, ())
     started = perf_counter()
     with tempfile.TemporaryDirectory(prefix="clothsim-study-") as folder:
@@ -168,7 +168,7 @@ def as_text(rows: Sequence[Row]) -> str:
 
 
 def _say(row: Row) -> None:
-    """Each stage of a chain takes minutes: what it came to is told at once."""
+    """Each stage of a chain takes minutes: its result is printed at once."""
     print(f"{1e3 * row.depth:g} mm, {row.method}: {row.left}; {row.said}", file=sys.stderr, flush=True)
 
 

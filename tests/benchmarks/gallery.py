@@ -14,7 +14,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from tests.benchmarks.kept_tables import write_between
+from tests.benchmarks.stored_tables import write_between
 
 ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "scenes"

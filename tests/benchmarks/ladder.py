@@ -3,7 +3,7 @@
 `python -m tests.benchmarks.ladder [--cells N] [--page FILE] [--picture FILE]`.
 A sheet falls on a ball with every rung
 on. From the state that it is in then, each rung takes the same steps, several times: the fastest counts, on one thread.
-What a rung solves is another problem than the rung below it: the times compare costs, not results.
+Each rung solves a different problem: the times compare costs, not results.
 """
 
 import argparse
@@ -23,7 +23,7 @@ from clothsim.scene.scene import Scene
 from clothsim.sim.state import State, first_state
 from clothsim.sim.stepping import advance
 from clothsim.text_table import text_table
-from tests.benchmarks.kept_tables import markdown_table, write_between
+from tests.benchmarks.stored_tables import markdown_table, write_between
 
 MARK = "ladder"
 GROUND = ("inertia", "membrane")
@@ -172,12 +172,12 @@ def lines(ladder: Ladder) -> list[list[str]]:
 
 
 def markdown(ladder: Ladder, picture: str = "") -> str:
-    """What the README shows: the picture, where there is one, and the table."""
+    """Section of the README: the picture, where there is one, and the table."""
     left = ", ".join(f"{name} ({why})" for name, why in ladder.left_out.items())
     said = f"{ladder.day}, a sheet of {ladder.cells}x{ladder.cells} cells on a ball, one thread, every rung from one"
     return "\n".join(
         [
-            "<details><summary>What each effect adds to a step: the cost ladder</summary>",
+            "<details><summary>Cost ladder: cost that each effect adds to a step</summary>",
             "",
             *([f"![Milliseconds a step, rung by rung]({picture})", ""] if picture else []),
             f"{said} state;",

@@ -41,7 +41,7 @@ def draw(ladder: Ladder, target: Path) -> None:
     axes.set_xlim(0, 1.25 * longest)
     axes.set_ylim(len(rungs) + 0.35, -0.6)
     axes.set_xlabel("milliseconds a step")
-    axes.set_title(f"What each effect adds: {ladder.cells}x{ladder.cells} cells on a ball", loc="left", fontsize=11)
+    axes.set_title(f"Cost of each effect: {ladder.cells}x{ladder.cells} cells on a ball", loc="left", fontsize=11)
     axes.spines[["top", "right", "left"]].set_visible(False)
     figure.savefig(target)
 

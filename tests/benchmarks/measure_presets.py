@@ -20,7 +20,7 @@ from clothsim.text_table import text_table
 
 
 def rows_of(study: Study, name: str) -> list[Measured]:
-    """What a study says of the presets."""
+    """Measurement of the presets by a study."""
     own = study.result["reference"]["own_error"]
     return [
         Measured(

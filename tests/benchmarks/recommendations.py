@@ -2,7 +2,7 @@
 
 Every recommended setting of the study in DIR is run anew, and compared with one run that shares nothing with the
 study's reference: BDF2, with every knob finer by some levels, and nothing extrapolated. That run has an error of its
-own, taken as its distance to the same one level coarser; a promise below twice that cannot be judged by it.
+own, taken as its distance to the same one level coarser; a predicted error below twice that is unresolved.
 """
 
 import argparse
@@ -35,7 +35,7 @@ TWICE = 2.0
 
 @dataclass(frozen=True)
 class Promise:
-    """What was recommended for an error [mm], the error that it was measured to have, and the one found anew [mm].
+    """Recommended settings for an error [mm], the error measured by the study, and the one of the repeated run [mm].
 
     doubt [mm]: the error of the run that it was compared with.
     """
@@ -47,7 +47,7 @@ class Promise:
     doubt: float = 0.0
 
     @property
-    def judged(self) -> bool:
+    def resolved(self) -> bool:
         """True where the comparison can tell a factor of two."""
         return self.promised >= TWICE * self.doubt
 
@@ -91,7 +91,7 @@ def promises(scene: Scene, study: Mapping[str, Any], finer: Mapping[str, int]) -
 
 
 def _verdict(each: Promise) -> str:
-    return ("yes" if each.holds else "NO") if each.judged else "not judged"
+    return ("yes" if each.holds else "NO") if each.resolved else "unresolved"
 
 
 def _point_of(bench: Bench, advice: Mapping[str, Any]) -> Point:
@@ -103,7 +103,7 @@ def _point_of(bench: Bench, advice: Mapping[str, Any]) -> Point:
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Print the table; 0 where every promise that is judged holds."""
+    """Print the table; 0 where every resolved prediction holds."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.recommendations", description=__doc__)
     parser.add_argument("scene", type=Path)
     parser.add_argument("directory", type=Path)
@@ -129,7 +129,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for each in rows
     ]
     print(text_table(("for at most [mm]", "settings", "promised [mm]", "found [mm]", "to +- [mm]", "holds"), cells))
-    return 0 if all(each.holds for each in rows if each.judged) else 1
+    return 0 if all(each.holds for each in rows if each.resolved) else 1
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from clothsim.arrays import Floats
 from clothsim.errors import ClothsimError, InputError
 from clothsim.fitting.guaranteed_path import clearings
 from clothsim.fitting.inputs import Figure
-from clothsim.fitting.moving_body import Worn, carried, draped
+from clothsim.fitting.moving_body import Worn, draped, moved_with_body
 from clothsim.fitting.stage import Garment
 from clothsim.fitting.transfer_seed import transferred
 from clothsim.mesh.generators.garments.shirt_skirt_trousers import shirt
@@ -35,7 +35,7 @@ from transfer.signed_distance import body_surface
 REST = 0.02
 """At rest no vertex is faster [m/s]."""
 DURATION = 2.0
-"""How long each drapes [s]."""
+"""Duration of each drape [s]."""
 FABRIC = "cotton"
 
 
@@ -129,11 +129,11 @@ def compare(case: Case, duration: float = DURATION, bound: float = REST) -> list
         away = next(clearings(case.garment.positions, case.garment.triangles, body), None)
         if away is None:
             raise InputError(f"No deflation of {case.target.name} frees the garment.")
-        grown = _completed(carried(worn, case.garment.positions, away.frames, Path(folder) / "grow", None))
+        grown = _completed(moved_with_body(worn, case.garment.positions, away.frames, Path(folder) / "grow", None))
         growing, iterations = process_time() - began, sum(entry["newton_iterations"] for entry in grown.record())
         start = grown.positions(-1)
-        said = f"held away: the body {away.said}, grown back" if away.said else "held away"
-        second = _draped(said, worn, start, case, Path(folder) / "cold", duration, bound, growing, iterations)
+        note = f"held away: the body {away.description}, grown back" if away.description else "held away"
+        second = _draped(note, worn, start, case, Path(folder) / "cold", duration, bound, growing, iterations)
     return [first, second]
 
 

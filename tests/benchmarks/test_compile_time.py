@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from clothsim.jit import part
-from tests.benchmarks.compile_time import OURS, Compiled, compiled, loaded, told
+from tests.benchmarks.compile_time import OURS, Compiled, compilation_report, compiled, loaded
 
 SMALL_RUN = """
 import json, sys
@@ -52,11 +52,11 @@ def test_a_part_is_a_function_for_python():
     assert type(square(3)) is int
 
 
-def test_literals_of_this_package_are_told():
+def test_literals_of_this_package_are_reported():
     ours, theirs = (Compiled(f"{package}.f", "(float64, Literal[int](1))", 2.0, 1.0) for package in (OURS[0], "numba."))
     assert ours.for_a_literal
     assert not theirs.for_a_literal
-    text = told([ours, theirs], seconds=5.0, cpu=4.0, rows=9)
+    text = compilation_report([ours, theirs], seconds=5.0, cpu=4.0, rows=9)
     assert "2 functions compiled in 2.0 s of the processor; the run took 4.0 s of it and 5.0 s by the clock" in text
     assert text.endswith(f"literal number: {ours.name}.")
 

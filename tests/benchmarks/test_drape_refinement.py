@@ -1,4 +1,4 @@
-"""The refinement study on its own small body."""
+"""Refinement benchmark on its own small body."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from transfer.signed_distance import body_surface
 BODY = capsule(radius=0.1, height=1.2, segments=16)
 
 
-def test_each_method_is_judged_at_each_depth():
+def test_each_method_is_checked_at_each_depth():
     rows = measure(*BODY, [0.01, 0.03])
     assert [row.method for row in rows] == ["before", *METHODS] * 2
     assert rows[0].left.depth == pytest.approx(0.005, abs=2e-4)

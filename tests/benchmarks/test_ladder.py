@@ -1,4 +1,4 @@
-"""The cost ladder: every effect of the table is a rung or has a reason not to be, and the table reaches the README."""
+"""Cost ladder: a rung or a reason for every effect of the table, and the page with the table."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The shipped template of the mannequin is the one that its maker makes."""
+"""Template of the mannequin: the shipped file equals the generated one."""
 
 import numpy as np
 

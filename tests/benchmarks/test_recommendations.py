@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from made_up_study import SHEET
+from analytic_study import SHEET
 
 from clothsim.errors import InputError
 from tests.benchmarks.recommendations import Promise, main, promises
@@ -28,7 +28,7 @@ def test_free_fall_is_wrong_by_g_T_dt_over_2():  # noqa: N802
     found = promises(FALL, study, {"dt": 4})
     assert [each.found for each in found] == pytest.approx([15.7, 7.85, 31.4], rel=0.01)
     assert [each.holds for each in found] == [True, True, False]
-    assert all(each.judged for each in found)
+    assert all(each.resolved for each in found)
 
 
 def test_a_factor_of_two_either_way():
@@ -36,9 +36,9 @@ def test_a_factor_of_two_either_way():
     assert not Promise(5, "", 2.0, 0.9).holds
 
 
-def test_what_the_comparison_cannot_tell_is_not_judged():
-    assert Promise(5, "", 2.0, 4.0, doubt=1.0).judged
-    assert not Promise(5, "", 2.0, 4.0, doubt=1.1).judged
+def test_a_prediction_below_the_comparison_error_is_unresolved():
+    assert Promise(5, "", 2.0, 4.0, doubt=1.0).resolved
+    assert not Promise(5, "", 2.0, 4.0, doubt=1.1).resolved
 
 
 def test_bad_input_is_a_sentence(tmp_path, capsys):

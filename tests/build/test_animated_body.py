@@ -1,4 +1,4 @@
-"""Animated bodies: what their table says, what is refused, and cloth that meets them."""
+"""Animated bodies: their table, refused input, and cloth in contact with them."""
 
 import numpy as np
 import pytest

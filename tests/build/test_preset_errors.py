@@ -1,4 +1,4 @@
-"""The measured errors of the presets: a line a scene, and the table that the study writes."""
+"""Measured errors of the presets: one line a scene, and the table written by the study."""
 
 from pathlib import Path
 

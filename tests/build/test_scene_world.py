@@ -1,4 +1,4 @@
-"""From tables to a world and its energies: placement, fabrics, seeds, what is off and why, and back to text."""
+"""World and energies of a scene: placement, fabrics, seeds, inactive effects, and conversion to text."""
 
 import json
 from pathlib import Path

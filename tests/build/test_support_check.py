@@ -1,4 +1,4 @@
-"""A quasi-static scene in which nothing holds a cloth is refused at the start."""
+"""Support check: a quasi-static scene with an unsupported cloth is refused at the start."""
 
 import pytest
 from small_scenes import BALL, SHEET

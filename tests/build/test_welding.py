@@ -1,4 +1,4 @@
-"""Panels that are sewn: in their file, or where they touch in a seed; what sewing may make and what it may not."""
+"""Sewn panels: in their file, or at coincident vertices of a seed; valid and refused results."""
 
 import tomllib
 from pathlib import Path

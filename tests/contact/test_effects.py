@@ -1,4 +1,4 @@
-"""The contact effects as a scene names them: keys, refusals, defaults, and the offset."""
+"""Contact effects of a scene: keys, refusals, defaults, and the offset."""
 
 from dataclasses import replace
 

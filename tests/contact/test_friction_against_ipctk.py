@@ -14,7 +14,7 @@ from fractions import Fraction
 import ipctk
 import numpy as np
 import pytest
-from contact_poses import adversarial, at_random, close
+from contact_configurations import adversarial, at_random, close
 from differences import dense_hessian
 from solving import step_at
 

@@ -3,7 +3,7 @@
 import ipctk
 import numpy as np
 import pytest
-from contact_poses import D_HAT, adversarial, at_random, close
+from contact_configurations import D_HAT, adversarial, at_random, close
 from contacts import jittered
 from differences import dense_hessian
 

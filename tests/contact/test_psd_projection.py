@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from contact_poses import adversarial, at_random
+from contact_configurations import adversarial, at_random
 
 from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.barrier_kernels import RECORD_SIZE, cross_squared, evaluate

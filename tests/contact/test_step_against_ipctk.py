@@ -3,7 +3,7 @@
 import ipctk
 import numpy as np
 import pytest
-from contact_poses import GAP, adversarial, at_random, close, rotated
+from contact_configurations import GAP, adversarial, at_random, close, rotated
 
 POSES = {**at_random(), **adversarial(), **close()}
 

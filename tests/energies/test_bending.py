@@ -1,4 +1,4 @@
-"""Both bending models: derivatives, rigid motion, balance, definiteness, and where they agree."""
+"""Bending models: derivatives, rigid motion, balance, definiteness, and agreement of both."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Threads in a sheet: what a thread's stretch and shear cost, and the orthotropic sheet against plane stress."""
+"""Fibres: energy of stretch and shear of threads, and the orthotropic sheet against plane stress."""
 
 from dataclasses import replace
 

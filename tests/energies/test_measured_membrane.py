@@ -1,4 +1,4 @@
-"""The membrane of measured tables: a strip that is pulled returns its table, between the rows too, and bad rows."""
+"""Measured membrane: a stretched strip returns its table, interpolation between rows, and bad rows."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The membrane on pairs: derivatives, invariance, the patch test, which pairs there are, and that it locks less."""
+"""Paired membrane: derivatives, invariance, patch test, choice of pairs, and reduced locking."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Pins: who is selected, where they go, and which selections are refused."""
+"""Pins: selected vertices, prescribed positions, and refused selections."""
 
 import numpy as np
 import pytest

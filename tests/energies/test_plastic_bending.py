@@ -1,4 +1,4 @@
-"""Folds that stay: the return mapping, what is left of a fold, nothing below the yield, and the same bits resumed."""
+"""Plastic bending: return mapping, residual angle, elastic range below the yield, and bitwise resume."""
 
 from dataclasses import replace
 

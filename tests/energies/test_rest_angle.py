@@ -1,4 +1,4 @@
-"""Creases: where they are, what they come to rest at, and what is refused."""
+"""Creases: their hinges, equilibrium angles, and refused input."""
 
 from dataclasses import replace
 
@@ -29,7 +29,7 @@ def creased(world, *creases, **keys):
 
 
 def at_middle(world):
-    """Which hinges of the world lie along x = 1/2."""
+    """Mask of the hinges of the world along x = 1/2."""
     edges = world.hinges.vertices[:, :2]
     return (np.abs(world.start()[edges][:, :, 0] - 0.5) < 1e-9).all(axis=1)
 

@@ -1,4 +1,4 @@
-"""Seams: who is sewn to whom, how they close, what is left open, and what is refused."""
+"""Seams: stitched vertices, closing over time, remaining gaps, and refused input."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Springs, tethers and soft pins against closed forms; what is selected, moved and refused."""
+"""Springs, tethers and soft pins against closed forms: selection, motion, and refused input."""
 
 from dataclasses import replace
 

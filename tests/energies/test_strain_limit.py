@@ -1,4 +1,4 @@
-"""The strain limit: a barrier of one stretch in closed form, nothing at all below it, and no step past it."""
+"""Strain limit: barrier of a single stretch in closed form, zero below its onset, step limit."""
 
 import re
 from dataclasses import replace

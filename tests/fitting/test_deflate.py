@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.fitting.deflate import KEPT, OPENING, RAYS, deflated, half_thickness, smoothed
+from clothsim.fitting.deflate import LARGEST_FRACTION, OPENING, RAYS, deflated, half_thickness, smoothed
 from clothsim.mesh.generators.shapes import capsule, sphere
 from clothsim.mesh.generators.sheets import rectangle
 from transfer.signed_distance import body_surface
@@ -36,7 +36,7 @@ def test_a_deflated_sphere_is_a_smaller_sphere():
 def test_no_vertex_goes_beyond_the_middle():
     half = half_thickness(BALL)
     radius = np.linalg.norm(deflated(BALL, 10.0, half), axis=1)
-    np.testing.assert_allclose(radius, 0.3 - KEPT * half, rtol=2e-2)
+    np.testing.assert_allclose(radius, 0.3 - LARGEST_FRACTION * half, rtol=2e-2)
 
 
 def test_vertices_move_on_straight_lines():

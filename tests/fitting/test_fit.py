@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from dressing import capsule_figure, in_file, tube_garment, wider
+from fitting_cases import capsule_figure, in_file, tube_garment, wider
 
 import clothsim
 from clothsim.errors import InputError
@@ -109,7 +109,7 @@ def test_a_simulation_that_cannot_begin_leaves_the_refined_garment(files, tmp_pa
     monkeypatch.setattr(moving_body, "DRAPING", {**SETTLED, "effects": {"gravity": {}, "no_such_effect": {}}})
     done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out")
     assert (done.status, done.run) == ("refined", None)
-    assert done.reason.startswith("The drape could not begin: ")
+    assert done.reason.startswith("The drape could not start: ")
     assert "no_such_effect" in done.reason
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["status"] == "refined"
     assert (tmp_path / "out" / "fitted.obj").is_file()

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dressing import capsule_figure, tube_garment
+from fitting_cases import capsule_figure, tube_garment
 
 from clothsim.errors import InputError
 from clothsim.fitting.markers import marked_vertices, read_markers
@@ -30,13 +30,13 @@ def test_a_file_is_read_with_comments_and_commas(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "message"),
     [("", "has no marker"), ("1 2 3\n", "Line 1"), ("0 0 0 0 0 0\n1 2 3 4 5 nan\n", "Line 2"), ("a b\n", "Line 1")],
 )
-def test_a_bad_file_is_named_with_its_line(text, said, tmp_path):
+def test_a_bad_file_is_named_with_its_line(text, message, tmp_path):
     file = tmp_path / "markers.txt"
     file.write_text(text)
-    with pytest.raises(InputError, match=said):
+    with pytest.raises(InputError, match=message):
         read_markers(file)
 
 
@@ -65,7 +65,7 @@ def test_markers_turn_the_garment_with_the_body():
     """A capsule looks the same from all sides: only the markers tell that the other one is turned by 90 degrees."""
     garment = tube_garment(0.115)
     seed = transferred(garment, FIGURE, OTHER, places_on_both())
-    assert "6 given markers" in seed.said
+    assert "6 given markers" in seed.description
     before, after = (np.arctan2(x[:, 1], x[:, 0]) for x in (garment.positions, seed.positions))
     turned = np.angle(np.exp(1j * (after - before)))
     assert abs(np.median(turned) - np.pi / 2) < 0.1

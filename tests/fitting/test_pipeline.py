@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dressing import capsule_figure, folded_sheet, task, tube_garment, wider
+from fitting_cases import capsule_figure, folded_sheet, task, tube_garment, wider
 
 from clothsim.errors import InputError
 from clothsim.fitting import pipeline
@@ -65,7 +65,7 @@ def test_a_tube_that_no_formula_frees_is_grown_out(tmp_path, monkeypatch):
     assert names(found)[-1] == "grow"
     assert found.last.counts.clean
     assert not found.failure
-    assert "mm thinner, from refine, grown back under IPC" in found.last.said
+    assert "mm thinner, from refine, grown back under IPC" in found.last.description
     assert {"body000.obj", "body001.obj", "summary.json"} <= {file.name for file in (tmp_path / "grow").iterdir()}
 
 
@@ -88,7 +88,7 @@ def test_a_garment_that_meets_itself_is_untangled_first(tmp_path):
     assert found.stages[0].counts.on_body
     assert found.last.counts.clean
     assert found.worn.rest is garment.positions
-    assert "vertices were moved" in found.last.said
+    assert "vertices were moved" in found.last.description
 
 
 def test_a_garment_that_no_one_can_untangle_is_worn_without_self_contact(tmp_path):
@@ -100,7 +100,7 @@ def test_a_garment_that_no_one_can_untangle_is_worn_without_self_contact(tmp_pat
     assert not found.failure
     assert found.last.counts.on_body
     assert not found.worn.self_contact
-    assert any("self_contact is off" in note for note in found.notes)
+    assert any("self_contact" in note for note in found.notes)
 
 
 def test_what_nothing_frees_fails_with_a_sentence_and_a_place(tmp_path):
@@ -122,7 +122,7 @@ def test_a_growth_that_stops_is_a_failure_with_its_reason(tmp_path, monkeypatch)
         def positions(self, _):
             return tube_garment(0.097, cells=(8, 2)).positions
 
-    monkeypatch.setattr(pipeline, "carried", lambda *_, **__: Stopped())
+    monkeypatch.setattr(pipeline, "moved_with_body", lambda *_, **__: Stopped())
     found = seeded(task(tube_garment(0.097, cells=(8, 2)), COARSE, COARSE, tmp_path))
     assert found.failure == "In the stage grow: At 0.1 s: Newton did not converge."
 
@@ -140,16 +140,16 @@ def test_where_a_growth_fails_the_next_start_is_tried(tmp_path, monkeypatch):
         def positions(self, _):
             return tube_garment(0.12, cells=(8, 2)).positions
 
-    def carried(_worn, _start, bodies, *_, **slips):
+    def moved_with_body(_worn, _start, bodies, *_, **slips):
         frames.append((len(bodies), bool(slips)))
         return Grown("failed" if len(frames) < 3 else "completed")
 
-    monkeypatch.setattr(pipeline, "carried", carried)
+    monkeypatch.setattr(pipeline, "moved_with_body", moved_with_body)
     found = seeded(task(garment, COARSE, COARSE, tmp_path))
     assert frames == [(2, False), (2, True), (3, False)]
     assert not found.failure
     assert found.last.counts.clean
-    assert "without folds" in found.last.said
+    assert "without folds" in found.last.description
     assert [note for note in found.notes if note.startswith("Tried 5 mm thinner: In the stage grow: At 0.1 s")]
 
 
@@ -159,13 +159,13 @@ def test_a_growth_that_cannot_begin_is_a_failure_with_its_reason(tmp_path, monke
     def refuse(*_):
         raise InputError("body: triangle 3 has no area.")
 
-    monkeypatch.setattr(pipeline, "carried", refuse)
+    monkeypatch.setattr(pipeline, "moved_with_body", refuse)
     found = seeded(task(tube_garment(0.097, cells=(8, 2)), COARSE, COARSE, tmp_path))
-    assert found.failure == "The stage grow could not begin: body: triangle 3 has no area."
+    assert found.failure == "The stage grow could not start: body: triangle 3 has no area."
 
 
 def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, monkeypatch):
-    """Deflation and refinement are taken away: the garment is clean on its body and is carried to the wider one."""
+    """Without deflation and refinement: the garment is clean on its body and moves with the body to the wider one."""
     monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
     monkeypatch.setattr(pipeline, "clearings", lambda *_: iter(()))
     monkeypatch.setattr(
@@ -178,7 +178,7 @@ def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, m
     assert names(found)[-1] == "morph"
     assert not found.failure
     assert found.last.counts.clean
-    assert found.last.said == "capsule became wide under IPC"
+    assert found.last.description == "capsule became wide under IPC"
     assert np.linalg.norm(found.last.positions[:, :2], axis=1).min() > 0.1
 
 
@@ -192,15 +192,15 @@ def test_a_flat_body_is_bad_input(tmp_path, flat):
 
 def test_a_growth_that_fails_with_friction_is_tried_without(tmp_path, monkeypatch):
     monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
-    real, named = pipeline.carried, []
+    real, named = pipeline.moved_with_body, []
 
-    def carried(*arguments, **slips):
+    def moved_with_body(*arguments, **slips):
         run = real(*arguments, **slips)
         named.append("friction" in run.summary["effects"])
         return replace(run, summary={**run.summary, "status": "failed"}) if len(named) == 1 else run
 
-    monkeypatch.setattr(pipeline, "carried", carried)
+    monkeypatch.setattr(pipeline, "moved_with_body", moved_with_body)
     found = seeded(task(tube_garment(0.097, cells=(8, 2)), COARSE, COARSE, tmp_path))
     assert named == [True, False]
     assert found.last.counts.clean
-    assert found.last.said.endswith("grown back under IPC, without friction")
+    assert found.last.description.endswith("grown back under IPC, without friction")

@@ -2,7 +2,7 @@
 
 from time import perf_counter
 
-from dressing import capsule_figure, tube_garment
+from fitting_cases import capsule_figure, tube_garment
 
 from clothsim.fitting.stage import staged
 from transfer.signed_distance import body_surface

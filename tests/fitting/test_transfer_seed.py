@@ -1,7 +1,7 @@
-"""The seed on the same mesh, in another place, and between meshes."""
+"""Transfer seed on the same mesh, with a moved body, and between meshes."""
 
 import numpy as np
-from dressing import capsule_figure, tube_garment, wider
+from fitting_cases import capsule_figure, tube_garment, wider
 
 from clothsim.fitting.transfer_seed import transferred
 
@@ -11,7 +11,7 @@ FIGURE, GARMENT = capsule_figure(), tube_garment(0.115)
 def test_the_same_body_gives_the_garment_back():
     seed = transferred(GARMENT, FIGURE, FIGURE)
     np.testing.assert_allclose(seed.positions, GARMENT.positions, atol=1e-9)
-    assert "share their mesh" in seed.said
+    assert "share their mesh" in seed.description
 
 
 def test_a_wider_body_widens_the_garment_with_it():
@@ -28,7 +28,7 @@ def test_another_mesh_is_laid_over_first():
     other = capsule_figure(radius=0.12, segments=20, name="other")
     seed = transferred(GARMENT, FIGURE, other)
     assert len(seed.body) == len(FIGURE.positions)
-    assert "capsule" in seed.said
-    assert "other" in seed.said
+    assert "capsule" in seed.description
+    assert "other" in seed.description
     radius = np.linalg.norm(seed.positions[:, :2], axis=1)
     assert 0.115 < radius.mean() < 0.16

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.fitting.unfold_creases import KEPT, TIMES, unfolding
+from clothsim.fitting.unfold_creases import SMALLEST_FRACTION, TIMES, unfolding
 from clothsim.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.generators.shapes import capsule, sphere
 from transfer.signed_distance import body_surface
@@ -20,7 +20,7 @@ def test_a_sphere_stays_a_sphere_and_shrinks_at_each_implicit_step_by_its_curvat
         length = np.linalg.norm(x, axis=1)
         np.testing.assert_allclose(length, expected, rtol=5e-3)
     following = expected / (1 + 2 * (TIMES[len(shrunk)] - before) / expected**2)
-    assert following < KEPT * radius <= expected  # what is smaller is no body any more
+    assert following < SMALLEST_FRACTION * radius <= expected  # what is smaller is no body any more
 
 
 def test_the_middle_of_a_long_capsule_shrinks_as_a_cylinder():

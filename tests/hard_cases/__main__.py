@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from clothsim.text_table import text_table
-from tests.benchmarks.kept_tables import read_record, write_between
+from tests.benchmarks.stored_tables import read_record, write_between
 from tests.hard_cases.case import Case, run_case
 from tests.hard_cases.cases import CASES
 from tests.hard_cases.results_file import COLUMNS, cells, keep, markdown, summary

@@ -54,7 +54,7 @@ def column(dynamic: bool) -> Scene:
 
 
 def amplitude(load: float, critical: float = CRITICAL) -> float:
-    """How far the elastica of the same length and chord stands out [m]; its own thrust shortens it a little.
+    """Deflection of the elastica of the same length and chord [m]; its own thrust shortens it a little.
 
     Chord/L = 2 E(k)/K(k) - 1, height/L = k/K(k), thrust = N_cr (2 K/pi)^2 (e.g. Timoshenko & Gere 1961, section 2.7).
     """

@@ -109,7 +109,7 @@ def still_energies(built: Built, x: Floats) -> list[Energy]:
 
 
 def touched(built: Built, x: Floats) -> np.ndarray:
-    """Whether contact pushes each cloth vertex, (n_cloth,)."""
+    """Mask of the cloth vertices with a contact force, (n_cloth,)."""
     if "self_contact" not in built.energies:
         return np.zeros(built.world.n_cloth, bool)
     return np.asarray(built.energies["self_contact"].gradient(x)[: built.world.n_cloth].any(axis=1))

@@ -5,7 +5,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from tests.benchmarks.kept_tables import Record, markdown_table, read_record, when, write_record
+from tests.benchmarks.stored_tables import Record, markdown_table, read_record, when, write_record
 from tests.hard_cases.case import Case, Result
 
 FORMS = ("small", "full")

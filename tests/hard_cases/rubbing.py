@@ -72,7 +72,7 @@ def slides_by_coulomb(run: Run) -> str:
 
 
 def elastic_forces(built: Built, cloth: Floats) -> Floats:
-    """What membrane and bending do to the cloth's vertices (n, 3) [N]."""
+    """Membrane and bending forces on the cloth's vertices (n, 3) [N]."""
     x = built.world.start()
     x[: len(cloth)] = cloth
     total = built.energies["membrane"].gradient(x) + built.energies["bending"].gradient(x)

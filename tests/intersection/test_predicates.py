@@ -1,4 +1,4 @@
-"""Signs of determinants against rational arithmetic, where doubles alone would get them wrong."""
+"""Signs of determinants against rational arithmetic, where double precision alone is wrong."""
 
 from fractions import Fraction
 

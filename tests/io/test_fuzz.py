@@ -73,7 +73,7 @@ def samples(tmp_path_factory):
 
 
 def end(read, path):
-    """What `read` makes of the file, or None where it refuses it in one sentence."""
+    """Result of `read` on the file; None where it is refused with an InputError."""
     with contextlib.suppress(InputError):
         return read(path)
     with pytest.raises(InputError) as refusal:

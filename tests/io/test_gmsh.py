@@ -1,4 +1,4 @@
-"""Gmsh files of every version against what meshio wrote, and what only Gmsh itself writes."""
+"""Gmsh files of every version, as written by meshio and by Gmsh itself."""
 
 import struct
 

@@ -1,4 +1,4 @@
-"""Sequences of mesh files: their order, their parts, and what is not one topology."""
+"""Sequences of mesh files: order, parts, and differing topology."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Quads and polygons cut into triangles: which diagonal, and what is said where no cut is right."""
+"""Triangulation of quads and polygons: choice of the diagonal, and messages where no triangulation is valid."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A2: a strip without bending between two level supports hangs as a catenary."""
+"""A2, catenary: a strip without bending between two level supports."""
 
 from functools import partial
 

@@ -87,7 +87,7 @@ def pendulum(degrees: float) -> tuple[World, dict[str, Energy], dict[str, Constr
 
 
 def late(formula: str, dt: float, duration: float) -> float:
-    """How far beyond g T^2/2 the sheet has fallen, along g over |g| [m]."""
+    """Distance fallen beyond g T^2/2, along g over |g| [m]."""
     integrator = falling(formula, dt)
     end = run_of(integrator, duration)[-1].state
     fallen = end.positions - integrator.world.start() - GRAVITY * duration**2 / 2

@@ -68,7 +68,7 @@ def sliding(
     tolerance: float = 1e-9,
     formula: str = "backward_euler",
 ) -> tuple[Floats, Floats]:
-    """How far a sheet at rest on a floor moves, gravity turned by `angle`, and its last velocities, both (n, 3)."""
+    """Displacements and last velocities of a sheet at rest on a floor, gravity turned by `angle`, both (n, 3)."""
     positions, triangles = irregular_grid()
     height = D_HAT * gap_ratio(4 * UNIT.density * G * np.cos(angle) / STIFFNESS)
     sheet = replace(cloth(positions, triangles), positions=positions + ASIDE + np.array([0, 0, height]))

@@ -42,7 +42,7 @@ def sphere_pressure(stretch: float) -> float:
 
 
 def limit_stretch() -> float:
-    """Where the pressure of the sphere is largest."""
+    """Stretch at which the pressure of the sphere is largest."""
     from scipy.optimize import brentq
 
     return float(brentq(lambda s: sphere_pressure(s + 1e-5) - sphere_pressure(s - 1e-5), 1.2, 2.0, xtol=1e-12))
@@ -160,7 +160,7 @@ def _sphere(stretch: float, printed: str) -> Outcome:
 
 
 def _limit() -> Outcome:
-    """Where the pressure that a sphere of the mesh's own energy and volume needs is largest, swelling evenly."""
+    """Stretch of largest pressure for a uniformly inflated sphere with the mesh's own energy and volume."""
     from scipy.optimize import minimize_scalar
 
     world = ball(2)

@@ -41,7 +41,7 @@ class Sheared:
         return x, z
 
     def crossings(self, height: float = 0.5) -> Floats:
-        """Where that line crosses the strip's plane."""
+        """Intersection of that line with the strip's plane."""
         x, z = self.along(height)
         k = np.flatnonzero(z[:-1] * z[1:] < 0)
         return np.asarray(x[k] - z[k] * (x[k + 1] - x[k]) / (z[k + 1] - z[k]), np.float64)

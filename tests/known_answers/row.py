@@ -34,7 +34,7 @@ class Outcome:
 
     @property
     def wrong(self) -> str:
-        """What is wrong, in a few words; empty where the row passes."""
+        """Short description of the failure; empty where the row passes."""
         if self.printed and not agrees(self.exact, self.printed):
             return f"the reference is {self.exact:.10g}, not {self.printed}"
         if not abs(self.deviation) <= self.bar:
@@ -56,7 +56,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Seen:
-    """What a row gave, and its seconds of the processor; outcome None where it ended with a sentence, `wrong`."""
+    """Outcome of a row and its CPU seconds; outcome None where it failed with a message, `wrong`."""
 
     row: Row
     outcome: Outcome | None

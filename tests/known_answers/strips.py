@@ -30,7 +30,7 @@ def lattice_strip(cells: int, degrees: float, length: float = 1.0, width: float 
 
 
 def random_strip(cells: int, seed: int, length: float = 1.0, width: float = 0.2) -> tuple[Floats, Ints]:
-    """The same strip with an evenly divided border and points at random inside, Delaunay."""
+    """Strip with an evenly divided border and random points inside, Delaunay."""
     h = length / cells
     across = max(1, round(width / h))
     x, y = np.linspace(0, length, cells + 1), np.linspace(0, width, across + 1)

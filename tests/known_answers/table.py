@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from datetime import date
 from typing import Any
 
-from tests.benchmarks.kept_tables import Record, markdown_table, when
+from tests.benchmarks.stored_tables import Record, markdown_table, when
 from tests.known_answers import (
     a1_membrane,
     a2_catenary,
@@ -42,7 +42,7 @@ def chosen(names: Iterable[str], rows: Sequence[Row] = ROWS) -> list[Row]:
 
 
 def entry(seen: Seen) -> dict[str, Any]:
-    """What the record keeps of a row."""
+    """Record entry of a row."""
     kept: dict[str, Any] = {"date": date.today().isoformat(), "seconds": seen.seconds, "wrong": seen.wrong}
     outcome = seen.outcome
     if outcome is not None:
@@ -90,7 +90,5 @@ def markdown(rows: Iterable[Row], record: Record) -> str:
     passed = sum(not record[row.name]["wrong"] for row in there)
     seconds = sum(record[row.name]["seconds"] for row in there)
     days = when(record[row.name]["date"] for row in there)
-    head = (
-        f"{days}; made by `python -m tests.known_answers`; {passed} of {len(there)} pass, {seconds:.0f} s of CPU."
-    )
+    head = f"{days}; made by `python -m tests.known_answers`; {passed} of {len(there)} pass, {seconds:.0f} s of CPU."
     return f"{head}\n\n{markdown_table(HEADER, [cells(row, record[row.name]) for row in there])}"

@@ -1,4 +1,4 @@
-"""The scenes of the table's rows that no test of the physics shares: drapes and wrinkles."""
+"""Scenes of the table of known answers that no physics test shares: drapes and wrinkles."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The table of known answers: fast rows pass through the command, a wrong one does not, and the README is written."""
+"""Table of known answers: fast rows pass, a wrong one fails, and the page is written."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The package's own Newton and integrator on a world and some energies: an equilibrium, a step, a run."""
+"""Newton and integrator on a world with given energies: an equilibrium, a step, a run."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""The membrane against scikit-fem: another assembly of the same energy, its derivatives written in tensors."""
+"""Membrane against scikit-fem: an independent assembly of the same energy, derivatives in tensor form."""
 
 import numpy as np
 import pytest

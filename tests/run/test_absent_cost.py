@@ -1,4 +1,4 @@
-"""What adding an effect would cost: each absent one is measured, or has a reason in words."""
+"""Cost of absent effects: each is measured, or has a reason."""
 
 import json
 import sys

@@ -1,4 +1,4 @@
-"""An archive replays a run's failure anywhere; an archive from a stranger does no harm."""
+"""Archives: replay of a failed run elsewhere; untrusted archives."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The faults of meshes and scenes, for programs."""
+"""Checks of meshes and scenes from Python."""
 
 import numpy as np
 import pytest

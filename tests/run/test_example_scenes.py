@@ -1,4 +1,4 @@
-"""The example scenes: which there are, what they need, and how a command names one."""
+"""Example scenes: their list, required files, and names in commands."""
 
 from pathlib import Path
 

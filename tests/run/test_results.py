@@ -15,7 +15,7 @@ WORLD = make_world([cloth(*grid(2, 2), name="sheet")], [make_body("floor", *grid
 
 @pytest.fixture
 def directory(tmp_path):
-    """What a run of three frames leaves when it is stopped."""
+    """Output of a run of three frames that is stopped."""
     with TrajectoryWriter(tmp_path / "trajectory.vtkhdf", world_surfaces(WORLD)) as writer:
         for i in range(3):
             x = WORLD.start()

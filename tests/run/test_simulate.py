@@ -1,4 +1,4 @@
-"""simulate() and resume(): what they leave behind, that a resumed run has the same bits, and scripted scenes."""
+"""simulate() and resume(): output files, bitwise resume, and scripted scenes."""
 
 import ipctk
 import numpy as np

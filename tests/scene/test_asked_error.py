@@ -1,4 +1,4 @@
-"""[solver] error in place of dt: what a scene may say, and what is made of it."""
+"""[solver] error in place of dt: accepted keys, and the resulting settings."""
 
 import pytest
 from small_scenes import BALL, EFFECTS, small_scene, without

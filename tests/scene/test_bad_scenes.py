@@ -1,4 +1,4 @@
-"""Every kind of bad scene gives one InputError that names what is wrong and the nearest known name."""
+"""Invalid scenes: one InputError that names the fault and the nearest known name."""
 
 import re
 

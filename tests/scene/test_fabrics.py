@@ -1,4 +1,4 @@
-"""The named fabrics: every value with a source, numbers that a sheet can have, and conversions recomputed by hand."""
+"""Named fabrics: a source for every value, physical ranges, and recomputed conversions."""
 
 import numpy as np
 import pytest

@@ -112,7 +112,7 @@ ANY = st.recursive(
 
 
 def end(make):
-    """What it makes, or None where it is refused in readable sentences of bounded length."""
+    """Parsed result; None where it is refused in readable sentences of bounded length."""
     try:
         return make()
     except InputError as error:

@@ -1,4 +1,4 @@
-"""The reference: each key that is accepted is documented, and each that is documented is accepted."""
+"""Reference page: every accepted key is documented, and every documented key is accepted."""
 
 import inspect
 import json
@@ -73,7 +73,7 @@ def test_the_keys_of_an_effect_are_its_builders(name):
 
 
 def accepted(scene):
-    """Whether the names of its keys are known, whatever their values."""
+    """True where the names of its keys are known, whatever their values."""
     try:
         Scene(**scene)
     except InputError as error:

@@ -1,4 +1,4 @@
-"""Every scene in scenes/ starts, takes its first steps and keeps what its effects promise."""
+"""Scenes in scenes/: each starts, takes its first steps and satisfies the bounds of its effects."""
 
 from dataclasses import replace
 from pathlib import Path

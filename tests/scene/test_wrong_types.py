@@ -1,4 +1,4 @@
-"""A value of the wrong type, or too large for a float, is bad input with the name of its key, never a traceback."""
+"""Values of the wrong type, or too large for a float: an InputError that names the key."""
 
 import pytest
 

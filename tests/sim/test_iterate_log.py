@@ -1,4 +1,4 @@
-"""Log of iterates: a step from its start to its end, falling energy, retries told apart."""
+"""Log of iterates: a step from start to end, decreasing energy, separated retries."""
 
 import numpy as np
 import pytest

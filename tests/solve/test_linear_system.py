@@ -1,4 +1,4 @@
-"""Symbolic analyses of a system: one for a pattern, another where many blocks were added."""
+"""Symbolic analyses of a system: one for a pattern, another after many added blocks."""
 
 import numpy as np
 import pytest
@@ -86,7 +86,7 @@ def test_what_is_the_same_in_the_next_step_is_not_analysed_again():
 
 
 def test_a_step_whose_pattern_is_another_starts_without_the_solver_of_the_last():
-    """What the first matrix of a step is solved with may not depend on the step before."""
+    """Solver choice for the first matrix of a step: independent of the step before."""
     system, _ = grown(5)
     system.begin([far(5).elements])
     data = system.assemble([squares(TRIANGLES), far(5)])

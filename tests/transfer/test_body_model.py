@@ -1,4 +1,4 @@
-"""The skinned body against closed forms, and against the mannequin's own figures and poses."""
+"""Skinned body against closed forms, and against the mannequin's own shapes and poses."""
 
 import numpy as np
 import pytest

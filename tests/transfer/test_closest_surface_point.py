@@ -1,4 +1,4 @@
-"""Closest compatible surface points against brute force, and where there is none."""
+"""Closest compatible surface points against brute force, and points without one."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Deformation transfer: what it must reproduce exactly, one factorisation, and inputs that would be singular."""
+"""Deformation transfer: exact reproduction, a single factorisation, and singular inputs."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Deformation gradients: exact for what they must map, and linear in the positions and fourth vertices."""
+"""Deformation gradients: exact for affine maps, linear in the positions and fourth vertices."""
 
 import numpy as np
 import pytest

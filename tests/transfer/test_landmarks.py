@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from people import person
+from capsule_bodies import person
 
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.errors import TransferError

@@ -1,4 +1,4 @@
-"""`python -m tests.benchmarks.bench`: what a Newton iteration costs, and where."""
+"""`python -m tests.benchmarks.bench`: cost of a Newton iteration by part."""
 
 import argparse
 import os
@@ -17,17 +17,17 @@ from clothsim.text_table import text_table
 from tests.benchmarks.bench.alone import ALONE, COPY, without_others
 from tests.benchmarks.bench.bench_cases import ORACLE, QUICK, ROOT, Case, aims, benchmark
 from tests.benchmarks.bench.measure import Measured, measured
-from tests.benchmarks.bench.page import against, told, write_oracle, write_page
+from tests.benchmarks.bench.page import against, oracle_summary, write_oracle, write_page
 from tests.benchmarks.bench.revision import name_of, worktree
 from tests.benchmarks.bench.tables import comparison, split, summary
-from tests.benchmarks.kept_tables import read_record
+from tests.benchmarks.stored_tables import read_record
 
 RESULTS = Path("results/bench")
 STATES, COMPARED = "states", "-compared"
 
 _DESCRIPTION = """\
-What a Newton iteration costs, and where: short scenes, each measured several times from one state, in a process of its
-own. The seconds are the processor's, on one thread; each number is the median. Nothing here judges: the numbers
+Cost of a Newton iteration by part: short scenes, each measured several times from one state, in a process of its
+own. CPU seconds of one thread; each number is the median. No pass or fail: the numbers
 belong to the machine that they were measured on.
 """
 
@@ -98,7 +98,7 @@ def oracle(cases: Sequence[Case], results: Path, repeats: int, page: Path | None
     rows = {case.name: compared(case, results / STATES, repeats, _say) for case in cases}
     if page is not None:
         write_oracle(page, rows, where["date"])
-    return "\n\n".join([_headline(where), text_table(*against(rows)), told(rows)])
+    return "\n\n".join([_headline(where), text_table(*against(rows)), oracle_summary(rows)])
 
 
 def _joined(file: Path, kept: dict[str, Any]) -> dict[str, Any]:
@@ -157,7 +157,7 @@ def main(argv: Sequence[str] | None = None, cases: Sequence[Case] | None = None)
     try:
         if arguments.repeats < 1:
             raise InputError(f"--repeats is {arguments.repeats}.", "Give 1 or more.")
-        if arguments.page is not None and not arguments.page.is_file():  # told before minutes of measuring
+        if arguments.page is not None and not arguments.page.is_file():  # reported before minutes of measurement
             raise InputError(f"--page is {arguments.page}, which is no file.", "Give a page with marks in it.")
         if arguments.alone:
             print(alone(arguments.results, arguments.repeats))

@@ -1,4 +1,4 @@
-"""The benchmark set: short named scenes that start from a state in contact."""
+"""Benchmark cases: short named scenes that start from a state in contact."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field

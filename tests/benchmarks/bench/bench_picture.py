@@ -21,7 +21,7 @@ STYLES: Mapping[str, Mapping[str, Any]] = {
     "assembly": {"color": "#6c3483", "marker": "D", "ls": (0, (5, 1, 1, 1, 1, 1))},
     "cloth": {"color": "#196f3d", "marker": "v", "ls": (0, (1, 1.2))},
 }
-"""Colour, marker and line: told apart in grey by the last two."""
+"""Colour, marker and line: distinct in grey by the last two."""
 APART = 1.3
 """Labels stand at heights at least this factor apart."""
 

@@ -23,8 +23,8 @@ def lead(case: Case, folder: Path) -> Path | None:
     """The file with the state that a case starts from, made where it is not there; None for the scene's own start."""
     if case.scene is None or not (case.lead or case.start):
         return None
-    told = f"{case.scene.to_text()} {case.lead} {case.start}"
-    file = folder / f"{case.name.replace(' ', '_')}-{hashlib.sha256(told.encode()).hexdigest()[:12]}.npz"
+    identity = f"{case.scene.to_text()} {case.lead} {case.start}"
+    file = folder / f"{case.name.replace(' ', '_')}-{hashlib.sha256(identity.encode()).hexdigest()[:12]}.npz"
     if not file.is_file():
         folder.mkdir(parents=True, exist_ok=True)
         _write(file, _led(case, case.scene))

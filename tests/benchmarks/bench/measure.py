@@ -23,7 +23,7 @@ PHASES = (*SEARCHES, "assembly", "linear solve", "line search", "step control")
 Measured = dict[str, Any]
 """The medians of a case's trials; {"skipped": reason} where there are none."""
 
-Heard = Callable[[str], None]
+Announcement = Callable[[str], None]
 """Called with a line as each case begins."""
 
 
@@ -70,14 +70,14 @@ class Worker:
             return {"skipped": f"Its process ended with exit code {self._process.wait()}."}
 
 
-def measured(case: Case, roots: Sequence[Path], states: Path, repeats: int, heard: Heard) -> list[Measured]:
+def measured(case: Case, roots: Sequence[Path], states: Path, repeats: int, announce: Announcement) -> list[Measured]:
     """The medians of a case with the package of each root, their trials taken in turns.
 
     states: the folder that keeps the states to start from.
     """
     if case.needs is not None and not case.needs.exists():
         return [{"skipped": f"{case.needs.name} is not in {case.needs.parent.name}."} for _ in roots]
-    heard(f"{case.name} ...")
+    announce(f"{case.name} ...")
     job = _job(case, lead(case, states))
     with ExitStack() as stack:
         workers = [stack.enter_context(Worker(root, job)) for root in roots]
@@ -118,7 +118,7 @@ def each(row: Measured) -> float:
 
 
 def ratio(row: Measured) -> float | None:
-    """What a Newton iteration costs, over one direct factorisation and solve of its own matrix."""
+    """Cost of a Newton iteration over that of one direct factorisation and solve of its own matrix."""
     if not row.get("own_solve") or not row.get("iterations"):
         return None
     return each(row) / row["own_solve"]

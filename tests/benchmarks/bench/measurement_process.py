@@ -9,6 +9,7 @@ count, though it slows the memory that it shares.
 
 import contextlib
 import importlib
+import inspect
 import json
 import subprocess
 import sys
@@ -45,7 +46,7 @@ def module(name: str) -> Any:
 
 
 class RefusalError(Exception):
-    """Why a case cannot be measured."""
+    """Case that cannot be measured, with the reason."""
 
 
 def stepper(job: Job) -> Callable[[], Trial]:
@@ -177,17 +178,20 @@ def fitter(job: Job) -> Callable[[], Trial]:
     class EnoughError(Exception):
         pass
 
-    def heard(stage: Any) -> None:
+    def on_stage(stage: Any) -> None:
         if stage.name != "garment":
             found.append(len(stage.positions))
             raise EnoughError
 
     found: list[int] = []
+    # an older revision, measured for comparison, names the argument otherwise
+    name = "on_stage" if "on_stage" in inspect.signature(fit).parameters else "heard"
+    callback: dict[str, Any] = {name: on_stage}
 
     def trial() -> Trial:
         cpu, wall = process_time(), perf_counter()
         with tempfile.TemporaryDirectory() as folder, contextlib.suppress(EnoughError):
-            fit(job["garment"], job["to"], output=folder, heard=heard)
+            fit(job["garment"], job["to"], output=folder, **callback)
         seconds = {"cpu": process_time() - cpu, "wall": perf_counter() - wall}
         return {**seconds, "peak_memory": _peak(), "vertices": found[-1]}
 

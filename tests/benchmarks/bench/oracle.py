@@ -30,19 +30,19 @@ CONTACTS = ("body_contact", "self_contact")
 AGREE = 1e-10
 """Relative difference of the energies above which the two have not done the same work."""
 
-Way = tuple[Floats, Floats]
-"""A place x and the step dx from it that Newton asked about, (N, 3) [m]."""
+NewtonStep = tuple[Floats, Floats]
+"""Positions x and Newton step dx from them, both (N, 3) [m]."""
 
 
 @dataclass(frozen=True)
 class Compared:
-    """Processor seconds of each part an iteration, medians; vertices of the cloth, ways, and the most pairs of one.
+    """CPU seconds of each part per iteration, medians; vertices of the cloth, Newton steps, and the most pairs of one.
 
-    own_pairs: the most of cloth with cloth; energy [J]: of all ways together, for a stiffness of 1 Pa.
+    own_pairs: the most of cloth with cloth; energy [J]: sum over all steps, for a stiffness of 1 Pa.
     """
 
     vertices: int
-    ways: int
+    newton_steps: int
     pairs: int
     own_pairs: int
     energy: float
@@ -50,82 +50,85 @@ class Compared:
     ipctk: Seconds
 
     def ratio(self, part: str | None = None) -> float:
-        """How many times the processor time of ours ipctk takes, for a part or in all."""
+        """Ratio of ipctk's processor time to ours, for a part or in all."""
         ours, theirs = (sum(side.values()) if part is None else side[part] for side in (self.ours, self.ipctk))
         return theirs / ours if ours > 0 else np.inf
 
 
-def compared(case: Case, states: Path, repeats: int, heard: Callable[[str], None]) -> Compared:
-    """Both sides on the ways of a case, `repeats` times in turns. ClothsimError where their energies differ.
+def compared(case: Case, states: Path, repeats: int, announce: Callable[[str], None]) -> Compared:
+    """Both implementations on the Newton steps of a case, `repeats` times; ClothsimError for different energies.
 
-    states: the folder that keeps the states to start from; heard: called with a line as the case begins.
+    states: folder of the stored initial states; announce: called with a line at the start of the case.
     """
     loaded()
-    heard(f"{case.name} against ipctk ...")
+    announce(f"{case.name} against ipctk ...")
     assert case.scene is not None
     session = prepare(case.scene, build(case.scene))
-    ways = recorded(session, settled(session, case, states))
+    newton_steps = recorded(session, settled(session, case, states))
     bound = [cast(Barrier, session.built.energies[name]) for name in CONTACTS]
     barriers = [replace(barrier, stiffness=1.0) for barrier in bound]
-    active = [[barrier.candidates.active(x).elements for barrier in barriers] for x, _ in ways]
+    active = [[barrier.candidates.active(x).elements for barrier in barriers] for x, _ in newton_steps]
     n_cloth = session.built.world.n_cloth
     pattern = extended(session.integrator.system.base, [rows for _, rows in active])
     sides: dict[str, Side] = {"ours": Ours(barriers, pattern), "ipctk": Ipctk(barriers, n_cloth)}
     with _processor_time():
         for side in sides.values():
-            taken(side, ways[:1])  # compiles
-        rounds = [{name: taken(side, ways) for name, side in sides.items()} for _ in range(repeats)]
+            taken(side, newton_steps[:1])  # compiles
+        rounds = [{name: taken(side, newton_steps) for name, side in sides.items()} for _ in range(repeats)]
     ours, theirs = (rounds[0][name][0] for name in sides)
     if abs(ours - theirs) > AGREE * abs(theirs):
         raise ClothsimError(f"{case.name}: contact finds {ours:.12g} J, and ipctk {theirs:.12g} J.")
     each = {
-        name: {part: median(turn[name][1][part] for turn in rounds) / len(ways) for part in PARTS} for name in sides
+        name: {part: median(turn[name][1][part] for turn in rounds) / len(newton_steps) for part in PARTS}
+        for name in sides
     }
     pairs, own_pairs = max(sum(map(len, found)) for found in active), max(len(found[-1]) for found in active)
-    return Compared(n_cloth, len(ways), pairs, own_pairs, ours, each["ours"], each["ipctk"])
+    return Compared(n_cloth, len(newton_steps), pairs, own_pairs, ours, each["ours"], each["ipctk"])
 
 
-def taken(side: Side, ways: Sequence[Way]) -> tuple[float, Seconds]:
-    """The energy of all ways [J], and the seconds of each part."""
+def taken(side: Side, newton_steps: Sequence[NewtonStep]) -> tuple[float, Seconds]:
+    """Energy of all steps [J], and the seconds of each part."""
     seconds = dict.fromkeys(PARTS, 0.0)
-    side.begin(ways[0][0])
-    return sum(side.take(x, dx, seconds) for x, dx in ways), seconds
+    side.begin(newton_steps[0][0])
+    return sum(side.take(x, dx, seconds) for x, dx in newton_steps), seconds
 
 
 def settled(session: Session, case: Case, states: Path) -> State:
-    """The state that the case is measured from: the one that is kept, and `settle` steps more."""
+    """Initial state of the case: the stored one advanced by `settle` steps."""
     integrator = session.integrator
     state = first_state(session.built.world, integrator.dt)
     file = lead(case, states)
     if file is not None:
-        kept = np.load(file)
-        state = replace(state, positions=kept["positions"], velocities=kept["velocities"], time=float(kept["time"]))
+        stored = np.load(file)
+        state = replace(
+            state, positions=stored["positions"], velocities=stored["velocities"], time=float(stored["time"])
+        )
     for _ in range(case.settle):
         state = advance(integrator, state, state.time + integrator.dt).state
     return state
 
 
-def recorded(session: Session, state: State) -> list[Way]:
-    """Where, and about which steps, Newton asks body contact in the time step from `state`, once at each place.
+def recorded(session: Session, state: State) -> list[NewtonStep]:
+    """Positions and steps at which Newton evaluates body contact in the time step from `state`, each position once.
 
-    A line search that tries longer steps asks again from the same place, where nothing but the way is new: to take the
-    energy and its derivatives there once more would measure who remembers them.
+    A line search that tries longer steps evaluates the same position again, where only the step is new: to repeat the
+    energy and its derivatives there would measure caches.
     """
-    ways: list[Way] = []
+    newton_steps: list[NewtonStep] = []
     candidates = cast(Barrier, session.built.energies[CONTACTS[0]]).candidates
     limit = candidates.step_limit
 
-    def heard(x: Floats, dx: Floats, most: float = 1.0) -> float:
-        if not ways or not np.array_equal(x, ways[-1][0]):
-            ways.append((x.copy(), dx.copy()))
+    def recorded_limit(x: Floats, dx: Floats, most: float = 1.0) -> float:
+        if not newton_steps or not np.array_equal(x, newton_steps[-1][0]):
+            newton_steps.append((x.copy(), dx.copy()))
         return limit(x, dx, most)
 
-    candidates.step_limit = heard  # type: ignore[method-assign]
+    candidates.step_limit = recorded_limit  # type: ignore[method-assign]
     try:
         advance(session.integrator, state, state.time + session.integrator.dt)
     finally:
         del candidates.step_limit
-    return ways
+    return newton_steps
 
 
 @contextmanager

@@ -42,6 +42,6 @@ def worktree(root: Path, revision: str) -> Iterator[Path]:
 
 
 def _git(root: Path, *arguments: str) -> str:
-    """What git prints; CalledProcessError where it fails, OSError where there is none."""
+    """Output of a git command; CalledProcessError where it fails, OSError where there is none."""
     command = ["git", "-C", str(root), *arguments]
     return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip()

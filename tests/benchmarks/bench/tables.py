@@ -49,7 +49,7 @@ def split(rows: Rows) -> str:
     for part in order:
         cells = [1e3 * row["parts"].get(part, 0.0) / row["iterations"] for row in rows.values()]
         lines.append([part, *(f"{cell:.3g}" if cell >= 1e-3 else "" for cell in cells)])
-    return text_table(("CPU ms / Newton iteration, with regions", *rows), lines) if rows else ""
+    return text_table(("CPU ms / Newton iteration, with patches", *rows), lines) if rows else ""
 
 
 def comparison(then: Rows, now: Rows, revision: str) -> str:

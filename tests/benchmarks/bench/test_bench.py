@@ -1,4 +1,4 @@
-"""The bench on tiny cases: what it keeps and shows, its starts, and another revision beside it. Nothing is timed."""
+"""Benchmark on tiny cases: stored and printed results, initial states, comparison of revisions. Nothing is timed."""
 
 import json
 import sys
@@ -22,7 +22,7 @@ from tests.benchmarks.bench.bench_picture import draw, slope
 from tests.benchmarks.bench.leads import lead
 from tests.benchmarks.bench.measure import PHASES, Worker, measured, ratio
 from tests.benchmarks.bench.oracle import Compared, compared
-from tests.benchmarks.bench.page import AIMS, GROUPS, against, aimed, grouped, told, write_oracle, write_page
+from tests.benchmarks.bench.page import AIMS, GROUPS, against, aimed, grouped, oracle_summary, write_oracle, write_page
 from tests.benchmarks.bench.revision import name_of, worktree
 from tests.benchmarks.bench.sides import PARTS
 from tests.benchmarks.bench.tables import comparison, split, summary
@@ -218,7 +218,7 @@ def test_the_page_has_both_tables(tmp_path):
     text = file.read_text(encoding="utf-8")
     assert text.count("Measured on 2026-01-02.") == 2
     assert "| linear solve | phase | 1.00 | 250.0 | 50.0 % |" in text
-    assert "| in no account |  | 0.25 | 62.5 | 12.5 % |" in text
+    assert "| unattributed |  | 0.25 | 62.5 | 12.5 % |" in text
     assert "takes 200 ms: x 2.50." in text
     assert "| standard 40x40 | 0.04 | 0.02 | 50 | 1.00 | 2.0 | below 25 |" in text
     assert "Not here." in aimed({name: {"skipped": "Not here."} for name in AIMS})
@@ -255,7 +255,7 @@ def test_contact_and_ipctk_do_the_same_work(tmp_path):
     """Counted, not timed: every part of both is there, at as many ways and pairs as there are."""
     found = compared(ON_BALL, tmp_path, 1, print)
     assert found.vertices == 49
-    assert found.ways >= 1
+    assert found.newton_steps >= 1
     assert found.pairs > 0
     assert found.energy > 0
     for side in (found.ours, found.ipctk):
@@ -270,11 +270,11 @@ def test_contact_that_finds_another_energy_than_ipctk_is_not_timed(tmp_path, mon
         compared(ON_BALL, tmp_path, 1, print)
 
 
-def test_a_page_that_is_not_there_is_told_before_anything_is_measured(tmp_path, capsys):
+def test_a_missing_page_is_reported_before_any_measurement(tmp_path, capsys):
     assert main(["--oracle", "--results", str(tmp_path), "--page", str(tmp_path / "no.md")]) == 2
-    told = capsys.readouterr()
-    assert "no.md, which is no file" in told.err
-    assert not told.out
+    oracle_summary = capsys.readouterr()
+    assert "no.md, which is no file" in oracle_summary.err
+    assert not oracle_summary.out
 
 
 def test_the_command_prints_the_table_against_ipctk_and_writes_the_page(tmp_path, capsys):
@@ -305,12 +305,12 @@ def test_the_table_against_ipctk_has_ratios_and_the_bar(tmp_path):
     header, lines = against(rows)
     assert header == ("part", "sphere 40: ms", "ipctk ms", "ratio")
     assert lines[-1] == ("all", "4.00", "80.00", "20.0")
-    assert told(rows) == (
+    assert oracle_summary(rows) == (
         "ipctk takes 20.0 times ours in sphere 40 (1,681 vertices, 20 iterations, up to 900 pairs, 50 of cloth with "
         "cloth): the bar of 10 is met."
     )
     slow = {"sphere 100": replace(rows["sphere 40"], ours=theirs | {"CCD": 0.04})}
-    assert told(slow).endswith(": the bar of 10 is not met.")
+    assert oracle_summary(slow).endswith(": the bar of 10 is not met.")
     file = tmp_path / "profile.md"
     file.write_text("head\n<!-- oracle -->\n<!-- /oracle -->\n", encoding="utf-8")
     write_oracle(file, rows, "2026-01-02T03:04+00:00")

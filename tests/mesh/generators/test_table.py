@@ -1,4 +1,4 @@
-"""The table of generators: each name has its function, and only the modules of a named generator are imported."""
+"""Table of generators: each name has its function, and only the modules of a named generator are imported."""
 
 import inspect
 import json

@@ -1,4 +1,4 @@
-"""The smooth union against spheres, finite differences and its own lattice form."""
+"""Smooth union against spheres, finite differences and its own lattice form."""
 
 import numpy as np
 import pytest

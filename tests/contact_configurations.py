@@ -1,4 +1,4 @@
-"""Two layers in contact, at random and in configurations that are hard for a contact code, for tests against ipctk."""
+"""Contact configurations for tests against ipctk: two layers, random and degenerate."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Small stick people: a smooth union of capsules, meshed in any cell size, so that two share no topology."""
+"""Test bodies: smooth unions of capsules, meshed at any cell size, so that two have different topology."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A made-up scene and runner: q = q* + a h^2 + b dt + c h^2 dt, known to the last digit, and nothing is simulated."""
+"""Study with a closed-form error: q = q* + a h^2 + b dt + c h^2 dt; nothing is simulated."""
 
 import numpy as np
 
@@ -15,14 +15,14 @@ A, B, C = 0.8, 2.0, 1.5
 
 
 def positions(rest, h, dt, seed=0):
-    """Where the material points of a sheet of edge h [m] end with steps of dt [s]; they start in the plane z = 0."""
+    """Final positions of the material points of a sheet of edge h [m] with steps of dt [s]; initially z = 0."""
     x, y = rest[:, 0], rest[:, 1]
     up = A * h**2 * x + B * dt * (1 + y) + C * h**2 * dt * x + 1e-9 * seed
     return np.column_stack([x, y, np.full(len(rest), -0.3) + up])
 
 
 def answer(job, seconds=None):
-    """What a worker would say."""
+    """Answer of a worker."""
     scene = scene_from_text(job.scene)
     shape = cloth_shape(scene.cloth, "cloth", scene.directory)
     h, dt = 1.0 / scene.cloth["cells"][0], scene.solver["dt"]
@@ -34,7 +34,7 @@ def answer(job, seconds=None):
 
 
 class Runners:
-    """Stands in for `worker_processes`, and remembers the jobs that were run."""
+    """Replacement of `worker_processes` that records its jobs."""
 
     def __init__(self, reply=answer):
         self.jobs, self.reply = [], reply

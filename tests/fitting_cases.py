@@ -1,4 +1,4 @@
-"""Small bodies and garments for the tests of a fit: capsules, and tubes round them."""
+"""Bodies and garments for the tests of a fit: capsules, and tubes around them."""
 
 import numpy as np
 
@@ -35,8 +35,8 @@ def folded_sheet(apart=0.01, through=0.005):
     return Garment("folded", folded, triangles)
 
 
-def task(garment, source, target, folder, *, resize=True, heard=lambda stage: None):
-    return Task(garment, source, target, "cotton", resize, folder, heard)
+def task(garment, source, target, folder, *, resize=True, on_stage=lambda stage: None):
+    return Task(garment, source, target, "cotton", resize, folder, on_stage)
 
 
 def in_file(folder, name, positions, triangles):

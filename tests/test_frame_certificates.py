@@ -1,4 +1,4 @@
-"""What a run says of the frames that were judged: by the exact test, whatever contact believes."""
+"""Certificate of a run: frames checked by the exact intersection test, independent of contact."""
 
 import subprocess
 import sys
