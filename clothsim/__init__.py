@@ -19,8 +19,8 @@ if _TYPE_CHECKING:
     from clothsim.run.results import Run, open_run
     from clothsim.run.resume import resume
     from clothsim.run.simulate import simulate
-    from clothsim.run.simulation import Simulation, SimulationError
-    from clothsim.run.simulation_state import SimulationState
+    from clothsim.run.simulation import Simulation
+    from clothsim.run.simulation_state import SimulationError, SimulationState
     from clothsim.scene.cloth_arrays import BodyArrays as Body
     from clothsim.scene.cloth_arrays import ClothArrays as Cloth
     from clothsim.scene.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
@@ -84,7 +84,7 @@ _HOMES = {
     "Seed": "clothsim.scene.settings",
     "SelfContact": "clothsim.scene.typed_effects",
     "Simulation": "clothsim.run.simulation",
-    "SimulationError": "clothsim.run.simulation",
+    "SimulationError": "clothsim.run.simulation_state",
     "SimulationState": "clothsim.run.simulation_state",
     "Solver": "clothsim.scene.settings",
     "Spring": "clothsim.scene.effect_tables",

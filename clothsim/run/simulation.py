@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clothsim.arrays import Floats
 from clothsim.build.scene_world import build
-from clothsim.errors import ClothsimError, InputError
+from clothsim.errors import InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
 from clothsim.io.run_surfaces import world_surfaces
 from clothsim.run.archive import refuse_functions
@@ -29,7 +29,7 @@ from clothsim.run.changes import (
 from clothsim.run.fields import Configuration, field
 from clothsim.run.hand_motions import HandMotions, hand_motions_from, pin_groups
 from clothsim.run.session import Session, prepare, refuse_leaps
-from clothsim.run.simulation_state import SimulationState, starting_state, state_after
+from clothsim.run.simulation_state import SimulationError, SimulationState, starting_state, state_after
 from clothsim.run.summary import checkpoint_of, state_of
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.keys import refuse_unknown
@@ -39,20 +39,6 @@ from clothsim.sim.failure import Failure, crossing_failure
 from clothsim.sim.intersection_check import intersection_check_of
 from clothsim.sim.state import State, first_state
 from clothsim.sim.time_loop import frame_count, next_step
-
-
-class SimulationError(ClothsimError):
-    """A step that cannot be taken.
-
-    Attributes
-    ----------
-    failure : Failure
-        The cause, the element by its name, its position, and the remedy, as in the summary of a failed run.
-    """
-
-    def __init__(self, failure: Failure) -> None:
-        self.failure = failure
-        super().__init__(failure.reason, failure.remedy)
 
 
 class Simulation:

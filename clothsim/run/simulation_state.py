@@ -4,9 +4,25 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from clothsim.arrays import Floats
+from clothsim.errors import ClothsimError
 from clothsim.mesh.world import World
+from clothsim.sim.failure import Failure
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
+
+
+class SimulationError(ClothsimError):
+    """A step that cannot be taken.
+
+    Attributes
+    ----------
+    failure : Failure
+        The cause, the element by its name, its position, and the remedy, as in the summary of a failed run.
+    """
+
+    def __init__(self, failure: Failure) -> None:
+        self.failure = failure
+        super().__init__(failure.reason, failure.remedy)
 
 
 @dataclass(frozen=True)
