@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from numba.core import config
 
-FORMAT = 1
+FORMAT = 2
 """Raised when files of an earlier clothsim could no longer be read."""
 
 _WITHOUT_EFFECT = ("CUDA_", "DUMP_", "CACHE_", "DEBUG_CACHE", "GDB_", "COLOR_SCHEME", "SHOW_HELP", "FULL_TRACE", "HTML")

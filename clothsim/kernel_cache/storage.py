@@ -7,6 +7,7 @@ Several processes may read, write and remove at once: a file is whole or not the
 
 import contextlib
 import functools
+import hashlib
 import os
 import re
 import sys
@@ -20,6 +21,9 @@ UNUSED_DAYS = 30
 """After so many days without a use a file is removed."""
 
 SUFFIX = ".kernel"
+CHECKSUM_BYTES = 16
+"""Length of the checksum at the start of a file."""
+
 _FOLDER = re.compile(r"[0-9a-f]{16}")
 _SWEPT = "last-removal"
 """Marker file with the time of the last removal of old files, once a day at most."""
@@ -60,9 +64,12 @@ def user_cache() -> Path | None:
 
 
 def read(path: Path) -> bytes | None:
-    """The content of a file, which counts as a use of it; None where it cannot be read."""
+    """The content of a file, which counts as a use of it; None where it cannot be read or is damaged."""
     try:
-        content = path.read_bytes()
+        written = path.read_bytes()
+        checksum, content = written[:CHECKSUM_BYTES], written[CHECKSUM_BYTES:]
+        if checksum != _checksum(content):  # machine code with a wrong byte gives wrong numbers, or ends the process
+            return None
         if time.time() - path.stat().st_mtime > DAY:  # a day's precision saves a write for each kernel of each start
             with contextlib.suppress(OSError):  # another user's folder, or one that is only for reading
                 os.utime(path)
@@ -77,7 +84,7 @@ def write(path: Path, content: bytes) -> bool:
         path.parent.mkdir(parents=True, exist_ok=True)
         with NamedTemporaryFile(dir=path.parent, prefix="writing-", suffix=SUFFIX, delete=False) as beside:
             try:
-                beside.write(content)
+                beside.write(_checksum(content) + content)
                 beside.close()
                 os.replace(beside.name, path)
             except BaseException:
@@ -94,6 +101,10 @@ def write(path: Path, content: bytes) -> bool:
         )
         return False
     return True
+
+
+def _checksum(content: bytes) -> bytes:
+    return hashlib.blake2b(content, digest_size=CHECKSUM_BYTES).digest()
 
 
 def can_write(folder: Path) -> bool:

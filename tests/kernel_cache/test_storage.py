@@ -69,7 +69,7 @@ def test_what_is_written_is_read_and_nothing_else_is_left(tmp_path):
 def test_a_use_renews_a_file_once_a_day(tmp_path):
     yesterday, today = tmp_path / "yesterday", tmp_path / "today"
     for path, days in ((yesterday, 3.0), (today, 0.5)):
-        path.write_bytes(b"x")
+        assert write(path, b"x")
         aged(path, days)
         assert read(path) == b"x"
     assert age_of(yesterday) < 0.1
@@ -122,3 +122,15 @@ def test_a_folder_that_cannot_be_written_gives_one_warning(tmp_path):
     assert remove_unused(tmp_path / "file") == []
     assert can_write(tmp_path / "new" / "folder")
     assert list((tmp_path / "new" / "folder").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda b: b[:-1], lambda b: b[:20] + b"?" + b[21:], lambda b: b"", lambda b: b + b"x"]
+)
+def test_a_damaged_file_is_not_read(tmp_path, damage):
+    path = tmp_path / f"of{SUFFIX}"
+    assert write(path, b"machine code of a kernel")
+    path.write_bytes(damage(path.read_bytes()))
+    assert read(path) is None
+    assert write(path, b"machine code of a kernel")
+    assert read(path) == b"machine code of a kernel"
