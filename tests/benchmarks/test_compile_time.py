@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 from clothsim.jit import part
-from tests.benchmarks.compile_time import OURS, Compiled, compiled, loaded, compilation_report
+from tests.benchmarks.compile_time import OURS, Compiled, compilation_report, compiled, loaded
 
 SMALL_RUN = """
 import json, sys
