@@ -355,7 +355,7 @@ def test_explain_counts_only_the_steps_that_were_asked_for():
         (["render", "RUN", "-o", "a.gif", "--frame", "1"], "--frame is for pictures."),
         (["render", "RUN", "-o", "a.png", "--frames-per-second", "9"], "--frames-per-second is for movies."),
         (["render", "."], "holds no trajectory.vtkhdf"),
-        (["check", "nowhere"], "There is no scene file nowhere"),
+        (["check", "nowhere"], "nowhere"),
         (["check", "notes.txt"], "notes.txt"),
         (["check", "free.toml", "--body"], "free.toml is no mesh file."),
         (["check", "bad.obj", "--component", "x"], "--component is 'x'."),
