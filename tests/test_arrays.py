@@ -13,7 +13,7 @@ def test_points_come_back_as_contiguous_float64():
 
 
 @pytest.mark.parametrize(
-    ("points", "says"),
+    ("points", "message"),
     [
         ([1.0, 2.0, 3.0], r"p must have shape \(n, 3\), not \(3,\)"),
         ([[1.0, 2.0]], r"p must have shape \(n, 3\), not \(1, 2\)"),
@@ -23,8 +23,8 @@ def test_points_come_back_as_contiguous_float64():
         ([[1, 2, 3], [4, 5]], "p must be numbers"),
     ],
 )
-def test_bad_points_are_named(points, says):
-    with pytest.raises(InputError, match=says):
+def test_bad_points_are_named(points, message):
+    with pytest.raises(InputError, match=message):
         as_points("p", points)
 
 
@@ -40,7 +40,7 @@ def test_triangles_come_back_as_contiguous_int64():
 
 
 @pytest.mark.parametrize(
-    ("triangles", "says"),
+    ("triangles", "message"),
     [
         ([[0, 1, 2], [0, 1, 4]], r"t\[1\] = \[0, 1, 4\] names a vertex outside 0\.\.3"),
         ([[0, -1, 2]], r"t\[0\] = \[0, -1, 2\] names a vertex outside 0\.\.3"),
@@ -50,8 +50,8 @@ def test_triangles_come_back_as_contiguous_int64():
         ([0, 1, 2], r"t must have shape \(m, 3\), not \(3,\)"),
     ],
 )
-def test_bad_triangles_are_named(triangles, says):
-    with pytest.raises(InputError, match=says):
+def test_bad_triangles_are_named(triangles, message):
+    with pytest.raises(InputError, match=message):
         as_triangles("t", triangles, 4)
 
 
@@ -61,11 +61,11 @@ def test_vector():
 
 
 @pytest.mark.parametrize(
-    ("vector", "says"),
+    ("vector", "message"),
     [([1, 2], "v must be 3 numbers"), ([1, 2, np.inf], r"v\[2\] is inf"), ("up", "v must be numbers")],
 )
-def test_bad_vector_is_named(vector, says):
-    with pytest.raises(InputError, match=says):
+def test_bad_vector_is_named(vector, message):
+    with pytest.raises(InputError, match=message):
         as_vector("v", vector)
 
 

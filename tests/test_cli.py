@@ -118,7 +118,7 @@ def test_a_movie_without_ffmpeg_is_a_gif(tmp_path, monkeypatch):
     assert [file.name for file in (tmp_path / "free").glob("movie.*")] == ["movie.gif"]
 
 
-def test_a_picture_that_fails_is_told_and_leaves_the_run_completed(capsys, monkeypatch):
+def test_a_picture_that_fails_is_reported_and_leaves_the_run_completed(capsys, monkeypatch):
     monkeypatch.setenv("CLOTHSIM_RENDERER", "crayon")
     assert main(["run", "free.toml"]) == 0
     assert "No picture.png: The renderer must be" in capsys.readouterr().out
@@ -255,7 +255,7 @@ def test_check_a_run_finds_the_frame_that_was_pushed_into_the_body(capsys, tmp_p
     assert out.endswith("1 error.\n")
 
 
-def test_check_tells_of_cloth_in_cloth_and_judges_it_where_self_contact_is_on(capsys, tmp_path):
+def test_check_reports_cloth_in_cloth_and_checks_it_where_self_contact_is_on(capsys, tmp_path):
     second = SHEET.replace("[cloth]", "[[cloth]]").replace("[[body]]", CROSSING + "[[body]]")
     (tmp_path / "two.toml").write_text(second)
     assert main(["check", "two.toml"]) == 0
@@ -271,18 +271,23 @@ def test_check_tells_of_cloth_in_cloth_and_judges_it_where_self_contact_is_on(ca
 
 def test_explain_tells_every_effect_of_the_table(capsys):
     assert main(["explain", "sheet.toml", "--steps", "2", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert list(told) == sorted(EFFECTS)
-    assert {name for name, entry in told.items() if entry["on"]} == {"inertia", "membrane", "gravity", "body_contact"}
-    assert told["bending"]["reason"] == "not named in the scene"
-    assert told["damping"]["reason"] not in ("not named in the scene", "named in the scene")
-    for entry in told.values():
+    reported = json.loads(capsys.readouterr().out)
+    assert list(reported) == sorted(EFFECTS)
+    assert {name for name, entry in reported.items() if entry["on"]} == {
+        "inertia",
+        "membrane",
+        "gravity",
+        "body_contact",
+    }
+    assert reported["bending"]["reason"] == "not named in the scene"
+    assert reported["damping"]["reason"] not in ("not named in the scene", "named in the scene")
+    for entry in reported.values():
         assert all(entry[key] >= 0 for key in COUNTERS)
         assert (entry["seconds"] > 0) == entry["on"]
-    assert told["membrane"]["hessian_nonzeros"] == 32 * 81
-    assert told["membrane"]["evaluations"] > 0
-    assert told["body_contact"]["ccd_calls"] > 0
-    assert set(told["body_contact"]["parts"]) == {"candidates", "CCD"}
+    assert reported["membrane"]["hessian_nonzeros"] == 32 * 81
+    assert reported["membrane"]["evaluations"] > 0
+    assert reported["body_contact"]["ccd_calls"] > 0
+    assert set(reported["body_contact"]["parts"]) == {"candidates", "CCD"}
 
 
 def test_explain_prints_a_table_that_adds_up(capsys, finished):
@@ -375,7 +380,7 @@ def test_bad_input_is_a_sentence_and_a_remedy(capsys, tmp_path, free, words, sen
     assert not (tmp_path / "inside").exists()
 
 
-def test_many_faults_of_a_mesh_are_two_lines_that_say_where_all_are(capsys, tmp_path):
+def test_many_faults_of_a_mesh_are_two_lines_that_name_where_all_are(capsys, tmp_path):
     (tmp_path / "bad.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 5 5 5\nf 1 2 3\nf 1 2 3\nf 2 3 4\n")
     (tmp_path / "faults.toml").write_text(
         FREE.replace('mesh = "rectangle"\ncells = [4, 4]', 'mesh = "bad.obj"\nname = "bad"')

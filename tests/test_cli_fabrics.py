@@ -22,41 +22,41 @@ def test_it_lists_every_fabric_with_numbers_and_source(capsys):
 
 def test_it_shows_all_values_of_one_with_their_sources(capsys):
     assert main(["fabrics", "denim"]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in ("warp_stiffness", "2027", "c33/2", "estimated", "friction", "ACM Trans"):
-        assert word in said
+        assert word in output
     assert main(["fabrics", "wool"]) == 0
     assert "No source gives: warp_stiffness" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "output"),
     [
         (["fabrics", "denin"], "Did you mean 'denim'"),
         (["fabrics", "--swatches", "card.jpg"], ".png"),
         (["fabrics", "--swatches", "nowhere/card.png"], "no directory nowhere"),
     ],
 )
-def test_bad_input_is_told_in_two_lines(words, said, capsys):
+def test_bad_input_is_reported_in_two_lines(words, output, capsys):
     assert main(words) == 2
-    told = capsys.readouterr().err
-    assert said in told
-    assert len(told.splitlines()) == 2
+    reported = capsys.readouterr().err
+    assert output in reported
+    assert len(reported.splitlines()) == 2
 
 
 def test_a_card_of_swatches_tells_fabrics_apart(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(swatches, "RINGS", 5)
     monkeypatch.setattr(swatches, "SIZE", (96, 80))
     monkeypatch.setattr(swatches, "COLUMNS", 2)
-    heard = []
-    swatches.draw_swatches(["interlock", "trousers", "cotton"], tmp_path / "card.png", heard.append)
+    received = []
+    swatches.draw_swatches(["interlock", "trousers", "cotton"], tmp_path / "card.png", received.append)
     picture = np.asarray(Image.open(tmp_path / "card.png"))
     assert picture.shape == (160, 192, 3)
     soft, stiff = picture[:80, :96], picture[:80, 96:]
     assert np.abs(soft.astype(float) - stiff).max() > 50
-    shares = [int(line.split()[-2]) for line in heard]
+    shares = [int(line.split()[-2]) for line in received]
     assert shares[0] < shares[2] < shares[1]
-    assert all("completed" in line for line in heard)
+    assert all("completed" in line for line in received)
 
 
 def test_the_drape_coefficient_of_a_flat_disc_is_one_and_of_a_folded_one_nothing():

@@ -45,11 +45,11 @@ def _here(tmp_path, monkeypatch):
 
 def test_a_fit_prints_its_stages_and_leaves_its_files(tmp_path, capsys):
     assert main(["fit", "tube.obj", "--to", "body.obj", "-o", "out", "--fabric", "cotton"]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in ("garment", "refine", "simulate", "completed", "fitted    0 vertices inside", "stretch", "moved"):
-        assert word in said
+        assert word in output
     assert (tmp_path / "out" / "fit.png").read_bytes().startswith(b"\x89PNG")
-    assert "fit.png, fitted.obj" in said
+    assert "fit.png, fitted.obj" in output
 
 
 def test_json_is_the_summary_and_nothing_else(capsys):
@@ -59,12 +59,12 @@ def test_json_is_the_summary_and_nothing_else(capsys):
     assert [stage["name"] for stage in summary["stages"]] == ["garment", "refine", "simulate"]
 
 
-def test_a_fit_that_fails_says_where_and_exits_with_one(tmp_path, capsys):
+def test_a_fit_that_fails_names_the_place_and_exits_with_one(tmp_path, capsys):
     in_file(tmp_path, "sheet.obj", *rectangle(size=(0.5, 0.5), cells=(6, 6)))
     assert main(["fit", "sheet.obj", "--to", "body.obj", "--no-picture", "--quiet"]) == 1
-    said = capsys.readouterr().out
-    assert said.startswith("failed: No deflation of body.obj frees the garment")
-    assert "worst near (" in said
+    output = capsys.readouterr().out
+    assert output.startswith("failed: No deflation of body.obj frees the garment")
+    assert "worst near (" in output
 
 
 @pytest.mark.parametrize(
@@ -103,9 +103,9 @@ def test_a_fit_that_fails_says_where_and_exits_with_one(tmp_path, capsys):
 )
 def test_bad_input_is_a_sentence_and_a_remedy(words, sentence, capsys):
     assert main(["fit", *words, "--no-picture"]) == 2
-    said = capsys.readouterr().err
-    lines = said.strip().splitlines()
+    output = capsys.readouterr().err
+    lines = output.strip().splitlines()
     assert len(lines) == 2
     assert sentence in lines[0]
-    assert "Traceback" not in said
+    assert "Traceback" not in output
     assert lines[1]

@@ -54,16 +54,16 @@ def test_a_run_goes_on_where_nothing_was_promised(monkeypatch, tmp_path):
     assert run.summary["certificate"]["intersecting_frames"] == [1, 2]
 
 
-def test_the_certificate_says_what_was_tested(tmp_path):
+def test_the_certificate_names_the_checks(tmp_path):
     tested = "tested at every frame"
-    said = simulate(small_scene(effects=EFFECTS | {"self_contact": {}}, run=SHORT), tmp_path / "both")
-    assert said.status == "completed", said.reason
-    assert [said.summary["certificate"][key] for key in ("cloth_body", "cloth_cloth")] == [tested, tested]
-    said = simulate(small_scene(run=SHORT), tmp_path / "body")
-    assert [said.summary["certificate"][key] for key in ("cloth_body", "cloth_cloth")] == [tested, "not requested"]
+    output = simulate(small_scene(effects=EFFECTS | {"self_contact": {}}, run=SHORT), tmp_path / "both")
+    assert output.status == "completed", output.reason
+    assert [output.summary["certificate"][key] for key in ("cloth_body", "cloth_cloth")] == [tested, tested]
+    output = simulate(small_scene(run=SHORT), tmp_path / "body")
+    assert [output.summary["certificate"][key] for key in ("cloth_body", "cloth_cloth")] == [tested, "not requested"]
 
 
-def test_where_nothing_is_judged_the_test_is_not_even_imported(tmp_path):
+def test_where_nothing_is_checked_the_test_is_not_even_imported(tmp_path):
     code = f"""
 import sys, clothsim
 scene = clothsim.Scene(cloth={SHEET!r}, effects={{"inertia": {{}}, "gravity": {{}}}}, run={{"duration": 0.02}})

@@ -16,7 +16,7 @@ def test_rows_are_the_same_as_a_slice_and_one_by_one(rows):
     assert other.sum() == x[rows].sum()
 
 
-def test_what_is_no_number_equals_nothing():
+def test_what_is_not_finite_equals_nothing():
     x = np.arange(6.0).reshape(2, 3)
     assert equal(x, x.copy())
     for k in range(6):

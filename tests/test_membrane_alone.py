@@ -70,7 +70,7 @@ def stretched_sheet(folder):
     (folder / "scene.json").write_text(json.dumps(scene))
 
 
-def told(folder, gone):
+def reported(folder, gone):
     """Summary of the run in an interpreter of its own without the modules `gone`."""
     (folder / "gone.json").write_text(json.dumps(sorted(gone)))
     script = folder / "run.py"
@@ -100,7 +100,7 @@ def both(tmp_path_factory):
     assert len(gone) > len(TABLE) - len(ALONE)
     for name in ("whole", "pruned"):
         stretched_sheet(folder / name)
-    return told(folder / "whole", set()), told(folder / "pruned", gone)
+    return reported(folder / "whole", set()), reported(folder / "pruned", gone)
 
 
 def test_a_membrane_runs_the_same_without_the_files_of_the_others(both):

@@ -20,7 +20,7 @@ def test_the_last_places_are_known_by_their_numbers():
     assert asked == [0.0, 1.0, 2.0, 0.0]
 
 
-def test_what_is_no_number_is_asked_again():
+def test_what_is_not_finite_is_asked_again():
     asked = []
     lately = Memo()
     for _ in range(2):

@@ -110,10 +110,12 @@ def test_it_runs_in_a_scene_and_oscillates_as_it_should(folder):
 
 
 def test_it_is_explained_with_its_price(folder, capsys):
-    told = explain_scene(small_scene(body=(), effects={"inertia": {}, "trampoline": {}}), steps=2).effects["trampoline"]
-    assert told["on"]
-    assert told["evaluations"] > 0
-    assert told["hessian_nonzeros"] == 9 * 25
+    reported = explain_scene(small_scene(body=(), effects={"inertia": {}, "trampoline": {}}), steps=2).effects[
+        "trampoline"
+    ]
+    assert reported["on"]
+    assert reported["evaluations"] > 0
+    assert reported["hessian_nonzeros"] == 9 * 25
     assert main(["explain", str(folder / "scene.toml"), "--steps", "2"]) == 0
     assert "\ntrampoline " in capsys.readouterr().out
 

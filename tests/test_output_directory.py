@@ -23,7 +23,7 @@ def test_a_folder_in_place_of_the_summary_is_named(tmp_path):
         simulate(small_scene(effects={"inertia": {}}, run=SHORT), tmp_path)
 
 
-def test_the_first_frame_is_judged_too(tmp_path):
+def test_the_first_frame_is_checked_too(tmp_path):
     """A sheet that starts across the ball and has left it at the next frame."""
     sheet = {**SHEET, "position": [0, 0, 0.2], "velocity": [0, 0, 100]}
     run = simulate(small_scene(cloth=sheet, body=BALL, effects=without("body_contact"), run=SHORT), tmp_path)

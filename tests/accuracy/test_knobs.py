@@ -96,27 +96,27 @@ def test_lines_of_vertex_numbers_belong_to_one_mesh(effects, name):
         ({"mesh": "skirt"}, "is a generated skirt without cells"),
     ],
 )
-def test_meshes_without_coarser_cells_are_told(cloth, sentence):
+def test_meshes_without_coarser_cells_are_reported(cloth, sentence):
     with pytest.raises(InputError, match=sentence):
         with_cells(small_scene(cloth=cloth), Fraction(1, 2))
 
 
 @pytest.mark.parametrize("name", PRESETS)
-def test_a_preset_sets_what_its_table_says(name):
-    scene, said = with_preset(small_scene(), name)
+def test_a_preset_sets_what_its_table_gives(name):
+    scene, output = with_preset(small_scene(), name)
     preset = PRESETS[name]
     assert scene.solver["dt"] == preset.dt
     assert scene.solver["tolerance"] == preset.tolerance
     assert scene.effects["bending"]["model"] == preset.bending
     assert scene.cloth["cells"] == [4 * preset.cells] * 2
-    assert f"dt {preset.dt:g} s" in said
+    assert f"dt {preset.dt:g} s" in output
     build(scene)
 
 
 def test_a_file_keeps_its_mesh_under_a_preset():
-    scene, said = with_preset(small_scene(cloth={"mesh": "sheet.obj"}), "draft")
+    scene, output = with_preset(small_scene(cloth={"mesh": "sheet.obj"}), "draft")
     assert scene.cloth == {"mesh": "sheet.obj"}
-    assert "the mesh as it is" in said
+    assert "the mesh as it is" in output
     with pytest.raises(InputError, match="preset 'drat'"):
         with_preset(small_scene(), "drat")
 
@@ -130,9 +130,9 @@ def test_a_file_keeps_its_mesh_under_a_preset():
     ],
 )
 def test_a_preset_keeps_the_hinges_that_an_effect_needs(name, effect):
-    scene, said = with_preset(small_scene(effects={"membrane": {}, "inertia": {}, "bending": {}, **effect}), name)
+    scene, output = with_preset(small_scene(effects={"membrane": {}, "inertia": {}, "bending": {}, **effect}), name)
     assert set(effect) <= set(build(scene).energies)
-    assert f"bending as it is, for {next(iter(effect))}" in said
+    assert f"bending as it is, for {next(iter(effect))}" in output
 
 
 def test_selected_vertices_may_be_an_array():

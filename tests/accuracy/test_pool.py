@@ -20,7 +20,7 @@ def test_a_run_that_is_too_long_is_stopped_at_the_deadline(tmp_path, monkeypatch
     monkeypatch.setattr(pool, "_started", lambda: begun.append(_started()) or begun[-1])
     with worker_processes(2) as run:
         got = list(run(jobs, lambda job: True, monotonic() + 1.0))
-    assert [said for _, said in got] == [None] * 3
+    assert [output for _, output in got] == [None] * 3
     assert len(begun) == 2
     assert all(process.poll() is not None for process in begun)
     assert not list(tmp_path.iterdir())
@@ -37,8 +37,8 @@ def ask(scene, target, seed=0):
 
 
 def test_a_job_leaves_positions_and_its_mesh_and_jitter_is_small(tmp_path):
-    said = [ask(SCENE, tmp_path / f"{seed}.npz", seed) for seed in (0, 0, 1)]
-    assert [each["failed"] for each in said] == ["", "", ""]
+    output = [ask(SCENE, tmp_path / f"{seed}.npz", seed) for seed in (0, 0, 1)]
+    assert [each["failed"] for each in output] == ["", "", ""]
     arrays = [dict(np.load(tmp_path / f"{seed}.npz")) for seed in (0, 1)]
     assert arrays[0]["rest_0"].shape == arrays[0]["positions"].shape == (25, 3)
     off = np.abs(arrays[1]["positions"] - arrays[0]["positions"]).max()

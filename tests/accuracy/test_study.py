@@ -8,7 +8,7 @@ import pytest
 from analytic_study import SHEET, A, B, C, Runners, answer, positions
 
 from clothsim.accuracy.points import written
-from clothsim.accuracy.report import answer as told
+from clothsim.accuracy.report import answer as reported
 from clothsim.accuracy.resample import material_of, point_areas
 from clothsim.accuracy.study import study_accuracy
 from clothsim.build.meshes import cloth_shape
@@ -72,7 +72,7 @@ def test_the_front_the_advice_and_half_the_error(made):
         assert each["measured_error"] <= each["error"]
     better = result["half_the_error"]
     assert better["measured_error"] <= 0.5 * result["base"]["error"]
-    assert "Half of that error" in " ".join(told(result))
+    assert "Half of that error" in " ".join(reported(result))
 
 
 def test_the_three_files_are_there(made):
@@ -83,7 +83,7 @@ def test_the_three_files_are_there(made):
     assert "| dt |" in str(study)
 
 
-def test_called_again_it_runs_nothing_and_says_the_same(made):
+def test_called_again_it_runs_nothing_and_reports_the_same(made):
     study, runners, directory = made
     again = Runners()
     second = study_accuracy(SHEET, directory, KNOBS, budget=1e9, workers=1, runners=again)
@@ -102,7 +102,7 @@ def test_points_of_another_scene_are_not_reused(made, tmp_path):
     assert runners.jobs
 
 
-def test_without_a_run_of_two_knobs_no_remainder_is_told(tmp_path):
+def test_without_a_run_of_two_knobs_no_remainder_is_reported(tmp_path):
     result = study_accuracy(SHEET, tmp_path, ["dt"], budget=1e9, workers=1, runners=Runners()).result
     assert result["remainder"] is None
     assert "not measured" in (tmp_path / "study.md").read_text()
@@ -133,26 +133,26 @@ def only(*allowed):
     return Runners(reply)
 
 
-def test_without_any_finer_run_no_error_is_told(tmp_path):
+def test_without_any_finer_run_no_error_is_reported(tmp_path):
     with pytest.raises(InputError, match="No finer run of the scene came to its end"):
         study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=only((4, 0.02), (2, 0.02)))
     kept = json.loads((tmp_path / "study.json").read_text())["points"]
     assert {"base", "cells -1"} <= {each["label"] for each in kept}
 
 
-def test_a_knob_without_a_finer_run_is_said_to_be_unknown(tmp_path):
+def test_a_knob_without_a_finer_run_is_reported_as_unknown(tmp_path):
     runners = only((4, 0.02), (4, 0.01), (4, 0.005))
     result = study_accuracy(SHEET, tmp_path, KNOBS, budget=1e9, workers=1, runners=runners).result
     assert result["knobs"]["cells"]["adds"] is None
-    assert "What cells add is not in that" in " ".join(told(result))
+    assert "What cells add is not in that" in " ".join(reported(result))
 
 
 def test_a_capped_solve_is_no_data_point(tmp_path):
     def capped(job):
-        said = answer(job)
+        output = answer(job)
         if '"dt": 0.04' in job.scene:
-            said["failed"] = "2 of its steps had to be repeated, first step 1: dt 0.04 s: the iterations ran out."
-        return said
+            output["failed"] = "2 of its steps had to be repeated, first step 1: dt 0.04 s: the iterations ran out."
+        return output
 
     result = study_accuracy(SHEET, tmp_path, KNOBS, budget=1e9, workers=1, runners=Runners(capped)).result
     assert not [each for each in result["points"] if each["settings"].get("dt") == 0.04]
@@ -173,7 +173,7 @@ def test_chaotic_folds_are_compared_by_their_heights(tmp_path):
 
     def folds(job):
         """Each settings' waves have another phase, so places differ and heights do not."""
-        said = answer(job)
+        output = answer(job)
         with np.load(job.target) as arrays:
             kept = dict(arrays)
         phase = phases.setdefault((job.scene, job.seed), 2.4 * len(phases))  # golden angle: no two are close
@@ -181,7 +181,7 @@ def test_chaotic_folds_are_compared_by_their_heights(tmp_path):
             kept["positions"] + [[0.0, 0.3, 0.0]] * np.sin(phase + np.arange(len(kept["rest_0"])))[:, None]
         )
         np.savez(job.target, **kept)
-        return said
+        return output
 
     result = study_accuracy(SHEET, tmp_path, KNOBS, budget=1e9, workers=1, runners=Runners(folds)).result
     assert result["chaotic"]

@@ -97,9 +97,9 @@ def test_the_tables_have_every_model_and_the_spread(tmp_path, capsys, monkeypatc
     monkeypatch.setattr(study, "hanging", lambda cells: hanging(cells, (1,)))
     monkeypatch.setattr(study, "rings", lambda: rings((2,)))
     assert study.main(["--cells", "5", "--sheet", "4", "--json", str(tmp_path / "bending.json")]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     for word in ("hinge", "quadratic", "midedge", "cut at 135", "random 1", "spread", "factor and solve ms"):
-        assert word in said
+        assert word in output
     rows = json.loads((tmp_path / "bending.json").read_text())
     assert len(rows["errors"]) == 6 + 1
     assert all(row["value"] > 0 and row["factor"] > 0 for row in rows["prices"])

@@ -25,9 +25,9 @@ def test_each_method_is_checked_at_each_depth():
 
 def test_the_whole_chain_is_a_row_of_its_own(capsys):
     assert main(["--depths", "10", "--chain"]) == 0
-    said = capsys.readouterr()
-    assert len([line for line in said.out.splitlines() if CHAIN in line]) == 1
-    assert said.err.startswith(f"10 mm, {CHAIN}: 0 vertices inside, 0 pairs with the body, 0 with itself; garment ")
+    output = capsys.readouterr()
+    assert len([line for line in output.out.splitlines() if CHAIN in line]) == 1
+    assert output.err.startswith(f"10 mm, {CHAIN}: 0 vertices inside, 0 pairs with the body, 0 with itself; garment ")
 
 
 def test_the_torso_is_clear_of_its_body_and_of_itself():

@@ -27,10 +27,10 @@ def test_the_table_has_every_case_and_is_kept(tmp_path, monkeypatch, capsys):
     balloons = locking.balloons
     monkeypatch.setattr(locking, "balloons", lambda: balloons((6,)))
     assert locking.main(["--json", str(tmp_path / "locking.json")]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     rows = json.loads((tmp_path / "locking.json").read_text())
     assert [row["remedy"] for row in rows] == list(locking.REMEDIES)
-    assert all(remedy in said for remedy in locking.REMEDIES)
+    assert all(remedy in output for remedy in locking.REMEDIES)
     assert rows[0]["errors"][1] == pytest.approx(-0.285, abs=0.005)
 
 

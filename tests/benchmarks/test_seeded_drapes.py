@@ -24,9 +24,9 @@ def test_both_starts_are_counted():
     assert cold.preparing_iterations > 0
     assert (seeded.rest_at, cold.rest_at) == pytest.approx((0.015, 0.015))
     assert np.linalg.norm(seeded.positions - cold.positions, axis=1).max() < 0.03
-    said = as_text([seeded, cold])
-    assert "times fewer Newton iterations" in said
-    assert "mm apart" in said
+    output = as_text([seeded, cold])
+    assert "times fewer Newton iterations" in output
+    assert "mm apart" in output
 
 
 def test_bad_arguments_end_in_a_sentence():

@@ -52,7 +52,7 @@ def test_one_frame_is_a_still_body(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("keys", "says"),
+    ("keys", "message"),
     [
         ({"motion": {"velocity": [0, 0, 1]}}, "frames and motion"),
         ({"mesh": "sphere"}, "frames and mesh"),
@@ -63,9 +63,9 @@ def test_one_frame_is_a_still_body(tmp_path):
         ({"component": 1}, "component"),
     ],
 )
-def test_bad_tables_are_named(tmp_path, keys, says):
+def test_bad_tables_are_named(tmp_path, keys, message):
     table = write_frames(tmp_path, [0, 0, 0], [0, 0, 1]) | keys
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=message):
         body_of(tmp_path, table)
 
 
@@ -83,11 +83,11 @@ def test_a_frame_of_another_topology_or_without_area_is_named(tmp_path):
         body_of(tmp_path, table)
 
 
-@pytest.mark.parametrize(("dt", "told"), [(0.04, False), (0.02, False), (0.05, True)])
-def test_steps_longer_than_a_frame_are_told(tmp_path, dt, told):
+@pytest.mark.parametrize(("dt", "reported"), [(0.04, False), (0.02, False), (0.05, True)])
+def test_steps_longer_than_a_frame_are_reported(tmp_path, dt, reported):
     table = write_frames(tmp_path, [0, 0, 0], [0, 0, 1])
     _, notes = body_of(tmp_path, table, solver={"dt": dt}, run={"frames_per_second": 5})
-    assert any("0.05 s" in note and "frames of 0.04 s" in note for note in notes) == told
+    assert any("0.05 s" in note and "frames of 0.04 s" in note for note in notes) == reported
 
 
 def animated(folder, *shifts, squeeze=0.0, **sections):

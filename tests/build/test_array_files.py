@@ -19,11 +19,13 @@ def test_files_of_numbers_are_read_where_tables_name_them(tmp_path):
     assert (read["a"]["b"], read["c"]) == (2, "text")
 
 
-@pytest.mark.parametrize(("content", "says"), [(None, "there is no file"), (b"abc", "no NumPy file"), (b"", "no Num")])
-def test_a_file_that_is_missing_or_broken_is_named(tmp_path, content, says):
+@pytest.mark.parametrize(
+    ("content", "message"), [(None, "there is no file"), (b"abc", "no NumPy file"), (b"", "no Num")]
+)
+def test_a_file_that_is_missing_or_broken_is_named(tmp_path, content, message):
     if content is not None:
         (tmp_path / "bad.npy").write_bytes(content)
-    with pytest.raises(InputError, match=f"effects.x.a: .*{says}.*bad.npy|effects.x.a: .*bad.npy .*{says}"):
+    with pytest.raises(InputError, match=f"effects.x.a: .*{message}.*bad.npy|effects.x.a: .*bad.npy .*{message}"):
         with_arrays("effects.x", {"a": "bad.npy"}, tmp_path)
 
 

@@ -24,9 +24,9 @@ def crossings(world):
 
 def test_nothing_moves_where_nothing_intersects():
     world = make_world([cloth(*grid(4, 4))])
-    freed, said = untangled(world)
+    freed, output = untangled(world)
     assert np.array_equal(freed.start(), world.start())
-    assert "nothing intersected" in said
+    assert "nothing intersected" in output
 
 
 def test_a_vertex_drawn_through_the_other_layer_goes_back_and_the_rest_shape_stays():
@@ -37,12 +37,12 @@ def test_a_vertex_drawn_through_the_other_layer_goes_back_and_the_rest_shape_sta
     start[27, 2] = 0.08
     world = make_world([make_cloth("cloth", points, faces, UNIT, positions=start)])
     assert crossings(world) > 0
-    freed, said = untangled(world)
+    freed, output = untangled(world)
     assert crossings(freed) == 0
     moved = np.linalg.norm(freed.start() - world.start(), axis=1)
     assert 0 < np.count_nonzero(moved) < 30
     assert moved.max() < 0.25
-    assert f"{np.count_nonzero(moved)} vertices were moved" in said
+    assert f"{np.count_nonzero(moved)} vertices were moved" in output
     assert np.array_equal(freed.cloths[0].rest_positions, points)
     assert np.array_equal(freed.rest_areas, world.rest_areas)
 
@@ -64,11 +64,11 @@ def test_triangles_squeezed_to_nothing_come_back():
     start[60] += 0.999 * (points[61] - points[60])
     world = make_world([make_cloth("cloth", points, faces, UNIT, positions=start)])
     assert world_stretches(world, world.start()).min() < 0.01
-    freed, said = untangled(world)
+    freed, output = untangled(world)
     stretches = world_stretches(freed, freed.start())
     assert 0.3 <= stretches.min() <= stretches.max() <= 1.4
     assert crossings(freed) == 0
-    assert "stretched beyond (0.3, 1.4)" in said
+    assert "stretched beyond (0.3, 1.4)" in output
 
 
 def test_what_cannot_be_freed_is_named():

@@ -55,7 +55,7 @@ BALL = {"name": "ball", "mesh": "sphere", "radius": 0.5}
 SMALL = {**CLOTH, "size": [0.1, 0.1]}
 
 
-def test_cloth_wholly_inside_a_body_is_told():
+def test_cloth_wholly_inside_a_body_is_reported():
     inside = contact_notes(SMALL, {"body_contact": {}}, BALL)
     assert "cloth starts inside ball, all of it, such as vertex 0: contact keeps it in" in inside
     above = {**SMALL, "position": [0, 0, 0.6]}
@@ -63,7 +63,7 @@ def test_cloth_wholly_inside_a_body_is_told():
     assert "starts inside" not in contact_notes(SMALL, {}, BALL)
 
 
-def test_a_d_hat_wider_than_the_edges_is_told_and_one_wider_than_the_cloth_refused():
+def test_a_d_hat_wider_than_the_edges_is_reported_and_one_wider_than_the_cloth_refused():
     above = {**SMALL, "position": [0, 0, 0.7]}
     assert "more than the median edge" in contact_notes(above, {"body_contact": {"d_hat": 0.06}}, BALL)
     assert "median edge" not in contact_notes(above, {"body_contact": {"d_hat": 0.01}}, BALL)
@@ -78,7 +78,7 @@ def test_two_coefficients_for_one_pair_are_refused():
         contact_notes(above, effects, BALL)
 
 
-def test_a_start_inside_d_hat_is_told():
+def test_a_start_inside_d_hat_is_reported():
     near = {**SMALL, "position": [0, 0, 0.501]}
     assert "inside d_hat of 0.005 m" in contact_notes(near, {"body_contact": {}}, BALL)
     far = {**SMALL, "position": [0, 0, 0.6]}

@@ -118,7 +118,7 @@ def test_a_fin_that_the_file_has_is_refused_even_where_seams_are_sewn(tmp_path):
             build(Scene(cloth={"mesh": "fin.obj", "weld": weld}, effects={"membrane": {}}, directory=tmp_path))
 
 
-def test_three_panels_on_one_edge_are_sewn_and_told(tmp_path):
+def test_three_panels_on_one_edge_are_sewn_and_reported(tmp_path):
     turns = [(1, 0), (-0.5, 0.9), (-0.5, -0.9)]
     panels = [PANEL[:, [0]] * [c, 0.0, s] + PANEL[:, [1]] * [0.0, 1.0, 0.0] for c, s in turns]
     write_obj(tmp_path / "fan.obj", np.concatenate(panels), np.concatenate([FACES + 16 * k for k in range(3)]))

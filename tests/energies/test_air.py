@@ -170,7 +170,7 @@ def test_swing_stays_between_minus_one_and_one():
     assert abs(g.mean()) < 0.01
 
 
-def test_a_vortex_turns_about_its_line_and_is_carried_along():
+def test_a_vortex_turns_about_its_line_and_is_advected():
     keys = {"kind": "vortex", "circulation": 2.0, "core": 0.3, "centre": [1, 0, 5], "axis": [0, 0, 2]}
     vortex = wind_of("w", keys)
     r = 0.3
@@ -191,7 +191,7 @@ def test_a_field_knows_the_scenes_own_coordinates():
 
 
 @pytest.mark.parametrize(
-    ("keys", "says"),
+    ("keys", "message"),
     [
         ({"wind": [1, 2]}, "effects.air.wind must be 3 numbers"),
         ({"wind": "west"}, "effects.air.wind must be numbers"),
@@ -209,8 +209,8 @@ def test_a_field_knows_the_scenes_own_coordinates():
         ({"density": -1}, "effects.air.density must be at least 0"),
     ],
 )
-def test_a_bad_value_is_refused(keys, says):
-    with pytest.raises(InputError, match=says):
+def test_a_bad_value_is_refused(keys, message):
+    with pytest.raises(InputError, match=message):
         air(sheet(), **keys)
 
 

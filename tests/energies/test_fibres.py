@@ -48,7 +48,7 @@ def compliance(energy, world, step=1e-5):
 
 class TestOrthotropicSheet:
     @pytest.mark.parametrize(("angle", "expected"), [(0, WARP), (90, WEFT)])
-    def test_a_strip_along_the_threads_has_their_stiffness_and_narrows_as_its_ratio_says(self, angle, expected):
+    def test_a_strip_along_the_threads_has_their_stiffness_and_narrows_as_its_ratio_gives(self, angle, expected):
         world = small_world(0, WOVEN)
         S = compliance(membrane(world, material="orthotropic", angle_degrees=float(angle)), world)
         assert 1 / S[0, 0] == pytest.approx(expected, rel=1e-8)
@@ -144,7 +144,7 @@ class TestFibres:
         x = stretched(world, np.diag([1.1, 1.0]))
         assert energy.value(x) == pytest.approx(0.5 * 2.0 * 0.01 * world.rest_areas[3])
 
-    def test_without_a_stiffness_it_is_off_and_says_where_a_fabrics_own_is(self):
+    def test_without_a_stiffness_it_is_off_and_names_the_place_a_fabrics_own_is(self):
         off = fibres(small_world(0), angle_degrees=30)
         assert isinstance(off, Off)
         assert "orthotropic" in off.reason

@@ -66,7 +66,7 @@ class TestAPulledStrip:
         work, _ = quad(lambda e: nominal_stress(world, energy, 1 + e)[0], 0, 0.12, points=rows, epsrel=1e-10)
         assert energy.value(pulled(world, 1.12)) == pytest.approx(work * world.rest_areas.sum(), rel=1e-8)
 
-    def test_beyond_the_last_row_and_in_compression_it_is_straight_and_says_so(self):
+    def test_beyond_the_last_row_and_in_compression_it_is_straight_and_reports_it(self):
         world, energy = sheet()
         beyond = [nominal_stress(world, energy, 1 + e)[0] for e in (0.10, 0.15, 0.20)]
         assert beyond[2] - beyond[1] == pytest.approx(beyond[1] - beyond[0], rel=1e-9)
@@ -75,7 +75,7 @@ class TestAPulledStrip:
         assert squeezed[1] < 0
         assert any("warp ends at 10 %" in choice for choice in energy.defaults_used())
 
-    def test_a_simulated_strip_hangs_as_long_as_its_table_says(self, tmp_path):
+    def test_a_simulated_strip_hangs_as_long_as_its_table_gives(self, tmp_path):
         """A strip of six cells under its own weight, without inertia: stress(z) = w z, length = sum of 1 + strain."""
         weight = 0.5 * 9.81
         strip = SHEET | {"size": [0.1, 0.6], "cells": [1, 6], "density": 0.5, "rotation_degrees": [90, 0, 0]}
@@ -115,7 +115,7 @@ class TestTheEnergy:
 
 class TestBadTables:
     @pytest.mark.parametrize(
-        ("table", "said"),
+        ("table", "output"),
         [
             ([[0.02, 4.0], [0.05, 3.0]], r"warp\[1\] has stress 3 N/m, not above 4"),
             ([[0.0, 0.0], [0.02, 4.0], [0.05, 4.0]], r"warp\[2\] has stress 4 N/m"),
@@ -128,8 +128,8 @@ class TestBadTables:
             ((), r"rows \[strain, stress\]"),
         ],
     )
-    def test_the_row_is_named(self, table, said):
-        with pytest.raises(InputError, match=said):
+    def test_the_row_is_named(self, table, output):
+        with pytest.raises(InputError, match=output):
             membrane(small_world(0), material="measured", warp=table)
 
     def test_shear_in_degrees_is_refused(self):

@@ -78,7 +78,7 @@ def test_how_fast_does_not_matter():
 
 
 @pytest.mark.parametrize(("hardening", "left"), [(0.0, 80.0), (0.6, 50.0)])
-def test_a_fold_that_is_let_go_keeps_what_the_return_mapping_says(hardening, left):
+def test_a_fold_that_is_let_go_keeps_what_the_return_mapping_gives(hardening, left):
     """Held at 100 degrees with a yield of 20: (100 - 20) / (1 + H)."""
     world = sheet()
     x, crease = folded(world, 100.0)
@@ -101,7 +101,7 @@ def test_below_the_yield_it_springs_back_to_flat():
     assert np.abs(angles(world.hinges.vertices, at_rest)).max() < 1e-8
 
 
-def test_it_remembers_and_forgets_nothing():
+def test_it_has_no_state():
     world = sheet()
     energy = plastic(world, yield_angle_degrees=20.0)
     x, crease = folded(world, 50.0)
@@ -162,7 +162,7 @@ class StoppedError(Exception):
     """Raised by a listener, to stop a run."""
 
 
-def test_a_resumed_run_remembers_its_folds_bit_for_bit(tmp_path):
+def test_a_resumed_run_restores_its_folds_bit_for_bit(tmp_path):
     scene = small_scene(cloth=STIFF, effects=CREASING)
     whole = simulate(scene, tmp_path / "whole")
     assert whole.summary["effects"]["plastic_bending"]["idle_steps"] < whole.summary["steps"]

@@ -174,7 +174,7 @@ def test_a_bad_value_is_refused(value):
 
 
 @pytest.mark.parametrize("formula", ["backward_euler", "bdf2"])
-def test_a_free_sheet_floats_on_the_pressure_that_carries_its_weight(formula):
+def test_a_free_sheet_floats_on_the_pressure_that_supports_its_weight(formula):
     positions, triangles = grid(2, 2)
     world = make_world([cloth(positions, triangles)])
     energies = {"inertia": inertia(world), "membrane": membrane(world), "gravity": gravity(world)}

@@ -57,7 +57,7 @@ def test_flipped_it_is_a_moebius_strip():
     assert np.allclose(lines, [[-1.0, y, 0] for y in (-1, -1 / 3, 1 / 3, 1)])
 
 
-def test_unequal_borders_meet_at_equal_shares_of_their_lengths():
+def test_unequal_borders_meet_at_equal_fractions_of_their_lengths():
     world = two()
     energy = sewn(world, **{"from": {"cloth": "a", "side": "right"}, "to": {"cloth": "b", "side": "left"}})
     assert np.allclose(energy.lines(world.start()), [[-1.0, 0, 0]] * 4)
@@ -178,13 +178,13 @@ def test_a_sewn_strip_is_a_ring_of_its_length_over_two_pi(ring):
     assert np.abs(radii / (0.6 / (2 * np.pi)) - 1).max() < 0.01
 
 
-def test_its_seam_is_closed_to_a_hundredth_of_a_millimetre_and_says_so(ring):
+def test_its_seam_is_closed_to_a_hundredth_of_a_millimetre_and_reports_it(ring):
     x, start = ring.positions(-1), ring.positions(0)
     left, right = (np.flatnonzero(np.abs(start[:, 0] - end) < 1e-6) for end in (start[:, 0].min(), start[:, 0].max()))
     gaps = np.linalg.norm(x[left] - x[right], axis=1)
     assert gaps.max() < 1e-5
-    (said,) = json.loads((ring.directory / "summary.json").read_text())["found"]
-    assert said == f"seams: seam[0] gapes by {1e3 * gaps.max():.3g} mm at most."
+    (output,) = json.loads((ring.directory / "summary.json").read_text())["found"]
+    assert output == f"seams: seam[0] gapes by {1e3 * gaps.max():.3g} mm at most."
 
 
 def test_a_closed_seam_bends_like_the_rest(ring):

@@ -132,7 +132,7 @@ class TestNoStepPassesIt:
         assert loads[-1].max() > start + 0.1 * (1 - start)  # and not much too short
         assert energy.step_limit(x, 50 * dx) == pytest.approx(fraction / 50, rel=0.2)
 
-    def test_along_a_straight_pull_it_goes_the_share_of_the_way_that_it_may(self):
+    def test_along_a_straight_path_it_goes_the_fraction_of_the_way_that_it_may(self):
         world = small_world(0)
         x, flat = world.start(), world.start()
         pull = flat * [1.0, 0.0, 0.0]
@@ -148,7 +148,7 @@ class TestNoStepPassesIt:
 
 
 class TestNewtonsEnd:
-    def test_a_step_changes_a_share_of_what_is_left_to_the_limit(self):
+    def test_a_step_changes_a_fraction_of_what_is_left_to_the_limit(self):
         """From 1.4 to 1.45 with a limit of 1.5 is half of it; below the begin nothing is kept, so nothing changes."""
         world = small_world(0)
         energy = strain_limit(world, limit=1.5)
@@ -178,7 +178,7 @@ class TestBadInput:
             strain_limit(make_world(sheets))
 
     @pytest.mark.parametrize(
-        ("keys", "said"),
+        ("keys", "output"),
         [
             ({"limit": 0.9}, r"limit is 0\.9"),
             ({"limit_weft": 1.0}, r"limit_weft is 1"),
@@ -187,8 +187,8 @@ class TestBadInput:
             ({"stiffness": -1.0}, "stiffness"),
         ],
     )
-    def test_a_bad_number_is_named(self, keys, said):
-        with pytest.raises(InputError, match=said):
+    def test_a_bad_number_is_named(self, keys, output):
+        with pytest.raises(InputError, match=output):
             strain_limit(small_world(0), **keys)
 
 
@@ -225,7 +225,7 @@ class TestAHeavyStrip:
         assert held.summary["certificate"]["residual"] < 1e-2 * 4.0 * 0.06 * 9.81
 
 
-def test_a_pin_that_pulls_past_the_limit_is_told_of_it(tmp_path):
+def test_a_pin_that_moves_past_the_limit_is_reported(tmp_path):
     groups = [{"select": "left"}, {"select": "right", "motion": {"velocity": [0.5, 0, 0]}}]
     scene = Scene(
         cloth={"mesh": "rectangle", "size": [0.2, 0.2], "cells": [3, 3]},

@@ -231,6 +231,6 @@ def test_constraints_prescribe_rows_of_x(name):
 
 
 @pytest.mark.parametrize("name", EFFECTS)
-def test_each_entry_says_what_it_does_and_has_defaults(name):
+def test_each_entry_has_a_summary_and_has_defaults(name):
     assert EFFECTS[name].summary
     assert all(default is not None or name == "pins" for default in EFFECTS[name].keys().values())

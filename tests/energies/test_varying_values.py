@@ -51,7 +51,7 @@ def test_a_function_of_the_time():
 
 
 @pytest.mark.parametrize(
-    ("value", "says"),
+    ("value", "message"),
     [
         ([], "p has no key frame"),
         ([[0.0, 1.0], [0.0, 2.0]], r"p\[1\] is at 0 s, not after 0 s"),
@@ -67,8 +67,8 @@ def test_a_function_of_the_time():
         ({"function": "<lambda>"}, "p was the Python function '<lambda>'"),
     ],
 )
-def test_a_bad_schedule_is_refused_by_name_and_index(value, says):
-    with pytest.raises(InputError, match=says):
+def test_a_bad_schedule_is_refused_by_name_and_index(value, message):
+    with pytest.raises(InputError, match=message):
         schedule("p", value, least=0.0)
 
 
@@ -110,7 +110,7 @@ def test_a_table_by_cloth():
 
 
 @pytest.mark.parametrize(
-    ("value", "says"),
+    ("value", "message"),
     [
         ([1.0, 2.0], "c has 2 numbers. Give one for each of the 16 triangles or of the 18 vertices"),
         (np.zeros((16, 2)), r"c has the shape \(16, 2\)"),
@@ -126,8 +126,8 @@ def test_a_table_by_cloth():
         ({"small": {"large": 1}, "other": 1}, "c.small must be a number or an array"),
     ],
 )
-def test_a_bad_value_over_the_cloth_is_refused_by_name_and_index(value, says):
-    with pytest.raises(InputError, match=says):
+def test_a_bad_value_over_the_cloth_is_refused_by_name_and_index(value, message):
+    with pytest.raises(InputError, match=message):
         over_cloth("c", value, two_cloths(), least=0.0)
 
 
@@ -168,7 +168,7 @@ def test_panels_go_with_the_part_of_the_file_and_with_sewing(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("value", "says"),
+    ("value", "message"),
     [
         ({"back": 2}, "c .* 2 triangles of the cloth 'shirt', .* 0"),
         ({"back": -2, "other": 1}, "c.back must be at least 0, not -2"),
@@ -176,6 +176,6 @@ def test_panels_go_with_the_part_of_the_file_and_with_sewing(tmp_path):
         ({"bakc": 2, "other": 1}, "'bakc', which is no cloth. Cloths: shirt; or other. Panels: back, front"),
     ],
 )
-def test_a_bad_value_by_panel_is_refused_by_name(value, says, tmp_path):
-    with pytest.raises(InputError, match=says):
+def test_a_bad_value_by_panel_is_refused_by_name(value, message, tmp_path):
+    with pytest.raises(InputError, match=message):
         over_cloth("c", value, panelled(tmp_path), least=0.0)

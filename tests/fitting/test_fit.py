@@ -159,7 +159,7 @@ def test_a_garment_that_still_meets_itself_after_its_drape_is_not_called_complet
     assert len(read_summary(tmp_path / "out" / "summary.json")["failure"]["position"]) == 3
 
 
-def test_a_scene_leaves_no_room_for_what_it_says_itself(files, tmp_path):
+def test_a_scene_leaves_no_room_for_its_own_files(files, tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text('[cloth]\nmesh = "garment.obj"\n[body]\nmesh = "body.obj"\n[effects.inertia]\n')
     for extra in ({"made_for": files["wide"]}, {"scale": 2.0}, {"part": (0, 3)}, {"weld": 0.1}):

@@ -68,7 +68,7 @@ def test_the_largest_closed_long_piece_is_the_body(tmp_path):
     assert any("the largest closed piece of 3" in note for note in figure.notes)
 
 
-def test_where_no_piece_is_closed_the_largest_is_the_body_and_that_is_said(tmp_path):
+def test_where_no_piece_is_closed_the_largest_is_the_body_and_reported(tmp_path):
     open_capsule = CAPSULE[0], CAPSULE[1][:-1]
     x, triangles = stacked(tube(radius=0.1, height=1.5, cells=(8, 4)), open_capsule)
     figure = read_figure(in_file(tmp_path, "open.obj", x, triangles))
@@ -164,7 +164,7 @@ def test_the_cloth_and_the_body_of_a_scene(tmp_path):
     np.testing.assert_array_equal(alone.positions, figure.positions)
 
 
-def test_of_several_cloths_and_bodies_the_first_is_taken_and_that_is_said(tmp_path):
+def test_of_several_cloths_and_bodies_the_first_is_taken_and_reported(tmp_path):
     file = tmp_path / "scene.toml"
     body = SCENE[SCENE.index("[body]") : SCENE.index("[effects.inertia]")]
     several = SCENE.replace("[cloth]", "[[cloth]]").replace("[body]", "[[body]]")

@@ -11,7 +11,7 @@ FIGURE = capsule_figure()
 BODY = body_surface(FIGURE.positions, FIGURE.triangles)
 
 
-def test_a_stage_is_counted_timed_and_heard():
+def test_a_stage_is_counted_timed_and_reported():
     garment, on_stage = tube_garment(0.095), []
     stage = staged("refine", garment.triangles, BODY, lambda: (garment.positions, "said"), on_stage.append)
     assert on_stage == [stage]

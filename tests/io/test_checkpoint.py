@@ -125,7 +125,7 @@ def test_no_changed_byte_goes_unnoticed_in_the_state(path):
             read_checkpoint(path)
 
 
-def test_missing_and_foreign_files_say_so(path, tmp_path):
+def test_missing_and_foreign_files_are_reported(path, tmp_path):
     with pytest.raises(InputError, match="no checkpoint"):
         read_checkpoint(path)
     for write in (

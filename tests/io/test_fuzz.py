@@ -78,9 +78,9 @@ def end(read, path):
         return read(path)
     with pytest.raises(InputError) as refusal:
         read(path)
-    said = str(refusal.value)
-    assert "\n" not in said
-    assert said.isprintable()
+    output = str(refusal.value)
+    assert "\n" not in output
+    assert output.isprintable()
     assert len(refusal.value.sentence) < LONGEST + 10
     return None
 
@@ -364,19 +364,19 @@ def test_a_trajectory_cut_short_is_refused_or_read(tmp_path, share):
 
 
 @pytest.mark.parametrize(
-    ("block", "change", "says"),
+    ("block", "change", "message"),
     [
         ("Polygons/Connectivity", [0, 1, 3], "vertices that are not there"),
         ("Polygons/Connectivity", [0, 1, -1], "vertices that are not there"),
         ("NumberOfPoints", [5], "no frame 0"),
     ],
 )
-def test_a_trajectory_that_contradicts_itself_is_refused(tmp_path, block, change, says):
+def test_a_trajectory_that_contradicts_itself_is_refused(tmp_path, block, change, message):
     path = tmp_path / "trajectory.vtkhdf"
     surface = Surface("cloth", "cloth", slice(0, 3), np.array([[0, 1, 2]]), True)
     with TrajectoryWriter(path, [surface], stretches=False) as writer:
         writer.append(0.0, np.eye(3))
     with h5py.File(path, "r+") as file:
         file[f"VTKHDF/surface0/{block}"][...] = change
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=message):
         read_trajectory(path).positions(0)

@@ -99,7 +99,7 @@ def test_version_4_0(tmp_path, order):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "says"),
+    ("old", "new", "message"),
     [
         ("\n8\n", "\n3\n", "node 3 is given twice"),
         ("4 7 8 3", "4 7 8 9", "node 9 is named, but not there"),
@@ -113,10 +113,10 @@ def test_version_4_0(tmp_path, order):
         (".1 .2", ".1", "nodes of 8 numbers"),
     ],
 )
-def test_what_is_wrong_is_said(tmp_path, old, new, says):
+def test_what_is_wrong_is_reported(tmp_path, old, new, message):
     assert old in TEXT
     path = tmp_path / "sheet.msh"
     path.write_text(TEXT.replace(old, new, 1))
-    with pytest.raises(InputError, match=says) as refusal:
+    with pytest.raises(InputError, match=message) as refusal:
         read_mesh(path)
     assert str(path) in str(refusal.value)

@@ -121,7 +121,7 @@ def test_components_are_numbered_by_decreasing_size(tmp_path):
     assert len(read_mesh(path, component=1).positions) == 12
 
 
-def test_scale_is_applied_and_said(tmp_path):
+def test_scale_is_applied_and_reported(tmp_path):
     path = write(tmp_path / "dress.obj", OBJ)
     mesh = read_mesh(path, scale=0.01, group="back")
     np.testing.assert_allclose(mesh.positions, [[0.05, 0, 0], [0.06, 0, 0], [0.06, 0.01, 0]])
@@ -246,7 +246,7 @@ def test_a_broken_obj_is_refused_by_line(tmp_path, name, newline):
     assert "\n" not in str(caught.value)
 
 
-def test_texture_on_some_corners_only_is_left_out_and_said(tmp_path):
+def test_texture_on_some_corners_only_is_left_out_and_reported(tmp_path):
     mesh = read_mesh(write(tmp_path / "some.obj", TRIANGLE + "vt 0 0\nf 1/1 2 3//7\nf 3 2 1\n"))
     assert mesh.texture.shape == (0, 3, 2)
     assert mesh.messages == ("texture coordinates ignored: 5 corners have none",)

@@ -55,7 +55,7 @@ def test_every_frame_is_the_same_part_cut_as_the_first(tmp_path, part):
 
 
 @pytest.mark.parametrize(
-    ("changes", "says"),
+    ("changes", "message"),
     [
         ({"extra": "v 0 0 9"}, "2.obj has 9 vertices, 1.obj has 8"),
         ({"extra": "f 1 2 6"}, "2.obj has 3 faces, 1.obj has 2"),
@@ -63,7 +63,7 @@ def test_every_frame_is_the_same_part_cut_as_the_first(tmp_path, part):
         ({"faces": "f 1 2 3 4\nf 5 6 8 7"}, r"2.obj: face 1 is \[4, 5, 7, 6\], in 1.obj \[4, 5, 6, 7\]"),
     ],
 )
-def test_another_topology_is_named(tmp_path, changes, says):
+def test_another_topology_is_named(tmp_path, changes, message):
     files = [two_quads(tmp_path, "1.obj"), two_quads(tmp_path, "2.obj", **changes)]
-    with pytest.raises(InputError, match=says):
+    with pytest.raises(InputError, match=message):
         read_frames(files, Part())

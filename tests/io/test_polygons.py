@@ -45,7 +45,7 @@ def test_a_star_shaped_polygon_is_cut_without_overlap(tmp_path):
     assert mesh.messages == ("1 faces of 5 corners cut into triangles",)
 
 
-def test_a_polygon_that_no_fan_can_cut_is_said(tmp_path):
+def test_a_polygon_that_no_fan_can_cut_is_reported(tmp_path):
     comb = [[0, 0, 0], [6, 0, 0], [6, 3, 0], [5, 3, 0], [5, 1, 0], [3.5, 1, 0], [3.5, 3, 0], [2.5, 3, 0], [2.5, 1, 0]]
     comb += [[1, 1, 0], [1, 3, 0], [0, 3, 0]]
     mesh = read_mesh(write(tmp_path / "comb.obj", obj_of(comb, range(1, 13))))

@@ -297,7 +297,7 @@ def test_a_run_of_other_surfaces_does_not_go_on_in_this_file(path):
     assert_holds(path, len(TIMES))
 
 
-def test_missing_broken_and_foreign_files_say_so(path, tmp_path):
+def test_missing_broken_and_foreign_files_are_reported(path, tmp_path):
     with pytest.raises(InputError, match="There is no file"):
         read_trajectory(path)
     with pytest.raises(InputError, match="cannot be written"):

@@ -46,9 +46,7 @@ def test_an_edit_of_a_part_is_seen_and_undone(folder):
 
 def test_a_kernel_of_another_file_sees_an_edit_of_its_part(folder):
     """A user's kernel, with a part of the package."""
-    theirs = (
-        "from springs import square\nfrom clothsim.jit import kernel\n@kernel\ndef f(x):\n    return square(x)"
-    )
+    theirs = "from springs import square\nfrom clothsim.jit import kernel\n@kernel\ndef f(x):\n    return square(x)"
     found = []
     for edit in (("x * x", "x * x"), ("x * x", "x + x + 1.0"), ("x * x", "x * x")):
         sys.modules["springs"] = module_of(SOURCE, edit)
@@ -83,7 +81,7 @@ def test_without_a_folder_kernels_are_compiled(folder, monkeypatch):
     assert not is_cached(module_of().energy)
 
 
-def test_a_kernel_with_a_value_that_has_no_description_is_compiled_and_says_so(folder):
+def test_a_kernel_with_a_value_that_has_no_description_is_compiled_and_reports_it(folder):
     """A function of numba's `vectorize` has none."""
     theirs = """
 from numba import vectorize

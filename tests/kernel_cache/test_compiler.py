@@ -21,7 +21,7 @@ def identity_with(root, **environment):
     return done.stdout.strip()
 
 
-def test_it_knows_the_processor_that_numba_is_told(request):
+def test_it_knows_the_processor_that_numba_is_reported(request):
     root = request.config.rootpath
     here = identity_with(root)
     assert here == identity_with(root, NUMBA_NUM_THREADS="1", NUMBA_DEBUG_CACHE="0", NUMBA_CACHE_DIR="elsewhere")

@@ -7,7 +7,7 @@ from numba import int64, njit, typeof, types
 from clothsim.kernel_cache.descriptions import UnnameableError, code_text, digest_of_types
 
 
-def test_types_are_told_apart_and_functions_are_no_lasting_types():
+def test_types_are_distinguished_and_functions_are_no_lasting_types():
     vectors = [typeof(np.zeros((2, 3))), typeof(np.zeros((3, 2)).T), typeof(np.zeros(3)), types.float64, int64]
     signatures = [(types.UniTuple(vector, 2), vector) for vector in vectors] + [tuple(vectors), (vectors[0],)]
     assert len({digest_of_types(signature) for signature in signatures}) == len(signatures)
@@ -21,18 +21,18 @@ def test_types_are_told_apart_and_functions_are_no_lasting_types():
         digest_of_types((typeof(njit(lambda x: x)),))
 
 
-def test_bytecode_is_told_by_its_constants_and_names_alone():
+def test_bytecode_is_identified_by_its_constants_and_names_alone():
     def texts(*sources):
         return [code_text(compile(source, f"{k}.py", "exec").co_consts[0]) for k, source in enumerate(sources)]
 
-    plain, commented, documented, told = texts(
+    plain, commented, documented, reported = texts(
         "def f(x): return x + 1",
         "\n# more\ndef f(x):\n  return x + 1",
         "def f(x):\n  'a'\n  return x + 1",
         "def f(x):\n  'b'\n  return x + 1",
     )
     assert plain == commented
-    assert documented == told
+    assert documented == reported
     others = texts(
         "def f(x): return x + 1.0", "def f(x): return x + 0.0", "def f(x): return x + -0.0", "def f(y): return y"
     )

@@ -24,11 +24,11 @@ def mutated(name, **changes):
 def test_fast_rows_pass_and_are_kept(tmp_path, capsys):
     record = tmp_path / "validation.json"
     assert main(["--rows", ",".join(FAST), "--record", str(record)]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     kept = json.loads(record.read_text())
     assert sorted(kept) == sorted(FAST)
     for name in FAST:
-        assert row(name).what in said
+        assert row(name).what in output
         assert kept[name]["wrong"] == ""
         assert kept[name]["value"] == pytest.approx(kept[name]["exact"], rel=2e-3)
     assert kept["A3s"]["order"] > 1.9
@@ -57,9 +57,9 @@ def test_a_row_that_ends_with_a_sentence_fails_and_the_others_go_on(capsys):
         raise ClothsimError("It did not come to rest.")
 
     assert main([], [Row("A9a", "ends", ends), row("A1b")]) == 1
-    said = capsys.readouterr().out
-    assert "no: It did not come to rest." in said
-    assert row("A1b").what in said
+    output = capsys.readouterr().out
+    assert "no: It did not come to rest." in output
+    assert row("A1b").what in output
 
 
 def test_the_table_is_written_between_its_marks(tmp_path):
@@ -77,7 +77,7 @@ def test_the_table_is_written_between_its_marks(tmp_path):
     assert "| A1b |" in readme.read_text()
 
 
-def test_a_row_that_fails_says_why_in_the_table():
+def test_a_row_that_fails_names_the_reason_in_the_table():
     kept = {"date": "2026-01-02", "seconds": 1.0, "wrong": "off by more than the bar"}
     text = markdown([Row("A9a", "misses", lambda: None, why="a known limit")], {"A9a": kept})
     assert "2026-01-02" in text
@@ -101,7 +101,7 @@ def test_names_are_unique_and_a_group_is_chosen_whole():
     assert [row.name for row in chosen(["A2b", "A5a"])] == ["A2b", "A5a"]
 
 
-def test_a_deviation_is_a_share_or_in_the_unit():
+def test_a_deviation_is_a_fraction_or_in_the_unit():
     assert Outcome(1.1, 1.0, 0.2).deviation == pytest.approx(0.1)
     assert Outcome(11.0, 10.0, 2.0, unit="mm").deviation == pytest.approx(1.0)
     assert agrees(0.123456789, "0.12345679")

@@ -36,7 +36,7 @@ def test_frames_that_do_not_differ_stand_still(frames):
 
 
 @pytest.mark.parametrize(
-    ("frames", "rate", "says"),
+    ("frames", "rate", "message"),
     [
         (FRAMES[0], RATE, r"shape \(5, 3\)"),
         (FRAMES[:0], RATE, "shape"),
@@ -44,8 +44,8 @@ def test_frames_that_do_not_differ_stand_still(frames):
         (FRAMES, 0.0, "frames_per_second"),
     ],
 )
-def test_bad_frames_are_named(frames, rate, says):
-    with pytest.raises(InputError, match=says):
+def test_bad_frames_are_named(frames, rate, message):
+    with pytest.raises(InputError, match=message):
         frame_motion(frames, rate)
 
 

@@ -12,7 +12,7 @@ def along(*parameters, first=0):
     return line_of(first + np.arange(len(parameters)), np.array([[x, 0.0, 0.0] for x in parameters]))
 
 
-def test_places_are_shares_of_the_length():
+def test_places_are_fractions_of_the_length():
     corner = line_of(np.array([7, 3, 5]), np.array([[0.0, 0, 0], [3, 0, 0], [3, 1, 0]]))
     assert corner.vertices.tolist() == [7, 3, 5]
     assert corner.parameters.tolist() == [0, 0.75, 1]
@@ -26,7 +26,7 @@ def test_the_finer_line_meets_points_of_the_coarser(turned):
     assert np.allclose(weights, [[1, -1, 0], [1, -0.75, -0.25], [1, 0, -1]])
 
 
-def test_points_of_equal_shares_coincide_whatever_the_lengths():
+def test_points_of_equal_fractions_coincide_whatever_the_lengths():
     rng = np.random.default_rng(0)
     parameters = np.sort(rng.random(9))
     first, second = along(*parameters), along(*(5 + 3 * np.sort(rng.random(6))), first=9)

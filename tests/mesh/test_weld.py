@@ -97,15 +97,15 @@ def three_layers():
     return np.concatenate(panels), np.concatenate([faces + 4 * k for k in range(3)])
 
 
-def test_a_seam_of_three_layers_is_told_of_a_sewn_cloth_and_refused_of_another():
+def test_a_seam_of_three_layers_is_reported_for_a_sewn_cloth_and_refused_of_another():
     points, triangles, _ = weld(*three_layers(), 1e-3)
     assert len(points) == 8
     assert [fault.kind for fault in examine("x", points, triangles).errors] == ["fin"]
     report = examine("x", points, triangles, "sewn cloth")
-    told = next(fault for fault in report.warnings if fault.kind == "fin")
+    reported = next(fault for fault in report.warnings if fault.kind == "fin")
     assert report.errors == ()
-    assert told.sentence == "a seam of three layers or more: edge 0-1."
-    np.testing.assert_array_equal(told.indices, [[0, 1]])
+    assert reported.sentence == "a seam of three layers or more: edge 0-1."
+    np.testing.assert_array_equal(reported.indices, [[0, 1]])
 
 
 def test_a_seam_of_three_layers_is_no_border_and_no_hinge():

@@ -71,13 +71,13 @@ def test_each_absent_effect_is_measured_or_has_a_reason(strangers):
     assert seen.effects["refusing"].why == "does not go with the scene: refusing goes with nothing."
 
 
-def test_what_the_budget_does_not_cover_is_said():
+def test_what_the_budget_does_not_cover_is_reported():
     seen = absent_effects(small_scene(), steps=1, budget=1e-9)
     assert seen.rounds == 1
     assert {each.why for each in seen.effects.values()} == {LATE}
 
 
-def test_the_table_says_what_is_on_off_and_what_the_rest_would_cost(tmp_path, capsys):
+def test_the_table_lists_what_is_on_off_and_what_the_rest_would_cost(tmp_path, capsys):
     scene = tmp_path / "sheet.toml"
     scene.write_text(SHEET)
     assert main(["explain", str(scene), "--steps", "1", "--absent", "--budget", "30s"]) == 0
@@ -95,11 +95,11 @@ def test_the_table_says_what_is_on_off_and_what_the_rest_would_cost(tmp_path, ca
     assert all(name in priced + rest for name in TABLE if name not in named)
     assert max(len(line) for line in out.splitlines()) <= 120
     assert main(["explain", str(scene), "--steps", "1", "--absent", "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["body_contact"]["adding"]["ratio"] > 0
-    assert told["pressure"]["adding"]["why"]
-    assert "adding" not in told["membrane"]
-    assert told["membrane"]["bytes"] > 0
+    reported = json.loads(capsys.readouterr().out)
+    assert reported["body_contact"]["adding"]["ratio"] > 0
+    assert reported["pressure"]["adding"]["why"]
+    assert "adding" not in reported["membrane"]
+    assert reported["membrane"]["bytes"] > 0
 
 
 @pytest.mark.parametrize(
@@ -118,11 +118,11 @@ def test_bad_options_are_refused(tmp_path, capsys, words, sentence):
     assert sentence in capsys.readouterr().err
 
 
-def test_an_effect_that_was_idle_says_in_how_many_steps():
+def test_an_effect_that_was_idle_reports_in_how_many_steps():
     far = small_scene(body=BALL | {"position": [0.0, 0.0, -50.0]}, effects=EFFECTS | {"friction": {}})
-    told = explain_scene(far, steps=2).effects
-    assert told["friction"]["reason"] == "named; had nothing to do in 2 of 2 steps"
-    assert told["membrane"]["reason"] == "named in the scene"
+    reported = explain_scene(far, steps=2).effects
+    assert reported["friction"]["reason"] == "named; had nothing to do in 2 of 2 steps"
+    assert reported["membrane"]["reason"] == "named in the scene"
 
 
 def test_held_bytes_counts_an_array_once_and_what_others_hold_not():

@@ -73,7 +73,7 @@ def test_the_archive_replays_the_failure_where_the_scenes_files_are_not(failed, 
         assert saved.time == again.times[0] == first.time
 
 
-def test_it_holds_what_it_says_and_no_path_of_this_machine(failed, tmp_path):
+def test_it_has_the_listed_files_and_no_path_of_this_machine(failed, tmp_path):
     run, archive = failed
     with zipfile.ZipFile(archive) as packed:
         names = set(packed.namelist())
@@ -130,7 +130,7 @@ def test_a_run_made_with_a_python_function_is_refused(tmp_path):
     assert not (tmp_path / "run.zip").exists()
 
 
-def test_a_file_in_the_way_or_gone_is_refused(failed, tmp_path):
+def test_a_file_that_exists_or_is_missing_is_refused(failed, tmp_path):
     run, archive = failed
     with pytest.raises(InputError, match="is there already"):
         write_bundle(run.directory, archive)

@@ -41,7 +41,7 @@ def test_a_completed_run_gives_its_frames_and_its_summary(directory):
         assert np.array_equal(triangles, WORLD.bodies[0].triangles)
 
 
-def test_a_failed_run_says_why(directory):
+def test_a_failed_run_names_the_reason(directory):
     write_summary(directory / "summary.json", {"status": "failed", "reason": "dt fell below its floor."})
     run = open_run(directory)
     assert (run.status, run.reason) == ("failed", "dt fell below its floor.")
@@ -80,7 +80,7 @@ def test_a_broken_summary_is_refused(directory, content):
         open_run(directory)
 
 
-def test_what_is_no_run_directory_says_so(directory, tmp_path):
+def test_what_is_no_run_directory_reports_it(directory, tmp_path):
     with pytest.raises(InputError, match="no run directory"):
         open_run(tmp_path / "nowhere")
     with pytest.raises(InputError, match="no run directory"):

@@ -83,11 +83,11 @@ def test_summary_and_record_tell_the_same(run):
 
 
 def test_the_listener_hears_every_step():
-    heard = []
-    run = simulate(small_scene(), progress=heard.append)
-    assert [progress.step for progress in heard] == list(range(1, 9))
-    assert heard[-1].time == heard[-1].duration == 0.16
-    assert [progress.newton_iterations for progress in heard] == [e["newton_iterations"] for e in run.record()]
+    received = []
+    run = simulate(small_scene(), progress=received.append)
+    assert [progress.step for progress in received] == list(range(1, 9))
+    assert received[-1].time == received[-1].duration == 0.16
+    assert [progress.newton_iterations for progress in received] == [e["newton_iterations"] for e in run.record()]
 
 
 def test_on_step_gets_the_state_of_every_step_and_changes_no_bit(run):
@@ -194,14 +194,14 @@ def test_a_run_that_was_asked_for_an_error_tells_it_and_resumes_to_the_same_bits
     whole = simulate(scene, tmp_path / "whole")
     assert whole.status == "completed", whole.reason
     assert whole.times == pytest.approx(0.04 * np.arange(7))
-    told = whole.summary["certificate"]["error_estimate"]
+    reported = whole.summary["certificate"]["error_estimate"]
     record = whole.record()
-    assert told["asked"] == 0.05
-    assert told["met"] is True
-    assert 0.01 < told["temporal"] <= 0.05
-    assert told["temporal"] == pytest.approx(sum(entry["error"] for entry in record))
-    assert told["temporal_largest"] == pytest.approx(sum(entry["largest_error"] for entry in record))
-    assert 0 < told["contact_gap"] < 1
+    assert reported["asked"] == 0.05
+    assert reported["met"] is True
+    assert 0.01 < reported["temporal"] <= 0.05
+    assert reported["temporal"] == pytest.approx(sum(entry["error"] for entry in record))
+    assert reported["temporal_largest"] == pytest.approx(sum(entry["largest_error"] for entry in record))
+    assert 0 < reported["contact_gap"] < 1
     assert whole.summary["rejected_steps"] == sum(entry["rejected"] for entry in record) > 0
     assert len({entry["dt"] for entry in record}) > 3
     assert never_intersects(whole)
@@ -212,7 +212,7 @@ def test_a_run_that_was_asked_for_an_error_tells_it_and_resumes_to_the_same_bits
     assert resumed.summary["rejected_steps"] == whole.summary["rejected_steps"]
 
 
-def test_bdf2_without_inertia_is_quasi_static_and_says_so(tmp_path):
+def test_bdf2_without_inertia_is_quasi_static_and_reports_it(tmp_path):
     effects = {"membrane": {}, "bending": {}, "gravity": {}, "pins": {"select": "left"}}
     runs = []
     for integrator in ("backward_euler", "bdf2"):
@@ -251,7 +251,7 @@ def test_nothing_to_resume_is_refused(tmp_path):
 # --- scripted scenes ------------------------------------------------------------------------------------------------
 
 
-def test_a_ball_that_rises_and_turns_carries_the_sheet(tmp_path):
+def test_a_ball_that_rises_and_turns_moves_the_sheet(tmp_path):
     motion = {"velocity": [0.0, 0.0, 1.0], "rotate_degrees_per_second": [0.0, 0.0, 200.0]}
     run = simulate(small_scene(body=BALL | {"motion": motion}, effects=without("gravity")), tmp_path)
     assert run.status == "completed", run.reason
@@ -353,7 +353,7 @@ def test_pins_driven_into_a_body_end_the_run_with_the_reason_and_keep_its_frames
     assert open_run(tmp_path).status == "failed"
 
 
-def test_without_contact_an_intersection_is_told_and_the_run_goes_on(tmp_path):
+def test_without_contact_an_intersection_is_reported_and_the_run_goes_on(tmp_path):
     run = simulate(small_scene(effects=without("body_contact")), tmp_path)
     assert run.status == "completed"
     assert not never_intersects(run)

@@ -129,10 +129,10 @@ def test_a_wind_changed_half_way_has_the_bits_of_two_runs_joined(tmp_path):
     ],
     ids=["wind", "gravity", "fabric", "body", "pins"],
 )
-def test_a_change_at_the_start_has_the_bits_of_a_scene_that_says_so(scene, changed, change):
-    by_hand, said, as_it_was = Simulation(scene), Simulation(changed), Simulation(scene)
+def test_a_change_at_the_start_has_the_bits_of_a_scene_that_reports_it(scene, changed, change):
+    by_hand, output, as_it_was = Simulation(scene), Simulation(changed), Simulation(scene)
     change(by_hand)
-    assert np.array_equal(end(by_hand), end(said))
+    assert np.array_equal(end(by_hand), end(output))
     assert not np.array_equal(end(as_it_was), by_hand.state.positions["cloth"])
 
 

@@ -145,11 +145,11 @@ NOT_BUILT = {
 def test_one_sentence_names_it(tmp_path, text, names, remedy):
     with pytest.raises(InputError) as refusal:
         built(tmp_path, text)
-    said = str(refusal.value)
-    assert re.search(names, said), said
-    assert re.search(remedy, said), said
-    assert "\n" not in said
-    assert len(said) < 300
+    output = str(refusal.value)
+    assert re.search(names, output), output
+    assert re.search(remedy, output), output
+    assert "\n" not in output
+    assert len(output) < 300
 
 
 def test_the_scene_that_was_spoilt_is_good(tmp_path):

@@ -94,7 +94,7 @@ class TestConversions:
         assert pytest.approx(9.80665e-3 * 1e-4 / 1e-2, rel=1e-12) == GRAM_FORCE_CM
         assert FABRICS["cotton"].bending_stiffness == pytest.approx(0.05 * GRAM_FORCE_CM, rel=0.05)
 
-    def test_what_no_source_gives_is_said_to_be_estimated(self):
+    def test_what_no_source_gives_is_reported_as_estimated(self):
         assert all(TABLE[name].estimated == ("bending_stiffness",) for name in PENAVA)
         assert all(TABLE[name].estimated == ("thickness",) for name in WANG)
 

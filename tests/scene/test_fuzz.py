@@ -117,9 +117,9 @@ def end(make):
         return make()
     except InputError as error:
         refusal = error
-    said = str(refusal)
-    assert said.replace("\n", "").isprintable(), said
-    assert all(len(line) < 2 * LONGEST + 20 for line in said.splitlines())
+    output = str(refusal)
+    assert output.replace("\n", "").isprintable(), output
+    assert all(len(line) < 2 * LONGEST + 20 for line in output.splitlines())
     return None
 
 

@@ -58,7 +58,7 @@ def test_a_new_mesh_replaces_the_keys_of_the_old_generator():
 
 
 @pytest.mark.parametrize(
-    ("assignment", "says"),
+    ("assignment", "message"),
     [
         ("solver.dt", "no assignment"),
         ("dt=1", "no assignment"),
@@ -68,6 +68,6 @@ def test_a_new_mesh_replaces_the_keys_of_the_old_generator():
         ("cloth.mesh.size=1", "no table"),
     ],
 )
-def test_what_names_no_key_is_refused(assignment, says):
-    with pytest.raises(InputError, match=says):
+def test_what_names_no_key_is_refused(assignment, message):
+    with pytest.raises(InputError, match=message):
         override(SCENE, assignment)

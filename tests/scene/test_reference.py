@@ -63,8 +63,8 @@ def test_the_keys_of_a_generator_are_its_keywords(name):
 
 
 def test_the_keys_of_a_fabric_are_those_of_the_class():
-    told = {"name", "source", "bending_warp", "bending_weft", "friction"}
-    assert set(inspect.signature(Fabric).parameters) - told <= set(keys_of(ClothTable))
+    reported = {"name", "source", "bending_warp", "bending_weft", "friction"}
+    assert set(inspect.signature(Fabric).parameters) - reported <= set(keys_of(ClothTable))
 
 
 @pytest.mark.parametrize("name", EFFECTS)

@@ -59,7 +59,7 @@ def test_a_fall_keeps_energy_but_for_the_integrator_s_loss():
     assert certificates[-1].energy_scale > abs(certificates[-1].energy)
 
 
-def test_a_rise_is_told():
+def test_a_rise_is_reported():
     """The last step, had it begun at rest: it would have gained all its kinetic energy and what it stores more."""
     world, reports, _ = flight()
     report = reports[-1]
@@ -110,13 +110,13 @@ def test_it_survives_the_checkpoint():
     assert certificate_from(json.loads(text)) == certificates[-1]
 
 
-def test_the_energy_of_bdf2_is_not_judged_but_each_step_s_descent_is():
-    told = replace(Certificate(), formula="bdf2", energy_rise=1.0, step_rise=0.5, energy_scale=2.0).as_dict({})
-    assert told["energy_drift"] == "not checked (BDF2)"
-    assert told["step_energy_rise"] == 0.25
+def test_the_energy_of_bdf2_is_not_checked_but_each_step_s_descent_is():
+    reported = replace(Certificate(), formula="bdf2", energy_rise=1.0, step_rise=0.5, energy_scale=2.0).as_dict({})
+    assert reported["energy_drift"] == "not checked (BDF2)"
+    assert reported["step_energy_rise"] == 0.25
 
 
-def test_it_says_what_was_judged_and_found():
+def test_it_reports_what_was_checked_and_found():
     judged = {"cloth_body": "no body", "cloth_cloth": "not requested"}
     assert judged.items() <= Certificate().as_dict(judged).items()
     assert Certificate(intersecting_frames=(3,)).as_dict(judged)["intersection_free"] is False

@@ -35,12 +35,12 @@ def flight(tolerance):
 
 def test_the_temporal_error_is_summed_over_the_steps():
     reports = flight(1e-6)
-    told = estimated(reports).as_dict()
-    assert told["temporal"] == pytest.approx(sum(report.error.rms for report in reports))
-    assert told["temporal_largest"] == pytest.approx(sum(report.error.largest for report in reports))
-    assert told["temporal_largest"] > told["temporal"] > 1e-3
-    assert told["contact_gap"] == "not estimated (no contact)"
-    assert "asked" not in told
+    reported = estimated(reports).as_dict()
+    assert reported["temporal"] == pytest.approx(sum(report.error.rms for report in reports))
+    assert reported["temporal_largest"] == pytest.approx(sum(report.error.largest for report in reports))
+    assert reported["temporal_largest"] > reported["temporal"] > 1e-3
+    assert reported["contact_gap"] == "not estimated (no contact)"
+    assert "asked" not in reported
 
 
 @pytest.mark.parametrize("tolerance", [1e-1, 1e-2])
@@ -48,13 +48,13 @@ def test_newton_s_part_tells_the_size_of_what_it_left(tolerance):
     """Against the same run solved to the end: not less than what is seen, and not a hundred times more."""
     coarse, exact = flight(tolerance), flight(1e-10)
     seen = np.abs(coarse[-1].state.positions - exact[-1].state.positions).max()
-    told = estimated(coarse).newton
+    reported = estimated(coarse).newton
     assert seen > 1e-8
-    assert 0.3 * seen < told < 100 * seen
+    assert 0.3 * seen < reported < 100 * seen
     assert estimated(exact).newton < 1e-9
 
 
-def test_contact_stands_off_by_the_share_of_d_hat_that_the_last_step_left():
+def test_contact_stands_off_by_the_fraction_of_d_hat_that_the_last_step_left():
     positions, triangles = grid(2, 2)
     sheet = replace(cloth(positions, triangles), positions=positions + np.array([0.1, 0.2, 0.012]))
     world = make_world([sheet], [make_body("plate", *PLATE)])
@@ -69,12 +69,12 @@ def test_a_quasi_static_run_has_no_error_of_time():
     world, held = pins(make_world([cloth(*irregular_grid())]), select="left")
     energies = {"membrane": membrane(world), "gravity": gravity(world, acceleration=(0.1, 0.0, 0.0))}
     reports = run_of(integrator_of(world, energies, 0.5, {"pins": held}, ramp=1.0), 1.0)
-    told = estimated(reports).as_dict()
-    assert told["temporal"] == told["temporal_largest"] == "not estimated (quasi-static)"
-    assert told["newton"] == reports[-1].result.remaining
+    reported = estimated(reports).as_dict()
+    assert reported["temporal"] == reported["temporal_largest"] == "not estimated (quasi-static)"
+    assert reported["newton"] == reports[-1].result.remaining
 
 
-def test_what_was_asked_for_is_told_with_whether_it_was_met():
+def test_what_was_asked_for_is_reported_with_whether_it_was_met():
     held, missed = ErrorEstimate(temporal=0.9e-3, steps=9), ErrorEstimate(temporal=3e-3, at_floor=7, steps=9)
     assert held.as_dict(1e-3) | {"asked": 1e-3, "met": True} == held.as_dict(1e-3)
     assert missed.as_dict(1e-3)["met"] is False
@@ -90,10 +90,10 @@ def test_more_than_was_asked_for_is_missed_however_long_the_steps_were():
 
 
 def test_of_no_step_nothing_is_estimated_and_nothing_met():
-    told = ErrorEstimate().as_dict(1e-3)
-    assert told.pop("asked") == 1e-3
-    assert told.pop("met") is False
-    assert set(told.values()) == {"not estimated (no step)"}
+    reported = ErrorEstimate().as_dict(1e-3)
+    assert reported.pop("asked") == 1e-3
+    assert reported.pop("met") is False
+    assert set(reported.values()) == {"not estimated (no step)"}
 
 
 def test_a_run_that_was_not_completed_has_not_met_what_was_asked():

@@ -36,18 +36,18 @@ def judged(scene, effects):
         ({"body_contact": {}, "self_contact": {"exclude": [["sheet", "flag"]]}}, ["post"], ["post"]),
     ],
 )
-def test_bodies_are_judged_always_and_cloth_where_self_contact_is_on(effects, found, violations):
+def test_bodies_are_checked_always_and_cloth_where_self_contact_is_on(effects, found, violations):
     _, crossed, failed = judged(world("post"), effects)
     assert [crossing.second for crossing in crossed] == found
     assert failed == violations
     assert all(len(crossing.pairs) == 1 for crossing in crossed)
 
 
-def test_what_it_says():
+def test_report():
     assert judged(world(), {})[0].coverage() == {"cloth_body": "no body", "cloth_cloth": "not requested"}
     assert judged(world("post"), {"self_contact": {}})[0].coverage() == {"cloth_body": TESTED, "cloth_cloth": TESTED}
-    said = judged(world("post"), {"body_contact": {"exclude": [["post", "flag"]]}})[0].coverage()
-    assert said["cloth_body"] == f"{TESTED} but for excluded pairs"
+    output = judged(world("post"), {"body_contact": {"exclude": [["post", "flag"]]}})[0].coverage()
+    assert output["cloth_body"] == f"{TESTED} but for excluded pairs"
 
 
 def test_cloth_can_be_tested_without_being_promised():

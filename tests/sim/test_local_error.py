@@ -44,18 +44,18 @@ def test_bdf2_takes_the_third_derivative(ratio):
         return np.array([[3 * c * t**2, 0.0, 0.0]])
 
     before = State(1.0, h, 1, 0, 0 * speed(0), speed(1.0), previous=Previous(0 * speed(0), speed(1.0 - k), k))
-    told = step_error("bdf2", Formula(PAST, 2, ratio), before, speed(1.0 + h), h, NOBODY)
-    assert told.rms == told.largest == pytest.approx(VELOCITY_ERROR_FACTOR * c * h**2 * (h + k), rel=1e-9)
+    reported = step_error("bdf2", Formula(PAST, 2, ratio), before, speed(1.0 + h), h, NOBODY)
+    assert reported.rms == reported.largest == pytest.approx(VELOCITY_ERROR_FACTOR * c * h**2 * (h + k), rel=1e-9)
 
 
 def test_rms_and_largest_over_the_vertices_but_for_those_that_are_held():
     before = State(0.0, 0.1, 0, 0, np.zeros((3, 3)), np.zeros((3, 3)))
     after = np.array([[3.0, 0, 0], [0, 4.0, 0], [100.0, 0, 0]])
-    told = step_error("backward_euler", Formula(PAST, 1), before, after, 0.1, np.array([2]))
-    assert told.largest == pytest.approx(VELOCITY_ERROR_FACTOR * 0.05 * 4)
-    assert told.rms == pytest.approx(VELOCITY_ERROR_FACTOR * 0.05 * np.sqrt((9 + 16) / 3))
+    reported = step_error("backward_euler", Formula(PAST, 1), before, after, 0.1, np.array([2]))
+    assert reported.largest == pytest.approx(VELOCITY_ERROR_FACTOR * 0.05 * 4)
+    assert reported.rms == pytest.approx(VELOCITY_ERROR_FACTOR * 0.05 * np.sqrt((9 + 16) / 3))
     begun = step_error("bdf2", Formula(PAST, 1), before, after, 0.1, np.array([2]))
-    assert begun.rms == pytest.approx(STARTUP_FACTOR * told.rms)
+    assert begun.rms == pytest.approx(STARTUP_FACTOR * reported.rms)
 
 
 def test_a_quasi_static_step_has_none():

@@ -31,7 +31,7 @@ CONTROL = ErrorControl(1e-3, 2.0, 0.04)
 START = first_state(small_world(), 0.01)
 
 
-def test_a_step_may_add_its_share_of_the_time_but_at_least_a_share_of_the_error():
+def test_a_step_may_add_its_fraction_of_the_time_but_at_least_a_fraction_of_the_error():
     assert not CONTROL.exceeds(START, 0.01, 0.99 * LEAST_FRACTION * 1e-3)
     assert CONTROL.exceeds(START, 0.01, 1.01 * LEAST_FRACTION * 1e-3)
     assert not CONTROL.exceeds(START, 1.0, 0.49e-3)
@@ -40,7 +40,7 @@ def test_a_step_may_add_its_share_of_the_time_but_at_least_a_share_of_the_error(
 
 
 @pytest.mark.parametrize("order", [1, 2])
-def test_the_next_dt_would_have_added_its_share(order):
+def test_the_next_dt_would_have_added_its_fraction(order):
     """The error of a step is ~ h^(order+1): with the chosen dt it is SAFETY^.. of what is left for it."""
     h, rate = 0.01, 1e-3 / 2.0
     for share in (0.7, 1.0, 1.5):
@@ -143,7 +143,7 @@ def test_contact_is_as_stiff_in_short_steps_as_in_long_ones():
     assert found == pytest.approx([found[0]] * 3, rel=1e-9)
 
 
-def test_at_the_floor_steps_are_taken_and_told():
+def test_at_the_floor_steps_are_taken_and_reported():
     """Asked for a nanometre, backward Euler would fall in ten thousand million steps."""
     integrator = falling(1e-9)
     state = first_state(integrator.world, 0.1)

@@ -100,7 +100,7 @@ def test_no_direction_is_longer_than_the_trust_in_it():
     assert np.abs(x / b) == pytest.approx([1.0, TRUST, TRUST, 0.2], rel=RELATIVE_ERROR)
 
 
-def test_a_product_that_is_no_number_leaves_the_preconditioner_s_direction():
+def test_a_product_that_is_not_finite_leaves_the_preconditioner_s_direction():
     A, b, calls = matrix(np.linspace(1, 50, 30)), right(30), []
 
     def times(v):
@@ -140,7 +140,7 @@ def test_a_few_directions_that_the_preconditioner_lacks_are_not_left_out():
     assert ends > 20
 
 
-def test_a_right_hand_side_whose_square_is_no_number_leaves_the_preconditioner_s_direction():
+def test_a_right_hand_side_whose_square_is_not_finite_leaves_the_preconditioner_s_direction():
     found = solved(lambda v: 2.0 * v, lambda r: 0.1 * r, np.full(30, 1e200))
     assert found.x == pytest.approx(np.full(30, 1e199))
     assert found.products == 0

@@ -55,7 +55,7 @@ def test_one_analysis_serves_many_matrices(solver):
 
 @pytest.mark.parametrize("share", [0.0, 0.5])
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
-def test_a_matrix_with_what_is_no_number_is_refused_and_the_next_one_solved(solver, number, share):
+def test_a_matrix_with_what_is_not_finite_is_refused_and_the_next_one_solved(solver, number, share):
     """Also on the diagonal, where PARDISO takes an infinite pivot for a large one."""
     _, data, dense = newton_matrix()
     b, wrong = np.ones(len(dense)), data.copy()
@@ -82,7 +82,7 @@ def test_auto_is_the_first_that_is_installed():
     assert np.abs(dense @ solver.solve(data, np.ones(len(dense))) - 1).max() < 1e-11
 
 
-def test_auto_falls_back_and_says_so(monkeypatch):
+def test_auto_falls_back_and_reports_it(monkeypatch):
     missing_packages(monkeypatch)
     solver = make_solver("auto", newton_matrix()[0])
     assert solver.name == "superlu"
@@ -123,7 +123,7 @@ def test_only_superlu_is_slow():
     assert (slowness(solver) == "") == (solver.name != "superlu")
 
 
-def test_threads_that_a_sequential_library_leaves_idle_are_told():
+def test_threads_that_a_sequential_library_leaves_idle_are_reported():
     solver = make_solver("superlu", newton_matrix()[0])
     solver.name, solver.wanted_threads = "mixed", 4
     assert "clothsim[mkl]" in slowness(solver)
@@ -188,8 +188,8 @@ def test_a_right_hand_side_of_any_size_keeps_its_digits(scale):
     assert np.abs(solver.solve(data, scale * b) / scale - expected).max() < 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize(("code", "said"), [(-2, "not enough memory to factorise"), (-3, "its error -3")])
-def test_what_pardiso_gives_up_is_said_in_a_sentence(code, said, monkeypatch):
+@pytest.mark.parametrize(("code", "output"), [(-2, "not enough memory to factorise"), (-3, "its error -3")])
+def test_what_pardiso_gives_up_is_reported_in_a_sentence(code, output, monkeypatch):
     solver, _, data, _ = mixed()
     library = solver._single._library
     integer = ctypes.POINTER(np.ctypeslib.as_ctypes_type(library.integer))
@@ -198,7 +198,7 @@ def test_what_pardiso_gives_up_is_said_in_a_sentence(code, said, monkeypatch):
         ctypes.cast(arguments[-1], integer)[0] = code
 
     monkeypatch.setattr(solver._single, "_library", replace(library, pardiso=giving_up))
-    with pytest.raises(ClothsimError, match=said):
+    with pytest.raises(ClothsimError, match=output):
         solver.factorise(data)
     monkeypatch.undo()
 

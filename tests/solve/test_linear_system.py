@@ -59,7 +59,7 @@ def test_a_few_new_blocks_are_lacked_by_the_preconditioner_and_by_it_alone():
     assert system.preconditioner(data) == (system.solver, data)
 
 
-def test_where_many_blocks_have_come_the_pattern_is_analysed_anew():
+def test_where_many_blocks_have_come_the_pattern_is_analysed_afresh():
     system, data = grown(int(NEW_BLOCKS * (COUNT + 3 * 20 * 20)) + 2)
     _, own = system.preconditioner(data)
     assert own is data
@@ -94,7 +94,7 @@ def test_a_step_whose_pattern_is_another_starts_without_the_solver_of_the_last()
     assert system.analyses == 2
 
 
-def test_a_step_trusts_single_precision_anew(monkeypatch):
+def test_a_step_trusts_single_precision_afresh(monkeypatch):
     system, _ = grown(5)
     restarts = []
     monkeypatch.setattr(system.solver, "restart", lambda: restarts.append(system.analyses))

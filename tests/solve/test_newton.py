@@ -109,7 +109,7 @@ def test_a_strained_sheet_goes_back_to_rest(linear):
     assert sum(energy.value(x) for energy in energies.values()) < 1e-16
 
 
-def test_residual_speed_and_iterations_are_told():
+def test_residual_speed_and_iterations_are_reported():
     world = small_world()
     energies = {"membrane": membrane(world), "inertia": inertia(world)}
     start = deformed(world)
@@ -147,7 +147,7 @@ def test_prescribed_vertices_arrive_to_the_bit_and_the_rest_follows():
     assert np.abs(result - 1.3 * x - [0.1, 0.2, 0.3]).max() < 1e-10
 
 
-def test_rows_beyond_the_cloth_are_carried_too():
+def test_rows_beyond_the_cloth_are_prescribed_too():
     positions, triangles = grid(2, 2)
     floor = make_body("floor", np.array([[0.0, 0, -1], [1, 0, -1], [0, 1, -1]]), np.array([[0, 1, 2]]))
     world = make_world([cloth(positions, triangles)], [floor])
@@ -184,7 +184,7 @@ def test_what_holds_a_vertex_is_no_residual():
     assert QuadraticModel(solver.potential, solver.system, ~fixed).residual(gradient) == np.abs(gradient[:3]).max()
 
 
-def test_a_fold_across_the_sheet_is_carried_in_parts_when_it_would_invert():
+def test_a_fold_across_the_sheet_is_displaced_in_parts_when_it_would_invert():
     """Pins that cross over the sheet's own middle in one step: the value may rise, but it stays finite."""
     positions, triangles = grid(4, 1)
     world = make_world([cloth(positions, triangles)])
@@ -303,7 +303,7 @@ def test_every_sentence_can_be_filled(ending):
     assert filled.converged == (ending is Ending.CONVERGED)
 
 
-def test_a_place_is_told_without_its_round_off():
+def test_a_place_is_reported_without_its_round_off():
     assert position_text(np.array([0.25, -3e-17, 1e-3])) == "(0.25, 0, 0.001) m"
     assert position_text(np.array([2e-12, 0.0, -1e-12])) == "(2e-12, 0, -1e-12) m"
 

@@ -44,11 +44,11 @@ def test_a_value_that_is_refused_ends_the_sum():
 
 @dataclass(frozen=True)
 class Limited(Energy, ContactGap):
-    """Keeps a gap and limits steps; `told` is the gradient that it was given at `begin`."""
+    """Keeps a gap and limits steps; `received_gradient` is the gradient that it was given at `begin`."""
 
     limit: float
     gap: float
-    told: np.ndarray | None = None
+    received_gradient: np.ndarray | None = None
 
     begins_last = True
 
@@ -76,14 +76,14 @@ class Limited(Energy, ContactGap):
 
 def test_no_energy_is_asked_beyond_what_those_before_it_allow(monkeypatch):
     world = small_world()
-    x, heard = world.start(), []
+    x, received = world.start(), []
     monkeypatch.setattr(
-        Limited, "step_limit", lambda self, x, dx, most=1.0: heard.append(most) or min(most, self.limit)
+        Limited, "step_limit", lambda self, x, dx, most=1.0: received.append(most) or min(most, self.limit)
     )
     limits = {str(k): Limited(limit, np.inf) for k, limit in enumerate((0.9, 0.4, 0.7))}
     potential = Potential(energies_of(world) | limits, Timers())
     assert potential.step_limit(x, x) == 0.4
-    assert heard == [1.0, 0.9, 0.4]
+    assert received == [1.0, 0.9, 0.4]
 
 
 def test_the_smallest_limit_and_gap_count():
@@ -112,14 +112,14 @@ def test_contact_without_an_active_pair_predicts_none(gap, pairs):
     assert [each.tolist() for each in found] == pairs
 
 
-def test_what_begins_last_is_told_the_gradient_of_the_others_and_the_order_stays():
+def test_what_begins_last_receives_the_gradient_of_the_others_and_the_order_stays():
     world = small_world()
     x = deformed(world)
     energies = energies_of(world)
     potential = Potential({"first": Limited(1.0, 1.0), **energies}, Timers()).begin(step_at(x, load=0.5))
     assert list(potential.energies) == ["first", *energies]
     forces = [energy.begin(step_at(x, load=0.5)).gradient(x) for energy in energies.values()]
-    assert np.allclose(potential.energies["first"].told, sum(forces), atol=1e-14)
+    assert np.allclose(potential.energies["first"].received_gradient, sum(forces), atol=1e-14)
 
 
 @dataclass(frozen=True)

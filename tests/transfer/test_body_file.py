@@ -115,7 +115,7 @@ def put(*index_and_value):
 
 
 @pytest.mark.parametrize(
-    ("key", "change", "says"),
+    ("key", "change", "message"),
     [
         ("v_template", lambda a: a[:, :2], "v_template must have shape (any, 3), not (12, 2)"),
         ("v_template", put(3, 1, np.nan), "v_template[3, 1] is not finite"),
@@ -139,7 +139,7 @@ def put(*index_and_value):
         ("f", lambda a: a.ravel(), "The body model's triangles must have shape (m, 3)"),
     ],
 )
-def test_arrays_that_do_not_fit_are_named(key, change, says):
+def test_arrays_that_do_not_fit_are_named(key, change, message):
     with pytest.raises(TransferError) as caught:
         body_model(changed(key, change))
-    assert str(caught.value).startswith(says)
+    assert str(caught.value).startswith(message)

@@ -99,7 +99,7 @@ def test_rotations_are_those_of_scipy():
 
 
 @pytest.mark.parametrize(
-    ("keywords", "says"),
+    ("keywords", "message"),
     [
         ({"beta": np.zeros(4)}, "beta must be at most 3 numbers"),
         ({"beta": np.zeros((1, 3))}, "beta must be at most 3 numbers"),
@@ -110,10 +110,10 @@ def test_rotations_are_those_of_scipy():
         ({"translation": [1, 2]}, "translation must be 3 numbers"),
     ],
 )
-def test_bad_parameters_are_named(keywords, says):
+def test_bad_parameters_are_named(keywords, message):
     with pytest.raises(TransferError) as caught:
         body_model(small_arrays()).vertices(**keywords)
-    assert str(caught.value).startswith(says)
+    assert str(caught.value).startswith(message)
 
 
 def test_the_mannequin_is_such_a_body():

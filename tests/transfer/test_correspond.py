@@ -89,11 +89,11 @@ def test_pairs_carry_a_pose_to_the_other_topology():
 
 def test_people_without_markers_get_derived_ones():
     slim, stout = person(0.045), person(0.036, leg_spread=0.3, arm_drop=0.45, girth=1.25)
-    said = []
-    found = correspond(*slim, *stout, progress=said.append)
+    output = []
+    found = correspond(*slim, *stout, progress=output.append)
     assert found.derived
     assert len(found.markers) == 8
-    assert said[-1].endswith(f"{len(said)} of {len(said)}")
+    assert output[-1].endswith(f"{len(output)} of {len(output)}")
     assert off_the_surface(found.positions, stout).max() < 1e-3
     there = off_the_surface(stout[0], (found.positions, slim[1]))
     assert there.mean() < 4e-3
@@ -120,7 +120,7 @@ def test_open_surfaces_correspond():
 
 
 @pytest.mark.parametrize(
-    ("markers", "said"),
+    ("markers", "output"),
     [
         ([[0, 1], [0, 2]], r"markers \[\[0, 1\], \[0, 2\]\] name vertex 0 of the source twice"),
         ([[0, 1], [2, 1]], "name vertex 1 of the target twice"),
@@ -131,8 +131,8 @@ def test_open_surfaces_correspond():
         ([[0, 1, 2]], "the markers have shape"),
     ],
 )
-def test_bad_markers_are_named(markers, said):
-    with pytest.raises(TransferError, match=said):
+def test_bad_markers_are_named(markers, output):
+    with pytest.raises(TransferError, match=output):
         correspond(*BALL, *EGG, markers=markers)
 
 

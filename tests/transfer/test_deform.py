@@ -172,7 +172,7 @@ def test_a_source_triangle_that_nothing_follows_may_be_flat():
 
 
 @pytest.mark.parametrize(
-    ("pairs", "weights", "said"),
+    ("pairs", "weights", "output"),
     [
         (np.zeros((0, 2), int), None, "the pairs have shape"),
         (SAME.astype(float), None, "float64"),
@@ -182,8 +182,8 @@ def test_a_source_triangle_that_nothing_follows_may_be_flat():
         ([[0, 0]], [1.0, 2.0], "one positive number a pair"),
     ],
 )
-def test_bad_pairs_are_refused(pairs, weights, said):
-    with pytest.raises(TransferError, match=said):
+def test_bad_pairs_are_refused(pairs, weights, output):
+    with pytest.raises(TransferError, match=output):
         deformation_transfer(TARGET, TRIANGLES, pairs, weights)
 
 

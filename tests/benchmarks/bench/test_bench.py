@@ -69,14 +69,14 @@ def test_a_case_has_every_number_and_its_parts_are_in_its_time(on_ball):
 def test_the_command_keeps_what_it_prints(tmp_path, capsys):
     for _ in range(2):
         assert main(["--results", str(tmp_path), "--repeats", "2"], TINY) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     (file,) = tmp_path.glob("*.json")
     kept = json.loads(file.read_text())
     assert file.stem == f"{kept['date'][:10]}-{kept['revision'] or 'no-git'}"
     assert {name: each["trials"] for name, each in kept["cases"].items()} == {"falling": 2, "empty": 2}
     assert kept["cases"]["falling"]["vertices"] == 16
-    assert f"kept in {file}" in said
-    assert "of last" in said
+    assert f"kept in {file}" in output
+    assert "of last" in output
     assert len(list((tmp_path / "states").glob("falling-*.npz"))) == 1
 
 
@@ -88,11 +88,11 @@ def test_cases_of_the_same_day_and_revision_are_kept_together(tmp_path):
 
 
 @needs_history
-def test_another_revision_is_measured_beside_this_one_and_its_files_are_gone_after(tmp_path, capsys):
+def test_another_revision_is_measured_beside_this_one_and_its_files_are_removed_after(tmp_path, capsys):
     assert main(["--results", str(tmp_path), "--repeats", "1", "--compare", "HEAD"], TINY) == 0
-    said = capsys.readouterr().out.split("CPU s HEAD")[1]
-    assert "skipped" not in said
-    assert [line.split()[0] for line in said.splitlines()[2:4]] == ["falling", "empty"]
+    output = capsys.readouterr().out.split("CPU s HEAD")[1]
+    assert "skipped" not in output
+    assert [line.split()[0] for line in output.splitlines()[2:4]] == ["falling", "empty"]
     (file,) = tmp_path.glob("*-compared.json")
     compared = json.loads(file.read_text())["compared"]
     assert compared["revision"] == "HEAD"
@@ -115,7 +115,7 @@ def test_an_unknown_revision_is_one_sentence(tmp_path, capsys):
         assert capsys.readouterr().err == f"--compare: git knows no revision {name!r}.\nSee `git log --oneline`.\n"
 
 
-def test_without_git_it_says_so(tmp_path, monkeypatch):
+def test_without_git_it_reports_it(tmp_path, monkeypatch):
     monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path.parent))
     for path in (None, ""):  # no history, then no git either
         if path is not None:
@@ -141,7 +141,7 @@ def test_a_state_of_another_mesh_is_a_reason(tmp_path):
         assert worker.trial()["skipped"] == "Its mesh has 25 vertices, the state 16."
 
 
-def test_a_state_is_made_once_and_anew_for_another_scene(tmp_path):
+def test_a_state_is_made_once_and_afresh_for_another_scene(tmp_path):
     first = lead(TINY[0], tmp_path)
     made = first.stat().st_mtime_ns
     assert lead(TINY[0], tmp_path) == first
@@ -291,12 +291,12 @@ def test_the_command_prints_the_table_against_ipctk_and_writes_the_page(tmp_path
     ]
 
 
-def test_without_ipctk_it_says_so(tmp_path, monkeypatch, capsys):
+def test_without_ipctk_it_reports_it(tmp_path, monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "ipctk", None)
     assert main(["--oracle", "--results", str(tmp_path)], [ON_BALL]) == 2
-    said = capsys.readouterr().err
-    assert "ipctk" in said
-    assert "clothsim[oracle]" in said
+    output = capsys.readouterr().err
+    assert "ipctk" in output
+    assert "clothsim[oracle]" in output
 
 
 def test_the_table_against_ipctk_has_ratios_and_the_bar(tmp_path):
