@@ -156,7 +156,7 @@ _PLACES = tuple(
     for far in (1, 1.5, 2.2, 3.2)
     for dx, dy in ((14, 0), (12, 15), (12, -15), (-14, 0), (-12, 15), (-12, -15), (0, 20), (0, -20))
 )
-"""Where a label may stand, in pixels from its mark."""
+"""Candidate positions of a label, in pixels from its mark."""
 
 Box = tuple[float, float, float, float]
 

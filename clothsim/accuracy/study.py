@@ -36,7 +36,7 @@ COMBINATIONS = 6
 LATE = 0.35
 """Largest fraction of the remaining budget for one of the finest runs."""
 FINER = 3
-"""How many more levels are run of the knob whose limit is least certain, one at a time."""
+"""Number of further levels that are run of the knob whose limit is least certain, one at a time."""
 FOR_FILES = 0.15, 8.0
 """Reserve of the budget for picture and tables: fraction of the budget, and most seconds."""
 COMPUTES = ("mesh", "kinematics", "energies", "contact", "solve", "sim")

@@ -23,7 +23,7 @@ STRIP = (238, 239, 241)
 CLEAR = 2e-3
 """Height of a mark above its surface for the visibility test, relative to the body's size."""
 TURNS = ((0.3, "from the front"), (np.pi + 0.3, "from behind"))
-"""Where the camera stands: turned about the body from its front [rad]."""
+"""Positions of the camera: turned about the body from its front [rad]."""
 
 
 def draw_penetrations(report: PenetrationReport, file: Path) -> str:

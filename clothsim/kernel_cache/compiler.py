@@ -14,7 +14,7 @@ FORMAT = 2
 """Raised when files of an earlier clothsim could no longer be read."""
 
 _WITHOUT_EFFECT = ("CUDA_", "DUMP_", "CACHE_", "DEBUG_CACHE", "GDB_", "COLOR_SCHEME", "SHOW_HELP", "FULL_TRACE", "HTML")
-"""How the settings of numba begin that change no machine code. All others count, those of later versions too."""
+"""Prefixes of the settings of numba that change no machine code. All others count, those of later versions too."""
 
 
 def identity(codegen: Any) -> str:

@@ -35,7 +35,7 @@ _TICKS = {
     0.75: (0.25, 0.5, 1.0, 2.0, 4.0),
     0.9: (0.1, 0.3, 1.0, 3.0, 10.0),
 }
-"""Where the bar of range (1 - p, 1 / (1 - p)) is labelled, by p."""
+"""Labels of the bar of range (1 - p, 1 / (1 - p)), by p."""
 
 
 def log_stretch(principal_stretches: Floats) -> Floats:

@@ -12,7 +12,7 @@ from clothsim.run.archive_files import named_files
 from clothsim.scene.toml_file import load_scene
 
 INSTALLED = Path("share") / "clothsim" / "scenes"
-"""Where a wheel puts the scenes, from the root of an environment or of a target folder."""
+"""Folder of the scenes of a wheel, from the root of an environment or of a target folder."""
 MARK = "sphere.toml"
 """Marker file of the folder of scenes."""
 

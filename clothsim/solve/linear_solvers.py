@@ -75,7 +75,7 @@ SOLVERS: dict[str, type[LinearSolver]] = {
     "superlu": SuperLU,
 }
 REMEDIES = {"mixed": "clothsim[mkl]", "pardiso": "clothsim[mkl]", "cholmod": "clothsim[cholmod]"}
-"""What brings the library of a solver."""
+"""Commands that install the library of a solver."""
 
 
 def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
