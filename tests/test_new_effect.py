@@ -89,6 +89,7 @@ def folder(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "trampoline", module)
     spec.loader.exec_module(module)
     (tmp_path / "scene.toml").write_text(SCENE)
+    monkeypatch.delitem(EFFECTS, "trampoline", raising=False)  # of a tree in which the two steps were taken
     register_effect("trampoline", module.trampoline)
     yield tmp_path
     del EFFECTS["trampoline"]

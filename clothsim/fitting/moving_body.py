@@ -17,7 +17,7 @@ REST, START, BODY = "garment_rest.obj", "garment_start.obj", "body.obj"
 FRAMES = "body[0-9][0-9][0-9].obj"
 
 CARRYING_SECONDS = 0.5
-"""Duration [s] of the motion of a body from its first frame to its last: slow beside the damping, which holds the garment to it."""
+"""Duration of the motion of a body [s]: slow beside the damping, which holds the garment to it."""
 CARRYING_TOLERANCE = 0.1
 """Newton's tolerance there [m/s], a millimetre a step: what is in between is free of intersections, and that is enough.
 On a body of 47,500 triangles .02 takes twice to three times the iterations."""
