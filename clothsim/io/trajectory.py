@@ -218,6 +218,8 @@ class Trajectory:
 
     def _number(self, frame: int) -> int:
         k = len(self.times)
+        if not isinstance(frame, int | np.integer):
+            raise InputError(f"A frame is a whole number from {-k} to {k - 1}, not {frame!r}.", "The last one is -1.")
         if not -k <= frame < k:
             raise InputError(f"There is no frame {frame}: {self.path} holds {k} frames.")
         return int(frame) % k

@@ -325,3 +325,10 @@ def test_ghost_rows_are_not_written(path):
     with TrajectoryWriter(path, world_surfaces(WORLD)) as writer:
         writer.append(TIMES[0], np.concatenate([x, np.ones((5, 3))]), stretches)
     assert_holds(path, 1)
+
+
+@pytest.mark.parametrize("frame", ["last.png", 1.5, None])
+def test_a_frame_is_a_whole_number(path, frame):
+    write(path)
+    with pytest.raises(InputError, match=repr(frame)):
+        read_trajectory(path).positions(frame)
