@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from fitting_cases import capsule_figure, in_file, tube_garment
 
+from clothsim import InputError
 from clothsim.cli import main
 from clothsim.fitting import fit as module
 from clothsim.fitting import moving_body
@@ -109,3 +110,16 @@ def test_bad_input_is_a_sentence_and_a_remedy(words, sentence, capsys):
     assert sentence in lines[0]
     assert "Traceback" not in output
     assert lines[1]
+
+
+def test_a_garment_may_be_an_installed_scene_by_name(monkeypatch):
+    given = []
+
+    def recorded(*arguments, **_):
+        given.extend(arguments)
+        raise InputError("Far enough.")
+
+    monkeypatch.setattr(module, "fit", recorded)
+    assert main(["fit", "shirt", "--to", "shirt_large", "--quiet"]) == 2
+    assert [file.name for file in given[:2]] == ["shirt.toml", "shirt_large.toml"]
+    assert given[2] is None

@@ -28,7 +28,7 @@ def add_to(commands: Any) -> None:
         "garment",
         type=Path,
         metavar="GARMENT",
-        help="a mesh, .mhclo, or the .toml of a scene with it",
+        help="a mesh, .mhclo, or a scene with it: a .toml or an installed name",
     )
     fit.add_argument("--from", dest="made_for", type=Path, metavar="BODY", help="the body it lies on (default: --to)")
     fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body to wear it")
@@ -51,6 +51,11 @@ def _fit(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
     from clothsim.cli import progress
     from clothsim.fitting.fit import fit
+    from clothsim.run.example_scenes import installed_scene
+
+    def named(file: Path | None) -> Path | None:
+        """The file, or the installed scene of that name."""
+        return file if file is None or file.exists() else installed_scene(file) or file
 
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     directory = arguments.output or Path(arguments.garment.stem)
@@ -62,9 +67,9 @@ def _fit(arguments: argparse.Namespace) -> int:
     report(f"clothsim {__version__}: fit {arguments.garment}")
     with progress.shown(arguments.quiet) as listener:
         done = fit(
-            arguments.garment,
-            arguments.to,
-            arguments.made_for,
+            named(arguments.garment),
+            named(arguments.to),
+            named(arguments.made_for),
             directory,
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
             body_group=arguments.body_group,

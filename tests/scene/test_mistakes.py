@@ -59,7 +59,7 @@ MISTAKES = {
     "a name for pin groups": (
         effect('[effects.pins]\ngroup = "collar"'),
         "effects.pins.group",
-        "[[]effects.pins.group",
+        r"\[\[effects.pins.group",
     ),
     "a name for a selection": (effect('[effects.pins]\nselect = "collar"'), "effects.pins.select .*collar", "box"),
     "a pin group of nothing": (effect("[[effects.pins.group]]\nclamp = true"), r"effects.pins.group\[0\]", "select"),
@@ -143,7 +143,7 @@ MISTAKES = {
     "one spring": (
         effect('[effects.springs]\nspring = { select = "left" }'),
         "effects.springs.spring",
-        "[[]effects.springs",
+        r"\[\[effects.springs",
     ),
     "a negative stiffness": (
         effect('[[effects.springs.spring]]\nselect = "left"\nstiffness = -1'),
