@@ -70,8 +70,7 @@ class Simulation:
     --------
     A trimesh cloth falls on a pyvista body; half way through, wind begins to blow along x:
 
-    >>> import numpy, pyvista, trimesh
-    >>> import clothsim
+    >>> import clothsim, numpy, pyvista, trimesh
     >>> x, y = 0.125 * numpy.indices((9, 9)).reshape(2, 81) - 0.5
     >>> corners = numpy.arange(72).reshape(8, 9)[:, :8].reshape(64, 1)
     >>> triangles = numpy.concatenate([corners + [0, 10, 1], corners + [0, 9, 10]])
