@@ -28,7 +28,7 @@ def add_to(commands: Any) -> None:
         "garment",
         type=Path,
         metavar="GARMENT",
-        help="a mesh, .mhclo, or a scene with it: a .toml or an installed name",
+        help="a mesh, .mhclo, or a scene: a .toml or a name",
     )
     fit.add_argument("--from", dest="made_for", type=Path, metavar="BODY", help="the body it lies on (default: --to)")
     fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body to wear it")
