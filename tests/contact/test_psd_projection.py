@@ -63,10 +63,10 @@ def test_non_finite_blocks_propagate_and_do_not_affect_others():
     assert found[[0, 2]] == pytest.approx(np.tile(TO_RELATIVE.T @ TO_RELATIVE, (2, 1, 1)), abs=1e-15)
 
 
-@pytest.mark.parametrize("poses", [adversarial, at_random])
-def test_projected_blocks_of_mollified_pairs_against_lapack(poses):
+@pytest.mark.parametrize("records", [adversarial, at_random])
+def test_projected_blocks_of_mollified_pairs_against_lapack(records):
     clamped = 0
-    for name, pose in poses().items():
+    for name, pose in records().items():
         contact = pose.contact()
         projected_hessian, exact_hessian = contact.hessian(pose.x), contact.hessian(pose.x, project=False)
         assert projected_hessian.elements is exact_hessian.elements  # so that their block offsets are looked up once
@@ -84,7 +84,7 @@ def test_projected_blocks_of_mollified_pairs_against_lapack(poses):
 
 def test_block_of_a_pair_beyond_d_hat_is_zero():
     x = np.array([[0.2, 0.3, 0.5], [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    elements, poses = np.tile(np.arange(4), (2, 1)), np.full((2, RECORD_SIZE), np.nan)
-    assert evaluate(poses, x, elements, np.ones(2), np.zeros(2), 2, 0.0, 0.4) == 0.0
+    elements, records = np.tile(np.arange(4), (2, 1)), np.full((2, RECORD_SIZE), np.nan)
+    assert evaluate(records, x, elements, np.ones(2), np.zeros(2), 2, 0.0, 0.4) == 0.0
     for derived in (projected, exact):
-        assert np.array_equal(derived(poses, x, elements, np.zeros(2), 2, 1.0).blocks, np.zeros((2, 12, 12)))
+        assert np.array_equal(derived(records, x, elements, np.zeros(2), 2, 1.0).blocks, np.zeros((2, 12, 12)))
