@@ -37,8 +37,8 @@ from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.sim.certificate import Certificate
 from clothsim.sim.failure import Failure, crossing_failure
 from clothsim.sim.intersection_check import intersection_check_of
-from clothsim.sim.state import State, first_state
-from clothsim.sim.time_loop import frame_count, next_step
+from clothsim.sim.state import Rest, State, first_state
+from clothsim.sim.time_loop import finished, next_step
 
 
 class Simulation:
@@ -121,11 +121,12 @@ class Simulation:
 
     @property
     def finished(self) -> bool:
-        """True where the duration of the scene is simulated."""
-        return self._state.frame >= frame_count(self.duration, self.scene.run_settings.frames_per_second)
+        """True where the duration of the scene is simulated, or with ``until = "rest"`` the cloth is at rest."""
+        run = self.scene.run_settings
+        return finished(self._state, run.duration, run.frames_per_second, run.until)
 
     def __iter__(self) -> Iterator[SimulationState]:
-        """Take the steps that are left of the duration of the scene, one state a step."""
+        """Take the steps that are left of the scene, one state a step."""
         while not self.finished:
             yield self.step()
 
@@ -230,7 +231,7 @@ class Simulation:
         """
         session = with_effect(self._session, self._by_hand, effect, keys)
         refuse_infeasible(session, self._session, effect, self._state)
-        self._session = session
+        self._set_session(session)
 
     def _key(self, effect: str, key: str) -> Any:
         refuse_unknown("The scene's effects", [effect], self.scene.effects)
@@ -248,7 +249,7 @@ class Simulation:
         **keys
             Keys of the cloth that override the fabric: ``density``, ``bending_stiffness``, ...
         """
-        self._session = with_fabric(self._session, self._by_hand, fabric, cloth, keys)
+        self._set_session(with_fabric(self._session, self._by_hand, fabric, cloth, keys))
 
     # --- pins ---
 
@@ -342,8 +343,13 @@ class Simulation:
         if "body_contact" in built.energies:
             refuse_leaps(built.world, session.integrator.dt)
         integrator = replace(session.integrator, world=built.world, constraints=built.constraints)
-        self._session, self._by_hand = replace(session, built=built, integrator=integrator), by_hand
+        self._by_hand = by_hand
         self._state = replace(self._state, blocked_at=nan, blocked=0)
+        self._set_session(replace(session, built=built, integrator=integrator))
+
+    def _set_session(self, session: Session) -> None:
+        """Take a changed session; what was at rest may move now."""
+        self._session, self._state = session, replace(self._state, slow_steps=0, rest=Rest.MOVING)
 
     # --- copies ---
 
