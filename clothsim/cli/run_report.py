@@ -85,6 +85,7 @@ def verdict(run: "Run", trouble: list[str]) -> str:
     rows = [
         *_certificate(summary["certificate"], "body_contact" in summary["effects"]),
         ("rest", _rest(summary["certificate"])),
+        *(("unstable", text) for text in _unstable(summary["certificate"])),
         ("error", _error(summary["certificate"]["error_estimate"])),
         *(("found", text) for text in summary.get("found", [])),
         ("effort", effort),
@@ -153,6 +154,17 @@ def _rest(certificate: dict[str, Any]) -> str:
     speed = certificate["fastest_speed"]
     fastest = "" if speed is None else f", fastest vertex {length(speed)}/s"
     return f"{'at rest' if certificate['at_rest'] else 'NOT at rest'}{fastest}"
+
+
+def _unstable(certificate: dict[str, Any]) -> list[str]:
+    """A line where unstable equilibria were found, else none."""
+    found = certificate["unstable_equilibria"]
+    if found["first_at"] is None:
+        return []
+    left = f"an unstable equilibrium was left {_many(found['left'], 'time')}"
+    kept = f"{_many(found['kept'], 'step')} ended in one that was kept"
+    parts = [text for count, text in ((found["left"], left), (found["kept"], kept)) if count]
+    return [f"{', '.join(parts)}; first at {found['first_at']:g} s (grows by e in {1 / found['growth_rate']:.2g} s)"]
 
 
 def _error(estimate: dict[str, Any]) -> str:

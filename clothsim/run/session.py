@@ -121,7 +121,14 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
     formula = settings.integrator if dynamic else BACKWARD_EULER
     ramp = 0.0 if dynamic else run.duration
     integrator = Integrator(built.world, potential, built.constraints, system, newton, dt, ramp, formula=formula)
-    return replace(integrator, control=control, rest_speed=run.rest_speed)
+    leaves = settings.unstable_equilibrium == "leave"
+    return replace(
+        integrator,
+        control=control,
+        rest_speed=run.rest_speed,
+        leaves_unstable=leaves,
+        perturbation_seed=settings.perturbation_seed,
+    )
 
 
 def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:

@@ -34,6 +34,13 @@ class Solver(KeyTable):
     ] = "auto"
     threads: Annotated[int, Key("Number of threads; 0 takes all cores, 1 repeats every bit", "1", least=0)] = 0
     max_iterations: Annotated[int, Key("Newton iterations of a step before dt is halved", "1", least=1)] = 100
+    unstable_equilibrium: Annotated[
+        Literal["leave", "keep"],
+        Key("Unstable equilibria are left along their lowest mode, or kept; recorded either way"),
+    ] = "leave"
+    perturbation_seed: Annotated[
+        int, Key("Side to which an unstable equilibrium is left; 2 k and 2 k + 1 take opposite ones", "1", least=0)
+    ] = 0
     error: Annotated[
         float,
         Key("In place of dt: RMS error of the positions that the steps may add in the whole run", "m", above=0,

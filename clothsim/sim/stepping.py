@@ -15,7 +15,7 @@ from clothsim.sim.failure import Failure, end_sentence, failure_of
 from clothsim.sim.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
 from clothsim.sim.local_error import StepError, step_error
 from clothsim.sim.prescribed import prescribed
-from clothsim.sim.state import Previous, State
+from clothsim.sim.state import Previous, State, Switch
 from clothsim.sim.step_size import ErrorControl
 from clothsim.solve.linear_system import System
 from clothsim.solve.newton import Newton, NewtonResult, NewtonSettings
@@ -71,6 +71,10 @@ class Integrator:
         Step size control; None: dt is fixed.
     rest_speed : float
         Speed below which a vertex may count as at rest [m/s].
+    leaves_unstable : bool
+        True where unstable equilibria are left (`sim.branch_switching`).
+    perturbation_seed : int
+        Chooses the side.
     """
 
     world: World
@@ -84,6 +88,8 @@ class Integrator:
     formula: str = BACKWARD_EULER
     control: ErrorControl | None = None
     rest_speed: float = 1e-3
+    leaves_unstable: bool = True
+    perturbation_seed: int = 0
 
     def load(self, time: float) -> float:
         """Return the fraction of the loads that acts at `time` [s]."""
@@ -126,6 +132,8 @@ class StepReport:
         Tries whose local error was too large.
     at_floor : bool
         True where the error was too large and the step had the shortest length.
+    switches : tuple of Switch
+        Unstable equilibria at its end.
     """
 
     state: State
@@ -140,6 +148,7 @@ class StepReport:
     error: StepError | None = None
     rejected: int = 0
     at_floor: bool = False
+    switches: tuple[Switch, ...] = ()
 
     @property
     def converged(self) -> bool:
