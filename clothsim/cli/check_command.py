@@ -22,6 +22,8 @@ Exit code 1 if something is wrong.
   clothsim check suit.mhclo --on base.obj --body-group body -o suit.png
 """
 
+_TARGETS = "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` left."
+
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
@@ -44,13 +46,14 @@ def add_to(commands: Any) -> None:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from clothsim.run.example_scenes import installed_scene
+    from clothsim.run.example_scenes import installed_scene, refuse_ending_of_installed
 
     target = arguments.target
+    refuse_ending_of_installed(target)
     if not target.exists():
         target = installed_scene(target) or target
     if not target.exists():
-        raise InputError(f"There is no {target}.", "Name a mesh file, a scene (.toml) or the directory of a run.")
+        raise InputError(f"There is no {target}.", _TARGETS)
     mesh_options = arguments.body or arguments.scale or arguments.group or arguments.component
     if mesh_options and (target.is_dir() or target.suffix == ".toml"):
         raise InputError(
@@ -122,10 +125,13 @@ def _check_run(directory: Path) -> int:
     import numpy as np
 
     from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.io.trajectory import TRAJECTORY_NAME
     from clothsim.run.results import open_run
     from clothsim.scene.scene import scene_from_text
     from clothsim.sim.intersection_check import intersection_check_of
 
+    if not (directory / TRAJECTORY_NAME).is_file():
+        raise InputError(f"{directory} is a directory without a run (no {TRAJECTORY_NAME}).", _TARGETS)
     run = open_run(directory)
     print(f"{directory}: {run.status}, {len(run.times)} frames. {run.reason}")
     failed = run.status == "failed"

@@ -22,6 +22,7 @@ from clothsim.io.checkpoint import CHECKPOINT_NAME
 from clothsim.io.obj_writer import write_obj
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.io.trajectory import TRAJECTORY_NAME
+from clothsim.run.callbacks import refuse_uncallable
 from clothsim.run.recorded_run import Announcement, Listener
 from clothsim.run.results import Run
 from clothsim.run.resume import FITTED
@@ -163,6 +164,7 @@ def fit(
     Traceback (most recent call last):
     clothsim.errors.InputError: ...
     """
+    refuse_uncallable(on_stage=on_stage, progress=progress, announce=announce)
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
     named = fabric or (garment.fabric if isinstance(garment, ClothArrays) else "cotton")

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from clothsim.arrays import as_positive
 from clothsim.errors import InputError, MissingPackageError
 from clothsim.render.colour_scale import Quantity
-from clothsim.render.picture import Shot, expose, take_aim
+from clothsim.render.picture import Shot, expose, pixel_counts, take_aim
 from clothsim.render.surface_look import Surface
 
 
@@ -43,7 +43,8 @@ def movie(
         )
     rate = as_positive("frames_per_second", frames_per_second)
     all_frames = frames if isinstance(frames, Sequence) else list(frames)
-    even = (int(size[0]) // 2 * 2, int(size[1]) // 2 * 2)  # H.264 halves the colour's resolution
+    width, height = pixel_counts(size)
+    even = (width // 2 * 2, height // 2 * 2)  # H.264 halves the colour's resolution
     shot = take_aim(
         all_frames, size=even, colour=colour, up=up, view=view, title=title, renderer=renderer, samples=samples
     )

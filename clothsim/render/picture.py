@@ -4,6 +4,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -84,7 +85,7 @@ def take_aim(
         raise InputError("There is no frame to draw.")
     if not isinstance(colour, Quantity) and colour not in ("stretch", "plain"):
         raise InputError(f'colour must be "stretch" or "plain", not {colour!r}.')
-    pixels = (int(size[0]), int(size[1]))
+    pixels = pixel_counts(size)
     if min(pixels) < _SMALLEST:
         raise InputError(f"A picture needs at least {_SMALLEST} x {_SMALLEST} pixels, not {pixels[0]} x {pixels[1]}.")
     for surface in (s for surfaces in frames for s in surfaces):
@@ -107,6 +108,17 @@ def take_aim(
         cloth = everything = focus
     camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
     return Shot(camera, pixels, scale, upright, title, chosen, samples, note)
+
+
+def pixel_counts(size: Any) -> tuple[int, int]:
+    """The width and height in pixels. InputError where `size` is no pair of numbers."""
+    try:
+        width, height = (int(pixels) for pixels in size)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"size must be (width, height) in pixels, not {size!r:.80}.", "Give size=(1280, 960)."
+        ) from error
+    return width, height
 
 
 def expose(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
