@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_count, as_positive_number
-from clothsim.cli.penetration_command import check_dressed
+from clothsim.cli.penetration_command import check_penetration
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -59,13 +59,13 @@ def _check(arguments: argparse.Namespace) -> int:
         raise InputError(
             f"{target} is no mesh file.", "--body, --scale, --group and --component are for mesh files only."
         )
-    of_dressed = (arguments.body_group, arguments.body_scale, arguments.part, arguments.weld, arguments.output)
-    if arguments.on is None and any(option is not None for option in of_dressed):
+    of_pair = (arguments.body_group, arguments.body_scale, arguments.part, arguments.weld, arguments.output)
+    if arguments.on is None and any(option is not None for option in of_pair):
         raise InputError("--body-group, --body-scale, --part, --weld and -o need --on.", "Name the body: --on BODY.")
     if arguments.on is not None:
         if arguments.body or arguments.group or arguments.component or target.is_dir() or target.suffix == ".toml":
             raise InputError("--on is for a mesh file, without --body, --group and --component.", "Try --part LO:HI.")
-        return check_dressed(arguments)
+        return check_penetration(arguments)
     if target.is_dir():
         return _check_run(target)
     return _check_scene(target) if target.suffix == ".toml" else _check_mesh(target, arguments)

@@ -68,16 +68,18 @@ def keys_of_section(name: str) -> str:
 
     known = sections()
     words = _words(name)
-    found = [section for section in known.values() if section.name == name or (words and words <= _words(section.name))]
+    matching = [
+        section for section in known.values() if section.name == name or (words and words <= _words(section.name))
+    ]
     only = None
-    if not found:
+    if not matching:
         parent, _, only = name.rpartition(".")
-        found = [section for section in known.values() if section.name in (parent, f"effects.{parent}")]
-        found = [section for section in found if only in section.keys]
-    if not found:
+        matching = [section for section in known.values() if section.name in (parent, f"effects.{parent}")]
+        matching = [section for section in matching if only in section.keys]
+    if not matching:
         raise InputError(f"There is no section or key {name!r}.", _near(name))
     parts = []
-    for section in found:
+    for section in matching:
         rows = [row(key) for key in section.keys.values() if only in (None, key.name)]
         head = f"[{section.name}]" if "=" not in section.name else section.name
         parts.append(f"{head}: {section.summary}\n" + (text_table(COLUMNS, rows) if rows else "It takes no keys."))
