@@ -13,7 +13,6 @@ from clothsim.arrays import Floats
 from clothsim.build.scene_world import build
 from clothsim.errors import InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
-from clothsim.io.run_surfaces import world_surfaces
 from clothsim.run.archive import refuse_functions
 from clothsim.run.changes import (
     body_at,
@@ -26,6 +25,7 @@ from clothsim.run.changes import (
     with_effect,
     with_fabric,
 )
+from clothsim.run.checked_step import checked_step
 from clothsim.run.fields import Configuration, field
 from clothsim.run.hand_motions import HandMotions, hand_motions_from, pin_groups
 from clothsim.run.session import Session, prepare, refuse_leaps
@@ -34,9 +34,9 @@ from clothsim.run.summary import checkpoint_of, state_of
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.keys import refuse_unknown
 from clothsim.scene.scene import Scene, scene_from_text
-from clothsim.sim.certificate import Certificate
-from clothsim.sim.failure import Failure, crossing_failure
-from clothsim.sim.intersection_check import intersection_check_of
+from clothsim.sim.certificate import Certificate, certificate_from
+from clothsim.sim.failure import Failure
+from clothsim.sim.intersection_history import IntersectionHistory
 from clothsim.sim.state import State, first_state
 from clothsim.sim.time_loop import frame_count, next_step
 
@@ -61,8 +61,6 @@ class Simulation:
     ----------
     state : SimulationState
         The end of the last step.
-    scene : Scene
-        The scene with the changes that it can express (all but those of pins and bodies).
     failure : Failure or None
         Of the last step, None where it was taken.
 
@@ -95,16 +93,19 @@ class Simulation:
 
     def __init__(self, scene: Scene) -> None:
         session = prepare(scene, build(scene))
-        self._begin(session, first_state(session.built.world, session.integrator.dt), HandMotions())
+        state = first_state(session.built.world, session.integrator.dt)
+        history, _ = checked_step(session, IntersectionHistory(), state, is_frame=True)
+        self._begin(session, state, HandMotions(), history)
 
-    def _begin(self, session: Session, state: State, by_hand: HandMotions) -> None:
-        self._session, self._state, self._by_hand = session, state, by_hand
+    def _begin(self, session: Session, state: State, by_hand: HandMotions, history: IntersectionHistory) -> None:
+        self._session, self._state, self._by_hand, self._history = session, state, by_hand, history
         self.state: SimulationState = starting_state(session.built.world, state)
         self._configuration = Configuration(session.built.world, state.positions, session.built.energies)
         self.failure: Failure | None = None
 
     def __repr__(self) -> str:
         ended = ", failed" if self.failure is not None else ""
+        ended += ", INTERSECTS" if self.intersection_free is False else ""
         return f"<Simulation at {self.state.time:g} s of {self.duration:g} s, step {self.state.step}{ended}>"
 
     # --- stepping ---
@@ -147,12 +148,13 @@ class Simulation:
             raise InputError("solver.error is for the duration of the scene.", "Give a longer run.duration.")
         report = next_step(integrator, self._state, run.duration, run.frames_per_second)
         self.failure = report.failure
-        if report.failure is None and report.frame_done:
-            self.failure = self._intersection(report.state, report.dt)
+        history = self._history
+        if report.failure is None:
+            history, self.failure = checked_step(self._session, history, report.state, report.frame_done, report.dt)
         if self.failure is not None:
             raise SimulationError(self.failure)
         world, energies = self._session.built.world, report.potential.energies
-        self._state, self.state = report.state, state_after(world, report)
+        self._state, self.state, self._history = report.state, state_after(world, report), history
         self._configuration = Configuration(world, report.state.positions, energies, bound=True)
         return self.state
 
@@ -186,12 +188,15 @@ class Simulation:
         """
         return field(name, self._configuration)
 
-    def _intersection(self, state: State, dt: float) -> Failure | None:
-        """The failure of a frame that intersects where contact should have prevented it."""
-        built = self._session.built
-        check = intersection_check_of(world_surfaces(built.world), self.scene.effects, built.energies)
-        broken = check.violations(check.crossings(state.positions))
-        return crossing_failure(built.world, broken[0], state, dt) if broken else None
+    @property
+    def intersection_free(self) -> bool | None:
+        """As in the certificate of a run, of all states so far."""
+        return self._history.intersection_free
+
+    @property
+    def intersections(self) -> dict[str, Any]:
+        """As in the certificate of a run, of all states so far."""
+        return self._history.as_dict()
 
     # --- changes of effects and fabrics ---
 
@@ -354,6 +359,7 @@ class Simulation:
         """
         other = object.__new__(Simulation)
         other._session, other._state, other._by_hand = self._session, self._state, self._by_hand
+        other._history = self._history
         other.state, other.failure = self.state, self.failure
         other._configuration = self._configuration
         return other
@@ -364,7 +370,7 @@ class Simulation:
         Mesh files are not copied. InputError where a key of an effect is a Python function, which no file holds.
         """
         refuse_functions("effects", self.scene.effects)
-        saved = checkpoint_of(self._session, self._state, Certificate())
+        saved = checkpoint_of(self._session, self._state, Certificate(intersections=self._history))
         write_checkpoint(path, replace(saved, counters={**saved.counters, "by_hand": self._by_hand.as_json()}))
 
     @classmethod
@@ -389,5 +395,6 @@ class Simulation:
         if len(saved.positions) != built.world.n_vertices:
             raise InputError(f"{file} is of another mesh than its scene.", "Restore the mesh files of the scene.")
         simulation = object.__new__(cls)
-        simulation._begin(prepare(scene, built), state_of(saved), by_hand)
+        history = certificate_from(saved.counters["certificate"]).intersections
+        simulation._begin(prepare(scene, built), state_of(saved), by_hand, history)
         return simulation
