@@ -140,7 +140,7 @@ def _check_run(directory: Path) -> int:
         (f"in frame {k} at {time:g} s", np.concatenate([run.positions(k), *(points for _, points, _ in run.bodies(k))]))
         for k, time in enumerate(run.times)
     )
-    errors = _intersections(check, frames, f"in any of {len(run.times)} frames")
+    errors = _intersections(check, frames, f"in any of {len(run.times)} frames", "; later frames are not listed")
     return _ended(errors + _between_frames(run) + failed)
 
 
@@ -160,11 +160,13 @@ def _between_frames(run: "Run") -> int:
     return errors
 
 
-def _intersections(check: "IntersectionCheck", frames: "Iterable[tuple[str, Floats]]", anywhere: str) -> int:
+def _intersections(
+    check: "IntersectionCheck", frames: "Iterable[tuple[str, Floats]]", anywhere: str, note: str = ""
+) -> int:
     """Print the intersections of frames, each (when, x), by the exact test; returns the number of errors.
 
     Every intersection is an error, but for one of a pair that the scene excludes from contact. Without the contact
-    effect that would prevent it, only the first of a pair of surfaces is listed.
+    effect that would prevent it, only the first of a pair of surfaces is listed; note: said of that.
     """
     listed: set[str] = set()
     errors, met = 0, set()
@@ -182,7 +184,7 @@ def _intersections(check: "IntersectionCheck", frames: "Iterable[tuple[str, Floa
             severity = "note" if kind == "excluded" else "error"
             print(f"  {severity}: {crossing.summary} {when}, in {count}: {crossing.sentence}")
             if crossing.summary not in required:
-                print(f"    {_REASON[kind]}: later frames are not listed")
+                print(f"    {_REASON[kind]}{note}")
     if not check.bodies:
         print("  no body, so nothing for cloth to intersect but itself")
     elif "cloth_body" not in met:
@@ -193,8 +195,8 @@ def _intersections(check: "IntersectionCheck", frames: "Iterable[tuple[str, Floa
 
 
 _REASON = {
-    "cloth_cloth": "the scene has no self_contact, which prevents it",
-    "cloth_body": "the scene has no body_contact, which prevents it",
+    "cloth_cloth": "[effects.self_contact] is not on: from a start without intersections it lets none arise",
+    "cloth_body": "[effects.body_contact] is not on: from a start without intersections it lets none arise",
     "excluded": "the scene excludes the pair from contact",
 }
 
