@@ -75,11 +75,12 @@ class Simulation:
     >>> sheet = trimesh.Trimesh(numpy.stack([x, y, numpy.full(81, 0.32)], axis=1), triangles, process=False)
     >>> ball = pyvista.Sphere(radius=0.3, theta_resolution=16, phi_resolution=16)
     >>> elastic = [clothsim.Membrane(), clothsim.Bending()]
-    >>> loads = [clothsim.Inertia(), clothsim.Gravity(), clothsim.Air(), clothsim.BodyContact()]
+    >>> loads = [clothsim.Inertia(), clothsim.Gravity(), clothsim.Air()]
+    >>> contact = [clothsim.BodyContact(), clothsim.SelfContact()]
     >>> scene = clothsim.Scene(
     ...     cloth=clothsim.Cloth(sheet, name="sheet", fabric="cotton"),
     ...     body=clothsim.Body(ball, name="ball"),
-    ...     effects=elastic + loads,
+    ...     effects=elastic + loads + contact,
     ...     solver=clothsim.Solver(dt=0.02, threads=1),
     ...     run=clothsim.RunSettings(duration=0.2),
     ... )
