@@ -54,12 +54,13 @@ def settings(session: "Session", directory: Path, before: str) -> str:
     if solver.error:
         steps = f"steps chosen for an error of {length(solver.error)}, of {integrator.dt:g} s at most"
     tolerance = integrator.settings.tolerance
+    end = f"{'until rest, at most ' if run.until == 'rest' else ''}{run.duration:g} s"
     rows = [
         ("output", f"{directory}{os.sep}"),
         ("mesh", sizes),
         ("effects", ", ".join(on)),
         *(("off", f"{name}: {reason}") for name, reason in built.off.items()),
-        ("time", f"{run.duration:g} s in {steps}, {run.frames_per_second:g} frames a second"),
+        ("time", f"{end} in {steps}, {run.frames_per_second:g} frames a second"),
         ("solver", f"{kind}; Newton to {tolerance:g} m/s; {integrator.system.solver.name}, {threads}"),
         *(("note", note) for note in session.notes),
         *([("note", before)] if before else []),
@@ -84,6 +85,7 @@ def verdict(run: "Run", trouble: list[str]) -> str:
     rows = [
         *_certificate(summary["certificate"], "body_contact" in summary["effects"]),
         *(("WARNING", text) for text in summary.get("warnings", ())),
+        ("rest", _rest(summary["certificate"])),
         ("error", _error(summary["certificate"]["error_estimate"])),
         *(("found", text) for text in summary.get("found", [])),
         ("effort", effort),
@@ -148,6 +150,13 @@ def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, 
         ("stretch", f"principal stretches {stretches}"),
         ("balance", f"residual force {certificate['residual']:.1e} N, {energy}"),
     ]
+
+
+def _rest(certificate: dict[str, Any]) -> str:
+    """At rest or not, and the largest speed at the end."""
+    speed = certificate["fastest_speed"]
+    fastest = "" if speed is None else f", fastest vertex {length(speed)}/s"
+    return f"{'at rest' if certificate['at_rest'] else 'NOT at rest'}{fastest}"
 
 
 def _error(estimate: dict[str, Any]) -> str:

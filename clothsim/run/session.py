@@ -51,7 +51,7 @@ def prepare(scene: Scene, built: Built) -> Session:
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, tolerance)
     solver = system.solver  # one that is not installed is reported here, not in the first step
     slow = slowness(solver) if settings.linear == "auto" else ""
-    notes = (*built.notes, *filter(None, [*_setting_notes(scene, integrator), slow, finer]))
+    notes = (*built.notes, *filter(None, [*_setting_notes(scene, integrator), slow, finer, _endless(scene, built)]))
     return Session(scene, built, integrator, notes)
 
 
@@ -121,7 +121,7 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
     formula = settings.integrator if dynamic else BACKWARD_EULER
     ramp = 0.0 if dynamic else run.duration
     integrator = Integrator(built.world, potential, built.constraints, system, newton, dt, ramp, formula=formula)
-    return replace(integrator, control=control)
+    return replace(integrator, control=control, rest_speed=run.rest_speed)
 
 
 def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:
@@ -131,6 +131,16 @@ def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:
     shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if cut else ""
     ignored = integrator.formula != settings.integrator
     return shorter, f"{settings.integrator} does nothing without effects.inertia." if ignored else ""
+
+
+def _endless(scene: Scene, built: Built) -> str:
+    """A note on what never stops in a run until rest; empty where there is nothing."""
+    if scene.run_settings.until == "time":
+        return ""
+    motions = {body.name: body.motion for body in built.world.bodies}
+    moving = [name for name, motion in motions.items() if isinstance(motion, RigidMotion) and not motion.still]
+    moving += ["a pin"] if any(not constraint.still for constraint in built.constraints.values()) else []
+    return f"{' and '.join(moving)} never stops, so the run goes to its limit." if moving else ""
 
 
 def _refuse_error(built: Built) -> None:

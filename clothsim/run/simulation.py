@@ -37,8 +37,8 @@ from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.sim.certificate import Certificate, certificate_from
 from clothsim.sim.failure import Failure
 from clothsim.sim.intersection_history import IntersectionHistory
-from clothsim.sim.state import State, first_state
-from clothsim.sim.time_loop import frame_count, next_step
+from clothsim.sim.state import Rest, State, first_state
+from clothsim.sim.time_loop import finished, next_step
 
 
 class Simulation:
@@ -109,8 +109,6 @@ class Simulation:
         ended += ", INTERSECTS" if self.intersection_free is False else ""
         return f"<Simulation at {self.state.time:g} s of {self.duration:g} s, step {self.state.step}{ended}>"
 
-    # --- stepping ---
-
     @property
     def scene(self) -> Scene:
         """The scene with the changes that it can express."""
@@ -123,11 +121,12 @@ class Simulation:
 
     @property
     def finished(self) -> bool:
-        """True where the duration of the scene is simulated."""
-        return self._state.frame >= frame_count(self.duration, self.scene.run_settings.frames_per_second)
+        """True where the duration of the scene is simulated, or with ``until = "rest"`` the cloth is at rest."""
+        run = self.scene.run_settings
+        return finished(self._state, run.duration, run.frames_per_second, run.until)
 
     def __iter__(self) -> Iterator[SimulationState]:
-        """Take the steps that are left of the duration of the scene, one state a step."""
+        """Take the steps that are left of the scene, one state a step."""
         while not self.finished:
             yield self.step()
 
@@ -236,7 +235,7 @@ class Simulation:
         """
         session = with_effect(self._session, self._by_hand, effect, keys)
         refuse_infeasible(session, self._session, effect, self._state)
-        self._session = session
+        self._set_session(session)
 
     def _key(self, effect: str, key: str) -> Any:
         refuse_unknown("The scene's effects", [effect], self.scene.effects)
@@ -254,7 +253,7 @@ class Simulation:
         **keys
             Keys of the cloth that override the fabric: ``density``, ``bending_stiffness``, ...
         """
-        self._session = with_fabric(self._session, self._by_hand, fabric, cloth, keys)
+        self._set_session(with_fabric(self._session, self._by_hand, fabric, cloth, keys))
 
     # --- pins ---
 
@@ -348,10 +347,13 @@ class Simulation:
         if "body_contact" in built.energies:
             refuse_leaps(built.world, session.integrator.dt)
         integrator = replace(session.integrator, world=built.world, constraints=built.constraints)
-        self._session, self._by_hand = replace(session, built=built, integrator=integrator), by_hand
+        self._by_hand = by_hand
         self._state = replace(self._state, blocked_at=nan, blocked=0)
+        self._set_session(replace(session, built=built, integrator=integrator))
 
-    # --- copies ---
+    def _set_session(self, session: Session) -> None:
+        """Take a changed session; what was at rest may move now."""
+        self._session, self._state = session, replace(self._state, slow_steps=0, rest=Rest.MOVING)
 
     def branch(self) -> "Simulation":
         """A second simulation at the same state, which goes its own way; no array is copied.
@@ -359,10 +361,7 @@ class Simulation:
         Both share the scene's energies and the linear solver, so that they are not for use in two threads at a time.
         """
         other = object.__new__(Simulation)
-        other._session, other._state, other._by_hand = self._session, self._state, self._by_hand
-        other._history = self._history
-        other.state, other.failure = self.state, self.failure
-        other._configuration = self._configuration
+        other.__dict__.update(self.__dict__)
         return other
 
     def save(self, path: str | Path) -> None:

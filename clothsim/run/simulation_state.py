@@ -47,6 +47,8 @@ class SimulationState:
         Smallest distance in contact that is below d_hat [m]; inf where nothing is that close.
     kinetic_energy : float
         Of all cloths [J]; 0 where the scene has no inertia.
+    at_rest : bool
+        True where the cloth was at rest at the end of the last frame, and slow since then.
     energies : dict of str to float
         Value of each energy of the step [J]; that of "inertia", "damping", "air" and "friction" belongs to the step
         and is no stored energy. Empty at the start.
@@ -62,6 +64,7 @@ class SimulationState:
     newton_iterations: int = 0
     minimum_gap: float = float("inf")
     kinetic_energy: float = 0.0
+    at_rest: bool = False
     energies: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -75,6 +78,7 @@ def starting_state(world: World, state: State) -> SimulationState:
         positions=_by_name(world, state.positions + world.origin, "cloth"),
         velocities=_by_name(world, state.velocities, "cloth"),
         bodies=_by_name(world, state.positions + world.origin, "body"),
+        at_rest=state.at_rest,
     )
 
 

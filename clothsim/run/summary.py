@@ -12,7 +12,7 @@ from clothsim.sim.certificate import Certificate
 from clothsim.sim.failure import Failure
 from clothsim.sim.intersection_check import IntersectionCheck
 from clothsim.sim.intersection_history import intersection_warnings
-from clothsim.sim.state import Previous, State
+from clothsim.sim.state import Previous, Rest, State
 from clothsim.sim.stepping import StepReport
 from clothsim.solve.process_memory import peak_memory
 from clothsim.solve.timers import EffectCounters, Timers
@@ -104,7 +104,7 @@ def summary_of(
     history = certificate.intersections
     return {
         "status": "completed" if failure is None else "failed",
-        "reason": f"{state.time:g} s were simulated." if failure is None else failure.reason,
+        "reason": _end_of(session, state) if failure is None else failure.reason,
         "failure": None if failure is None else failure.as_dict(),
         "stages": ["start", *("simulated" for _ in range(state.frame))],
         **seconds,
@@ -127,12 +127,23 @@ def summary_of(
     }
 
 
+def _end_of(session: Session, state: State) -> str:
+    """The sentence on the end of a completed run."""
+    if session.scene.run_settings.until == "time":
+        return f"{state.time:g} s were simulated."
+    if state.at_rest:
+        return f"The cloth is at rest after {state.time:g} s."
+    return f"{state.time:g} s were simulated, the limit, and the cloth is not at rest: {state.rest.value}."
+
+
 def checkpoint_of(session: Session, state: State, certificate: Certificate) -> Checkpoint:
     """The checkpoint of a run at `state`."""
     potential = session.integrator.potential
     counters = {
         "memory": dict(state.memory),
         "temporal_error": state.temporal_error,
+        "slow_steps": state.slow_steps,
+        "rest": state.rest.name,
         "certificate": certificate.as_json(),
         "effects": potential.effect_counters(),
         "phases": potential.timers.phases,
@@ -170,6 +181,8 @@ def state_of(saved: Checkpoint) -> State:
         saved.blocked,
         memory=saved.counters.get("memory", {}),
         temporal_error=saved.counters.get("temporal_error", 0.0),
+        slow_steps=saved.counters.get("slow_steps", 0),
+        rest=Rest[saved.counters.get("rest", Rest.MOVING.name)],
         previous=None if x is None or v is None else Previous(x, v, saved.previous_dt),
     )
 

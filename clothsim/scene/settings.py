@@ -74,7 +74,7 @@ FieldName: TypeAlias = Literal[
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings(KeyTable):
-    """Duration, frame rate and fields of the frames: the section [run].
+    """Duration or end at rest, frame rate and fields of the frames: the section [run].
 
     Examples
     --------
@@ -89,6 +89,14 @@ class RunSettings(KeyTable):
         float, Key("Simulated time; a quasi-static run steps its loads over it", "s", above=0)
     ] = 2.0  # fmt: skip
     frames_per_second: Annotated[float, Key("Frames written for each simulated second", "1/s", above=0)] = 25.0
+    until: Annotated[
+        Literal["time", "rest"], Key("End of the run: the duration, or the first frame at rest, if that is earlier")
+    ] = "time"
+    rest_speed: Annotated[
+        float,
+        Key("At rest: no vertex is faster for 10 steps, nor farther from equilibrium than this a second", "m/s",
+            above=0),
+    ] = 1e-3  # fmt: skip
     fields: Annotated[
         Sequence[FieldName], Key("Fields written with each frame, beside the positions and the principal stretches")
     ] = ()

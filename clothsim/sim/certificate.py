@@ -49,6 +49,10 @@ class Certificate:
         Estimated error of the result.
     asked : float
         Error requested by the user [m]; 0 where a dt was given.
+    fastest_speed : float
+        Largest speed of a cloth vertex in the last step [m/s]; nan without inertia.
+    at_rest : bool
+        True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
     """
 
     intersections: IntersectionHistory = field(default_factory=IntersectionHistory)
@@ -64,6 +68,8 @@ class Certificate:
     formula: str = BACKWARD_EULER
     estimate: ErrorEstimate = field(default_factory=ErrorEstimate)
     asked: float = 0.0
+    fastest_speed: float = np.nan
+    at_rest: bool = False
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
         """Return the certificate after one more step, which started at `before`.
@@ -85,6 +91,8 @@ class Certificate:
             step_rise=max(self.step_rise, incremental - incremental_before),
             energy_scale=max(self.energy_scale, scale),
             estimate=self.estimate.after(report),
+            fastest_speed=np.nan if report.error is None else report.fastest,
+            at_rest=report.state.at_rest,
         )
 
     def as_dict(self, coverage: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
@@ -100,6 +108,8 @@ class Certificate:
             "stretch_min": self.stretch_min,
             "stretch_max": self.stretch_max,
             "residual": self.residual,
+            "at_rest": self.at_rest,
+            "fastest_speed": self.fastest_speed,
             "energy_drift": scripted if self.moved_by_script else drift,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
             "error_estimate": self.estimate.as_dict(self.asked, completed),

@@ -69,6 +69,8 @@ class Integrator:
         "backward_euler" or "bdf2".
     control : ErrorControl or None
         Step size control; None: dt is fixed.
+    rest_speed : float
+        Speed below which a vertex may count as at rest [m/s].
     """
 
     world: World
@@ -81,6 +83,11 @@ class Integrator:
     watch: Watch = unwatched
     formula: str = BACKWARD_EULER
     control: ErrorControl | None = None
+    rest_speed: float = 1e-3
+
+    def load(self, time: float) -> float:
+        """Return the fraction of the loads that acts at `time` [s]."""
+        return min(1.0, time / self.ramp) if self.ramp else 1.0
 
     def shortest(self, dt: float) -> float:
         """Return the length below which a step that was first tried with dt is given up [s]."""
@@ -202,9 +209,8 @@ def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -
 def _solve(
     integrator: Integrator, state: State, formula: Formula, h: float, end: float, target: Prescribed
 ) -> tuple[Potential, NewtonResult]:
-    load = min(1.0, end / integrator.ramp) if integrator.ramp else 1.0
     zero = np.zeros_like(state.positions)
-    start = Step(state.time, h, state.positions, state.velocities, load, zero, memory=state.memory)
+    start = Step(state.time, h, state.positions, state.velocities, integrator.load(end), zero, memory=state.memory)
     control = integrator.control
     scale = max(h, CONTACT_TIME_SCALE) if control is None else control.contact_time_scale
     start = replace(start, weighed=formula.past, contact_time_scale=scale)

@@ -1,0 +1,109 @@
+"""State of rest: slow for several steps, near an equilibrium, and with nothing left that will change.
+
+Speeds alone mislead: where a cloth turns back all of them vanish together, and one that creeps is slow for long. The
+distance from equilibrium tells both from rest; it takes a factorisation, so it is looked at only where the cloth is
+slow. Nothing is looked at between frames, on which a run may end.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.energies.base import Energy
+from clothsim.energies.step import Step
+from clothsim.sim.prescribed import prescribed
+from clothsim.sim.state import Rest, State
+from clothsim.sim.stepping import Integrator, StepReport
+from clothsim.solve.potential import Potential
+from clothsim.solve.statics import StaticModel
+
+SLOW_STEPS = 10
+"""Consecutive steps without a vertex faster than `Integrator.rest_speed` before the distance is looked at."""
+REST_TIME = 1.0
+"""The distance from equilibrium at rest is at most `Integrator.rest_speed` times this [s]."""
+LATER_TIMES = 32
+"""Later times at which loads and prescribed positions are compared with those of now."""
+GOLDEN = 0.5 * (5**0.5 - 1)
+"""Spacing of the later times as a fraction of their range, modulo 1: no period of a rotation or a gust fits it."""
+ROUNDING = 1e-9
+"""Relative change of a load or a position below which it is none."""
+
+
+def judged(integrator: Integrator, report: StepReport, until: float) -> StepReport:
+    """Return the report of a step with the `rest` of its state; `until`: end of the loads that matter [s]."""
+    if not report.converged:
+        return report
+    state, static = report.state, is_static(integrator)
+    slow = report.state.slow_steps + 1 if report.fastest < integrator.rest_speed else 0
+    rest = state.rest if slow else Rest.MOVING
+    if report.frame_done and rest is not Rest.REACHED and (static or slow >= SLOW_STEPS):
+        with integrator.potential.timers.phase("rest"):
+            rest = _rest(integrator, report, until)
+        slow = slow if rest is Rest.REACHED else 0
+    return replace(report, state=replace(state, slow_steps=slow, rest=rest))
+
+
+def is_static(integrator: Integrator) -> bool:
+    """True for quasi-static steps, each of which ends in an equilibrium."""
+    return "inertia" not in integrator.potential.energies
+
+
+def _rest(integrator: Integrator, report: StepReport, until: float) -> Rest:
+    if _changes(integrator, report, until):
+        return Rest.CHANGING
+    displacement = static_model(integrator, report).displacement()
+    if displacement is None:
+        return Rest.UNSTABLE
+    distance = float(np.linalg.norm(displacement, axis=1).max(initial=0.0))
+    return Rest.REACHED if distance < REST_TIME * integrator.rest_speed else Rest.DISTANT
+
+
+def static_model(integrator: Integrator, report: StepReport) -> StaticModel:
+    """Return the static model at the end of a step."""
+    world, state = integrator.world, report.state
+    fixed = np.zeros(world.n_cloth, bool)
+    rows = prescribed(world, integrator.constraints.values(), state.time).vertices
+    fixed[rows[rows < world.n_cloth]] = True
+    return StaticModel(report.potential, integrator.system, world.masses, fixed, _standing(integrator, state, 0.0))
+
+
+def _standing(integrator: Integrator, state: State, later: float) -> Step:
+    """A step that begins at the positions of `state` without velocities, with the loads of `later` [s] from then."""
+    end, h = state.time + later, state.dt
+    zero = np.zeros_like(state.positions)
+    return Step(end - h, h, state.positions, zero, integrator.load(end), zero, memory=state.memory)
+
+
+def _changes(integrator: Integrator, report: StepReport, until: float) -> bool:
+    """True where a load or a prescribed position changes between the state and `until` [s]."""
+    state, held = report.state, integrator.constraints.values()
+    if integrator.load(state.time) < 1.0:
+        return True
+    span = max(until - state.time, REST_TIME)
+    later = [span, *(span * (k * GOLDEN % 1.0) for k in range(1, LATER_TIMES))]
+    still = all([*(body.motion.still for body in integrator.world.bodies), *(one.still for one in held)])
+    if not still:
+        now = prescribed(integrator.world, held, state.time).positions
+        if any(_differ(prescribed(integrator.world, held, state.time + t).positions, now) for t in later):
+            return True
+    return any(_varies(integrator, state, energy, later) for energy in _timed(report.potential))
+
+
+def _timed(bound: Potential) -> list[Energy]:
+    """The energies that may depend on time: those that are bound to a step, but for those bound last (contact)."""
+    return [e for e in bound.energies.values() if type(e).begin is not Energy.begin and not e.begins_last]
+
+
+def _varies(integrator: Integrator, state: State, energy: Energy, later: list[float]) -> bool:
+    """True where the force of an energy on the cloth without velocities varies over time."""
+
+    def force(t: float) -> Floats:
+        return energy.begin(_standing(integrator, state, t)).gradient(state.positions)
+
+    now = force(0.0)
+    return any(_differ(force(t), now) for t in later)
+
+
+def _differ(a: Floats, b: Floats) -> bool:
+    return bool(np.abs(a - b).max(initial=0.0) > ROUNDING * np.abs(b).max(initial=0.0))
