@@ -138,7 +138,7 @@ def _scaled(
     mismatch, removed = mismatches[level], norm(summed)
     factor = _whole_over_removed(base, summed, limits, norm)
     scale = min(1.0, norm(summed + mismatch) / removed) if removed > 0 else 1.0
-    return _Estimate(factor * mismatch, _rss([scale * apart, norm(mismatch)]))
+    return _Estimate(factor * mismatch, _rss([scale * apart, factor * norm(mismatch)]))
 
 
 def _whole_over_removed(base: Floats, summed: Floats, limits: Mapping[str, Limit], norm: Norm) -> float:

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from analytic_study import SHEET, A, B, C, Runners, answer, positions
 
-from clothsim.accuracy.points import written
 from clothsim.accuracy.answer import answer as reported
+from clothsim.accuracy.points import written
 from clothsim.accuracy.resample import material_of, point_areas
 from clothsim.accuracy.study import study_accuracy
 from clothsim.build.meshes import cloth_shape
