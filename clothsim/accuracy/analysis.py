@@ -1,6 +1,6 @@
 """Error analysis of a study: errors, their uncertainty, sources and Pareto front."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,8 @@ from clothsim.scene.scene import Scene
 
 RESOLVED = 10.0
 """Least ratio of a resolved error to the reference's own error."""
+JOINT = (1, -1, 2)
+"""Levels at which knobs are refined together, the most telling first."""
 ADDITIVE = 0.25
 """What the knobs add only together, over the base's error, up to which predicted combinations are believed."""
 
@@ -101,10 +103,10 @@ class Compared:
         """The knobs to refine together."""
         return large_knobs(self.fields[BASE], self.limits(), self.always, self.norm)
 
-    def joint_points(self) -> list[Point]:
-        """The runs of those knobs, finer and coarser."""
+    def joint_points(self, levels: Sequence[int]) -> list[Point]:
+        """The runs of those knobs together, at levels; none where there are fewer than two."""
         names = self.together()
-        return [point(dict.fromkeys(names, level)) for level in (1, -1)] if len(names) > 1 else []
+        return [point(dict.fromkeys(names, level)) for level in levels] if len(names) > 1 else []
 
     def least_certain(self) -> list[Point]:
         """The next finer run of the knob whose limit is least certain."""
@@ -147,7 +149,7 @@ def findings(compared: Compared) -> Findings:
     limits, names = compared.limits(), compared.together()
     joint = {
         level: fields[point(dict.fromkeys(names, level))]
-        for level in (-1, 1)
+        for level in JOINT
         if point(dict.fromkeys(names, level)) in fields
     }
     ratios = {name: compared.knobs[name].ratio for name in limits}

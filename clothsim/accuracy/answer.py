@@ -55,7 +55,7 @@ def _unfinished(result: Mapping[str, Any]) -> list[str]:
     headline = result["headline"]
     words = {
         "base": "the scene itself did not come to its end",
-        "twins": "it was not looked for chaos (runs with a start that differs by a hair)",
+        "twins": "whether its folds are chaotic was not tested",
         "seeds": "its folds are chaotic, and there are too few runs with other starts to compare",
     }
     failed = [name for name in headline["missing"] if f"{name} +1" in {entry["label"] for entry in result["failed"]}]

@@ -84,8 +84,17 @@ class Gatherer:
         return where in self.outcomes and not self.outcomes[where].failed
 
     def missing_seconds(self, points: Iterable[Point]) -> float:
-        """Wall-clock seconds that those of the points would take that are not known yet; the base must be."""
-        each = [self._wall_seconds(where) for where in points if where not in self.outcomes]
+        """Wall-clock seconds that those of the points would take that are not known yet.
+
+        A base that did not come to its end takes at least the time that was spent.
+        """
+        done = self.field_seconds() or {BASE: monotonic() - self.started}
+        guesses = [
+            predicted_seconds(where, done, self.bench.knobs) * self.slowness
+            for where in points
+            if where not in self.outcomes
+        ]
+        each = [guess * (TIMES if guess < SHORT else 1) for guess in guesses]
         return max(sum(each) / self.cores, max(each, default=0.0))
 
     def _wall_seconds(self, where: Point) -> float:

@@ -17,8 +17,8 @@ LARGE = 0.1
 """A knob is refined with the others where its error is at least this fraction of the largest."""
 CONFIRMED = 0.25
 """Two runs confirm a product of two errors where they differ by at most this fraction of it."""
-FIRST, SECOND = 2.0, 4.0 / 3.0
-"""Whole error over what one level removes of it, at first and at second order."""
+ORDERS = (1.0, 2.0)
+"""Range of the order with which the knobs' errors fall together."""
 
 
 @dataclass(frozen=True)
@@ -104,11 +104,13 @@ def reference(
     shifts = {level: {name: sweeps[name][level] - base for name in names} for level in known}
     mismatches = {level: known[level] - base - sum(shifts[level].values()) for level in known}
     chosen = {name: limits[name] for name in names}
-    summed = sum(shifts[max(known)].values(), start=np.zeros_like(base))
+    finest = max(known)
+    summed = sum(shifts[finest].values(), start=np.zeros_like(base))
+    order = _joint_order(base, summed, finest, chosen, norm)
     confirmed = _product(mismatches, list(chosen.values()), [ratios[name] for name in names], apart, norm)
     estimates = confirmed or [
-        _scaled(base, mismatches, shifts, chosen, apart, norm),
-        *_limit_of_joint(base, known, summed, chosen, norm, noise),
+        _scaled(summed, mismatches[finest], 1.0 / (1.0 - 2.0 ** (-order * finest)), apart, norm),
+        *_limit_of_joint(base, joint, order, chosen, norm, noise),
     ]
     best, *others = sorted(estimates, key=lambda each: each.error)
     excess = [norm(best.cross - each.cross) - each.error for each in others]
@@ -120,45 +122,29 @@ def _rss(values: Sequence[float], *more: float) -> float:
     return float(np.sqrt(sum(each**2 for each in (*values, *more))))
 
 
-def _scaled(
-    base: Floats,
-    mismatches: Mapping[int, Floats],
-    shifts: Mapping[int, Mapping[str, Floats]],
-    limits: Mapping[str, Limit],
-    apart: float,
-    norm: Norm,
-) -> _Estimate:
+def _joint_order(base: Floats, summed: Floats, level: int, limits: Mapping[str, Limit], norm: Norm) -> float:
+    """The order with which the sum of the errors falls, from its shift at `level`: within ORDERS."""
+    whole = norm(sum((each.field - base for each in limits.values()), start=np.zeros_like(base)))
+    left = 1.0 - norm(summed) / whole if whole > 0 else 0.0
+    return float(np.clip(-np.log2(left) / level, *ORDERS)) if left > 0 else ORDERS[1]
+
+
+def _scaled(summed: Floats, mismatch: Floats, factor: float, apart: float, norm: Norm) -> _Estimate:
     """The mismatch of the finest joint run, times the whole error over what that level removes of it.
 
     The errors of the single limits are scaled as the sum of the knobs is by the joint run: where it counts one push
     three times, it counts its doubt three times too.
     """
-    level = max(mismatches)
-    summed = sum(shifts[level].values(), start=np.zeros_like(base))
-    mismatch, removed = mismatches[level], norm(summed)
-    factor = _whole_over_removed(base, summed, limits, norm)
+    removed = norm(summed)
     scale = min(1.0, norm(summed + mismatch) / removed) if removed > 0 else 1.0
     return _Estimate(factor * mismatch, _rss([scale * apart, factor * norm(mismatch)]))
 
 
-def _whole_over_removed(base: Floats, summed: Floats, limits: Mapping[str, Limit], norm: Norm) -> float:
-    """The whole error of the knobs over what one level removes of it: between SECOND and FIRST order."""
-    whole = norm(sum((each.field - base for each in limits.values()), start=np.zeros_like(base)))
-    removed = norm(summed)
-    return float(np.clip(whole / removed, SECOND, FIRST)) if removed > 0 else FIRST
-
-
 def _limit_of_joint(
-    base: Floats,
-    joint: Mapping[int, Floats],
-    summed: Floats,
-    limits: Mapping[str, Limit],
-    norm: Norm,
-    noise: float,
+    base: Floats, joint: Mapping[int, Floats], order: float, limits: Mapping[str, Limit], norm: Norm, noise: float
 ) -> list[_Estimate]:
     """The limit of the joint runs as one sweep, where three levels have a believed order."""
-    factor = _whole_over_removed(base, summed, limits, norm)
-    found = limit({0: base, **joint}, 2, float(np.log2(factor / (factor - 1.0))), norm, noise)
+    found = limit({0: base, **joint}, 2, order, norm, noise)
     if not found.extrapolated or not np.isfinite(found.order):
         return []
     whole = sum((each.field - base for each in limits.values()), start=np.zeros_like(base))

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-from clothsim.accuracy.analysis import next_points
+from clothsim.accuracy.analysis import JOINT, next_points
 from clothsim.accuracy.evaluation import Gatherer
 from clothsim.accuracy.observations import (
     TIGHT,
@@ -41,8 +41,8 @@ def gathered(gatherer: Gatherer) -> Observations:
     seen = with_twins(observations(gatherer), needed)
     if seen.chaotic:
         return _of_folds(gatherer, seen, needed)
-    for joint in seen.compared().joint_points():
-        gatherer.gather([joint])
+    gatherer.gather(seen.compared().joint_points(JOINT[:1]))
+    gatherer.gather(seen.compared().joint_points(JOINT[1:2]))
     if all(gatherer.good(each) for each in needed):
         _of_detail(gatherer, seen)
     return seen
@@ -56,7 +56,7 @@ def missing_points(seen: Observations) -> list[Point]:
     if seen.chaotic:
         points += seeded([BASE, *needed])
     elif gatherer.good(BASE) and seen.compared().sweeps():
-        points += seen.compared().joint_points()[:1]
+        points += seen.compared().joint_points(JOINT[:1])
     elif len(needed) > 1:
         points.append(point(dict.fromkeys((name for each in needed for name, _ in each.levels), 1)))
     return [where for where in dict.fromkeys(points) if where not in gatherer.outcomes and _possible(bench, where)]
@@ -98,6 +98,7 @@ def _of_detail(gatherer: Gatherer, seen: Observations) -> None:
     """Finer runs of what is least certain, further levels, and combinations that may be worth their time."""
     names = list(gatherer.bench.knobs)
     gatherer.gather(seen.compared().least_certain(), LATE)
+    gatherer.gather(seen.compared().joint_points(JOINT[2:]), LATE)
     _other_settings(gatherer)
     gatherer.gather([*one_knob(names, -2), *one_knob(names, 2), *gatherer.bench.other_formula((-1,))], LATE)
     gatherer.gather(next_points(seen.compared(), COMBINATIONS), LATE)

@@ -13,7 +13,7 @@ import numpy as np
 
 from clothsim.accuracy.analysis import findings
 from clothsim.accuracy.evaluation import FOLDER, Gatherer, Progress, stored_points, write_points
-from clothsim.accuracy.headline import headline, needed_seconds
+from clothsim.accuracy.headline import UNFINISHED, headline, needed_seconds
 from clothsim.accuracy.knobs import fixed, usable
 from clothsim.accuracy.plan import gathered
 from clothsim.accuracy.points import BASE, Bench, Point, point
@@ -199,6 +199,8 @@ def _written(study_data: StudyData, spent: dict[str, Any]) -> Study:
     directory, compared = study_data.gatherer.directory, study_data.compared
     known = findings(compared) if compared is not None and study_data.complete else None
     statement = headline(study_data.seen, known, needed_seconds(study_data.seen, FOR_FILES))
+    if statement.status == UNFINISHED:
+        known = None
     rest = document(study_data, known, statement, spent)
     result = write_points(directory, study_data.gatherer.fingerprint, **rest)
     (directory / REPORT_NAME).write_text(markdown(study_data.name, result), encoding="utf-8")
