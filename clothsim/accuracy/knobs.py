@@ -133,6 +133,28 @@ KNOBS = {
 }
 
 
+def _integrator(base: Scene, scene: Scene, level: int) -> tuple[str, Scene]:
+    own = base.solver_settings.integrator
+    if not level:
+        return own, scene
+    if level != 1 or "inertia" not in base.effects:
+        raise InputError("there is no other difference formula")
+    other = "backward_euler" if own == "bdf2" else "bdf2"
+    return other, set_key(scene, "solver.integrator", other)
+
+
+INTEGRATOR = "integrator"
+SWITCH = Knob(INTEGRATOR, "", 1, lambda scene: None, _integrator, 1.2)
+"""The other difference formula, level 1: not finer, but another path to the same limit in dt."""
+IN_TIME = ("dt", "error")
+"""The knobs that refine the time steps, of which a scene has one."""
+
+
+def any_knob(name: str) -> Knob:
+    """A knob of KNOBS, or the switch of the integrator."""
+    return SWITCH if name == INTEGRATOR else KNOBS[name]
+
+
 def fixed(scene: Scene, built: Built) -> Scene:
     """`scene` with what it leaves to the mesh written out, so that a finer mesh changes the mesh alone.
 
