@@ -14,16 +14,17 @@ import numpy as np
 from clothsim.accuracy import analysis
 from clothsim.accuracy.evaluation import FOLDER, Gatherer, Progress, stored_points, write_points
 from clothsim.accuracy.invariants import drape_coefficient, height_quantiles
-from clothsim.accuracy.knobs import fixed, usable
+from clothsim.accuracy.knobs import usable
 from clothsim.accuracy.points import BASE, CONVERGENT, Bench, Point, point
 from clothsim.accuracy.pool import Runner, cores, worker_processes
 from clothsim.accuracy.reference_solution import Limit, Norm
 from clothsim.accuracy.report import StudyData, document, markdown
-from clothsim.accuracy.resample import material_of, point_areas
 from clothsim.arrays import Floats, as_positive
+from clothsim.build.explicit_lengths import fixed
 from clothsim.build.presets import PRESETS
 from clothsim.build.scene_world import build
 from clothsim.errors import InputError
+from clothsim.mesh.resample import material_of, point_areas
 from clothsim.mesh.world import World
 from clothsim.scene.scene import Scene
 

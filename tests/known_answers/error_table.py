@@ -14,8 +14,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from clothsim import Scene
-from clothsim.accuracy.knobs import set_key
 from clothsim.errors import ClothsimError
+from clothsim.scene.overrides import set_key
 from clothsim.text_table import text_table
 from tests.known_answers.error_reference import Refinement, Solution, distance, reference_scene, solution
 from tests.known_answers.error_scenes import ERROR_SCENES
