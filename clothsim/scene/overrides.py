@@ -75,6 +75,13 @@ def override(scene: Scene, assignment: str) -> Scene:
     return replace(scene, **changed)
 
 
+def set_key(scene: Scene, path: str, value: Any) -> Scene:
+    """`scene` with the key at "solver.dt" or "effects.body_contact.d_hat" set to a value of its type."""
+    section, *keys = path.split(".")
+    changed: dict[str, Any] = {section: _changed(path, getattr(scene, section), keys, value)}
+    return replace(scene, **changed)
+
+
 def _changed(path: str, table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:
     """A copy of nested tables with the value at `keys`."""
     first, *others = keys
