@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
-from clothsim.accuracy.knobs import KNOBS, Knob, set_key
+from clothsim.accuracy.knobs import KNOBS, Knob, newton_knob, set_key
 from clothsim.arrays import Floats
 from clothsim.build.presets import PRESETS, with_preset
 from clothsim.scene.scene import Scene
@@ -110,7 +110,7 @@ class Bench:
 
     def tight(self, level: int) -> tuple[Point, Point]:
         """A point with a tight tolerance, and its twin with a jittered start."""
-        levels = {"tolerance": level}
+        levels = {newton_knob(self.base): level}
         return point(levels), point(levels, seed=1)
 
     def key(self, where: Point) -> str:
