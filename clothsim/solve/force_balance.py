@@ -43,10 +43,9 @@ class ForceBalance:
         """Residual over force scale, 0 without any force."""
         return self.residual / self.scale if self.residual else 0.0
 
-    @property
-    def balanced(self) -> bool:
-        """True where the residual is small beside the force scale."""
-        return self.residual <= BALANCED * self.scale
+    def within(self, fraction: float) -> bool:
+        """True where the residual is at most this fraction of the force scale."""
+        return self.residual <= fraction * self.scale
 
 
 def force_balance(potential: Potential, x: Floats, free: np.ndarray, least: float) -> ForceBalance:

@@ -12,7 +12,7 @@ from clothsim.energies.constraint import Prescribed
 from clothsim.linalg import dot
 from clothsim.solve.convergence import ErrorBalance
 from clothsim.solve.direction import NO_FACTOR, Direction, QuadraticModel
-from clothsim.solve.force_balance import MOST_UNBALANCED, ForceBalance, force_balance
+from clothsim.solve.force_balance import BALANCED, MOST_UNBALANCED, ForceBalance, force_balance
 from clothsim.solve.line_search import RESOLVED, armijo, extended_fraction, round_off
 from clothsim.solve.linear_system import System
 from clothsim.solve.nonlinear_elimination import Patch, unconverged
@@ -68,12 +68,15 @@ class NewtonSettings:
         Bound on the iterations that move the Dirichlet vertices to their positions.
     error_fraction : float
         Fraction of the time error of a step at which a solve may stop before the tolerance; 0: it may not.
+    force_fraction : float
+        Residual over the force scale to which a solve goes on, within MOST_UNBALANCED short steps.
     """
 
     tolerance: float = 1e-3
     max_iterations: int = 100
     max_prescribed_iterations: int = 60
     error_fraction: float = 0.0
+    force_fraction: float = BALANCED
 
 
 @dataclass(frozen=True)
@@ -242,7 +245,8 @@ class Newton:
             if direction.end is not None:
                 return ended(direction.end, count)
             before, speed = speed, self._speed(dx)
-            length_before, length = length, self.balance.rms(dx)
+            reliable = trust.exact and not direction.negative_curvature
+            length_before, length = length, self.balance.rms(dx) if reliable else np.inf
             if speed == 0.0:
                 forces = self._force_balance(x, model)
                 return ended(_balanced_or_not(forces, x), count, 0.0, forces.relative)
@@ -255,7 +259,7 @@ class Newton:
             with self.potential.timers.phase("line search"):
                 slope = dot(gradient, dx)
                 fraction = armijo(self.potential, x, dx, slope, limit) if slope < 0.0 else 0.0
-                done = limit == 1.0 and self._may_be_last(x, direction, speed, length_before, fraction)
+                done = limit == 1.0 and self._may_be_last(x, direction, speed, (length, length_before), fraction)
             if cached.age and (done or fraction == 0.0):  # the cached factor is of an earlier x
                 done, cached = False, NO_FACTOR
                 if fraction == 0.0:
@@ -269,7 +273,7 @@ class Newton:
             if done:
                 forces = self._force_balance(x, model)
                 residual, unbalanced = forces.residual, unbalanced + 1
-                if forces.balanced or fraction == 0.0 or unbalanced == MOST_UNBALANCED:
+                if forces.within(settings.force_fraction) or fraction == 0.0 or unbalanced == MOST_UNBALANCED:
                     rate = min(1.0, speed / before) if np.isfinite(before) else 1.0
                     return ended(_balanced_or_not(forces, x), count + 1, rate * speed * self.dt, forces.relative)
             if fraction == 0.0 and not trust.exact:
@@ -281,25 +285,27 @@ class Newton:
             last = count + 1 == iterations + settings.max_iterations
             eliminated = self._eliminated(x, dx, model) if trust.exact and not noise and not last else None
             if eliminated is not None:
-                x, cached, speed, length = eliminated.x, NO_FACTOR, np.inf, np.inf
+                x, cached, speed = eliminated.x, NO_FACTOR, np.inf
                 elimination_iterations += eliminated.iterations
                 self.observe(Iterate(x, np.nan))
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return ended(end, iterations + settings.max_iterations)
 
-    def _may_be_last(self, x: Floats, direction: Direction, speed: float, before: float, fraction: float) -> bool:
+    def _may_be_last(
+        self, x: Floats, direction: Direction, speed: float, lengths: tuple[float, float], fraction: float
+    ) -> bool:
         """True where an unclipped step may end the solve: it is below the tolerance, or the time error allows it.
 
-        before: root mean square of the step before [m]; fraction: of the step that the line search took. Along
-        negative curvature the model predicts nothing, so that only the tolerance ends the solve.
+        lengths: root mean squares of this step and of the one before [m], inf for one of the projected Hessian or along
+        negative curvature, which predicts nothing; fraction: of the step that the line search took.
         """
         dx = direction.dx
         if speed < self.settings.tolerance:
             if self.potential.gap_change(x, dx) > CHANGE_OF_GAP:
                 return False
             return fraction == 1.0 or self._below_noise(x, dx, direction.gradient, speed)
-        if fraction < 1.0 or direction.negative_curvature or not self.balance.reached(x, dx, before, self.dt):
+        if fraction < 1.0 or not self.balance.reached(x, dx, lengths, self.dt):
             return False
         return self.potential.gap_change(x, dx, NEAR_LIMIT) <= CHANGE_OF_GAP
 
@@ -335,7 +341,7 @@ class Newton:
 
 def _balanced_or_not(forces: ForceBalance, x: Floats) -> Outcome:
     """Outcome of a solve whose last step was short enough: CONVERGED only where forces balance."""
-    if forces.balanced:
+    if forces.within(BALANCED):
         return outcome(Ending.CONVERGED)
     return outcome(Ending.UNBALANCED, x, forces.row, force=forces.residual, percent=100 * forces.relative)
 
