@@ -53,15 +53,17 @@ def settings(session: "Session", directory: Path, before: str) -> str:
     steps = f"steps of {integrator.dt:g} s"
     if solver.error:
         steps = f"steps chosen for an error of {length(solver.error)}, of {integrator.dt:g} s at most"
-    tolerance = integrator.settings.tolerance
     end = f"{'until rest, at most ' if run.until == 'rest' else ''}{run.duration:g} s"
+    newton = f"to {integrator.settings.tolerance:g} m/s"
+    if integrator.settings.error_fraction and "inertia" in built.energies:
+        newton = f"to {integrator.settings.error_fraction:g} of the time error"
     rows = [
         ("output", f"{directory}{os.sep}"),
         ("mesh", sizes),
         ("effects", ", ".join(on)),
         *(("off", f"{name}: {reason}") for name, reason in built.off.items()),
         ("time", f"{end} in {steps}, {run.frames_per_second:g} frames a second"),
-        ("solver", f"{kind}; Newton to {tolerance:g} m/s; {integrator.system.solver.name}, {threads}"),
+        ("solver", f"{kind}; Newton {newton}; {integrator.system.solver.name}, {threads}"),
         *(("note", note) for note in session.notes),
         *([("note", before)] if before else []),
     ]

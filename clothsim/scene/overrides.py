@@ -17,7 +17,12 @@ from clothsim.scene.schema import keys_of
 FILES = ("mesh", "frames", "file")
 """Keys that name files."""
 MESHES = {"cloth": check_cloth, "body": check_body}
-_INSTEAD = {"error": "dt", "dt": "error"}
+_INSTEAD = {
+    "error": "dt",
+    "dt": "error",
+    "tolerance": "newton_error_fraction",
+    "newton_error_fraction": "tolerance",
+}
 
 
 def override(scene: Scene, assignment: str) -> Scene:
