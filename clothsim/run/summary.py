@@ -11,6 +11,7 @@ from clothsim.run.session import Session
 from clothsim.sim.certificate import Certificate
 from clothsim.sim.failure import Failure
 from clothsim.sim.intersection_check import IntersectionCheck
+from clothsim.sim.intersection_history import intersection_warnings
 from clothsim.sim.state import Previous, Rest, State
 from clothsim.sim.stepping import StepReport
 from clothsim.solve.process_memory import peak_memory
@@ -100,10 +101,11 @@ def summary_of(
     record: Sequence[Mapping[str, Any]],
     seconds: Mapping[str, float],
 ) -> dict[str, Any]:
-    """The content of summary.json: the contract of the design, printed notes, final notes of effects, the failure."""
+    """The content of summary.json: the contract of the design, notes, warnings, the failure."""
     world, potential = session.built.world, session.integrator.potential
     energies = session.built.energies.items()
     unmet = certificate.estimate.unmet(certificate.asked)
+    history = certificate.intersections
     return {
         "status": "completed" if failure is None else "failed",
         "reason": _end_of(session, state) if failure is None else failure.reason,
@@ -124,7 +126,8 @@ def summary_of(
         "effects": potential.effect_counters(),
         "off": session.built.off,
         "phases": potential.timers.phases,
-        "certificate": certificate.as_dict(check.coverage(), completed=failure is None),
+        "warnings": intersection_warnings(history.as_dict(), check.on),
+        "certificate": certificate.as_dict(check.coverage(history.complete), completed=failure is None),
     }
 
 

@@ -12,6 +12,7 @@ from clothsim.kinematics.stretch import principal_stretches
 from clothsim.mesh.world import World
 from clothsim.sim.error_estimate import ErrorEstimate
 from clothsim.sim.integrators import BACKWARD_EULER
+from clothsim.sim.intersection_history import IntersectionHistory, history_from
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
 
@@ -59,8 +60,8 @@ class Certificate:
 
     Parameters
     ----------
-    intersecting_frames : tuple of int
-        Numbers of the frames in which checked surfaces intersect (see `intersection_check`).
+    intersections : IntersectionHistory
+        Intersections by the exact check.
     gap : float
         Smallest distance of cloth and body below d_hat [m], else inf.
     stretch_min, stretch_max : float
@@ -89,7 +90,7 @@ class Certificate:
         Those that were found (see `sim.branch_switching`).
     """
 
-    intersecting_frames: tuple[int, ...] = ()
+    intersections: IntersectionHistory = field(default_factory=IntersectionHistory)
     gap: float = np.inf
     stretch_min: float = np.inf
     stretch_max: float = 0.0
@@ -138,9 +139,10 @@ class Certificate:
         scale, scripted = self.energy_scale or 1.0, "bodies, pins or wind do work"
         drift: float | str = self.energy_rise / scale if self.formula == BACKWARD_EULER else "not checked (BDF2)"
         return {
-            "intersection_free": not self.intersecting_frames,
+            "intersection_free": self.intersections.intersection_free,
             **coverage,
-            "intersecting_frames": list(self.intersecting_frames),
+            "intersections": self.intersections.as_dict(),
+            "intersecting_frames": list(self.intersections.frames),
             "minimum_gap": self.gap,
             "stretch_min": self.stretch_min,
             "stretch_max": self.stretch_max,
@@ -155,16 +157,23 @@ class Certificate:
 
     def as_json(self) -> dict[str, Any]:
         """Return every field, for the checkpoint."""
-        own = {name: getattr(self, name) for name in self.__dataclass_fields__}
-        return {**own, "estimate": asdict(self.estimate), "unstable": asdict(self.unstable)}
+        parts = {
+            "estimate": asdict(self.estimate),
+            "intersections": self.intersections.as_json(),
+            "unstable": asdict(self.unstable),
+        }
+        return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
 
 
 def certificate_from(fields: dict[str, Any]) -> Certificate:
-    """Return the certificate that `as_json` wrote."""
-    estimate = ErrorEstimate(**fields.get("estimate", {}))
-    frames = tuple(fields["intersecting_frames"])
-    unstable = UnstableEquilibria(**fields.get("unstable", {}))
-    return Certificate(**{**fields, "intersecting_frames": frames, "estimate": estimate, "unstable": unstable})
+    """Return the certificate that `as_json` wrote; older ones did not check all pairs."""
+    older = {**asdict(IntersectionHistory(complete=False)), "frames": fields.get("intersecting_frames", ())}
+    parts = {
+        "estimate": ErrorEstimate(**fields.get("estimate", {})),
+        "intersections": history_from(fields.get("intersections", older)),
+        "unstable": UnstableEquilibria(**fields.get("unstable", {})),
+    }
+    return Certificate(**{**{name: fields[name] for name in fields if name != "intersecting_frames"}, **parts})
 
 
 def world_stretches(world: World, x: Floats) -> Floats:
