@@ -74,7 +74,7 @@ class Bench:
     def convergent(self) -> bool:
         """True where the bending model converges to the fabric's own stiffness (docs/validation.md, A3)."""
         bending = self.given.effects.get("bending")
-        return bending is None or bending.get("model", "hinge") == CONVERGENT
+        return bending is None or bending.get("model", CONVERGENT) == CONVERGENT
 
     def scene(self, where: Point) -> Scene:
         """The scene of a point, without its jitter. InputError where there is none.

@@ -26,8 +26,8 @@ class Solver(KeyTable):
     dt: Annotated[float, Key("Length of a time step", "s", above=0)] = 0.01
     tolerance: Annotated[float, Key("Convergence tolerance of Newton's method on |dx|_inf / dt", "m/s", above=0)] = 1e-3
     integrator: Annotated[
-        Literal["backward_euler", "bdf2"], Key("Time integrator; BDF2 is of second order and damps less")
-    ] = "backward_euler"
+        Literal["bdf2", "backward_euler"], Key("Time integrator; backward Euler is of first order and damps more")
+    ] = "bdf2"
     linear: Annotated[
         Literal["auto", "mixed", "pardiso", "cholmod", "superlu"],
         Key("Linear solver; auto takes the fastest installed, mixed is PARDISO in single precision with refinement"),
