@@ -98,15 +98,15 @@ class ShiftedAngles(HingeMoments):
     shifts: Floats
 
 
-def hinges_of_bending(name: str, bending: Energy | None) -> BendingModel | None:
-    """The bending energy whose rest angles the effect `name` changes, None without bending.
+def hinges_of_bending(name: str, bending: Energy) -> BendingModel:
+    """The bending energy, whose rest angles the effect `name` changes.
 
     Raises
     ------
     InputError
         For a bending model without rest angles that can change.
     """
-    if bending is not None and not isinstance(bending, HingeBending | MidedgeBending):
+    if not isinstance(bending, HingeBending | MidedgeBending):
         raise InputError(
             f"effects.{name} changes rest angles, and {type(bending).__name__} has none that can change.",
             'Set effects.bending.model = "midedge" or "hinge".',
