@@ -51,7 +51,7 @@ def test_a_frame_that_is_not_there_is_refused(path, number):
     write(path)
     run = read_trajectory(path)
     for read in (run.positions, run.bodies, run.stretches):
-        with pytest.raises(InputError, match=f"no frame {number}"):
+        with pytest.raises(InputError, match=rf"{number}\b"):
             read(number)
 
 
@@ -228,7 +228,7 @@ def test_a_run_without_stretches(path):
             writer.append(1.0, *frame(1))
     run = read_trajectory(path)
     assert np.array_equal(run.positions(0), frame(0)[0][: WORLD.n_cloth])
-    with pytest.raises(InputError, match="holds no principal_stretches"):
+    with pytest.raises(InputError, match="principal_stretches"):
         run.stretches(0)
 
 
@@ -292,7 +292,7 @@ def test_a_run_of_other_surfaces_does_not_go_on_in_this_file(path):
         TrajectoryWriter(path, others, resume_at=1)
     with pytest.raises(InputError, match="other surfaces"):
         TrajectoryWriter(path, world_surfaces(WORLD), resume_at=1, stretches=False)
-    with pytest.raises(InputError, match="holds 4 frames"):
+    with pytest.raises(InputError, match=r"\b4\b"):
         TrajectoryWriter(path, world_surfaces(WORLD), resume_at=5)
     assert_holds(path, len(TIMES))
 

