@@ -56,12 +56,12 @@ def test_one_frame_is_a_still_body(tmp_path):
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({"motion": {"velocity": [0, 0, 1]}}, "frames and motion"),
-        ({"mesh": "sphere"}, "frames and mesh"),
+        ({"motion": {"velocity": [0, 0, 1]}}, "frames.*motion"),
+        ({"mesh": "sphere"}, "frames.*mesh"),
         ({"frames": 3}, "body.frames"),
-        ({"frames": "bell*.obj"}, r"No file matches frames = 'bell\*.obj'"),
+        ({"frames": "bell*.obj"}, rr"'bell\*\.obj'"),
         ({"frames_per_second": 0}, "frames_per_second"),
-        ({"radius": 1.0}, "no key 'radius'"),
+        ({"radius": 1.0}, "'radius'"),
         ({"component": 1}, "component"),
     ],
 )

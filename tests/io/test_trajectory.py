@@ -1,4 +1,5 @@
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -288,9 +289,9 @@ def test_names_that_clash_in_a_path_stay_apart(path):
 def test_a_run_of_other_surfaces_does_not_go_on_in_this_file(path):
     write(path)
     others = world_surfaces(make_world(WORLD.cloths[:1], WORLD.bodies))
-    with pytest.raises(InputError, match="other surfaces"):
+    with pytest.raises(InputError, match=re.escape(str(path))):
         TrajectoryWriter(path, others, resume_at=1)
-    with pytest.raises(InputError, match="other surfaces"):
+    with pytest.raises(InputError, match=re.escape(str(path))):
         TrajectoryWriter(path, world_surfaces(WORLD), resume_at=1, stretches=False)
     with pytest.raises(InputError, match=r"\b4\b"):
         TrajectoryWriter(path, world_surfaces(WORLD), resume_at=5)
@@ -298,16 +299,16 @@ def test_a_run_of_other_surfaces_does_not_go_on_in_this_file(path):
 
 
 def test_missing_broken_and_foreign_files_are_reported(path, tmp_path):
-    with pytest.raises(InputError, match="There is no file"):
+    with pytest.raises(InputError, match=re.escape(str(path))):
         read_trajectory(path)
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="nowhere"):
         TrajectoryWriter(tmp_path / "nowhere" / "t.vtkhdf", world_surfaces(WORLD))
     path.write_text("not HDF5")
-    with pytest.raises(InputError, match="broken or not"):
+    with pytest.raises(InputError, match=re.escape(str(path))):
         read_trajectory(path)
     with h5py.File(path, "w") as file:
         file["something"] = [1, 2, 3]
-    with pytest.raises(InputError, match="broken or not"):
+    with pytest.raises(InputError, match=re.escape(str(path))):
         read_trajectory(path)
 
 
@@ -316,7 +317,7 @@ def test_a_file_that_lost_its_end_is_refused(path, part):
     write(path)
     content = path.read_bytes()
     path.write_bytes(content[: int(part * len(content))])
-    with pytest.raises(InputError, match="broken or not"):
+    with pytest.raises(InputError, match=re.escape(str(path))):
         read_trajectory(path).positions(-1)
 
 
