@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from clothsim.arrays import Floats, Ints
+    from clothsim.run.results import Run
     from clothsim.sim.intersection_check import IntersectionCheck
 
 _DESCRIPTION = """\
@@ -118,7 +119,7 @@ def _check_scene(path: Path) -> int:
     for name, reason in built.off.items():
         print(f"  {name} is off: {reason}.")
     check = intersection_check_of(world_surfaces(world), scene.effects, built.energies)
-    return _ended(_intersections(check, [("at the start", world.start())], "at the start"))
+    return _ended(_intersections(check, [("at the start", world.start() + world.origin)], "at the start"))
 
 
 def _check_run(directory: Path) -> int:
@@ -145,35 +146,65 @@ def _check_run(directory: Path) -> int:
         (f"in frame {k} at {time:g} s", np.concatenate([run.positions(k), *(points for _, points, _ in run.bodies(k))]))
         for k, time in enumerate(run.times)
     )
-    return _ended(_intersections(check, frames, f"in any of {len(run.times)} frames") + failed)
+    errors = _intersections(check, frames, f"in any of {len(run.times)} frames", "; later frames are not listed")
+    return _ended(errors + _between_frames(run) + failed)
 
 
-def _intersections(check: "IntersectionCheck", frames: "Iterable[tuple[str, Floats]]", anywhere: str) -> int:
+def _between_frames(run: "Run") -> int:
+    """Print what the certificate says of the steps between frames; returns the number of errors."""
+    from clothsim.sim.intersection_history import intersection_warnings
+
+    errors = 0
+    unseen = {kind: each for kind, each in run.intersections.items() if each["states"] and each["first_frame"] is None}
+    for kind, each in unseen.items():
+        excluded = kind == "excluded"
+        errors += not excluded
+        (sentence,) = intersection_warnings({kind: each})
+        print(f"  {'note' if excluded else 'error'}: between two frames, {sentence}")
+    if run.summary and run.intersection_free is None:
+        print("  not all steps of the run were checked: what happened between its frames is not known")
+    return errors
+
+
+def _intersections(
+    check: "IntersectionCheck", frames: "Iterable[tuple[str, Floats]]", anywhere: str, note: str = ""
+) -> int:
     """Print the intersections of frames, each (when, x), by the exact test; returns the number of errors.
 
-    Cloth is tested against cloth without self_contact, too; an intersection is then a note.
+    Every intersection is an error, but for one of a pair that the scene excludes from contact. Without the contact
+    effect that would prevent it, only the first of a pair of surfaces is listed; note: said of that.
     """
-    from clothsim.intersection.intersecting_pairs import LIMIT
-
+    listed: set[str] = set()
     errors, met = 0, set()
     for when, x in frames:
-        for crossing in check.crossings(x, cloth_cloth=True, limit=LIMIT):
-            allowed = crossing.role == "cloth" and not check.cloth_cloth
-            if allowed and crossing.summary in met:
+        found = check.crossings(x)
+        required = {crossing.summary for crossing in check.violations(found)}
+        for crossing in found:
+            if crossing.summary in listed - required:
                 continue
-            met |= {crossing.role, crossing.summary}
+            kind = check.kind(crossing)
+            met.add(kind)
+            listed.add(crossing.summary)
+            errors += kind != "excluded"
             count = f"{len(crossing.pairs):,} pair{'' if len(crossing.pairs) == 1 else 's'} of triangles"
-            print(f"  {'' if allowed else 'error: '}{crossing.summary} {when}, in {count}: {crossing.sentence}")
-            if allowed:
-                print("    self_contact is not on: no error, and later frames are not listed")
-            errors += not allowed
+            severity = "note" if kind == "excluded" else "error"
+            print(f"  {severity}: {crossing.summary} {when}, in {count}: {crossing.sentence}")
+            if crossing.summary not in required:
+                print(f"    {_REASON[kind]}{note}")
     if not check.bodies:
         print("  no body, so nothing for cloth to intersect but itself")
-    elif "body" not in met:
+    elif "cloth_body" not in met:
         print(f"  cloth and body do not intersect {anywhere}")
-    if "cloth" not in met:
+    if "cloth_cloth" not in met:
         print(f"  cloth and cloth do not intersect {anywhere}")
     return errors
+
+
+_REASON = {
+    "cloth_cloth": "[effects.self_contact] is not on: from a start without intersections it lets none arise",
+    "cloth_body": "[effects.body_contact] is not on: from a start without intersections it lets none arise",
+    "excluded": "the scene excludes the pair from contact",
+}
 
 
 def _sizes(positions: "Floats", triangles: "Ints") -> list[str]:

@@ -8,6 +8,7 @@ from clothsim.errors import InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.io.record import SUMMARY_NAME
 from clothsim.run.callbacks import refuse_uncallable
+from clothsim.run.checked_step import warn_of
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
 from clothsim.run.session import prepare
@@ -63,7 +64,9 @@ def resume(
     if announce is not None:
         announce(session)
     certificate = certificate_from(saved.counters["certificate"])
-    return recorded_run(session, state, certificate, folder, started, (progress, on_step), log, resumed=True)
+    run = recorded_run(session, state, certificate, folder, started, (progress, on_step), log, resumed=True)
+    warn_of(run.intersections, session.built.energies)
+    return run
 
 
 def _refuse_a_fit(folder: Path) -> None:

@@ -15,11 +15,12 @@ from clothsim.run.hand_motions import HandMotions, hand_motions_from
 from clothsim.run.session import Session, prepare
 from clothsim.run.summary import checkpoint_of, state_of
 from clothsim.scene.scene import scene_from_text
-from clothsim.sim.certificate import Certificate
+from clothsim.sim.certificate import Certificate, certificate_from
+from clothsim.sim.intersection_history import IntersectionHistory
 from clothsim.sim.state import State
 
 
-def saved_simulation(session: Session, state: State, by_hand: HandMotions) -> Checkpoint:
+def saved_simulation(session: Session, state: State, by_hand: HandMotions, history: IntersectionHistory) -> Checkpoint:
     """The checkpoint of a simulation, with the files that its scene names.
 
     Raises
@@ -28,7 +29,7 @@ def saved_simulation(session: Session, state: State, by_hand: HandMotions) -> Ch
         A key of an effect is a Python function, which no file holds, or a file of the scene is not there any more.
     """
     refuse_functions("effects", session.scene.effects)
-    saved = checkpoint_of(session, state, Certificate())
+    saved = checkpoint_of(session, state, Certificate(intersections=history))
     saved = replace(saved, counters={**saved.counters, "by_hand": by_hand.as_json()})
     if not named_files(session.scene):
         return saved
@@ -36,8 +37,10 @@ def saved_simulation(session: Session, state: State, by_hand: HandMotions) -> Ch
     return replace(saved, scene_text=text, files={name: source.read_bytes() for name, source in sources.items()})
 
 
-def restored_simulation(saved: Checkpoint, name: str, here: Path) -> tuple[Session, State, HandMotions]:
-    """Session, state and motions of a checkpoint of `saved_simulation`, or of a run.
+def restored_simulation(
+    saved: Checkpoint, name: str, here: Path
+) -> tuple[Session, State, HandMotions, IntersectionHistory]:
+    """Session, state, motions and intersections so far of a checkpoint of `saved_simulation`, or of a run.
 
     Parameters
     ----------
@@ -58,7 +61,8 @@ def restored_simulation(saved: Checkpoint, name: str, here: Path) -> tuple[Sessi
     built = by_hand.applied(build(scene))
     if len(saved.positions) != built.world.n_vertices:
         raise InputError(f"{name} is of another mesh than its scene.", "Restore the mesh files of the scene.")
-    return prepare(scene, built), state_of(saved), by_hand
+    history = certificate_from(saved.counters["certificate"]).intersections
+    return prepare(scene, built), state_of(saved), by_hand, history
 
 
 def _written_files(saved: Checkpoint) -> Path:

@@ -7,6 +7,7 @@ from time import perf_counter
 from clothsim.build.scene_world import build
 from clothsim.errors import InputError
 from clothsim.run.callbacks import refuse_uncallable
+from clothsim.run.checked_step import warn_of
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
 from clothsim.run.session import prepare
@@ -50,6 +51,11 @@ def simulate(
     InputError
         For a scene that cannot be built, or a directory that cannot be written.
 
+    Warns
+    -----
+    IntersectionWarning
+        Where cloth intersects cloth or a body in a step, without the contact effect that would prevent it.
+
     Examples
     --------
     >>> import clothsim
@@ -72,7 +78,9 @@ def simulate(
     if announce is not None:
         announce(session)
     state = first_state(session.built.world, session.integrator.dt)
-    return recorded_run(session, state, Certificate(), directory, started, (progress, on_step), log, resumed=False)
+    run = recorded_run(session, state, Certificate(), directory, started, (progress, on_step), log, resumed=False)
+    warn_of(run.intersections, session.built.energies)
+    return run
 
 
 def _make_directory(directory: Path) -> None:

@@ -17,7 +17,12 @@ from clothsim.scene.schema import keys_of
 FILES = ("mesh", "frames", "file")
 """Keys that name files."""
 MESHES = {"cloth": check_cloth, "body": check_body}
-_INSTEAD = {"error": "dt", "dt": "error"}
+_INSTEAD = {
+    "error": "dt",
+    "dt": "error",
+    "tolerance": "newton_error_fraction",
+    "newton_error_fraction": "tolerance",
+}
 
 
 def override(scene: Scene, assignment: str) -> Scene:
@@ -72,6 +77,13 @@ def override(scene: Scene, assignment: str) -> Scene:
     if section == "solver" and keys[0] in _INSTEAD:
         new.pop(_INSTEAD[keys[0]], None)
     changed: dict[str, Any] = {section: new}
+    return replace(scene, **changed)
+
+
+def set_key(scene: Scene, path: str, value: Any) -> Scene:
+    """`scene` with the key at "solver.dt" or "effects.body_contact.d_hat" set to a value of its type."""
+    section, *keys = path.split(".")
+    changed: dict[str, Any] = {section: _changed(path, getattr(scene, section), keys, value)}
     return replace(scene, **changed)
 
 

@@ -59,7 +59,7 @@ def test_one_frame_is_a_still_body(tmp_path):
         ({"motion": {"velocity": [0, 0, 1]}}, "frames.*motion"),
         ({"mesh": "sphere"}, "frames.*mesh"),
         ({"frames": 3}, "body.frames"),
-        ({"frames": "bell*.obj"}, rr"'bell\*\.obj'"),
+        ({"frames": "bell*.obj"}, r"'bell\*\.obj'"),
         ({"frames_per_second": 0}, "frames_per_second"),
         ({"radius": 1.0}, "'radius'"),
         ({"component": 1}, "component"),
