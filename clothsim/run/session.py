@@ -107,9 +107,7 @@ def _same_couplings(before: Built, built: Built) -> bool:
     return True
 
 
-def _integrator(
-    scene: Scene, built: Built, potential: Potential, system: System, newton: NewtonSettings
-) -> Integrator:
+def _integrator(scene: Scene, built: Built, potential: Potential, system: System, newton: NewtonSettings) -> Integrator:
     settings, run = scene.solver_settings, scene.run_settings
     dynamic = "inertia" in built.energies
     dt = min(settings.longest_step, run.duration, 1 / run.frames_per_second)

@@ -345,8 +345,7 @@ class Simulation:
         if "body_contact" in built.energies:
             refuse_leaps(built.world, session.integrator.dt)
         integrator = replace(session.integrator, world=built.world, constraints=built.constraints)
-        self._by_hand = by_hand
-        self._state = replace(self._state, blocked_at=nan, blocked=0)
+        self._by_hand, self._state = by_hand, replace(self._state, blocked_at=nan, blocked=0)
         self._set_session(replace(session, built=built, integrator=integrator))
 
     def _set_session(self, session: Session) -> None:
