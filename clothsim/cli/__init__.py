@@ -122,7 +122,7 @@ def _short(error: ClothsimError, words: Sequence[str]) -> tuple[str, str]:
 
 def _remedy(sentence: str, words: Sequence[str]) -> str:
     """The remedy of an error that has none of its own: the keys of the section it names, or what the command takes."""
-    section = re.search(r"\b(effects\.\w+|(?:cloth|body|solver|run|seed|contact)(?=(?:\[\d+\])?[.:]))", sentence)
+    section = re.search(r"\b(effects\.\w+|(?:cloth|body|solver|run|seed|contact)(?=(?:\[\d+\])?(?::|\.\w)))", sentence)
     if section is not None:
         return f"`clothsim keys {section[1]}` lists its keys with units and ranges."
     command = next((word for word in words if word in REMEDIES), "")

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_count, as_positive_number
-from clothsim.cli.penetration_command import check_dressed
+from clothsim.cli.penetration_command import check_penetration
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,6 +22,8 @@ Exit code 1 if something is wrong.
   clothsim check shirt.obj
   clothsim check suit.mhclo --on base.obj --body-group body -o suit.png
 """
+
+_TARGETS = "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` left."
 
 
 def add_to(commands: Any) -> None:
@@ -45,25 +47,26 @@ def add_to(commands: Any) -> None:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from clothsim.run.example_scenes import installed_scene
+    from clothsim.run.example_scenes import installed_scene, refuse_ending_of_installed
 
     target = arguments.target
+    refuse_ending_of_installed(target)
     if not target.exists():
         target = installed_scene(target) or target
     if not target.exists():
-        raise InputError(f"There is no {target}.", "Name a mesh file, a scene (.toml) or the directory of a run.")
+        raise InputError(f"There is no {target}.", _TARGETS)
     mesh_options = arguments.body or arguments.scale or arguments.group or arguments.component
     if mesh_options and (target.is_dir() or target.suffix == ".toml"):
         raise InputError(
             f"{target} is no mesh file.", "--body, --scale, --group and --component are for mesh files only."
         )
-    of_dressed = (arguments.body_group, arguments.body_scale, arguments.part, arguments.weld, arguments.output)
-    if arguments.on is None and any(option is not None for option in of_dressed):
+    of_pair = (arguments.body_group, arguments.body_scale, arguments.part, arguments.weld, arguments.output)
+    if arguments.on is None and any(option is not None for option in of_pair):
         raise InputError("--body-group, --body-scale, --part, --weld and -o need --on.", "Name the body: --on BODY.")
     if arguments.on is not None:
         if arguments.body or arguments.group or arguments.component or target.is_dir() or target.suffix == ".toml":
             raise InputError("--on is for a mesh file, without --body, --group and --component.", "Try --part LO:HI.")
-        return check_dressed(arguments)
+        return check_penetration(arguments)
     if target.is_dir():
         return _check_run(target)
     return _check_scene(target) if target.suffix == ".toml" else _check_mesh(target, arguments)
@@ -123,10 +126,13 @@ def _check_run(directory: Path) -> int:
     import numpy as np
 
     from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.io.trajectory import TRAJECTORY_NAME
     from clothsim.run.results import open_run
     from clothsim.scene.scene import scene_from_text
     from clothsim.sim.intersection_check import intersection_check_of
 
+    if not (directory / TRAJECTORY_NAME).is_file():
+        raise InputError(f"{directory} is a directory without a run (no {TRAJECTORY_NAME}).", _TARGETS)
     run = open_run(directory)
     print(f"{directory}: {run.status}, {len(run.times)} frames. {run.reason}")
     failed = run.status == "failed"

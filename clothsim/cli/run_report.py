@@ -53,15 +53,17 @@ def settings(session: "Session", directory: Path, before: str) -> str:
     steps = f"steps of {integrator.dt:g} s"
     if solver.error:
         steps = f"steps chosen for an error of {length(solver.error)}, of {integrator.dt:g} s at most"
-    tolerance = integrator.settings.tolerance
     end = f"{'until rest, at most ' if run.until == 'rest' else ''}{run.duration:g} s"
+    newton = f"to {integrator.settings.tolerance:g} m/s"
+    if integrator.settings.error_fraction and "inertia" in built.energies:
+        newton = f"to {integrator.settings.error_fraction:g} of the time error"
     rows = [
         ("output", f"{directory}{os.sep}"),
         ("mesh", sizes),
         ("effects", ", ".join(on)),
         *(("off", f"{name}: {reason}") for name, reason in built.off.items()),
         ("time", f"{end} in {steps}, {run.frames_per_second:g} frames a second"),
-        ("solver", f"{kind}; Newton to {tolerance:g} m/s; {integrator.system.solver.name}, {threads}"),
+        ("solver", f"{kind}; Newton {newton}; {integrator.system.solver.name}, {threads}"),
         *(("note", note) for note in session.notes),
         *([("note", before)] if before else []),
     ]
@@ -86,6 +88,7 @@ def verdict(run: "Run", trouble: list[str]) -> str:
         *_certificate(summary["certificate"], "body_contact" in summary["effects"]),
         *(("WARNING", text) for text in summary.get("warnings", ())),
         ("rest", _rest(summary["certificate"])),
+        *(("unstable", text) for text in _unstable(summary["certificate"])),
         ("error", _error(summary["certificate"]["error_estimate"])),
         *(("found", text) for text in summary.get("found", [])),
         ("effort", effort),
@@ -157,6 +160,17 @@ def _rest(certificate: dict[str, Any]) -> str:
     speed = certificate["fastest_speed"]
     fastest = "" if speed is None else f", fastest vertex {length(speed)}/s"
     return f"{'at rest' if certificate['at_rest'] else 'NOT at rest'}{fastest}"
+
+
+def _unstable(certificate: dict[str, Any]) -> list[str]:
+    """A line where unstable equilibria were found, else none."""
+    found = certificate["unstable_equilibria"]
+    if found["first_at"] is None:
+        return []
+    left = f"an unstable equilibrium was left {_many(found['left'], 'time')}"
+    kept = f"{_many(found['kept'], 'step')} ended in one that was kept"
+    parts = [text for count, text in ((found["left"], left), (found["kept"], kept)) if count]
+    return [f"{', '.join(parts)}; first at {found['first_at']:g} s (grows by e in {1 / found['growth_rate']:.2g} s)"]
 
 
 def _error(estimate: dict[str, Any]) -> str:

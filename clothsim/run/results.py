@@ -17,12 +17,23 @@ from clothsim.errors import InputError
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
 from clothsim.io.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
 from clothsim.run.field_pictures import field_settings
-from clothsim.run.pictures import PICTURE_NAME, draw_frame, draw_movie, frame_picture, upright
+from clothsim.run.pictures import (
+    MOVIE_SETTINGS,
+    PICTURE_NAME,
+    PICTURE_SETTINGS,
+    draw_frame,
+    draw_movie,
+    frame_picture,
+    upright,
+)
+from clothsim.scene.keys import refuse_unknown
 from clothsim.sim.intersection_history import occurrence_text
 
 if TYPE_CHECKING:
     from clothsim.build.scene_world import Built
     from clothsim.run.fields import Configuration
+
+RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` or clothsim.simulate left."
 
 _INTERRUPTED = {"status": "interrupted", "reason": "The run was stopped before its end, or is still going."}
 
@@ -281,6 +292,7 @@ class Run(Sequence[Frame]):
         ndarray or Path
             The picture, (height, width, 3) uint8; with `path` that file.
         """
+        refuse_unknown("Run.plot", settings, PICTURE_SETTINGS)
         given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
         if path is None:
             return frame_picture(self.trajectory, frame, **given)
@@ -305,13 +317,14 @@ class Run(Sequence[Frame]):
         field : str, optional
             As of `plot`.
         **settings
-            As of `plot`, and frames_per_second.
+            As of `plot`, and frames_per_second and samples (per pixel and direction; 1 is faster and rougher).
 
         Returns
         -------
         Path
             The file; a .gif of the same name where ffmpeg is not installed.
         """
+        refuse_unknown("Run.movie", settings, (*PICTURE_SETTINGS, *MOVIE_SETTINGS))
         target = Path(path)
         target.unlink(missing_ok=True)
         given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
@@ -347,9 +360,9 @@ def open_run(path: str | Path) -> Run:
     """
     directory = Path(path)
     if not directory.is_dir():
-        raise InputError(f"There is no run directory {directory}.")
+        raise InputError(f"There is no run directory {directory}.", RUN_DIRECTORY)
     if not (directory / TRAJECTORY_NAME).is_file():
-        raise InputError(f"{directory} holds no {TRAJECTORY_NAME}, so it is not the output of a run.")
+        raise InputError(f"{directory} holds no {TRAJECTORY_NAME}, so it is not the output of a run.", RUN_DIRECTORY)
     summary_path = directory / SUMMARY_NAME
     summary = read_summary(summary_path) if summary_path.exists() else {}
     if summary_path.exists() and "status" not in summary:

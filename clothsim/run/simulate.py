@@ -6,6 +6,7 @@ from time import perf_counter
 
 from clothsim.build.scene_world import build
 from clothsim.errors import InputError
+from clothsim.run.callbacks import refuse_uncallable
 from clothsim.run.checked_step import warn_of
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
@@ -69,6 +70,7 @@ def simulate(
     >>> bool(run[-1].positions["cloth"][0, 2] < -0.03)
     True
     """
+    refuse_uncallable(progress=progress, announce=announce, on_step=on_step)
     directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
     started = perf_counter()
     session, log = watched(prepare(scene, build(scene)), dump_iterates, 0)

@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from clothsim.arrays import Floats
 from clothsim.build.scene_world import build
 from clothsim.errors import InputError
-from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
-from clothsim.run.archive import refuse_functions
+from clothsim.io.checkpoint import CHECKPOINT_NAME, packed, read_checkpoint, unpacked, write_checkpoint
 from clothsim.run.changes import (
     body_at,
     body_rows,
@@ -27,14 +26,13 @@ from clothsim.run.changes import (
 )
 from clothsim.run.checked_step import checked_step
 from clothsim.run.fields import Configuration, field
-from clothsim.run.hand_motions import HandMotions, hand_motions_from, pin_groups
+from clothsim.run.hand_motions import HandMotions, pin_groups
+from clothsim.run.saved_simulation import restored_simulation, saved_simulation
 from clothsim.run.session import Session, prepare, refuse_leaps
 from clothsim.run.simulation_state import SimulationError, SimulationState, starting_state, state_after
-from clothsim.run.summary import checkpoint_of, state_of
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.keys import refuse_unknown
-from clothsim.scene.scene import Scene, scene_from_text
-from clothsim.sim.certificate import Certificate, certificate_from
+from clothsim.scene.keys import refuse_absent
+from clothsim.scene.scene import Scene
 from clothsim.sim.failure import Failure
 from clothsim.sim.intersection_history import IntersectionHistory
 from clothsim.sim.state import Rest, State, first_state
@@ -238,7 +236,7 @@ class Simulation:
         self._set_session(session)
 
     def _key(self, effect: str, key: str) -> Any:
-        refuse_unknown("The scene's effects", [effect], self.scene.effects)
+        refuse_absent("effect", effect, self.scene.effects)
         return self.scene.effects[effect].get(key, EFFECTS[effect].keys()[key])
 
     def set_fabric(self, fabric: str | None = None, *, cloth: str | None = None, **keys: float) -> None:
@@ -365,13 +363,11 @@ class Simulation:
         return other
 
     def save(self, path: str | Path) -> None:
-        """Write the state, the scene and all changes to a file (.npz), for `restore`.
+        """Write the state, the scene with its mesh files, and all changes to a file (.npz), for `restore`.
 
-        Mesh files are not copied. InputError where a key of an effect is a Python function, which no file holds.
+        InputError where a key of an effect is a Python function, which no file holds.
         """
-        refuse_functions("effects", self.scene.effects)
-        saved = checkpoint_of(self._session, self._state, Certificate(intersections=self._history))
-        write_checkpoint(path, replace(saved, counters={**saved.counters, "by_hand": self._by_hand.as_json()}))
+        write_checkpoint(path, saved_simulation(self._session, self._state, self._by_hand, self._history))
 
     @classmethod
     def restore(cls, path: str | Path) -> "Simulation":
@@ -388,13 +384,18 @@ class Simulation:
             Its steps are those that the saved one would have taken, bit for bit with ``threads = 1``.
         """
         file = Path(path) / CHECKPOINT_NAME if Path(path).is_dir() else Path(path)
-        saved = read_checkpoint(file)
-        scene = scene_from_text(saved.scene_text, file.parent)
-        by_hand = hand_motions_from(saved.counters.get("by_hand", {"pins": {}, "bodies": {}}))
-        built = by_hand.applied(build(scene))
-        if len(saved.positions) != built.world.n_vertices:
-            raise InputError(f"{file} is of another mesh than its scene.", "Restore the mesh files of the scene.")
         simulation = object.__new__(cls)
-        history = certificate_from(saved.counters["certificate"]).intersections
-        simulation._begin(prepare(scene, built), state_of(saved), by_hand, history)
+        simulation._begin(*restored_simulation(read_checkpoint(file), str(file), file.parent))
         return simulation
+
+    __copy__ = branch
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What `save` writes, for pickle and `copy.deepcopy`."""
+        saved = saved_simulation(self._session, self._state, self._by_hand, self._history)
+        return {"saved": packed(saved), "state": self.state, "failure": self.failure}
+
+    def __setstate__(self, given: dict[str, Any]) -> None:
+        """Restore the simulation of `__getstate__`, with a linear solver of its own."""
+        self._begin(*restored_simulation(unpacked(given["saved"], "The pickle"), "The pickle", Path()))
+        self.state, self.failure = given["state"], given["failure"]

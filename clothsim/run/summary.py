@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from clothsim.energies.protocols import report_of
@@ -32,8 +32,9 @@ class Progress:
         Smallest distance in contact [m], inf where nothing is closer than d_hat.
     fastest : float
         Largest speed of a cloth vertex [m/s].
-    verdict : {"moving", "settled", "stalled"}
-        Settled: no vertex is faster than ten times the tolerance; stalled: dt is below an eighth.
+    verdict : {"moving", "settled", "stalled", "unstable"}
+        Settled: no vertex is faster than ten times the tolerance; stalled: dt is below an eighth; unstable: the step
+        ended in an unstable equilibrium.
     seconds : float
         Wall time since the start [s].
     """
@@ -65,6 +66,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "error": None if report.error is None else report.error.rms,
         "largest_error": None if report.error is None else report.error.largest,
         "rejected": report.rejected,
+        "unstable": [asdict(switch) for switch in report.switches],
     }
 
 
@@ -76,6 +78,8 @@ def progress_of(report: StepReport, session: Session, seconds: float) -> Progres
         verdict = "stalled"
     elif report.fastest < 10 * integrator.settings.tolerance:
         verdict = "settled"
+    if report.switches:
+        verdict = "unstable"
     return Progress(
         report.state.time,
         run.duration,

@@ -18,6 +18,39 @@ from clothsim.sim.stepping import StepReport
 
 
 @dataclass(frozen=True)
+class UnstableEquilibria:
+    """Unstable equilibria so far.
+
+    Parameters
+    ----------
+    left, kept : int
+        Number of those that were left, and of steps that ended in one that was kept.
+    first_at : float or None
+        Time of the first [s].
+    growth_rate : float
+        Largest growth rate of a lowest mode [1/s].
+    """
+
+    left: int = 0
+    kept: int = 0
+    first_at: float | None = None
+    growth_rate: float = 0.0
+
+    def after(self, report: StepReport) -> Self:
+        """Return the record after one more step."""
+        if not report.switches:
+            return self
+        left = sum(switch.left for switch in report.switches)
+        return replace(
+            self,
+            left=self.left + left,
+            kept=self.kept + (not report.switches[-1].left),
+            first_at=report.state.time if self.first_at is None else self.first_at,
+            growth_rate=max(self.growth_rate, *(switch.growth_rate for switch in report.switches)),
+        )
+
+
+@dataclass(frozen=True)
 class Certificate:
     """Extremes over all steps so far.
 
@@ -53,6 +86,8 @@ class Certificate:
         Largest speed of a cloth vertex in the last step [m/s]; nan without inertia.
     at_rest : bool
         True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
+    unstable : UnstableEquilibria
+        Those that were found (see `sim.branch_switching`).
     """
 
     intersections: IntersectionHistory = field(default_factory=IntersectionHistory)
@@ -70,6 +105,7 @@ class Certificate:
     asked: float = 0.0
     fastest_speed: float = np.nan
     at_rest: bool = False
+    unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
         """Return the certificate after one more step, which started at `before`.
@@ -79,6 +115,8 @@ class Certificate:
         x = report.state.positions
         stretches = world_stretches(world, x)
         energy, incremental, scale = _energies(world, report, report.state)
+        if report.switches:  # of the solve; the displacement after it is none of its steps
+            incremental = _energies(world, report, replace(report.state, positions=report.result.x))[1]
         energy_before, incremental_before, _ = _energies(world, report, before)
         return replace(
             self,
@@ -93,6 +131,7 @@ class Certificate:
             estimate=self.estimate.after(report),
             fastest_speed=np.nan if report.error is None else report.fastest,
             at_rest=report.state.at_rest,
+            unstable=self.unstable.after(report),
         )
 
     def as_dict(self, coverage: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
@@ -110,6 +149,7 @@ class Certificate:
             "residual": self.residual,
             "at_rest": self.at_rest,
             "fastest_speed": self.fastest_speed,
+            "unstable_equilibria": asdict(self.unstable),
             "energy_drift": scripted if self.moved_by_script else drift,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
             "error_estimate": self.estimate.as_dict(self.asked, completed),
@@ -117,7 +157,11 @@ class Certificate:
 
     def as_json(self) -> dict[str, Any]:
         """Return every field, for the checkpoint."""
-        parts = {"estimate": asdict(self.estimate), "intersections": self.intersections.as_json()}
+        parts = {
+            "estimate": asdict(self.estimate),
+            "intersections": self.intersections.as_json(),
+            "unstable": asdict(self.unstable),
+        }
         return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
 
 
@@ -127,6 +171,7 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
     parts = {
         "estimate": ErrorEstimate(**fields.get("estimate", {})),
         "intersections": history_from(fields.get("intersections", older)),
+        "unstable": UnstableEquilibria(**fields.get("unstable", {})),
     }
     return Certificate(**{**{name: fields[name] for name in fields if name != "intersecting_frames"}, **parts})
 

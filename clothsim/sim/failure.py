@@ -27,6 +27,7 @@ class Cause(StrEnum):
 
     ITERATION_LIMIT = "iteration limit"
     LINE_SEARCH = "line search"
+    UNBALANCED = "force balance"
     NO_ROOM = "no room"
     BLOCKED = "blocked"
     NOT_FINITE = "not finite"
@@ -180,6 +181,10 @@ def _remedy(world: World, end: Outcome, pair: ContactPair | None, inertia: bool)
 
 
 _REMEDIES = {
+    Ending.UNBALANCED: (
+        "Set a larger d_hat of the contacts or a smaller stiffness of the cloth: the forces there are beyond what "
+        "positions in double precision can balance. Else set a smaller solver.dt."
+    ),
     Ending.NO_ROOM: "Set a smaller solver.dt, or start the scene with larger gaps there.",
     Ending.LINE_SEARCH: "Set a larger solver.tolerance or a smaller solver.dt: the decrease of E is below round-off.",
     Ending.NOT_FINITE: "Run `clothsim check` on the scene to find degenerate triangles; else set a smaller solver.dt.",

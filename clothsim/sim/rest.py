@@ -2,7 +2,7 @@
 
 Speeds alone mislead: where a cloth turns back all of them vanish together, and one that creeps is slow for long. The
 distance from equilibrium tells both from rest; it takes a factorisation, so it is looked at only where the cloth is
-slow. Nothing is looked at between frames, on which a run may end.
+slow. A slow cloth is looked at where a frame ends, on which a run may end.
 """
 
 from dataclasses import replace
@@ -11,12 +11,11 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.energies.base import Energy
-from clothsim.energies.step import Step
+from clothsim.sim.branch_switching import displaced, out_of_plane, stabilised, standing, static_model, unstable_side
 from clothsim.sim.prescribed import prescribed
 from clothsim.sim.state import Rest, State
 from clothsim.sim.stepping import Integrator, StepReport
 from clothsim.solve.potential import Potential
-from clothsim.solve.statics import StaticModel
 
 SLOW_STEPS = 10
 """Consecutive steps without a vertex faster than `Integrator.rest_speed` before the distance is looked at."""
@@ -30,49 +29,48 @@ ROUNDING = 1e-9
 """Relative change of a load or a position below which it is none."""
 
 
-def judged(integrator: Integrator, report: StepReport, until: float) -> StepReport:
-    """Return the report of a step with the `rest` of its state; `until`: end of the loads that matter [s]."""
+def judged(integrator: Integrator, before: State, report: StepReport, until: float) -> StepReport:
+    """Return the report of a step with the `rest` of its state, which is displaced where it was found unstable.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        Took the step.
+    before : State
+        Start of the step.
+    report : StepReport
+        The step.
+    until : float
+        End of the loads that matter [s].
+    """
     if not report.converged:
         return report
-    state, static = report.state, is_static(integrator)
+    static = "inertia" not in integrator.potential.energies
+    with integrator.potential.timers.phase("stability"):
+        report = stabilised(integrator, before, report) if static else out_of_plane(integrator, report)
     slow = report.state.slow_steps + 1 if report.fastest < integrator.rest_speed else 0
-    rest = state.rest if slow else Rest.MOVING
+    rest = report.state.rest if slow else Rest.MOVING
     if report.frame_done and rest is not Rest.REACHED and (static or slow >= SLOW_STEPS):
-        with integrator.potential.timers.phase("rest"):
-            rest = _rest(integrator, report, until)
+        with integrator.potential.timers.phase("stability"):
+            report, rest = _looked_at(integrator, report, until, static)
         slow = slow if rest is Rest.REACHED else 0
-    return replace(report, state=replace(state, slow_steps=slow, rest=rest))
+    return replace(report, state=replace(report.state, slow_steps=slow, rest=rest))
 
 
-def is_static(integrator: Integrator) -> bool:
-    """True for quasi-static steps, each of which ends in an equilibrium."""
-    return "inertia" not in integrator.potential.energies
-
-
-def _rest(integrator: Integrator, report: StepReport, until: float) -> Rest:
+def _looked_at(integrator: Integrator, report: StepReport, until: float, static: bool) -> tuple[StepReport, Rest]:
+    """The report of a step whose end is slow, displaced where that is unstable, and its state of rest."""
+    model = static_model(integrator, report)
+    side = None if static else unstable_side(integrator, model)
+    if side is not None:
+        report = displaced(report, side)
+        if side.dx.any() or integrator.leaves_unstable:
+            return report, Rest.UNSTABLE
+    if static and integrator.leaves_unstable and not model.is_stable:
+        return report, Rest.UNSTABLE
     if _changes(integrator, report, until):
-        return Rest.CHANGING
-    displacement = static_model(integrator, report).displacement()
-    if displacement is None:
-        return Rest.UNSTABLE
-    distance = float(np.linalg.norm(displacement, axis=1).max(initial=0.0))
-    return Rest.REACHED if distance < REST_TIME * integrator.rest_speed else Rest.DISTANT
-
-
-def static_model(integrator: Integrator, report: StepReport) -> StaticModel:
-    """Return the static model at the end of a step."""
-    world, state = integrator.world, report.state
-    fixed = np.zeros(world.n_cloth, bool)
-    rows = prescribed(world, integrator.constraints.values(), state.time).vertices
-    fixed[rows[rows < world.n_cloth]] = True
-    return StaticModel(report.potential, integrator.system, world.masses, fixed, _standing(integrator, state, 0.0))
-
-
-def _standing(integrator: Integrator, state: State, later: float) -> Step:
-    """A step that begins at the positions of `state` without velocities, with the loads of `later` [s] from then."""
-    end, h = state.time + later, state.dt
-    zero = np.zeros_like(state.positions)
-    return Step(end - h, h, state.positions, zero, integrator.load(end), zero, memory=state.memory)
+        return report, Rest.CHANGING
+    distance = float(np.linalg.norm(model.displacement(), axis=1).max(initial=0.0))
+    return report, Rest.REACHED if distance < REST_TIME * integrator.rest_speed else Rest.DISTANT
 
 
 def _changes(integrator: Integrator, report: StepReport, until: float) -> bool:
@@ -99,7 +97,7 @@ def _varies(integrator: Integrator, state: State, energy: Energy, later: list[fl
     """True where the force of an energy on the cloth without velocities varies over time."""
 
     def force(t: float) -> Floats:
-        return energy.begin(_standing(integrator, state, t)).gradient(state.positions)
+        return energy.begin(standing(integrator, state, t)).gradient(state.positions)
 
     now = force(0.0)
     return any(_differ(force(t), now) for t in later)

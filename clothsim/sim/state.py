@@ -29,6 +29,30 @@ class Rest(Enum):
 
 
 @dataclass(frozen=True)
+class Switch:
+    """Record of an unstable equilibrium (`sim.branch_switching`).
+
+    Parameters
+    ----------
+    growth_rate : float
+        Of its lowest mode [1/s].
+    vertex : int
+        Row of x that the mode displaces most.
+    displacement : tuple of float
+        Of that vertex, by which the state was left [m]; 0 where it was kept.
+    """
+
+    growth_rate: float
+    vertex: int
+    displacement: tuple[float, ...]
+
+    @property
+    def left(self) -> bool:
+        """True where the state was left."""
+        return any(self.displacement)
+
+
+@dataclass(frozen=True)
 class State:
     """State between two steps.
 

@@ -49,7 +49,7 @@ def next_step(integrator: Integrator, state: State, duration: float, frames_per_
     report = advance(integrator, state, until)
     if report.converged and report.state.time == until:
         report = replace(report, frame_done=True, state=replace(report.state, frame=state.frame + 1))
-    return judged(integrator, report, duration)
+    return judged(integrator, state, report, duration)
 
 
 def finished(state: State, duration: float, frames_per_second: float, until: str = "time") -> bool:

@@ -6,6 +6,7 @@ of frequency w the fraction w^2 T^2 / (1 + w^2 T^2) of it. The mass term keeps r
 finite.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,6 +21,7 @@ from clothsim.indexing import taken
 from clothsim.solve.direct_solver import NotPositiveDefiniteError
 from clothsim.solve.linear_system import System
 from clothsim.solve.potential import Potential
+from clothsim.solve.sparsity import Hessian
 
 HORIZON = 30.0
 """T [s]. A strip of light cloth of 1 m bends with w = .06 1/s: of its distance from equilibrium a horizon of 30 s shows
@@ -66,29 +68,52 @@ class StaticModel:
                     total = total if is_idle(at_rest) else total + at_rest.gradient(x)
         return total
 
-    def displacement(self) -> Floats | None:
-        """Return the displacement to equilibrium (n, 3) [m]; None where K + M / T^2 is not positive definite."""
-        data = self.matrix()
+    @cached_property
+    def is_stable(self) -> bool:
+        """True where K + M / T^2 is positive definite. `solver` then holds its factor."""
+        return self._factorises(self.matrix())
+
+    def displacement(self) -> Floats:
+        """Return the displacement to equilibrium (n, 3) [m]; of an unstable state by the projected Hessian."""
         b = -np.where(self.fixed[:, None], 0.0, taken(self.gradient(), self.system.rows)).ravel()
-        # A factor in single precision may be positive definite where the matrix is not: refinement then diverges, but
-        # only along vectors with all modes in them, and symmetric forces lack some.
-        probe = np.random.default_rng(0).standard_normal(b.shape)
+        if not self.is_stable and not self._factorises(self.projected()):
+            return np.full((len(self.masses), 3), np.inf)
         with self.bound.timers.phase("linear solve"):
-            self.bound.timers.linear_solves += 1
-            try:
-                self.system.solver.solve(data, probe)
-            except NotPositiveDefiniteError:
-                return None
             return self.system.solver.back_solve(b).reshape(-1, 3)
 
     def matrix(self) -> Floats:
-        """Return K + M / T^2 as data of the system's pattern, with the rows of fixed vertices replaced by identity."""
-        hessians = self.potential.exact_hessians(self.rest.positions)
+        """Return K + M / T^2 as data of the system's pattern, the rows of fixed vertices those of the identity."""
+        return self._assembled(self.potential.exact_hessians(self.rest.positions))
+
+    def projected(self) -> Floats:
+        """Return the same with the projected Hessian, which is positive definite."""
+        return self._assembled(self.potential.hessians(self.rest.positions))
+
+    def projected_inverse(self) -> Callable[[Floats], Floats] | None:
+        """Return r -> P^-1 r, P `projected`; None where rounding leaves it indefinite."""
+        return self.system.solver.back_solve if self._factorises(self.projected()) else None
+
+    def _assembled(self, hessians: list[Hessian]) -> Floats:
         mass = diagonal_hessian(every_vertex(len(self.masses)), self.masses / HORIZON**2)
         with self.bound.timers.phase("assembly"):
             data = self.system.assemble([*hessians, mass])
             self.system.pattern.fix(data, self.fixed)
         return data
+
+    def _factorises(self, data: Floats) -> bool:
+        """True where a matrix is positive definite; the solver then holds its factor.
+
+        A factor in single precision may be positive definite where the matrix is not: refinement then diverges, but
+        only along vectors with all modes in them, and symmetric forces lack some.
+        """
+        probe = np.random.default_rng(0).standard_normal(3 * len(self.masses))
+        with self.bound.timers.phase("linear solve"):
+            self.bound.timers.linear_solves += 1
+            try:
+                self.system.solver.solve(data, probe)
+            except NotPositiveDefiniteError:
+                return False
+        return True
 
 
 def _is_static(energy: Energy) -> bool:

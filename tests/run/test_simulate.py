@@ -362,6 +362,15 @@ def test_without_contact_an_intersection_is_reported_and_the_run_goes_on(tmp_pat
     assert run.summary["certificate"]["intersecting_frames"]
 
 
+@pytest.mark.parametrize("callback", ["on_step", "progress", "announce"])
+@pytest.mark.parametrize("start", [lambda path, **callbacks: simulate(small_scene(), path, **callbacks), resume])
+def test_what_cannot_be_called_is_refused_before_the_first_step(tmp_path, start, callback):
+    with pytest.raises(InputError) as caught:
+        start(tmp_path / "never", **{callback: 3})
+    assert callback in caught.value.sentence
+    assert not (tmp_path / "never").exists()
+
+
 def test_an_output_that_cannot_be_made_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be made a directory"):
