@@ -12,12 +12,12 @@ import numpy as np
 from clothsim.accuracy.cost_model import predicted_seconds
 from clothsim.accuracy.points import BASE, Bench, Outcome, Point
 from clothsim.accuracy.pool import Answer, Job, Runner
-from clothsim.accuracy.resample import Material, at_points_of, material_of
 from clothsim.accuracy.worker import SHORT, TIMES
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
 from clothsim.io.atomic import write_atomically
 from clothsim.io.record import read_summary, to_json
+from clothsim.mesh.resample import Material, at_points_of, material_of
 
 STUDY_NAME, FOLDER = "study.json", "points"
 FIRST_GUESS = {"draft": 0.2, "fine": 12.0}

@@ -15,9 +15,9 @@ from clothsim.accuracy.evaluation import Gatherer
 from clothsim.accuracy.invariants import drape_coefficient, height_quantiles
 from clothsim.accuracy.points import BASE, CONVERGENT, Point, point
 from clothsim.accuracy.reference_solution import Norm
-from clothsim.accuracy.resample import point_areas
 from clothsim.accuracy.worker import JITTER
 from clothsim.arrays import Floats
+from clothsim.mesh.resample import point_areas
 
 TIGHT = 2
 """Level of the tolerance at which a run and its jittered twin are compared."""

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
-from clothsim.accuracy.knobs import IN_TIME, INTEGRATOR, Knob, any_knob, set_key
+from clothsim.accuracy.knobs import IN_TIME, INTEGRATOR, Knob, any_knob, newton_knob
 from clothsim.arrays import Floats
 from clothsim.build.presets import PRESETS, with_preset
+from clothsim.scene.overrides import set_key
 from clothsim.scene.scene import Scene
 from clothsim.scene.typed_effects import Bending
 
@@ -119,7 +120,7 @@ class Bench:
 
     def tight(self, level: int) -> tuple[Point, Point]:
         """A point with a tight tolerance, and its twin with a jittered start."""
-        levels = {"tolerance": level}
+        levels = {newton_knob(self.base): level}
         return point(levels), point(levels, seed=1)
 
     def key(self, where: Point) -> str:

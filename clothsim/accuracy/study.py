@@ -14,16 +14,17 @@ import numpy as np
 from clothsim.accuracy.analysis import findings
 from clothsim.accuracy.evaluation import FOLDER, Gatherer, Progress, stored_points, write_points
 from clothsim.accuracy.headline import UNFINISHED, headline, needed_seconds
-from clothsim.accuracy.knobs import fixed, usable
+from clothsim.accuracy.knobs import usable
 from clothsim.accuracy.plan import gathered
 from clothsim.accuracy.points import BASE, Bench, Point, point
 from clothsim.accuracy.pool import Runner, cores, worker_processes
 from clothsim.accuracy.report import StudyData, document
 from clothsim.accuracy.report_text import markdown
-from clothsim.accuracy.resample import material_of
 from clothsim.arrays import as_positive
+from clothsim.build.explicit_lengths import fixed
 from clothsim.build.scene_world import build
 from clothsim.errors import InputError
+from clothsim.mesh.resample import material_of
 from clothsim.mesh.world import World
 from clothsim.scene.scene import Scene
 

@@ -9,10 +9,10 @@ from analytic_study import SHEET, A, B, C, Runners, answer, positions
 
 from clothsim.accuracy.answer import answer as reported
 from clothsim.accuracy.points import written
-from clothsim.accuracy.resample import material_of, point_areas
 from clothsim.accuracy.study import study_accuracy
 from clothsim.build.meshes import cloth_shape
 from clothsim.errors import InputError
+from clothsim.mesh.resample import material_of, point_areas
 from clothsim.scene.scene import scene_from_text
 
 KNOBS = ("dt", "cells")
