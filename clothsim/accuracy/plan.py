@@ -39,6 +39,7 @@ def gathered(gatherer: Gatherer) -> Observations:
     gatherer.gather(needed)
     gatherer.gather(_second(bench))
     gatherer.gather([*one_knob(list(bench.knobs), -1), *bench.other_formula((-1,))])
+    gatherer.gather(needed)  # where coarser runs show that they fit after all
     seen = with_twins(observations(gatherer), needed)
     if seen.chaotic:
         return _of_folds(gatherer, seen, needed)
@@ -56,10 +57,10 @@ def missing_points(seen: Observations) -> list[Point]:
     points = [BASE, *bench.other_formula((0, 1)), *needed, *bench.tight(TIGHT), *one_knob(list(bench.knobs), 1)]
     if seen.chaotic:
         points += seeded([BASE, *needed])
-    elif gatherer.good(BASE) and seen.compared().sweeps():
-        points += seen.compared().joint_points(JOINT[:1])
-    elif len(needed) > 1:
-        points.append(point(dict.fromkeys((name for each in needed for name, _ in each.levels), 1)))
+    else:
+        names = [name for each in needed for name, _ in each.levels]
+        names += seen.compared().together() if gatherer.good(BASE) else ()
+        points.append(point(dict.fromkeys(names, 1)))
     return [where for where in dict.fromkeys(points) if where not in gatherer.outcomes and _possible(bench, where)]
 
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from clothsim.accuracy import worker
-from clothsim.accuracy.knobs import set_key
 from clothsim.accuracy.reference_solution import Norm
-from clothsim.accuracy.resample import at_points_of, material_of, point_areas
 from clothsim.accuracy.study import study_accuracy
 from clothsim.build.refinement import with_cells
+from clothsim.mesh.resample import at_points_of, material_of, point_areas
+from clothsim.scene.overrides import set_key
 from clothsim.scene.scene import Scene
 
 SOLVER = {"dt": 0.02, "integrator": "backward_euler", "threads": 1, "linear": "superlu"}
