@@ -65,8 +65,22 @@ def _cells(base: Scene, scene: Scene, level: int) -> tuple[Any, Scene]:
 
 
 def _tolerance(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    if base.solver_settings.balanced:
+        raise InputError("Newton's method stops by solver.newton_error_fraction")
     value = base.solver_settings.tolerance / 4.0**level
     return value, set_key(scene, "solver.tolerance", value)
+
+
+def _newton_error_fraction(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    if not base.solver_settings.balanced:
+        raise InputError("the scene gives solver.tolerance, not newton_error_fraction")
+    value = base.solver_settings.newton_error_fraction / 4.0**level
+    return value, set_key(scene, "solver.newton_error_fraction", value)
+
+
+def newton_knob(base: Scene) -> str:
+    """Name of the knob of Newton's stop that a scene has."""
+    return "newton_error_fraction" if base.solver_settings.balanced else "tolerance"
 
 
 def _d_hat(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
@@ -106,11 +120,34 @@ KNOBS = {
         Knob("error", "m", 4, lambda scene: 1.0, _error, 2.5),
         Knob("cells", "", 2, lambda scene: 2.0, _cells, 6.0),
         Knob("tolerance", "m/s", 4, lambda scene: None, _tolerance, 1.1),
+        Knob("newton_error_fraction", "", 4, lambda scene: None, _newton_error_fraction, 1.2),
         Knob("d_hat", "m", 2, lambda scene: 1.0, _d_hat, 1.3),
         Knob("eps_v", "m/s", 2, lambda scene: 1.0, _eps_v, 1.1),
         Knob("iterations", "", 2, lambda scene: None, _iterations, 1.9),
     )
 }
+
+
+def _integrator(base: Scene, scene: Scene, level: int) -> tuple[str, Scene]:
+    own = base.solver_settings.integrator
+    if not level:
+        return own, scene
+    if level != 1 or "inertia" not in base.effects:
+        raise InputError("there is no other difference formula")
+    other = "backward_euler" if own == "bdf2" else "bdf2"
+    return other, set_key(scene, "solver.integrator", other)
+
+
+INTEGRATOR = "integrator"
+SWITCH = Knob(INTEGRATOR, "", 1, lambda scene: None, _integrator, 1.2)
+"""The other difference formula, level 1: not finer, but another path to the same limit in dt."""
+IN_TIME = ("dt", "error")
+"""The knobs that refine the time steps, of which a scene has one."""
+
+
+def any_knob(name: str) -> Knob:
+    """A knob of KNOBS, or the switch of the integrator."""
+    return SWITCH if name == INTEGRATOR else KNOBS[name]
 
 
 def usable(base: Scene, names: list[str] | None) -> tuple[dict[str, Knob], dict[str, str]]:

@@ -93,10 +93,11 @@ class Resolvable:
         """Time step [s]."""
         return self.frame / resolution.steps
 
-    def at(self, resolution: Resolution, tolerance: float) -> Scene:
-        """The scene at a resolution, with Newton's tolerance [m/s]."""
+    def at(self, resolution: Resolution, newton_error_fraction: float) -> Scene:
+        """The scene at a resolution; a tolerance of its own stays."""
         scene = set_key(self.scene, "solver.dt", self.dt(resolution))
-        scene = set_key(scene, "solver.tolerance", tolerance)
+        if "tolerance" not in scene.solver:
+            scene = set_key(scene, "solver.newton_error_fraction", newton_error_fraction)
         for name, d_hat in d_hats(self.scene).items():
             scene = set_key(scene, f"effects.{name}.d_hat", d_hat * float(resolution.d_hat))
         return scene if resolution.cells == 1 else with_cells(scene, resolution.cells)

@@ -17,12 +17,9 @@ from clothsim.run.error_control.trial import Distance, Trial, distance_at, pilot
 from clothsim.run.results import Run
 from clothsim.scene.scene import Scene
 
-NEWTON = 2.0
-"""Newton's tolerance as a multiple of the requested error over the duration; what it leaves is measured."""
-TOLERANCES = (1e-6, 1e-2)
 NEWTON_PART = 0.2
-"""Fraction of the requested error above which the next run has a finer tolerance."""
-FINER_TOLERANCE = 0.25
+"""Fraction of the requested error above which Newton's method stops at FINER times a smaller one."""
+FINER = 0.25
 SLACK = 1.05
 """The request is met up to this factor."""
 MOST_ROUNDS = 5
@@ -69,16 +66,15 @@ class Found:
 
 @dataclass
 class Search:
-    """State of a search: the runs so far and the tolerance [m/s]; `message` receives a line before each run."""
+    """State of a search: the runs so far and the fraction at which Newton's method stops; `message` receives a line before each run."""
 
     resolvable: Resolvable
     asked: float
     budget: float
     candidate: Candidate
     message: Message
-    tolerance: float
+    newton_error_fraction: float
     trials: list[Trial] = field(default_factory=list)
-    kept: int = 0
 
     @property
     def spent(self) -> float:
@@ -88,14 +84,14 @@ class Search:
     def pilot(self, resolution: Resolution) -> Trial:
         """Run a pilot."""
         self.message(f"pilot run: {self.resolvable.text(resolution)}")
-        self.trials.append(pilot(self.resolvable.at(resolution, self.tolerance), resolution))
+        self.trials.append(pilot(self.resolvable.at(resolution, self.newton_error_fraction), resolution))
         return self.trials[-1]
 
     def run(self, resolution: Resolution, expected: float | None = None) -> tuple[Run, Trial]:
         """Run a candidate into the output directory."""
         about = "" if expected is None else f", about {1e3 * expected:.2g} mm expected"
         self.message(f"run: {self.resolvable.text(resolution)}{about}")
-        run, trial = self.candidate(self.resolvable.at(resolution, self.tolerance), resolution)
+        run, trial = self.candidate(self.resolvable.at(resolution, self.newton_error_fraction), resolution)
         self.trials.append(trial)
         return run, trial
 
@@ -120,10 +116,8 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
         The last one.
     """
     settings = scene.solver_settings
-    tolerance = min(max(NEWTON * settings.error / scene.run_settings.duration, TOLERANCES[0]), TOLERANCES[1])
-    if "tolerance" in scene.solver:
-        tolerance = settings.tolerance
-    search = Search(resolvable(scene), settings.error, settings.budget, candidate, message, tolerance)
+    fraction = settings.newton_error_fraction
+    search = Search(resolvable(scene), settings.error, settings.budget, candidate, message, fraction)
     coarsest = _coarsest(search)
     knobs = search.resolvable.knobs
     run, first = search.run(search.resolvable.refined(coarsest.resolution, knobs))
@@ -166,7 +160,7 @@ def _refined(search: Search, found: Found, errors: KnobErrors, distance: Distanc
         if found.met(search.asked):
             return found
         if found.parts["newton"] > NEWTON_PART * search.asked:
-            search.tolerance *= FINER_TOLERANCE
+            search.newton_error_fraction *= FINER
         vertices = sum(len(rest) for rest in search.trials[0].material.rest)
         done = [trial.resolution for trial in search.trials]
         unit = found.trial.seconds / work(search.resolvable, found.trial.resolution, vertices)
