@@ -52,9 +52,10 @@ class Solver(KeyTable):
     ] = 0
     error: Annotated[
         float,
-        Key("In place of dt: RMS error of the positions that the steps may add in the whole run", "m", above=0,
-            shown="none: dt is fixed"),
+        Key("In place of dt: RMS error of the positions at the last frame; dt, cells of generated meshes, d_hat and "
+            "tolerance are chosen for it", "m", above=0, shown="none: dt is fixed"),
     ] = 0.0  # fmt: skip
+    budget: Annotated[float, Key("Processor time of all runs that error may take", "s", above=0)] = 600.0
 
     @property
     def longest_step(self) -> float:
