@@ -212,9 +212,7 @@ def friction(
     lag_iterations = as_count("effects.friction.iterations", iterations)
     empty = np.zeros((0, 4))
     rows = empty.astype(np.int64)
-    return Friction(
-        table, world.labels, speed, lag_iterations, NO_CONTACTS, rows, empty, np.zeros((0, 3)), np.zeros(0)
-    )
+    return Friction(table, world.labels, speed, lag_iterations, NO_CONTACTS, rows, empty, np.zeros((0, 3)), np.zeros(0))
 
 
 def _pair(world: World, number: int, entry: Sequence[object]) -> tuple[int, int, float]:

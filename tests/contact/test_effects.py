@@ -172,4 +172,4 @@ def test_pairs_of_friction_are_counted_in_the_summary(tmp_path):
         run={"duration": 0.06, "frames_per_second": 50},
     )
     effects = clothsim.simulate(scene, tmp_path).summary["effects"]
-    assert effects["friction"]["pairs"] == effects["body_contact"]["pairs"] > 0
+    assert effects["body_contact"]["pairs"] >= effects["friction"]["pairs"] > 0

@@ -55,9 +55,9 @@ class Oracle:
         contact = pose.contact(backend="ipctk")
         self.candidates, self.start = contact.candidates, pose.x
         potential = ipctk.BarrierPotential(contact.d_hat, contact.stiffness, True)
-        self.collisions = ipctk.TangentialCollisions()
-        normal = self.candidates.collisions(pose.x)
-        self.collisions.build(self.candidates.mesh, self.candidates.rows_of(pose.x), normal, potential, MU)
+        self.collisions = [ipctk.TangentialCollisions() for _ in range(2)]
+        for tangential, normal in zip(self.collisions, self.candidates.collisions(pose.x), strict=True):
+            tangential.build(self.candidates.mesh, self.candidates.rows_of(pose.x), normal, potential, MU)
         self.potential = ipctk.FrictionPotential(EPS_V * DT)
 
     def at(self, x):
