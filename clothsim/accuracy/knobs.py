@@ -102,12 +102,12 @@ def _d_hat(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
 def _eps_v(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
     value = base.effects.get("friction", {}).get("eps_v", "auto")
     if isinstance(value, str):
-        raise InputError("the scene has no friction")
+        raise InputError("the scene has no friction that creeps")
     return value / 2.0**level, set_key(scene, "effects.friction.eps_v", value / 2.0**level)
 
 
 def _iterations(base: Scene, scene: Scene, level: int) -> tuple[int, Scene]:
-    if isinstance(base.effects.get("friction", {}).get("eps_v", "auto"), str):
+    if "friction" not in base.effects:
         raise InputError("the scene has no friction")
     iterations = base.effects["friction"].get("iterations", 1) * Fraction(2) ** level
     if iterations.denominator != 1:
@@ -136,13 +136,14 @@ KNOBS = {
 def fixed(scene: Scene, built: Built) -> Scene:
     """`scene` with what it leaves to the mesh written out, so that a finer mesh changes the mesh alone.
 
-    The d_hat of each contact and eps_v of friction, where they are on; dt as the steps that a frame is divided into.
+    The d_hat of each contact and the elastic slip of friction, where they are on; dt as the steps that a frame is
+    divided into.
     """
     for name, energy in built.energies.items():
         if isinstance(energy, ContactGap):
             scene = set_key(scene, f"effects.{name}.d_hat", float(energy.d_hat))
-    if "friction" in built.energies:
-        scene = set_key(scene, "effects.friction.eps_v", float(built.energies["friction"].eps_v))  # type: ignore[attr-defined]
+    if "friction" in built.energies and (slip := float(built.energies["friction"].elastic_slip)):  # type: ignore[attr-defined]
+        scene = set_key(scene, "effects.friction.elastic_slip", slip)
     if "error" not in scene.solver:
         pieces, frame = steps_per_frame(scene)
         scene = set_key(scene, "solver.dt", frame / pieces)

@@ -32,22 +32,18 @@ def distinct(x: Floats, pairs: Pairs, limit: float) -> Pairs:
     x (N, 3) [m]; pairs: all that are closer than `limit` [m]; the triangles of a point follow one another. Pairs of
     zero weight are left out. An edge or vertex to which no triangle is closest is a triangle with a corner repeated.
     """
-    n = pairs.n_points
-    elements, weights = distinct_points(x, pairs.elements[:n], pairs.weights[:n], limit)
-    edges = np.flatnonzero(pairs.weights[n:]) + n
-    return Pairs(
-        np.concatenate([elements, pairs.elements.take(edges, axis=0)]),
-        np.concatenate([weights, pairs.weights.take(edges)]),
-        np.concatenate([np.zeros(len(weights)), pairs.thresholds.take(edges)]),
-        np.arange(len(weights) + len(edges)),
-        len(weights),
+    elements, weights, thresholds, n_points = distinct_terms(
+        x, pairs.elements, pairs.weights, pairs.thresholds, pairs.n_points, limit
     )
+    return Pairs(elements, weights, thresholds, np.arange(len(weights)), n_points)
 
 
 @kernel
-def distinct_points(x, elements, weights, limit):
-    """Rows (q, 4) and weights (q,) of the distinct terms of point-triangle pairs `elements` (p, 4) of weights (p,)."""
-    n = len(elements)
+def distinct_terms(x, elements, weights, thresholds, n, limit):
+    """Rows (q, 4), weights (q,) and thresholds (q,) of the terms of pairs (p, 4), and the number of those of points.
+
+    The first n pairs are of a point and a triangle.
+    """
     longest, start = 0, 0
     for e in range(n):
         start = e if elements[e, 0] != elements[start, 0] else start
@@ -58,7 +54,8 @@ def distinct_points(x, elements, weights, limit):
     slots = np.full(size, -1, np.int64)
     # of each feature: ends, triangles, triangles less one of its edges, coefficient, a triangle it is closest of, slot
     features = np.empty((6 * longest, 7), np.int64)
-    out, out_weights, count, start = np.empty((7 * n, 4), np.int64), np.empty(7 * n), 0, 0
+    room = 7 * n + len(elements) - n
+    out, out_weights, count, start = np.empty((room, 4), np.int64), np.empty(room), 0, 0
     while start < n:
         end = start + 1
         while end < n and elements[end, 0] == elements[start, 0]:
@@ -82,7 +79,15 @@ def distinct_points(x, elements, weights, limit):
             out_weights[k] = weights[start] * out[k, 0]
             out[k, 0] = elements[start, 0]
         start = end
-    return out[:count].copy(), out_weights[:count].copy()
+    n_points = count
+    out_thresholds = np.zeros(room)
+    for e in range(n, len(elements)):
+        if weights[e] != 0.0:
+            for k in range(4):
+                out[count, k] = elements[e, k]
+            out_weights[count], out_thresholds[count] = weights[e], thresholds[e]
+            count += 1
+    return out[:count].copy(), out_weights[:count].copy(), out_thresholds[:count].copy(), n_points
 
 
 @part
