@@ -5,6 +5,8 @@ return mapping: Simo and Hughes 1998, "Computational inelasticity", box 1.4; Cun
 springs of contacts). z is the tangential displacement of the points since they last fitted, at most e. A step adds the
 relative displacement u of the closest points: beyond |z + u| = e the anchor is drawn along, with |z| = e.
 
+z turns with the second surface of a contact: on a turntable it would else be left behind at the rate omega z.
+
 The anchor belongs to a material point (a vertex, or an edge) and to the object that it touches, not to a pair of
 simplices: a vertex that passes from face to face keeps it. Where one point touches an object from several sides, the
 side with the nearest normal inherits.
@@ -20,8 +22,11 @@ from clothsim.arrays import Floats, Ints
 SAME_SIDE = 0.5
 """Smallest cosine of the normals before and after of a contact that keeps its anchor."""
 
-COLUMNS = np.cumsum((4, 4, 3, 3, 3))
-"""Ends of the columns of `Anchors.as_array`: elements, weights, normals, slips, origins; then whether it slides."""
+COLUMNS = np.cumsum((4, 4, 3, 3, 3, 3))
+"""Ends of the columns of `Anchors.as_array`: elements to directions; then whether it slides."""
+
+LEAST_TANGENT = 0.1
+"""Tangential fraction of a direction below which it does not tell the rotation about the normal."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +41,8 @@ class Anchors:
         n, and z [m].
     origins : (p, 3) array
         sum g_i x_i at the start of the step [m].
+    directions : (p, 3) array
+        `directions_of` the second surface at the start of the step [m].
     slides : (p,) bool array
         True where the contact slid in the step before.
     """
@@ -45,11 +52,13 @@ class Anchors:
     normals: Floats
     slips: Floats
     origins: Floats
+    directions: Floats
     slides: np.ndarray
 
     def as_array(self) -> Floats:
-        """All numbers, (p, 18)."""
-        parts = self.elements, self.weights, self.normals, self.slips, self.origins, self.slides[:, None]
+        """All numbers, (p, 21)."""
+        vectors = self.normals, self.slips, self.origins, self.directions
+        parts = self.elements, self.weights, *vectors, self.slides[:, None]
         return np.concatenate([np.asarray(part, np.float64) for part in parts], axis=1)
 
     def after(self, x: Floats, elastic_slip: float, ratios: Floats) -> Self:
@@ -58,7 +67,8 @@ class Anchors:
         One that comes to rest holds with mu_static from then on: its slip shrinks so that its force stays.
         """
         moved = relative_positions(x, self.elements, self.weights) - self.origins
-        slips = self.slips + tangential(moved, self.normals)
+        turned = _rotated(self.slips, self.normals, self.directions, directions_of(x, self.elements))
+        slips = turned + tangential(moved, self.normals)
         fractions = np.linalg.norm(slips, axis=1) / elastic_slip
         slides = fractions >= 1.0
         rests = np.minimum(fractions, 1.0)
@@ -93,13 +103,31 @@ class Anchors:
 def anchors_from(numbers: object) -> Anchors:
     """Anchors of `Anchors.as_array`, which a file may hold as lists."""
     rows = np.asarray(numbers, np.float64).reshape(-1, COLUMNS[-1] + 1)
-    elements, weights, normals, slips, origins, slides = np.split(rows, COLUMNS, axis=1)
-    return Anchors(elements.astype(np.int64), weights, normals, slips, origins, slides[:, 0] > 0.0)
+    elements, *others, slides = np.split(rows, COLUMNS, axis=1)
+    return Anchors(elements.astype(np.int64), *others, slides[:, 0] > 0.0)
 
 
 def relative_positions(x: Floats, elements: Ints, weights: Floats) -> Floats:
     """sum g_i x_i of each contact (p, 3) [m]."""
     return np.asarray(np.einsum("pk,pkc->pc", weights, x[elements]), np.float64)
+
+
+def directions_of(x: Floats, elements: Ints) -> Floats:
+    """An edge of the second surface of each contact, (p, 3) [m]; 0 where that is a vertex."""
+    first = np.where(elements[:, 2] == elements[:, 3], elements[:, 1], elements[:, 2])
+    second = np.where(elements[:, 2] == elements[:, 3], elements[:, 2], elements[:, 3])
+    return np.asarray(x[second] - x[first], np.float64)
+
+
+def _rotated(vectors: Floats, normals: Floats, before: Floats, after: Floats) -> Floats:
+    """Tangential vectors (p, 3) turned about the normals as the directions turned from `before` to `after` (p, 3)."""
+    start, end = tangential(before, normals), tangential(after, normals)
+    known = (start**2).sum(axis=1) > LEAST_TANGENT**2 * (before**2).sum(axis=1)
+    sine = np.where(known, (np.cross(start, end) * normals).sum(axis=1), 0.0)
+    cosine = np.where(known, (start * end).sum(axis=1), 1.0)
+    size = np.hypot(sine, cosine)
+    sine, cosine = (np.divide(each, size, out=np.zeros_like(size), where=size > 0.0) for each in (sine, cosine))
+    return np.asarray(cosine[:, None] * vectors + sine[:, None] * np.cross(normals, vectors), np.float64)
 
 
 def tangential(vectors: Floats, normals: Floats) -> Floats:

@@ -44,43 +44,22 @@ def distinct_terms(x, elements, weights, thresholds, n, limit):
 
     The first n pairs are of a point and a triangle.
     """
-    longest, start = 0, 0
-    for e in range(n):
-        start = e if elements[e, 0] != elements[start, 0] else start
-        longest = max(longest, e - start + 1)
-    size = 16
-    while size < 12 * longest:
-        size *= 2
-    slots = np.full(size, -1, np.int64)
-    # of each feature: ends, triangles, triangles less one of its edges, coefficient, a triangle it is closest of, slot
-    features = np.empty((6 * longest, 7), np.int64)
-    room = 7 * n + len(elements) - n
-    out, out_weights, count, start = np.empty((room, 4), np.int64), np.empty(room), 0, 0
+    slots, features = _tables(elements, n)
+    room = 6 * n + len(elements)
+    out, out_weights, out_thresholds = np.empty((room, 4), np.int64), np.empty(room), np.zeros(room)
+    count, start = 0, 0
     while start < n:
         end = start + 1
         while end < n and elements[end, 0] == elements[start, 0]:
             end += 1
         first = count
-        if weights[start] == 0.0:
-            pass
-        elif end == start + 1:
-            count = _write(out, count, elements, start, 1)
-        else:
-            found, count = _closest_of_triangles(features, slots, out, count, x, elements, start, end)
-            _exclude_edges(features, slots, found, x, elements[start, 0], limit)
-            for k in range(found):
-                coefficient = features[k, 4] + _of_vertex(features, k, x, elements[start, 0], limit)
-                if coefficient != 0 and features[k, 5] >= 0:
-                    count = _write(out, count, elements, features[k, 5], coefficient)
-                elif coefficient != 0:
-                    count = _write_feature(out, count, elements[start, 0], features, k, coefficient)
-                slots[features[k, 6]] = -1
+        if weights[start] != 0.0:
+            count = _terms_of_point(features, slots, out, count, x, elements, start, end, limit)
         for k in range(first, count):
             out_weights[k] = weights[start] * out[k, 0]
             out[k, 0] = elements[start, 0]
         start = end
     n_points = count
-    out_thresholds = np.zeros(room)
     for e in range(n, len(elements)):
         if weights[e] != 0.0:
             for k in range(4):
@@ -88,6 +67,39 @@ def distinct_terms(x, elements, weights, thresholds, n, limit):
             out_weights[count], out_thresholds[count] = weights[e], thresholds[e]
             count += 1
     return out[:count].copy(), out_weights[:count].copy(), out_thresholds[:count].copy(), n_points
+
+
+@part
+def _tables(elements, n):
+    """Room for the features of the point with the most triangles: slots of a hash table, all -1, and the features.
+
+    Of a feature: ends, triangles, triangles less one of its edges, coefficient, a triangle it is closest of, slot.
+    """
+    longest, start = 0, 0
+    for e in range(n):
+        start = e if elements[e, 0] != elements[start, 0] else start
+        longest = max(longest, e - start + 1)
+    size = 16
+    while size < 12 * longest:
+        size *= 2
+    return np.full(size, -1, np.int64), np.empty((6 * longest, 7), np.int64)
+
+
+@part
+def _terms_of_point(features, slots, out, count, x, elements, start, end, limit):
+    """Rows of the terms of one point, coefficients in place of the point; returns their number with those before."""
+    if end == start + 1:
+        return _write(out, count, elements, start, 1)
+    found, count = _closest_of_triangles(features, slots, out, count, x, elements, start, end)
+    _exclude_edges(features, slots, found, x, elements[start, 0], limit)
+    for k in range(found):
+        coefficient = features[k, 4] + _of_vertex(features, k, x, elements[start, 0], limit)
+        if coefficient != 0 and features[k, 5] >= 0:
+            count = _write(out, count, elements, features[k, 5], coefficient)
+        elif coefficient != 0:
+            count = _write_feature(out, count, features, k, coefficient)
+        slots[features[k, 6]] = -1
+    return count
 
 
 @part
@@ -100,7 +112,7 @@ def _write(out, count, elements, e, coefficient):
 
 
 @part
-def _write_feature(out, count, point, features, k, coefficient):
+def _write_feature(out, count, features, k, coefficient):
     """Row of a feature to which no triangle is closest."""
     out[count, 0], out[count, 1] = coefficient, features[k, 0]
     out[count, 2] = out[count, 3] = features[k, 1]

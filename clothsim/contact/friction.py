@@ -8,7 +8,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_count, as_positive
 from clothsim.contact import friction_kernels as kernels
-from clothsim.contact.anchors import Anchors, anchors_from, relative_positions, tangential
+from clothsim.contact.anchors import Anchors, anchors_from, directions_of, relative_positions, tangential
 from clothsim.contact.barrier import Barrier
 from clothsim.contact.friction_coefficients import coefficient_tables
 from clothsim.energies.base import Energy, Off
@@ -114,8 +114,9 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
         """The contacts of the step, with their slips and points at its start (`Anchors.as_array`)."""
         if not self.elastic_slip:
             return np.zeros(0)
-        start = relative_positions(self.contacts.start, self.elements, self.weights)
-        return Anchors(self.elements, self.weights, self.normals, self.slips, start, self.slides).as_array()
+        start = self.contacts.start
+        vectors = relative_positions(start, self.elements, self.weights), directions_of(start, self.elements)
+        return Anchors(self.elements, self.weights, self.normals, self.slips, *vectors, self.slides).as_array()
 
     def begin(self, step: Step) -> Self:
         """Copy for the step, with the contacts and their forces at its start.
