@@ -68,7 +68,7 @@ def test_run_prints_settings_progress_and_verdict(capsys, tmp_path):
     assert "steps of 0.01 s" in out
     assert "Newton to 0.001 m/s" in out
     assert "completed: 0.04 s were simulated." in out
-    assert re.search(r"cloth and body intersect in no frame, smallest gap 23 mm", out)
+    assert re.search(r"cloth and body never intersect; cloth and cloth never intersect; smallest\s+gap 23 mm", out)
     assert re.search(r"principal stretches 0\.\d+ to 1\.\d+", out)
     assert "0.040 of 0.04 s" in err.splitlines()[-1]
     assert "Newton, gap " in err
@@ -255,18 +255,23 @@ def test_check_a_run_finds_the_frame_that_was_pushed_into_the_body(capsys, tmp_p
     assert out.endswith("1 error.\n")
 
 
-def test_check_reports_cloth_in_cloth_and_checks_it_where_self_contact_is_on(capsys, tmp_path):
+def test_check_reports_cloth_in_cloth_with_and_without_self_contact(capsys, tmp_path):
     second = SHEET.replace("[cloth]", "[[cloth]]").replace("[[body]]", CROSSING + "[[body]]")
     (tmp_path / "two.toml").write_text(second)
-    assert main(["check", "two.toml"]) == 0
+    assert main(["check", "two.toml"]) == 1
     out = capsys.readouterr().out
-    assert re.search(r"^  cloth\[0\] and flag intersect at the start, in \d+ pairs of triangles", out, re.MULTILINE)
-    assert "self_contact is not on" in out
-    (tmp_path / "judged.toml").write_text(second + "[effects.self_contact]\n")
-    assert main(["check", "judged.toml"]) == 1
+    assert re.search(
+        r"^  error: cloth\[0\] and flag intersect at the start, in \d+ pairs of triangles", out, re.MULTILINE
+    )
+    assert "self_contact" in out
+    (tmp_path / "on.toml").write_text(second + "[effects.self_contact]\n")
+    assert main(["check", "on.toml"]) == 1
     assert re.search(
         r"error: (cloth\[0\] intersects flag|flag intersects cloth\[0\]) at the start", capsys.readouterr().out
     )
+    (tmp_path / "out.toml").write_text(second + '[effects.self_contact]\nexclude = [["cloth[0]", "flag"]]\n')
+    assert main(["check", "out.toml"]) == 0
+    assert "note: cloth[0] and flag intersect at the start" in capsys.readouterr().out
 
 
 def test_explain_tells_every_effect_of_the_table(capsys):

@@ -50,7 +50,7 @@ def _here(tmp_path, monkeypatch):
 def test_a_failed_run_leaves_its_place_its_iterates_and_what_to_do(capsys, tmp_path, monkeypatch):
     from clothsim.render import closeup
 
-    monkeypatch.setattr(closeup, "draw_place", with_keywords(closeup.draw_place, {"size": (128, 96)}))
+    monkeypatch.setattr(closeup, "draw_closeup", with_keywords(closeup.draw_closeup, {"size": (128, 96)}))
     (tmp_path / "press.toml").write_text(PRESS)
     assert main(["run", "press.toml"]) == 1
     out = capsys.readouterr().out

@@ -169,9 +169,9 @@ class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
         """Smallest distance of an active pair less the offset [m]; inf where no pair is active."""
         return self.candidates.minimum_gap(x)
 
-    def gap_change(self, x: Floats, dx: Floats) -> float:
-        """Largest relative change of the gap of a pair that is active before or after the step."""
-        return self.candidates.gap_change(x, dx)
+    def gap_change(self, x: Floats, dx: Floats, within: float = np.inf) -> float:
+        """Largest relative change of a gap below `within` d_hat, of a pair that is active before or after the step."""
+        return self.candidates.gap_change(x, dx, within * self.d_hat)
 
     def defaults_used(self) -> tuple[str, ...]:
         """d_hat, offset and the stiffness or its rule."""

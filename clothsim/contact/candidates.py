@@ -107,15 +107,19 @@ class Candidates:
             self._gap = float(np.sqrt(distances_squared.min(initial=np.inf))) - self.offset
         return self._gap
 
-    def gap_change(self, x: Floats, dx: Floats) -> float:
-        """Largest |g(x + dx) - g(x)| / g(x) of the pairs active before or after; g: the distance less the offset."""
+    def gap_change(self, x: Floats, dx: Floats, within: float = np.inf) -> float:
+        """Largest |g(x + dx) - g(x)| / g(x) of the pairs active before or after; g: the distance less the offset.
+
+        Pairs with g(x) >= `within` [m] do not count.
+        """
         change = 0.0
         for positions in (x + dx, x):
             active = self.active(positions)
             before, after = (
                 np.sqrt(pairs_within(at, active.elements, active.n_points, np.inf)[1]) for at in (x, x + dx)
             )
-            change = max(change, float((np.abs(after - before) / (before - self.offset)).max(initial=0.0)))
+            gap = before - self.offset
+            change = max(change, float((np.abs(after - before) / gap)[gap < within].max(initial=0.0)))
         return change
 
     def closest_pair(self, x: Floats) -> Ints:

@@ -1,4 +1,4 @@
-"""The effect `friction`: Coulomb friction with lagged normal forces, which holds by anchors or creeps."""
+"""Coulomb friction with lagged normal forces, which holds by anchors or creeps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -6,24 +6,17 @@ from typing import Self
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints, as_count, as_positive
+from clothsim.arrays import Floats, Ints
 from clothsim.contact import friction_kernels as kernels
 from clothsim.contact.anchors import Anchors, anchors_from, directions_of, relative_positions, tangential
 from clothsim.contact.barrier import Barrier
-from clothsim.contact.friction_coefficients import coefficient_tables
-from clothsim.energies.base import Energy, Off
+from clothsim.energies.base import Energy
 from clothsim.energies.elementwise import Elementwise
-from clothsim.energies.example import Example, Idle
 from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.protocols import History, Idling, Lagged, Report, Storing
 from clothsim.energies.step import Step
-from clothsim.errors import InputError
-from clothsim.mesh.world import World
 
 NAME = "friction"
-
-ELASTIC_SLIP = 1e-5
-"""Largest elastic slip of an anchor as a fraction of the cloth's size: micrometres for a cloth of a metre."""
 
 MIN_GAP_FRACTION = 0.25
 """Fraction of d_hat below which a gap counts as that in the first step: a start is no equilibrium, and a pair that
@@ -204,92 +197,3 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
     def _lagged(self) -> tuple[Floats, Ints, Floats, Floats, Floats, Floats, float]:
         contacts = self.contacts
         return contacts.start, self.elements, self.weights, self.normals, self.limits, self.slips, contacts.slip
-
-
-def friction(
-    world: World,
-    *,
-    coefficient: float = 0.3,
-    mu_static: float | str = "auto",
-    mu_kinetic: float | str = "auto",
-    pairs: Sequence[Sequence[object]] = (),
-    elastic_slip: float | str = "auto",
-    eps_v: float | str = "auto",
-    iterations: int = 1,
-    contacts: Sequence[str] = (),
-) -> Energy | Off:
-    """Coulomb friction of every contact of the scene.
-
-    Parameters
-    ----------
-    world : World
-        Cloths and bodies.
-    coefficient : float
-        mu of the pairs of objects that `pairs` does not name.
-    mu_static, mu_kinetic : float or "auto"
-        Coefficients of contacts that hold and that slide; "auto": `coefficient`, and mu_kinetic at most mu_static.
-    pairs : sequence of [name, name, mu] or [name, name, mu_static, mu_kinetic]
-        Coefficients of single pairs of objects.
-    elastic_slip : float or "auto"
-        Displacement after which a contact that holds slides [m]; "auto": 1e-5 of the largest cloth.
-    eps_v : float or "auto"
-        Speed below which contacts creep in place of holding [m/s] (the friction of IPC); "auto": they hold.
-    iterations : int
-        Solves of a step, each with the normal forces of the last.
-    contacts : sequence of str
-        Names of the contact effects that are on.
-
-    Returns
-    -------
-    Energy or Off
-        Off where the scene has no contact or every coefficient is 0.
-
-    Raises
-    ------
-    InputError
-        A value is out of range or a name unknown, or both elastic_slip and eps_v are given.
-
-    Examples
-    --------
-    >>> import clothsim
-    >>> from clothsim.build.scene_world import build
-    >>> cloth, ball = {"mesh": "rectangle", "position": [0, 0, 0.5]}, {"mesh": "sphere", "name": "ball"}
-    >>> effects = {"body_contact": {}, "friction": {"mu_static": 0.3, "pairs": [["cloth", "ball", 0.2, 0.1]]}}
-    >>> made = build(clothsim.Scene(cloth=cloth, body=ball, effects=effects)).energies["friction"]
-    >>> made.static[0], made.kinetic[0]
-    (array([0.3, 0.2]), array([0.3, 0.1]))
-    """
-    static, kinetic = coefficient_tables(world, coefficient, mu_static, mu_kinetic, pairs)
-    if not static.any():
-        return Off("every coefficient is 0")
-    if not contacts:
-        return Off("the scene has no contact")
-    size = max(float(np.linalg.norm(np.ptp(cloth.positions, axis=0))) for cloth in world.cloths)
-    speed, slip = _scales(size, eps_v, elastic_slip, bool((static != kinetic).any()))
-    lag_iterations = as_count("effects.friction.iterations", iterations)
-    none, rows = np.zeros((0, 3)), NO_ANCHORS.elements
-    lagged = rows, NO_ANCHORS.weights, none, none, np.zeros(0), np.zeros(0, bool)
-    return Friction(kinetic, static, world.labels, speed, slip, lag_iterations, NO_CONTACTS, NO_ANCHORS, *lagged)
-
-
-def _scales(size: float, eps_v: float | str, elastic_slip: float | str, two: bool) -> tuple[float, float]:
-    """eps_v [m/s] and the elastic slip [m], one of them 0, for cloth of `size` [m]; two: different coefficients."""
-    if eps_v == "auto":
-        key = "effects.friction.elastic_slip"
-        return 0.0, ELASTIC_SLIP * size if elastic_slip == "auto" else as_positive(key, elastic_slip)  # type: ignore[arg-type]
-    if elastic_slip != "auto" or two:
-        other = "elastic_slip" if elastic_slip != "auto" else "different mu_static and mu_kinetic"
-        raise InputError(
-            f"effects.friction has both eps_v and {other}.", "Leave eps_v out: contacts then hold by anchors."
-        )
-    return as_positive("effects.friction.eps_v", eps_v), 0.0  # type: ignore[arg-type]
-
-
-EXAMPLE = Example(
-    keys={"coefficient": 0.7, "elastic_slip": 3e-3},
-    in_scene={},
-    zero={"coefficient": 0},
-    external=True,
-    with_bodies=True,
-    idle=Idle(always={"iterations": 3}, scene={"body": {"position": [0.0, 0.0, -50.0]}}),
-)

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example
-from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
 from clothsim.energies.varying_values import over_cloth
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
@@ -19,6 +18,12 @@ MATERIALS: Mapping[str, tuple[str, ...]] = {
     "measured": ("angle_degrees", "warp", "weft", "shear"),
 }
 """Materials, and the keys that each of them takes."""
+
+STIFFNESSES: Mapping[str, tuple[str, ...]] = {
+    "neo_hookean": ("shear_modulus", "lame_modulus"),
+    "orthotropic": ("stiffness_along_warp", "stiffness_along_weft", "stiffness_in_shear"),
+}
+"""Stiffnesses of a fabric that a material takes: a membrane without any of them is off."""
 
 ELEMENTS = ("triangles", "pairs")
 SLACK = "Young's modulus is 0"
@@ -65,25 +70,25 @@ def membrane(
     turned = not (isinstance(angle_degrees, float | int) and angle_degrees == 0)
     given = {"angle_degrees": turned, "elements": elements != "triangles"}
     _refuse_others(material, given | {key: np.size(table) > 0 for key, table in tables.items()})
-    energy: Any
-    if elements == "pairs":
+    angles = np.radians(over_cloth("effects.membrane.angle_degrees", angle_degrees, world))
+    own = STIFFNESSES.get(material)
+    if own and not any(world.per_triangle(name).any() for name in own):
+        return Off(SLACK)
+    if elements == "pairs":  # each imported after the last Off: no kernel is imported for a zero
         from clothsim.energies.paired_membrane import paired_membrane
 
-        energy = paired_membrane(world)
-        return energy if len(energy.elements) else Off(SLACK)
+        return paired_membrane(world)
     if material == "neo_hookean":
-        energy = NeoHookeanMembrane.of(world)
-    else:
-        angles = np.radians(over_cloth("effects.membrane.angle_degrees", angle_degrees, world))
-        if material == "orthotropic":
-            from clothsim.energies.orthotropic import orthotropic
+        from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
 
-            energy = orthotropic(world, angles)
-        else:
-            from clothsim.energies.measured_membrane import measured
+        return NeoHookeanMembrane.of(world)
+    if material == "orthotropic":
+        from clothsim.energies.orthotropic import orthotropic
 
-            energy = measured(world, angles, **tables)
-    return energy if len(energy.triangles) else Off(SLACK)
+        return orthotropic(world, angles)
+    from clothsim.energies.measured_membrane import measured
+
+    return measured(world, angles, **tables)
 
 
 def _refuse_others(material: str, given: Mapping[str, bool]) -> None:

@@ -62,8 +62,11 @@ class BarrierGap(abc.ABC):
     """A barrier: an energy that becomes infinite where a gap closes."""
 
     @abc.abstractmethod
-    def gap_change(self, x: Floats, dx: Floats) -> float:
-        """The largest relative change of a gap by the displacement dx, 0 where no gap is small enough to push."""
+    def gap_change(self, x: Floats, dx: Floats, within: float = np.inf) -> float:
+        """The largest relative change of a gap by the displacement dx, 0 where no gap is small enough to push.
+
+        Only gaps below `within` count, a fraction of the range of the barrier.
+        """
 
 
 class ContactGap(BarrierGap):

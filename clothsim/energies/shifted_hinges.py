@@ -83,15 +83,15 @@ class ShiftedHinges(Elementwise, Energy, Idling):
         return self.stiffnesses[active] * self.shifts[active]
 
 
-def hinges_of_bending(name: str, bending: Energy | None) -> HingeBending | None:
-    """The hinges whose rest angles the effect `name` shifts, None without bending.
+def hinges_of_bending(name: str, bending: Energy) -> HingeBending:
+    """The hinges of the bending energy whose rest angles the effect `name` shifts.
 
     Raises
     ------
     InputError
         For a bending model without rest angles that can be shifted.
     """
-    if bending is not None and not isinstance(bending, HingeBending):
+    if not isinstance(bending, HingeBending):
         raise InputError(
             f"effects.{name} sets the rest angles of hinges, and {type(bending).__name__} has none that can change.",
             'Set effects.bending.model = "hinge".',

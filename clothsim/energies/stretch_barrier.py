@@ -106,9 +106,14 @@ class StrainLimit(Elementwise, Energy, BarrierGap, Report):
             load = np.minimum(self._loads(start + np.repeat(fractions, 3)[:, None] * displacement, own, passing), goal)
         return min(most, float(fractions.min()))
 
-    def gap_change(self, x: Floats, dx: Floats) -> float:
-        """The largest relative change of the distance of a stretch to its limit, over the triangles past s_hat."""
-        near = (kernels.stretches(x, self.triangles, self.inverses) > self.begins).any(axis=1)
+    def gap_change(self, x: Floats, dx: Floats, within: float = np.inf) -> float:
+        """The largest relative change of the distance of a stretch to its limit, over the triangles past s_hat.
+
+        Triangles whose distance is `within` times that of s_hat or more do not count.
+        """
+        stretches = kernels.stretches(x, self.triangles, self.inverses)
+        y, _ = self._range(stretches, np.arange(len(stretches)))
+        near = ((stretches > self.begins) & (1 - y < within)).any(axis=1)
         if not near.any():
             return 0.0
         load = self._loads(x, self.triangles)[near]

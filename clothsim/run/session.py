@@ -15,6 +15,7 @@ from clothsim.scene.scene import Scene
 from clothsim.sim.integrators import BACKWARD_EULER
 from clothsim.sim.step_size import ErrorControl
 from clothsim.sim.stepping import Integrator
+from clothsim.solve.convergence import LEAST_FORCE, LEAST_SPEED
 from clothsim.solve.linear_solvers import slowness
 from clothsim.solve.linear_system import System
 from clothsim.solve.newton import NewtonSettings
@@ -47,11 +48,11 @@ def prepare(scene: Scene, built: Built) -> Session:
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
     system = System(_pattern(built), settings.linear, settings.threads)
-    tolerance, finer = _tolerance(scene)
-    integrator = _integrator(scene, built, Potential(built.energies, timers), system, tolerance)
+    newton, finer = _newton_settings(scene)
+    integrator = _integrator(scene, built, Potential(built.energies, timers), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
     slow = slowness(solver) if settings.linear == "auto" else ""
-    notes = (*built.notes, *filter(None, [*_setting_notes(scene, integrator), slow, finer]))
+    notes = (*built.notes, *filter(None, [*_setting_notes(scene, integrator), slow, finer, _endless(scene, built)]))
     return Session(scene, built, integrator, notes)
 
 
@@ -69,7 +70,7 @@ def rebuilt(session: Session, scene: Scene, built: Built) -> Session:
         pattern = _pattern(built)
         if not pattern.same_as(system.base):
             system = System(pattern, settings.linear, settings.threads)
-    integrator = _integrator(scene, built, Potential(built.energies, timers), system, before.settings.tolerance)
+    integrator = _integrator(scene, built, Potential(built.energies, timers), system, before.settings)
     return Session(scene, built, integrator, session.notes)
 
 
@@ -106,9 +107,8 @@ def _same_couplings(before: Built, built: Built) -> bool:
     return True
 
 
-def _integrator(scene: Scene, built: Built, potential: Potential, system: System, tolerance: float) -> Integrator:
+def _integrator(scene: Scene, built: Built, potential: Potential, system: System, newton: NewtonSettings) -> Integrator:
     settings, run = scene.solver_settings, scene.run_settings
-    newton = NewtonSettings(tolerance, settings.max_iterations)
     dynamic = "inertia" in built.energies
     dt = min(settings.longest_step, run.duration, 1 / run.frames_per_second)
     if "body_contact" in built.energies:
@@ -121,7 +121,14 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
     formula = settings.integrator if dynamic else BACKWARD_EULER
     ramp = 0.0 if dynamic else run.duration
     integrator = Integrator(built.world, potential, built.constraints, system, newton, dt, ramp, formula=formula)
-    return replace(integrator, control=control)
+    leaves = settings.unstable_equilibrium == "leave"
+    return replace(
+        integrator,
+        control=control,
+        rest_speed=run.rest_speed,
+        leaves_unstable=leaves,
+        perturbation_seed=settings.perturbation_seed,
+    )
 
 
 def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:
@@ -131,6 +138,16 @@ def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:
     shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if cut else ""
     ignored = integrator.formula != settings.integrator
     return shorter, f"{settings.integrator} does nothing without effects.inertia." if ignored else ""
+
+
+def _endless(scene: Scene, built: Built) -> str:
+    """A note on what never stops in a run until rest; empty where there is nothing."""
+    if scene.run_settings.until == "time":
+        return ""
+    motions = {body.name: body.motion for body in built.world.bodies}
+    moving = [name for name, motion in motions.items() if isinstance(motion, RigidMotion) and not motion.still]
+    moving += ["a pin"] if any(not constraint.still for constraint in built.constraints.values()) else []
+    return f"{' and '.join(moving)} never stops, so the run goes to its limit." if moving else ""
 
 
 def _refuse_error(built: Built) -> None:
@@ -152,16 +169,20 @@ def _turns(world: World) -> dict[str, float]:
     return {name: float(np.degrees(np.linalg.norm(motion.angular_velocity))) for name, motion in rigid}
 
 
-def _tolerance(scene: Scene) -> tuple[float, str]:
-    """Newton's tolerance [m/s] and a note on it: finer than the default where a requested error needs it.
+def _newton_settings(scene: Scene) -> tuple[NewtonSettings, str]:
+    """Settings of Newton's method and a note on them: finer than the default where a requested error needs it.
 
     The residual of Newton's method in the velocities would be taken for an error of the integrator.
     """
     settings = scene.solver_settings
+    if not settings.balanced:
+        return NewtonSettings(settings.tolerance, settings.max_iterations), ""
+    least, fraction, note = LEAST_SPEED * settings.newton_error_fraction, settings.newton_error_fraction, ""
     finer = FINER * settings.error / scene.run_settings.duration
-    if not settings.error or "tolerance" in scene.solver or finer >= settings.tolerance:
-        return settings.tolerance, ""
-    return finer, f"tolerance = {finer:.2g} m/s, for the error asked for."
+    if settings.error and finer < least:
+        least, note = finer, f"tolerance = {finer:.2g} m/s, for the error asked for."
+    forces = LEAST_FORCE * fraction
+    return NewtonSettings(least, settings.max_iterations, error_fraction=fraction, force_fraction=forces), note
 
 
 def _set_threads(threads: int) -> None:

@@ -6,6 +6,8 @@ from time import perf_counter
 
 from clothsim.build.scene_world import build
 from clothsim.errors import InputError
+from clothsim.run.callbacks import refuse_uncallable
+from clothsim.run.checked_step import warn_of
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
 from clothsim.run.session import prepare
@@ -49,6 +51,11 @@ def simulate(
     InputError
         For a scene that cannot be built, or a directory that cannot be written.
 
+    Warns
+    -----
+    IntersectionWarning
+        Where cloth intersects cloth or a body in a step, without the contact effect that would prevent it.
+
     Examples
     --------
     >>> import clothsim
@@ -63,6 +70,7 @@ def simulate(
     >>> bool(run[-1].positions["cloth"][0, 2] < -0.03)
     True
     """
+    refuse_uncallable(progress=progress, announce=announce, on_step=on_step)
     directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
     started = perf_counter()
     session, log = watched(prepare(scene, build(scene)), dump_iterates, 0)
@@ -70,7 +78,9 @@ def simulate(
     if announce is not None:
         announce(session)
     state = first_state(session.built.world, session.integrator.dt)
-    return recorded_run(session, state, Certificate(), directory, started, (progress, on_step), log, resumed=False)
+    run = recorded_run(session, state, Certificate(), directory, started, (progress, on_step), log, resumed=False)
+    warn_of(run.intersections, session.built.energies)
+    return run
 
 
 def _make_directory(directory: Path) -> None:

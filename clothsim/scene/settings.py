@@ -24,7 +24,16 @@ class Solver(KeyTable):
     section: ClassVar[str] = "solver"
 
     dt: Annotated[float, Key("Length of a time step", "s", above=0)] = 0.01
-    tolerance: Annotated[float, Key("Convergence tolerance of Newton's method on |dx|_inf / dt", "m/s", above=0)] = 1e-3
+    newton_error_fraction: Annotated[
+        float,
+        Key("Newton's method stops where its error is predicted below this fraction of the time step's own", "1",
+            above=0, most=1),
+    ] = 0.1  # fmt: skip
+    tolerance: Annotated[
+        float,
+        Key("In place of newton_error_fraction: Newton's method stops where |dx|_inf / dt is below it", "m/s", above=0,
+            shown="none: newton_error_fraction"),
+    ] = 0.0  # fmt: skip
     integrator: Annotated[
         Literal["backward_euler", "bdf2"], Key("Time integrator; BDF2 is of second order and damps less")
     ] = "backward_euler"
@@ -34,6 +43,13 @@ class Solver(KeyTable):
     ] = "auto"
     threads: Annotated[int, Key("Number of threads; 0 takes all cores, 1 repeats every bit", "1", least=0)] = 0
     max_iterations: Annotated[int, Key("Newton iterations of a step before dt is halved", "1", least=1)] = 100
+    unstable_equilibrium: Annotated[
+        Literal["leave", "keep"],
+        Key("Unstable equilibria are left along their lowest mode, or kept; recorded either way"),
+    ] = "leave"
+    perturbation_seed: Annotated[
+        int, Key("Side to which an unstable equilibrium is left; 2 k and 2 k + 1 take opposite ones", "1", least=0)
+    ] = 0
     error: Annotated[
         float,
         Key("In place of dt: RMS error of the positions that the steps may add in the whole run", "m", above=0,
@@ -45,12 +61,20 @@ class Solver(KeyTable):
         """dt [s]; inf where the steps are chosen by their error."""
         return math.inf if self.error else self.dt
 
+    @property
+    def balanced(self) -> bool:
+        """True where Newton's method stops by the time error, False where a tolerance is given."""
+        return not self.tolerance
+
     @classmethod
     def parsed(cls, where: str, given: Any) -> "Solver":
-        """The section of a table, which has dt or error."""
+        """The section of a table, which has dt or error, and newton_error_fraction or tolerance."""
         solver = super().parsed(where, given)
         if {"dt", "error"} <= given.keys():
             raise InputError(f"{where} has dt and error.", "Give one of them: with error the steps are chosen.")
+        if {"newton_error_fraction", "tolerance"} <= given.keys():
+            why = "with a tolerance Newton's method stops there, whatever the time error"
+            raise InputError(f"{where} has newton_error_fraction and tolerance.", f"Give one of them: {why}.")
         return solver
 
 
@@ -74,7 +98,7 @@ FieldName: TypeAlias = Literal[
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings(KeyTable):
-    """Duration, frame rate and fields of the frames: the section [run].
+    """Duration or end at rest, frame rate and fields of the frames: the section [run].
 
     Examples
     --------
@@ -89,6 +113,14 @@ class RunSettings(KeyTable):
         float, Key("Simulated time; a quasi-static run steps its loads over it", "s", above=0)
     ] = 2.0  # fmt: skip
     frames_per_second: Annotated[float, Key("Frames written for each simulated second", "1/s", above=0)] = 25.0
+    until: Annotated[
+        Literal["time", "rest"], Key("End of the run: the duration, or the first frame at rest, if that is earlier")
+    ] = "time"
+    rest_speed: Annotated[
+        float,
+        Key("At rest: no vertex is faster for 10 steps, nor farther from equilibrium than this a second", "m/s",
+            above=0),
+    ] = 1e-3  # fmt: skip
     fields: Annotated[
         Sequence[FieldName], Key("Fields written with each frame, beside the positions and the principal stretches")
     ] = ()

@@ -1,7 +1,7 @@
 """Failure of a step: its cause, the mesh element, the position, and a remedy."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +27,7 @@ class Cause(StrEnum):
 
     ITERATION_LIMIT = "iteration limit"
     LINE_SEARCH = "line search"
+    UNBALANCED = "force balance"
     NO_ROOM = "no room"
     BLOCKED = "blocked"
     NOT_FINITE = "not finite"
@@ -134,9 +135,8 @@ def failure_of(
     )
 
 
-def crossing_failure(world: World, found: "Crossing", state: State, dt: float) -> Failure:
-    """Describe the failure of a run in whose frame surfaces intersect in spite of contact."""
-    crossing = replace(found, position=found.position + world.origin)
+def crossing_failure(crossing: "Crossing", state: State, dt: float) -> Failure:
+    """Describe the failure of a run in whose step surfaces intersect in spite of contact."""
     i, j = crossing.pairs[0]
     element = f"triangle {i} of {crossing.first} and triangle {j} of {crossing.second}"
     remedy = "Contact should have prevented it: please report it with the archive that `clothsim bundle` makes."
@@ -181,6 +181,10 @@ def _remedy(world: World, end: Outcome, pair: ContactPair | None, inertia: bool)
 
 
 _REMEDIES = {
+    Ending.UNBALANCED: (
+        "Set a larger d_hat of the contacts or a smaller stiffness of the cloth: the forces there are beyond what "
+        "positions in double precision can balance. Else set a smaller solver.dt."
+    ),
     Ending.NO_ROOM: "Set a smaller solver.dt, or start the scene with larger gaps there.",
     Ending.LINE_SEARCH: "Set a larger solver.tolerance or a smaller solver.dt: the decrease of E is below round-off.",
     Ending.NOT_FINITE: "Run `clothsim check` on the scene to find degenerate triangles; else set a smaller solver.dt.",

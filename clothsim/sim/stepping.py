@@ -11,14 +11,15 @@ import numpy as np
 from clothsim.energies.constraint import Constraint, Prescribed
 from clothsim.energies.step import CONTACT_TIME_SCALE, Step
 from clothsim.mesh.world import World
+from clothsim.sim.error_balance import error_balance
 from clothsim.sim.failure import Failure, end_sentence, failure_of
 from clothsim.sim.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
 from clothsim.sim.local_error import StepError, step_error
 from clothsim.sim.prescribed import prescribed
-from clothsim.sim.state import Previous, State
+from clothsim.sim.state import Previous, State, Switch
 from clothsim.sim.step_size import ErrorControl
 from clothsim.solve.linear_system import System
-from clothsim.solve.newton import Newton, NewtonResult, NewtonSettings
+from clothsim.solve.newton import TOLERANCE_ALONE, Newton, NewtonResult, NewtonSettings
 from clothsim.solve.observer import Observer, unobserved
 from clothsim.solve.outcome import Ending
 from clothsim.solve.potential import Potential
@@ -69,6 +70,12 @@ class Integrator:
         "backward_euler" or "bdf2".
     control : ErrorControl or None
         Step size control; None: dt is fixed.
+    rest_speed : float
+        Speed below which a vertex may count as at rest [m/s].
+    leaves_unstable : bool
+        True where unstable equilibria are left (`sim.branch_switching`).
+    perturbation_seed : int
+        Chooses the side.
     """
 
     world: World
@@ -81,6 +88,13 @@ class Integrator:
     watch: Watch = unwatched
     formula: str = BACKWARD_EULER
     control: ErrorControl | None = None
+    rest_speed: float = 1e-3
+    leaves_unstable: bool = True
+    perturbation_seed: int = 0
+
+    def load(self, time: float) -> float:
+        """Return the fraction of the loads that acts at `time` [s]."""
+        return min(1.0, time / self.ramp) if self.ramp else 1.0
 
     def shortest(self, dt: float) -> float:
         """Return the length below which a step that was first tried with dt is given up [s]."""
@@ -119,6 +133,8 @@ class StepReport:
         Tries whose local error was too large.
     at_floor : bool
         True where the error was too large and the step had the shortest length.
+    switches : tuple of Switch
+        Unstable equilibria at its end.
     """
 
     state: State
@@ -133,6 +149,7 @@ class StepReport:
     error: StepError | None = None
     rejected: int = 0
     at_floor: bool = False
+    switches: tuple[Switch, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -163,6 +180,7 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
     tried, dt = state, state.dt
     smallest, rejected = integrator.shortest(dt), 0
     held = integrator.constraints.values()
+    reported: tuple[Potential, NewtonResult] | None = None
     for _ in range(MOST_TRIES):
         pieces = max(1, int(np.ceil(left / dt - 1e-9)))
         h = left / pieces
@@ -179,6 +197,8 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
             grown = _next_dt(integrator, after, formula, h, dt, error, bool(failures or rejected))
             report = _report(integrator, replace(after, dt=grown, memory=bound.memory()), h, result, bound, failures)
             return replace(report, error=error, rejected=rejected, at_floor=shorter < np.inf)
+        if reported is None or reported[1].outcome.ending is not Ending.UNBALANCED:
+            reported = bound, result  # shorter steps only hide that forces do not balance
         failures.append(f"dt {h:.3g} s: {end_sentence(integrator.world, held, result.outcome)}")
         dts.append(h)
         dt = 0.5 * h
@@ -186,7 +206,9 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
             tried = _blocked(tried, result, target, h)
         if dt < smallest or tried.blocked == MOST_BLOCKED:
             break
-    failure = failure_of(integrator.world, held, bound, tried, result, target, dts, tried.blocked == MOST_BLOCKED)
+    infeasible = tried.blocked == MOST_BLOCKED
+    cause = (bound, result) if infeasible or reported is None else reported
+    failure = failure_of(integrator.world, held, cause[0], tried, cause[1], target, dts, infeasible)
     return replace(_report(integrator, state, h, result, bound, failures), failure=failure, rejected=rejected)
 
 
@@ -202,15 +224,14 @@ def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -
 def _solve(
     integrator: Integrator, state: State, formula: Formula, h: float, end: float, target: Prescribed
 ) -> tuple[Potential, NewtonResult]:
-    load = min(1.0, end / integrator.ramp) if integrator.ramp else 1.0
     zero = np.zeros_like(state.positions)
-    start = Step(state.time, h, state.positions, state.velocities, load, zero, memory=state.memory)
+    start = Step(state.time, h, state.positions, state.velocities, integrator.load(end), zero, memory=state.memory)
     control = integrator.control
     scale = max(h, CONTACT_TIME_SCALE) if control is None else control.contact_time_scale
     start = replace(start, weighed=formula.past, contact_time_scale=scale)
     bound = integrator.potential.begin(start)
     integrator.system.begin(bound.couplings(state.positions, h * state.velocities))
-    result = _newton(integrator, state, h, bound).minimise(state.positions, target)
+    result = _newton(integrator, state, formula, h, bound, target).minimise(state.positions, target)
     for _ in range(1, bound.lag_iterations):
         if not result.outcome.converged:
             break
@@ -218,7 +239,7 @@ def _solve(
         if not (before.lagging or bound.lagging):
             break  # no lagged data before or after: the same problem
         iterations, elimination_iterations = result.iterations, result.elimination_iterations
-        result = _newton(integrator, state, h, bound).minimise(result.x, target)
+        result = _newton(integrator, state, formula, h, bound, target).minimise(result.x, target)
         result = replace(
             result,
             iterations=iterations + result.iterations,
@@ -227,9 +248,17 @@ def _solve(
     return bound, result
 
 
-def _newton(integrator: Integrator, state: State, h: float, bound: Potential) -> Newton:
+def _newton(
+    integrator: Integrator, state: State, formula: Formula, h: float, bound: Potential, target: Prescribed
+) -> Newton:
     observe = integrator.watch(state.step + 1, h, bound)
-    return Newton(bound, integrator.system, integrator.settings, h, observe)
+    balance = TOLERANCE_ALONE
+    if integrator.settings.error_fraction and "inertia" in integrator.potential.energies:
+        n = integrator.world.n_cloth
+        held = target.vertices[target.vertices < n]
+        balance = error_balance(integrator.settings.error_fraction, integrator.formula, formula, state, n, h, held)
+    least = float(integrator.world.masses.max()) * integrator.settings.tolerance / h
+    return Newton(bound, integrator.system, integrator.settings, h, observe, balance, least)
 
 
 def _after(

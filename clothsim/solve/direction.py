@@ -128,10 +128,10 @@ class QuadraticModel:
         with self.potential.timers.phase("linear solve"):
             assert cached.solver is not None
             times, precondition = self.system.pattern.times(curved), cached.solver.back_solve
-            found = saddle_free_solve(times, precondition, right, trust.radius, first, above=cached.age == 0)
-        dx = self._with(np.zeros_like(gradient), found.x)
-        cached = replace(cached, products=found.products) if found.products else NO_FACTOR
-        return Direction(dx, gradient, found.negative_curvature, cached)
+            solution = saddle_free_solve(times, precondition, right, trust.radius, first, above=cached.age == 0)
+        dx = self._with(np.zeros_like(gradient), solution.x)
+        cached = replace(cached, products=solution.products) if solution.products else NO_FACTOR
+        return Direction(dx, gradient, solution.negative_curvature, cached)
 
     def residual(self, gradient: Floats) -> float:
         """Return the largest component of the gradient (N, 3) at a free vertex [N]."""

@@ -102,8 +102,8 @@ class System:
 
         def block_offsets(elements: Ints) -> NDArray[np.int32]:
             if id(elements) not in self._offsets:  # a list in the cache keeps its id
-                found = known.get(id(elements)) or (elements, self.pattern.block_offsets(elements))
-                self._offsets[id(elements)] = found
+                offsets = known.get(id(elements)) or (elements, self.pattern.block_offsets(elements))
+                self._offsets[id(elements)] = offsets
             return self._offsets[id(elements)][1]
 
         return self.pattern.assemble(hessians, block_offsets)

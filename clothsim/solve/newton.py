@@ -10,7 +10,9 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.energies.constraint import Prescribed
 from clothsim.linalg import dot
-from clothsim.solve.direction import NO_FACTOR, QuadraticModel
+from clothsim.solve.convergence import ErrorBalance
+from clothsim.solve.direction import NO_FACTOR, Direction, QuadraticModel
+from clothsim.solve.force_balance import BALANCED, MOST_UNBALANCED, ForceBalance, force_balance
 from clothsim.solve.line_search import RESOLVED, armijo, extended_fraction, round_off
 from clothsim.solve.linear_system import System
 from clothsim.solve.nonlinear_elimination import Patch, unconverged
@@ -39,6 +41,12 @@ CHANGE_OF_GAP = 0.3
 logarithm is about as long as the gap, however large the force F: d -> 2 d - F d^2, a change by 1 - F d. Where the
 change is .3, one more step leaves its square, 9 %.
 """
+NEAR_LIMIT = 0.1
+"""Gap, over d_hat, from which on CHANGE_OF_GAP does not bound a step that the time error allows: the logarithm is mild
+there, and the change of the gap is one of position like any other.
+"""
+TOLERANCE_ALONE = ErrorBalance()
+"""Stop at the tolerance, whatever the time error."""
 LAST_DIGITS = float(np.finfo(float).eps)
 MAX_PATCH_ITERATIONS = 10
 """Newton iterations on a patch before the next global one."""
@@ -58,11 +66,17 @@ class NewtonSettings:
         Bound on the iterations with the Dirichlet vertices fixed.
     max_prescribed_iterations : int
         Bound on the iterations that move the Dirichlet vertices to their positions.
+    error_fraction : float
+        Fraction of the time error of a step at which a solve may stop before the tolerance; 0: it may not.
+    force_fraction : float
+        Residual over the force scale to which a solve goes on, within MOST_UNBALANCED short steps.
     """
 
     tolerance: float = 1e-3
     max_iterations: int = 100
     max_prescribed_iterations: int = 60
+    error_fraction: float = 0.0
+    force_fraction: float = BALANCED
 
 
 @dataclass(frozen=True)
@@ -80,7 +94,9 @@ class NewtonResult:
     speed : float
         |dx|_inf / dt of the last step [m/s].
     residual : float
-        Largest component of the gradient at a free vertex [N].
+        Largest component of the force that is left on a free vertex [N]; of a solve that failed, at its last step.
+    relative_residual : float
+        It over the force scale (`ForceBalance`); inf for a solve that failed.
     remaining : float
         Estimated distance from the minimiser [m]: the last step times the observed rate of convergence.
     elimination_iterations : int
@@ -94,17 +110,38 @@ class NewtonResult:
     residual: float
     remaining: float = np.inf
     elimination_iterations: int = 0
+    relative_residual: float = np.inf
 
 
 @dataclass(frozen=True)
 class Newton:
-    """One minimisation: the bound potential, the system that stores its Hessian, and the observer of the iterates."""
+    """One minimisation of a bound potential.
+
+    Parameters
+    ----------
+    potential : Potential
+        Potential bound to the step.
+    system : System
+        Stores the Hessian and solves with it.
+    settings : NewtonSettings
+        Tolerance and bounds.
+    dt : float
+        Length of the step [s].
+    observe : callable
+        Observer of the iterates.
+    balance : ErrorBalance
+        Balance against the time error of the step.
+    least_force : float
+        Force that is no imbalance [N]; inf: the force balance is not checked.
+    """
 
     potential: Potential
     system: System
     settings: NewtonSettings
     dt: float
     observe: Observer = unobserved
+    balance: ErrorBalance = TOLERANCE_ALONE
+    least_force: float = np.inf
 
     def minimise(self, x: Floats, target: Prescribed) -> NewtonResult:
         """Minimise E from x, with the target's vertices at their positions (Dirichlet).
@@ -165,11 +202,17 @@ class Newton:
         return self._limit(x, displacement) == 1.0 and bool(np.isfinite(self.potential.value(x + displacement)))
 
     def _eliminated(self, x: Floats, dx: Floats, model: QuadraticModel) -> NewtonResult | None:
-        """Nonlinear elimination of the vertices that the step dx moved; None where they are not few."""
+        """Nonlinear elimination of the vertices that the step dx moved; None where they are not few.
+
+        A vertex counts as moved by more than every vertex may without ending the solve.
+        """
         if self.system.patch is not None:
             return None
         moved = np.abs(dx[self.system.rows].T.copy()).max(axis=0, initial=0.0)
-        rows = unconverged(moved, self.settings.tolerance * self.dt, self.system.base, model.fixed)
+        least = self.settings.tolerance * self.dt
+        if self.balance.fraction:
+            least = max(least, min(self.balance.allowed(x)[0], self.balance.most(self.dt)))
+        rows = unconverged(moved, least, self.system.base, model.fixed)
         if not len(rows):
             return None
         with self.potential.timers.patch():
@@ -181,18 +224,19 @@ class Newton:
         with timers.phase("assembly"):
             potential = self.potential.restricted_to(patch.moving, x)
             system = self.system.subsystem(patch)
-        part = Newton(potential, system, replace(self.settings, max_iterations=MAX_PATCH_ITERATIONS), self.dt)
+        settings = replace(self.settings, max_iterations=MAX_PATCH_ITERATIONS)
+        part = Newton(potential, system, settings, self.dt, balance=self.balance)
         return part._descend(x, QuadraticModel(potential, system, np.zeros(len(patch.rows), bool)), TRUSTED, 0)
 
     def _descend(self, x: Floats, model: QuadraticModel, trust: Trust, iterations: int) -> NewtonResult:
-        """Newton with the prescribed vertices fixed, until an unclipped step is below the convergence tolerance."""
+        """Newton with the prescribed vertices fixed, until forces balance after an unclipped step that may be last."""
         settings = self.settings
         still = np.zeros_like(x)
-        speed, residual = np.inf, np.inf
-        cached, elimination_iterations = NO_FACTOR, 0
+        speed, length, residual = np.inf, np.inf, np.inf
+        cached, elimination_iterations, unbalanced = NO_FACTOR, 0, 0
 
-        def ended(how: Outcome, count: int, remaining: float = np.inf) -> NewtonResult:
-            return NewtonResult(x, how, count, speed, residual, remaining, elimination_iterations)
+        def ended(how: Outcome, count: int, remaining: float = np.inf, relative: float = np.inf) -> NewtonResult:
+            return NewtonResult(x, how, count, speed, residual, remaining, elimination_iterations, relative)
 
         for count in range(iterations, iterations + settings.max_iterations):
             direction = model.direction(x, still, trust, cached)
@@ -201,8 +245,11 @@ class Newton:
             if direction.end is not None:
                 return ended(direction.end, count)
             before, speed = speed, self._speed(dx)
+            reliable = trust.exact and not direction.negative_curvature
+            length_before, length = length, self.balance.rms(dx) if reliable else np.inf
             if speed == 0.0:
-                return ended(outcome(Ending.CONVERGED), count, 0.0)
+                forces = self._force_balance(x, model)
+                return ended(_balanced_or_not(forces, x), count, 0.0, forces.relative)
             limit = self._limit(x, dx)
             if limit < SMALLEST_FRACTION and cached.age:
                 cached = NO_FACTOR
@@ -212,9 +259,7 @@ class Newton:
             with self.potential.timers.phase("line search"):
                 slope = dot(gradient, dx)
                 fraction = armijo(self.potential, x, dx, slope, limit) if slope < 0.0 else 0.0
-                close = speed < settings.tolerance and limit == 1.0
-                close = close and self.potential.gap_change(x, dx) <= CHANGE_OF_GAP
-                done = close and (fraction == 1.0 or self._below_noise(x, dx, gradient, speed))
+                done = limit == 1.0 and self._may_be_last(x, direction, speed, (length, length_before), fraction)
             if cached.age and (done or fraction == 0.0):  # the cached factor is of an earlier x
                 done, cached = False, NO_FACTOR
                 if fraction == 0.0:
@@ -226,8 +271,11 @@ class Newton:
                 x = x + fraction * dx
                 self.observe(Iterate(x, fraction, speed, residual))
             if done:
-                rate = min(1.0, speed / before) if np.isfinite(before) else 1.0
-                return ended(outcome(Ending.CONVERGED), count + 1, rate * speed * self.dt)
+                forces = self._force_balance(x, model)
+                residual, unbalanced = forces.residual, unbalanced + 1
+                if forces.within(settings.force_fraction) or fraction == 0.0 or unbalanced == MOST_UNBALANCED:
+                    rate = min(1.0, speed / before) if np.isfinite(before) else 1.0
+                    return ended(_balanced_or_not(forces, x), count + 1, rate * speed * self.dt, forces.relative)
             if fraction == 0.0 and not trust.exact:
                 return ended(_at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), count)
             noise = fraction == 0.0 or (
@@ -237,16 +285,34 @@ class Newton:
             last = count + 1 == iterations + settings.max_iterations
             eliminated = self._eliminated(x, dx, model) if trust.exact and not noise and not last else None
             if eliminated is not None:
-                x, elimination_iterations, cached, speed = (
-                    eliminated.x,
-                    elimination_iterations + eliminated.iterations,
-                    NO_FACTOR,
-                    np.inf,
-                )
+                x, cached, speed = eliminated.x, NO_FACTOR, np.inf
+                elimination_iterations += eliminated.iterations
                 self.observe(Iterate(x, np.nan))
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return ended(end, iterations + settings.max_iterations)
+
+    def _may_be_last(
+        self, x: Floats, direction: Direction, speed: float, lengths: tuple[float, float], fraction: float
+    ) -> bool:
+        """True where an unclipped step may end the solve: it is below the tolerance, or the time error allows it.
+
+        lengths: root mean squares of this step and of the one before [m], inf for one of the projected Hessian or along
+        negative curvature, which predicts nothing; fraction: of the step that the line search took.
+        """
+        dx = direction.dx
+        if speed < self.settings.tolerance:
+            if self.potential.gap_change(x, dx) > CHANGE_OF_GAP:
+                return False
+            return fraction == 1.0 or self._below_noise(x, dx, direction.gradient, speed)
+        if fraction < 1.0 or not self.balance.reached(x, dx, lengths, self.dt):
+            return False
+        return self.potential.gap_change(x, dx, NEAR_LIMIT) <= CHANGE_OF_GAP
+
+    def _force_balance(self, x: Floats, model: QuadraticModel) -> ForceBalance:
+        """Force balance at the free vertices of the system."""
+        rows = np.arange(len(x))[self.system.rows]
+        return force_balance(self.potential, x, rows[~model.fixed], self.least_force)
 
     def _below_noise(self, x: Floats, dx: Floats, gradient: Floats, speed: float) -> bool:
         """True where the full step was rejected for the round-off of E alone.
@@ -271,6 +337,13 @@ class Newton:
         while fraction >= SMALLEST_FRACTION and not np.isfinite(self.potential.value(x + fraction * dx)):
             fraction *= 0.5
         return fraction
+
+
+def _balanced_or_not(forces: ForceBalance, x: Floats) -> Outcome:
+    """Outcome of a solve whose last step was short enough: CONVERGED only where forces balance."""
+    if forces.within(BALANCED):
+        return outcome(Ending.CONVERGED)
+    return outcome(Ending.UNBALANCED, x, forces.row, force=forces.residual, percent=100 * forces.relative)
 
 
 def _at_fastest(ending: Ending, x: Floats, dx: Floats, **numbers: float) -> Outcome:

@@ -21,6 +21,10 @@ class Ending(Enum):
         "The line search found no lower energy along a descent direction "
         "(the step was {speed:.3g} m/s at {who}, at {at})."
     )
+    UNBALANCED = (
+        "Forces do not balance: {force:.3g} N are left at {who}, at {at}, {percent:.0f} % of the largest force, "
+        "though Newton's steps are short."
+    )
     NO_ROOM = "Contact at {who}, at {at}, leaves no admissible step (fraction {fraction:.1e})."
     BLOCKED = "The prescribed motion is blocked by contact: {who} stops at {at}."
     NOT_FINITE = "The gradient or the Hessian is not finite at {who}, at {at}."

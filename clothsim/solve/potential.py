@@ -50,7 +50,7 @@ class Potential:
     energies: Mapping[str, Energy]
     timers: Timers
     _values: Memo[tuple[float, ...]] = field(default_factory=Memo, init=False, repr=False, compare=False)
-    _gradients: Memo[Floats] = field(default_factory=Memo, init=False, repr=False, compare=False)
+    _gradients: Memo[tuple[Floats, float]] = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     def begin(self, step: Step) -> Self:
         """Bind to a step: first the energies that stand alone, then those that need the others' gradient."""
@@ -122,14 +122,20 @@ class Potential:
 
     def gradient(self, x: Floats) -> Floats:
         """Return dE/dx, (N, 3) [N]."""
-        return self._gradients.at(x, self._derived).copy()
+        return self._gradients.at(x, self._derived)[0].copy()
 
-    def _derived(self, x: Floats) -> Floats:
-        total = np.zeros_like(x)
+    def largest_force(self, x: Floats) -> float:
+        """Return the largest component of the gradient of one energy at x [N]."""
+        return self._gradients.at(x, self._derived)[1]
+
+    def _derived(self, x: Floats) -> tuple[Floats, float]:
+        total, largest = np.zeros_like(x), 0.0
         for name, energy in self.acting.items():
             with self.timers.effect(name, "gradients"):
-                total += energy.gradient(x)
-        return total
+                part = energy.gradient(x)
+                total += part
+                largest = max(largest, float(part.max(initial=0.0)), -float(part.min(initial=0.0)))
+        return total, largest
 
     def hessians(self, x: Floats) -> "list[ByElement | sparse.csr_array]":
         """Return the projected Hessian of each acting energy [N/m], in their order."""
@@ -184,9 +190,9 @@ class Potential:
         """Return the smallest gap of all contact energies [m], inf without contact."""
         return min((energy.minimum_gap(x) for energy in self._acting_as(ContactGap)), default=np.inf)
 
-    def gap_change(self, x: Floats, dx: Floats) -> float:
-        """Return the largest relative change of a gap by the step dx."""
-        return max((energy.gap_change(x, dx) for energy in self._acting_as(BarrierGap)), default=0.0)
+    def gap_change(self, x: Floats, dx: Floats, within: float = np.inf) -> float:
+        """Return the largest relative change by the step dx of a gap below `within`, a fraction of d_hat."""
+        return max((energy.gap_change(x, dx, within) for energy in self._acting_as(BarrierGap)), default=0.0)
 
     def _acting_as(self, protocol: type[P]) -> Iterator[P]:
         """The acting energies with an optional protocol, each timed in turn."""

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from small_scenes import small_scene, without
 
-from clothsim.accuracy.knobs import KNOBS, fixed, usable
+from clothsim.accuracy.knobs import KNOBS, usable
+from clothsim.build.explicit_lengths import fixed
 from clothsim.build.presets import PRESETS, with_preset
 from clothsim.build.refinement import with_cells
 from clothsim.build.scene_world import build

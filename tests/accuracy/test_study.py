@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from analytic_study import SHEET, A, B, C, Runners, answer, positions
 
+from clothsim.accuracy.answer import answer as reported
 from clothsim.accuracy.points import written
-from clothsim.accuracy.report import answer as reported
-from clothsim.accuracy.resample import material_of, point_areas
 from clothsim.accuracy.study import study_accuracy
 from clothsim.build.meshes import cloth_shape
 from clothsim.errors import InputError
+from clothsim.mesh.resample import material_of, point_areas
 from clothsim.scene.scene import scene_from_text
 
 KNOBS = ("dt", "cells")
@@ -134,8 +134,13 @@ def only(*allowed):
 
 
 def test_without_any_finer_run_no_error_is_reported(tmp_path):
-    with pytest.raises(InputError, match="No finer run of the scene came to its end"):
-        study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=only((4, 0.02), (2, 0.02)))
+    done = study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=only((4, 0.02), (2, 0.02)))
+    headline = done.result["headline"]
+    assert (headline["known"], headline["status"], headline["error"]) == (False, "unfinished", None)
+    assert headline["missing"] == ["dt", "cells"]
+    assert headline["so_far"] == {}
+    assert done.result["base"]["error"] is None
+    assert done.result["front"] == done.result["recommended"] == []
     kept = json.loads((tmp_path / "study.json").read_text())["points"]
     assert {"base", "cells -1"} <= {each["label"] for each in kept}
 
@@ -144,7 +149,11 @@ def test_a_knob_without_a_finer_run_is_reported_as_unknown(tmp_path):
     runners = only((4, 0.02), (4, 0.01), (4, 0.005))
     result = study_accuracy(SHEET, tmp_path, KNOBS, budget=1e9, workers=1, runners=runners).result
     assert result["knobs"]["cells"]["adds"] is None
-    assert "What cells add is not in that" in " ".join(reported(result))
+    headline = result["headline"]
+    assert (headline["status"], headline["error"], headline["missing"]) == ("unfinished", None, ["cells"])
+    assert headline["needed_seconds"] is None  # it failed: no budget helps
+    assert headline["so_far"]["dt"] == pytest.approx(result["knobs"]["dt"]["adds"])
+    assert "the finer run of cells is no data point" in " ".join(reported(result))
 
 
 def test_a_capped_solve_is_no_data_point(tmp_path):

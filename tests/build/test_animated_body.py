@@ -34,8 +34,8 @@ def test_every_frame_is_placed_as_one_mesh_is(tmp_path):
     place = {"position": [1.0, 2.0, 3.0], "rotation_degrees": [20.0, 0.0, 50.0], "scale": 2.0}
     body, notes = body_of(tmp_path, write_frames(tmp_path, [0, 0, 0], [0.3, 0, 0], squeeze=0.2) | place)
     turn = Rotation.from_euler("xyz", place["rotation_degrees"], degrees=True)
-    for time, share in ((0.0, 0.0), (0.02, 0.5), (0.04, 1.0), (7.0, 1.0)):
-        points = POSITIONS * [1, 1, 1 - 0.2 * share] + share * np.array([0.3, 0, 0])
+    for time, fraction in ((0.0, 0.0), (0.02, 0.5), (0.04, 1.0), (7.0, 1.0)):
+        points = POSITIONS * [1, 1, 1 - 0.2 * fraction] + fraction * np.array([0.3, 0, 0])
         assert np.abs(body.at(time) - turn.apply(2 * points) - place["position"]).max() < 1e-13
     assert "ball: 2 frames, 25 a second: it moves for 0.04 s, then rests" in notes
 

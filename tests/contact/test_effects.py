@@ -12,7 +12,7 @@ import clothsim
 from clothsim.contact import barrier
 from clothsim.contact.barrier import MAX_PREDICTED_PAIRS
 from clothsim.contact.body_contact import body_contact
-from clothsim.contact.friction import friction
+from clothsim.contact.friction_coefficients import friction
 from clothsim.contact.self_contact import self_contact
 from clothsim.energies.base import Off
 from clothsim.energies.gravity import gravity

@@ -19,7 +19,7 @@ from differences import dense_hessian
 from solving import step_at
 
 from clothsim.contact import barrier_kernels as kernels
-from clothsim.contact.friction import friction
+from clothsim.contact.friction_coefficients import friction
 from clothsim.indexing import four_points
 
 POSES = {**at_random(), **adversarial(), **close()}

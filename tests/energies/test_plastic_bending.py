@@ -13,7 +13,8 @@ from clothsim.energies.base import Off
 from clothsim.energies.bending import bending
 from clothsim.energies.hinge_kernels import angles
 from clothsim.energies.membrane import membrane
-from clothsim.energies.plastic_bending import flowed, plastic_bending
+from clothsim.energies.plastic_bending import plastic_bending
+from clothsim.energies.plastic_hinges import flowed
 from clothsim.energies.rest_angle import rest_angle
 from clothsim.errors import InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint

@@ -118,15 +118,15 @@ def test_a_flat_body_is_refused_in_a_sentence(tmp_path, capsys):
 
 
 @needs_data
-@pytest.mark.parametrize(("suit", "share"), [("casual", 0.2103), ("sport", 0.1269)])
-def test_the_makehuman_suits_start_inside(suit, share):
+@pytest.mark.parametrize(("suit", "fraction"), [("casual", 0.2103), ("sport", 0.1269)])
+def test_the_makehuman_suits_start_inside(suit, fraction):
     found = read_penetration_report(
         DATA / f"garments/female_{suit}suit01.mhclo",
         DATA / "bodies/makehuman_hm08_base.obj",
         scale=0.1,
         body_group="body",
     )
-    assert len(found.inside) / len(found.garment.positions) == pytest.approx(share, abs=1e-4)
+    assert len(found.inside) / len(found.garment.positions) == pytest.approx(fraction, abs=1e-4)
     assert not found.counts.clean
 
 

@@ -22,7 +22,7 @@ JITTER = 1e-3
 """Standard deviation of the vertices' displacement at the start, in median edges; seed 0 is the exact start."""
 
 ENERGY_NOISE = 1e-9
-"""Rise of an energy in a step, as a share of the largest energy, that is round-off."""
+"""Rise of an energy in a step, as a fraction of the largest energy, that is round-off."""
 
 MOST_NEWTON = 400
 """Newton iterations that a step may take, those of parts of the cloth too."""

@@ -180,7 +180,9 @@ ROWS = (
     Row("A4c", "order of backward Euler, a strained sheet that rings", partial(_order, "backward_euler", 1.0, 0.1)),
     Row("A4d", "order of BDF2, the same", partial(_order, "bdf2", 2.0, 0.15)),
     Row("A4e", "pendulum from 60 degrees, BDF2, two dt: T/T0", _swing),
-    Row("A4f", "free flight: change of momentum a step", lambda: Outcome(momentum_drift(), 0.0, 1e-12, unit="share")),
+    Row(
+        "A4f", "free flight: change of momentum a step", lambda: Outcome(momentum_drift(), 0.0, 1e-12, unit="fraction")
+    ),
     Row(
         "A4g",
         "rigid translation: Newton iterations that move",
@@ -189,6 +191,6 @@ ROWS = (
     Row(
         "A4h",
         "unforced steps of .02, .2, 2 s: energy gained at most, never above 0",
-        lambda: Outcome(max(0.0, *(energy_gained(dt) for dt in (0.02, 0.2, 2.0))), 0.0, 1e-12, unit="share"),
+        lambda: Outcome(max(0.0, *(energy_gained(dt) for dt in (0.02, 0.2, 2.0))), 0.0, 1e-12, unit="fraction"),
     ),
 )

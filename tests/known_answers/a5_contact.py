@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.contact.body_contact import body_contact
-from clothsim.contact.friction import friction
+from clothsim.contact.friction_coefficients import friction
 from clothsim.energies.base import Energy
 from clothsim.energies.bending import bending
 from clothsim.energies.gravity import gravity

@@ -6,7 +6,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene, without
 
-from clothsim import InputError, open_run, resume, simulate
+from clothsim import InputError, IntersectionWarning, open_run, resume, simulate
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME
 from clothsim.io.trajectory import TRAJECTORY_NAME
@@ -354,11 +354,21 @@ def test_pins_driven_into_a_body_end_the_run_with_the_reason_and_keep_its_frames
 
 
 def test_without_contact_an_intersection_is_reported_and_the_run_goes_on(tmp_path):
-    run = simulate(small_scene(effects=without("body_contact")), tmp_path)
+    with pytest.warns(IntersectionWarning):
+        run = simulate(small_scene(effects=without("body_contact")), tmp_path)
     assert run.status == "completed"
     assert not never_intersects(run)
     assert run.summary["certificate"]["intersection_free"] is False
     assert run.summary["certificate"]["intersecting_frames"]
+
+
+@pytest.mark.parametrize("callback", ["on_step", "progress", "announce"])
+@pytest.mark.parametrize("start", [lambda path, **callbacks: simulate(small_scene(), path, **callbacks), resume])
+def test_what_cannot_be_called_is_refused_before_the_first_step(tmp_path, start, callback):
+    with pytest.raises(InputError) as caught:
+        start(tmp_path / "never", **{callback: 3})
+    assert callback in caught.value.sentence
+    assert not (tmp_path / "never").exists()
 
 
 def test_an_output_that_cannot_be_made_is_refused(tmp_path):

@@ -59,7 +59,7 @@ def test_there_is_no_region_where_nothing_or_too_much_moves():
 
 
 def dented(monkeypatch, most, observe=unobserved, **settings):
-    """A step of a sheet at rest with one dent in it; most: share of the vertices that a region may have."""
+    """A step of a sheet at rest with one dent in it; most: fraction of the vertices that a region may have."""
     monkeypatch.setattr(nonlinear_elimination, "MAX_FRACTION", most)
     positions, triangles = grid(24, 24)
     world = make_world([cloth(positions, triangles)], [])

@@ -36,7 +36,7 @@ def off_the_surface(points, mesh):
 
 
 def flipped(laid, triangles, mesh):
-    """The share of triangles that face against the nearest of `mesh`."""
+    """The fraction of triangles that face against the nearest of `mesh`."""
     surface = facing_surface(*mesh)
     _, near, _ = surface.boxes.squared_distance(surface.positions, surface.triangles, centroids(laid, triangles))
     return (np.einsum("ta,ta->t", triangle_normals(laid, triangles), surface.normals[near.ravel()]) < 0).mean()
