@@ -227,9 +227,21 @@ class Friction(EffectKeys):
     section: ClassVar[str] = "effects.friction"
 
     coefficient: Annotated[float, Key("Coefficient of friction of all other pairs", "1", least=0)] = 0.3
-    pairs: Annotated[Sequence[Sequence[object]], Key("Coefficients [[name, name, mu], ...] by pair", "1")] = ()
+    mu_static: Annotated[float | AUTO, Key("Coefficient of contacts that hold; auto: coefficient", "1", least=0)] = (
+        "auto"
+    )
+    mu_kinetic: Annotated[
+        float | AUTO, Key("Coefficient of contacts that slide; auto: coefficient, at most mu_static", "1", least=0)
+    ] = "auto"  # fmt: skip
+    pairs: Annotated[
+        Sequence[Sequence[object]],
+        Key("Coefficients [[name, name, mu], ...] or [[name, name, mu_static, mu_kinetic], ...] by pair", "1"),
+    ] = ()
+    elastic_slip: Annotated[
+        float | AUTO, Key("Displacement after which a contact slides; auto: 1e-5 of the cloth's size", "m", above=0)
+    ] = "auto"  # fmt: skip
     eps_v: Annotated[
-        float | AUTO, Key("Speed below which a contact sticks; auto: from the size of the cloth", "m/s", above=0)
+        float | AUTO, Key("Speed below which a contact creeps; auto: none, it holds its place", "m/s", above=0)
     ] = "auto"  # fmt: skip
     iterations: Annotated[int, Key("Solves of a step, each with the contact forces of the last", "1", least=1)] = 1
 
