@@ -15,13 +15,13 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.energies.base import Energy
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex
+from clothsim.energies.hessians import Hessian
 from clothsim.energies.protocols import Lagged, is_idle
 from clothsim.energies.step import Step
 from clothsim.indexing import taken
 from clothsim.solve.direct_solver import NotPositiveDefiniteError
 from clothsim.solve.linear_system import System
 from clothsim.solve.potential import Potential
-from clothsim.solve.sparsity import Hessian
 
 HORIZON = 30.0
 """T [s]. A strip of light cloth of 1 m bends with w = .06 1/s: of its distance from equilibrium a horizon of 30 s shows
