@@ -15,7 +15,7 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.energies.base import Energy
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex
-from clothsim.energies.hessians import Hessian
+from clothsim.energies.hessians import Hessian, explicit
 from clothsim.energies.protocols import Lagged, is_idle
 from clothsim.energies.step import Step
 from clothsim.indexing import taken
@@ -106,7 +106,7 @@ class StaticModel:
     def _assembled(self, hessians: list[Hessian]) -> Floats:
         mass = diagonal_hessian(every_vertex(len(self.masses)), self.masses / HORIZON**2)
         with self.bound.timers.phase("assembly"):
-            data = self.system.assemble([*hessians, mass])
+            data = self.system.assemble([*explicit(hessians), mass])
             self.system.pattern.fix(data, self.fixed)
         return data
 
