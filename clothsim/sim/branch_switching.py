@@ -26,7 +26,7 @@ from clothsim.sim.stepping import Integrator, StepReport, advance
 from clothsim.solve.stability import Mode, lowest_mode, way_down
 from clothsim.solve.statics import StaticModel
 
-STEPS_BETWEEN_LOOKS = 10
+STEPS_BETWEEN_LOOKS = 20
 """Steps from one look at a cloth in a plane to the next; the first is after the first step."""
 MOST_SWITCHES = 4
 """Switches in one quasi-static step: each ends in a state of lower energy, of which there may be many."""
