@@ -271,7 +271,7 @@ def test_check_reports_cloth_in_cloth_with_and_without_self_contact(capsys, tmp_
     )
     (tmp_path / "out.toml").write_text(second + '[effects.self_contact]\nexclude = [["cloth[0]", "flag"]]\n')
     assert main(["check", "out.toml"]) == 0
-    assert "note: cloth[0] and flag intersect at the start" in capsys.readouterr().out
+    assert "warning: cloth[0] and flag intersect at the start" in capsys.readouterr().out
 
 
 def test_explain_tells_every_effect_of_the_table(capsys):

@@ -139,14 +139,13 @@ class Simulation:
         Raises
         ------
         SimulationError
-            The step cannot be taken, or its frame intersects; the state is then the one before it.
+            The step cannot be taken, or its end intersects; the state is then the one before it.
         """
         integrator, run = self._session.integrator, self.scene.run_settings
         if integrator.control is not None and self.finished:
             raise InputError("solver.error is for the duration of the scene.", "Give a longer run.duration.")
         report = next_step(integrator, self._state, run.duration, run.frames_per_second)
-        self.failure = report.failure
-        history = self._history
+        history, self.failure = self._history, report.failure
         if report.failure is None:
             history, self.failure = checked_step(self._session, history, report.state, report.frame_done, report.dt)
         if self.failure is not None:
