@@ -96,12 +96,12 @@ def _d_hat(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
 def _eps_v(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
     value = base.effects.get("friction", {}).get("eps_v", "auto")
     if isinstance(value, str):
-        raise InputError("the scene has no friction")
+        raise InputError("the scene has no friction that creeps")
     return value / 2.0**level, set_key(scene, "effects.friction.eps_v", value / 2.0**level)
 
 
 def _iterations(base: Scene, scene: Scene, level: int) -> tuple[int, Scene]:
-    if isinstance(base.effects.get("friction", {}).get("eps_v", "auto"), str):
+    if "friction" not in base.effects:
         raise InputError("the scene has no friction")
     iterations = base.effects["friction"].get("iterations", 1) * Fraction(2) ** level
     if iterations.denominator != 1:

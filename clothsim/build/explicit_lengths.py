@@ -1,4 +1,4 @@
-"""Lengths that a scene leaves to its mesh or its frames, written out: d_hat, eps_v, dt."""
+"""Lengths that a scene leaves to its mesh or its frames, written out: d_hat and dt."""
 
 from math import ceil
 
@@ -18,13 +18,11 @@ def steps_per_frame(scene: Scene) -> tuple[int, float]:
 def fixed(scene: Scene, built: Built) -> Scene:
     """`scene` with what it leaves to the mesh written out, so that a finer mesh changes the mesh alone.
 
-    The d_hat of each contact and eps_v of friction, where they are on; dt as the steps that a frame is divided into.
+    The d_hat of each contact that is on; dt as the steps that a frame is divided into.
     """
     for name, energy in built.energies.items():
         if isinstance(energy, ContactGap):
             scene = set_key(scene, f"effects.{name}.d_hat", float(energy.d_hat))
-    if "friction" in built.energies:
-        scene = set_key(scene, "effects.friction.eps_v", float(built.energies["friction"].eps_v))  # type: ignore[attr-defined]
     if "error" not in scene.solver:
         pieces, frame = steps_per_frame(scene)
         scene = set_key(scene, "solver.dt", frame / pieces)

@@ -20,9 +20,7 @@ from clothsim.sim.intersection_history import IntersectionHistory
 from clothsim.sim.state import State
 
 
-def saved_simulation(
-    session: Session, state: State, by_hand: HandMotions, history: IntersectionHistory
-) -> Checkpoint:
+def saved_simulation(session: Session, state: State, by_hand: HandMotions, history: IntersectionHistory) -> Checkpoint:
     """The checkpoint of a simulation, with the files that its scene names.
 
     Raises

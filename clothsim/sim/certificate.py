@@ -7,6 +7,7 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.energies.protocols import Storing
 from clothsim.kinematics.deformation_gradient import deformation_gradients
 from clothsim.kinematics.stretch import principal_stretches
 from clothsim.mesh.world import World
@@ -188,6 +189,7 @@ def _energies(world: World, report: StepReport, state: State) -> tuple[float, fl
     values = {name: energy.value(state.positions) for name, energy in energies.items()}
     stored = [value for name, value in values.items() if not energies[name].incremental]
     dynamic = len(stored) < len(values)
+    stored += [energy.stored(state.positions) for energy in energies.values() if isinstance(energy, Storing)]
     speeds = (state.velocities[: world.n_cloth] ** 2).sum(axis=1)
     kinetic = 0.5 * float(world.masses @ speeds) if dynamic else 0.0
     return kinetic + sum(stored), sum(values.values()), max(abs(part) for part in (kinetic, *stored))
