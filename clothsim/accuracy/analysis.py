@@ -89,15 +89,18 @@ class Compared:
             for name, sweep in self.sweeps().items()
         }
         if self.in_time in limits:
-            other, turned = (
-                self.other_formula(),
-                SWITCH.put(self.base, self.base, 1) if self.other_formula() else self.base,
-            )
-            second = turned.solver_settings.integrator == "bdf2"
-            order = self.knobs[self.in_time].order(turned) or 1.0
-            both = with_other_formula(start, limits[self.in_time], other, order, second, norm)
-            limits[self.in_time] = not_below(self.estimate, start, both, other, norm)
+            limits[self.in_time] = self._limit_in_time(limits[self.in_time])
         return limits
+
+    def _limit_in_time(self, own: Limit) -> Limit:
+        start, other, norm = self.fields[BASE], self.other_formula(), self.norm
+        if other:
+            turned = SWITCH.put(self.base, self.base, 1)
+            order = self.knobs[self.in_time].order(turned) or 1.0
+            second_order = turned.solver_settings.integrator == "bdf2"
+            sweep = {0: start, **self.sweeps()[self.in_time]}
+            own = with_other_formula(sweep, own, other, order, second_order, norm)
+        return not_below(self.estimate, start, own, other, norm)
 
     def together(self) -> tuple[str, ...]:
         """The knobs to refine together."""

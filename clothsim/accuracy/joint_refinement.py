@@ -114,7 +114,7 @@ def reference(
     ]
     best, *others = sorted(estimates, key=lambda each: each.error)
     excess = [norm(best.cross - each.cross) - each.error for each in others]
-    error = max([best.error, *excess])
+    error = max([best.error, *excess, *(each.doubt for each in chosen.values())])
     return Reference(field + best.cross, _rss([rest, error]), limits, norm(best.cross), tuple(names), len(known))
 
 

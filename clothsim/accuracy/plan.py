@@ -38,6 +38,8 @@ def gathered(gatherer: Gatherer) -> Observations:
         return observations(gatherer)
     gatherer.gather(needed)
     gatherer.gather(_second(bench))
+    gatherer.gather([*one_knob(list(bench.knobs), -1), *bench.other_formula((-1,))])
+    gatherer.gather(needed)  # where coarser runs show that they fit after all
     seen = with_twins(observations(gatherer), needed)
     if seen.chaotic:
         return _of_folds(gatherer, seen, needed)
@@ -55,10 +57,10 @@ def missing_points(seen: Observations) -> list[Point]:
     points = [BASE, *bench.other_formula((0, 1)), *needed, *bench.tight(TIGHT), *one_knob(list(bench.knobs), 1)]
     if seen.chaotic:
         points += seeded([BASE, *needed])
-    elif gatherer.good(BASE) and seen.compared().sweeps():
-        points += seen.compared().joint_points(JOINT[:1])
-    elif len(needed) > 1:
-        points.append(point(dict.fromkeys((name for each in needed for name, _ in each.levels), 1)))
+    else:
+        names = [name for each in needed for name, _ in each.levels]
+        names += seen.compared().together() if gatherer.good(BASE) else ()
+        points.append(point(dict.fromkeys(names, 1)))
     return [where for where in dict.fromkeys(points) if where not in gatherer.outcomes and _possible(bench, where)]
 
 
@@ -81,9 +83,8 @@ def unanswered(seen: Observations) -> list[str]:
 
 
 def _second(bench: Bench) -> list[Point]:
-    """Twins, every knob finer and coarser, and the other difference formula with a finer dt."""
-    names = list(bench.knobs)
-    return [*bench.tight(TIGHT), *one_knob(names, 1), *one_knob(names, -1), *bench.other_formula((1,))]
+    """Twins, every knob finer, and the other difference formula with a finer dt."""
+    return [*bench.tight(TIGHT), *one_knob(list(bench.knobs), 1), *bench.other_formula((1,))]
 
 
 def _of_folds(gatherer: Gatherer, seen: Observations, needed: Sequence[Point]) -> Observations:
@@ -100,7 +101,7 @@ def _of_detail(gatherer: Gatherer, seen: Observations) -> None:
     gatherer.gather(seen.compared().least_certain(), LATE)
     gatherer.gather(seen.compared().joint_points(JOINT[2:]), LATE)
     _other_settings(gatherer)
-    gatherer.gather([*one_knob(names, -2), *one_knob(names, 2), *gatherer.bench.other_formula((-1,))], LATE)
+    gatherer.gather([*one_knob(names, -2), *one_knob(names, 2), *gatherer.bench.other_formula((2,))], LATE)
     gatherer.gather(next_points(seen.compared(), COMBINATIONS), LATE)
     for _ in range(FINER):
         gatherer.gather(seen.compared().least_certain(), LATE)

@@ -21,13 +21,14 @@ SLOWEST = 0.25
 class Limit:
     """Limit of a one-knob sweep: field (n, k), its own error (RMS), observed order (nan where unknown).
 
-    extrapolated: False where the finest run stands in for the limit.
+    extrapolated: False where the finest run stands in for the limit. doubt: least error of what is made of it (RMS).
     """
 
     field: Floats
     error: float
     order: float
     extrapolated: bool
+    doubt: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -15,16 +15,16 @@ AGREES = 0.5
 
 
 def with_other_formula(
-    base: Floats, own: Limit, other: Mapping[int, Floats], order: float, second_order: bool, norm: Norm
+    sweep: Mapping[int, Floats], own: Limit, other: Mapping[int, Floats], order: float, second_order: bool, norm: Norm
 ) -> Limit:
     """The limit in dt from a sweep of the scene's formula and from runs of the other one.
 
     Parameters
     ----------
-    base : (n, k) array
-        Field of the base.
+    sweep : dict
+        Fields {level of dt: (n, k) array} with the scene's own formula, 0 included.
     own : Limit
-        Limit of the sweep with the scene's own formula.
+        Limit of `sweep`.
     other : dict
         Fields {level of dt: (n, k) array} with the other formula.
     order : float
@@ -36,18 +36,36 @@ def with_other_formula(
     Returns
     -------
     Limit
-        That of the smaller error of the two. Its error is at least their distance less the error of the other. With a
-        single run of BDF2 its distance to a base of backward Euler stands for the error of the base.
+        That of the smaller error of the two. Its error is at least its distance to what the other formula shows: to the
+        finest run of BDF2 with the error of that, or to the limit of backward Euler less its error where it falls as it
+        should. That is its `doubt`, which no other runs of the same formula take away. Formulas that do not meet do not
+        resolve the motion: backward Euler damps a vibration of the membrane, and seems to converge, long before dt is
+        short enough to follow it. With a single run of BDF2 its distance to a base of backward Euler stands for the
+        error of the base.
     """
     if len(other) > 1:
         second = limit(other, 2, order, norm)
-        best, rest = sorted((own, second), key=lambda each: each.error)
-        apart = norm(best.field - rest.field) - rest.error
-        return replace(best, error=max(best.error, apart), order=own.order, extrapolated=own.extrapolated)
+        best = own if own.error <= second.error else second
+        if (best is own) == second_order:  # backward Euler, against BDF2
+            doubt = _beyond_finest(best, second if best is own else own, other if best is own else sweep, norm)
+        else:
+            euler = second if best is own else own
+            doubt = norm(best.field - euler.field) - (euler.error if euler.extrapolated else 0.0)
+        return _doubted(replace(best, order=own.order, extrapolated=own.extrapolated), doubt)
     if other and second_order:
-        apart = abs(norm(base - next(iter(other.values()))) - norm(base - own.field))
-        return replace(own, error=max(own.error, apart))
+        apart = abs(norm(sweep[0] - next(iter(other.values()))) - norm(sweep[0] - own.field))
+        return _doubted(own, apart)
     return own
+
+
+def _beyond_finest(euler: Limit, bdf2: Limit, runs: Mapping[int, Floats], norm: Norm) -> float:
+    """Distance of a limit of backward Euler to the finest run of BDF2, and the error of that.
+
+    Where the runs of BDF2 do not fall as they should, their last difference is its error.
+    """
+    before, finest = (runs[level] for level in sorted(runs)[-2:])
+    falls = max(bdf2.error, norm(finest - bdf2.field))
+    return norm(euler.field - finest) + (falls if bdf2.extrapolated else norm(finest - before))
 
 
 def not_below(estimate: float, base: Floats, own: Limit, other: Mapping[int, Floats], norm: Norm) -> Limit:
@@ -60,4 +78,9 @@ def not_below(estimate: float, base: Floats, own: Limit, other: Mapping[int, Flo
     agrees = finest > 0 and norm(other[finest] - own.field) <= AGREES * adds
     if agrees or (own.extrapolated and own.order == own.order):
         return own
-    return replace(own, error=max(own.error, estimate - adds))
+    return _doubted(own, estimate - adds)
+
+
+def _doubted(each: Limit, doubt: float) -> Limit:
+    """The limit with an error of at least `doubt` [m]."""
+    return replace(each, error=max(each.error, doubt), doubt=max(each.doubt, doubt))

@@ -119,7 +119,7 @@ def _check_scene(path: Path) -> int:
     for name, reason in built.off.items():
         print(f"  {name} is off: {reason}.")
     check = intersection_check_of(world_surfaces(world), scene.effects, built.energies)
-    return _ended(_intersections(check, [("at the start", world.start() + world.origin)], "at the start"))
+    return _ended(*_intersections(check, [("at the start", world.start() + world.origin)], "at the start"))
 
 
 def _check_run(directory: Path) -> int:
@@ -146,58 +146,61 @@ def _check_run(directory: Path) -> int:
         (f"in frame {k} at {time:g} s", np.concatenate([run.positions(k), *(points for _, points, _ in run.bodies(k))]))
         for k, time in enumerate(run.times)
     )
-    errors = _intersections(check, frames, f"in any of {len(run.times)} frames", "; later frames are not listed")
-    return _ended(errors + _between_frames(run) + failed)
+    errors, warnings = _intersections(
+        check, frames, f"in any of {len(run.times)} frames", "; later frames are not listed"
+    )
+    between, excluded = _between_frames(run)
+    return _ended(errors + between + failed, warnings + excluded)
 
 
-def _between_frames(run: "Run") -> int:
-    """Print what the certificate says of the steps between frames; returns the number of errors."""
+def _between_frames(run: "Run") -> tuple[int, int]:
+    """Print what the certificate says of the steps between frames; returns the numbers of errors and warnings."""
     from clothsim.sim.intersection_history import intersection_warnings
 
-    errors = 0
     unseen = {kind: each for kind, each in run.intersections.items() if each["states"] and each["first_frame"] is None}
-    for kind, each in unseen.items():
-        excluded = kind == "excluded"
-        errors += not excluded
-        (sentence,) = intersection_warnings({kind: each})
-        print(f"  {'note' if excluded else 'error'}: between two frames, {sentence}")
+    for kind, sentence in zip(unseen, intersection_warnings(unseen), strict=True):
+        print(f"  {_severity(kind)}: between two frames, {sentence}")
     if run.summary and run.intersection_free is None:
         print("  not all steps of the run were checked: what happened between its frames is not known")
-    return errors
+    excluded = int("excluded" in unseen)
+    return len(unseen) - excluded, excluded
 
 
 def _intersections(
     check: "IntersectionCheck", frames: "Iterable[tuple[str, Floats]]", anywhere: str, note: str = ""
-) -> int:
-    """Print the intersections of frames, each (when, x), by the exact test; returns the number of errors.
+) -> tuple[int, int]:
+    """Print the intersections of frames, each (when, x), by the exact test; returns the numbers of errors and warnings.
 
-    Every intersection is an error, but for one of a pair that the scene excludes from contact. Without the contact
-    effect that would prevent it, only the first of a pair of surfaces is listed; note: said of that.
+    Every intersection is an error, but for one of a pair that the scene excludes from contact: a warning. Without the
+    contact effect that would prevent it, only the first of a pair of surfaces is listed; note: said of that.
     """
     listed: set[str] = set()
-    errors, met = 0, set()
+    kinds: list[str] = []
     for when, x in frames:
         found = check.crossings(x)
         required = {crossing.summary for crossing in check.violations(found)}
         for crossing in found:
             if crossing.summary in listed - required:
                 continue
-            kind = check.kind(crossing)
-            met.add(kind)
             listed.add(crossing.summary)
-            errors += kind != "excluded"
+            kinds.append(check.kind(crossing))
             count = f"{len(crossing.pairs):,} pair{'' if len(crossing.pairs) == 1 else 's'} of triangles"
-            severity = "note" if kind == "excluded" else "error"
-            print(f"  {severity}: {crossing.summary} {when}, in {count}: {crossing.sentence}")
+            print(f"  {_severity(kinds[-1])}: {crossing.summary} {when}, in {count}: {crossing.sentence}")
             if crossing.summary not in required:
-                print(f"    {_REASON[kind]}{note}")
+                print(f"    {_REASON[kinds[-1]]}{note}")
+    others = ", but for excluded pairs" if "excluded" in kinds else ""
     if not check.bodies:
         print("  no body, so nothing for cloth to intersect but itself")
-    elif "cloth_body" not in met:
-        print(f"  cloth and body do not intersect {anywhere}")
-    if "cloth_cloth" not in met:
-        print(f"  cloth and cloth do not intersect {anywhere}")
-    return errors
+    elif "cloth_body" not in kinds:
+        print(f"  cloth and body do not intersect {anywhere}{others}")
+    if "cloth_cloth" not in kinds:
+        print(f"  cloth and cloth do not intersect {anywhere}{others}")
+    excluded = kinds.count("excluded")
+    return len(kinds) - excluded, excluded
+
+
+def _severity(kind: str) -> str:
+    return "warning" if kind == "excluded" else "error"
 
 
 _REASON = {
@@ -221,8 +224,8 @@ def _sizes(positions: "Floats", triangles: "Ints") -> list[str]:
     ]
 
 
-def _ended(errors: int) -> int:
-    print(_result(errors, 0))
+def _ended(errors: int, warnings: int = 0) -> int:
+    print(_result(errors, warnings))
     return 1 if errors else 0
 
 

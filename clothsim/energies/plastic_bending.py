@@ -1,7 +1,8 @@
 """Yield of bending: the effect `plastic_bending` (`plastic_hinges` has the flow).
 
-The yield angle y of a hinge is given as an angle, or as a curvature kappa, y = kappa (A1 + A2)/|e|, which is a property
-of the fabric and not of the mesh.
+The yield y is given as a curvature kappa, which is a property of the fabric and not of the mesh, or as the angle of a
+hinge. Hinges of edge length |e| between areas A1 and A2 take y = kappa (A1 + A2)/|e|, triangles of the mid-edge model
+the angle over the mean (A1 + A2)/|e| of the hinges in their curvature.
 """
 
 from collections.abc import Mapping
@@ -56,16 +57,21 @@ def plastic_bending(
     bending = (built or {}).get("bending")
     if bending is None:
         return Off("the scene has no bending")
-    from clothsim.energies.plastic_hinges import NAME, PlasticBending  # after the last Off: no kernel for a zero
-    from clothsim.energies.shifted_hinges import hinges_of_bending
+    from clothsim.energies.hinge_bending import HingeBending  # after the last Off: no kernel for a zero
+    from clothsim.energies.hinge_moments import hinges_of_bending
+    from clothsim.energies.plastic_hinges import NAME, PlasticBending
 
     hinges = hinges_of_bending(NAME, bending)
+    strains, weights = hinges.strains_of_angles()
     stiff = world.hinges.stiffness > 0
     widths = world.hinges.areas[stiff] / world.hinges.edge_lengths[stiff]
-    yields = curvature * widths if curvature else np.full(len(widths), np.radians(degrees))
-    every, none = np.arange(len(widths)), np.zeros(len(widths))
-    rest = hinges.rest_angles
-    return PlasticBending(hinges.vertices, rest, hinges.stiffnesses, none, every, rest, yields, ratio)
+    if isinstance(hinges, HingeBending):
+        yields = curvature * widths if curvature else np.full(len(widths), np.radians(degrees))
+    else:
+        yields = np.full(len(weights), curvature) if curvature else np.radians(degrees) / hinges.widths(widths)
+    rest, none = hinges.rest_angles, np.zeros(len(widths))
+    plastic = np.zeros((len(weights), strains.shape[0] // len(weights)))
+    return PlasticBending(hinges.vertices, rest, none, 0.0, rest, strains, weights, yields, ratio, plastic)
 
 
 EXAMPLE = Example(

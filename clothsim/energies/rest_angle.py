@@ -1,8 +1,8 @@
 """Creases and pleats, lines with a rest angle: the effect `rest_angle`.
 
 The hinges along a crease have the rest angle that the scene gives, constant or over time; their stiffness remains that
-of bending, k = D |e|^2/(A1 + A2), so that a crease resists loads no more than the cloth resists bending. Two flat
-panels joined by one crease are at rest at exactly its angle, whatever k is. Angle 0 is flat; a positive angle folds the
+of the bending model, so that a crease resists loads no more than the cloth resists bending. Two flat panels joined by
+one crease are at rest at exactly its angle, whatever the stiffness is. Angle 0 is flat; a positive angle folds the
 cloth towards its back.
 
 A line is snapped to the edges of the mesh (`mesh.edge_paths`): along rows of a grid it is exact; across a mesh it
@@ -25,7 +25,7 @@ from clothsim.mesh.topology import unique_edges
 from clothsim.mesh.world import World
 
 if TYPE_CHECKING:
-    from clothsim.energies.hinge_bending import HingeBending
+    from clothsim.energies.hinge_moments import BendingModel
 
 KEYS = ("angle_degrees", "through", "vertices", "cloth")
 
@@ -59,8 +59,8 @@ def rest_angle(
     bending = (built or {}).get("bending")
     if bending is None:
         return Off("the scene has no bending")
-    from clothsim.energies.creases import RestAngle, radians  # as late as the kernels of bending
-    from clothsim.energies.shifted_hinges import hinges_of_bending
+    from clothsim.energies.creases import radians, rest_angles  # as late as the kernels of bending
+    from clothsim.energies.hinge_moments import hinges_of_bending
 
     hinges = hinges_of_bending("rest_angle", bending)
     names = [f"effects.rest_angle.crease[{k}]" for k in range(len(crease))]
@@ -73,14 +73,12 @@ def rest_angle(
             radians(angle, time)
     chosen = np.concatenate(rows)
     _refuse_twice(hinges, chosen)
-    references, stiffnesses = hinges.rest_angles[chosen], hinges.stiffnesses[chosen]
-    if not references.any() and all(angle.is_zero for angle in schedules):
+    if not hinges.rest_angles[chosen].any() and all(angle.is_zero for angle in schedules):
         return Off("every crease is flat, as is the cloth at rest")
-    none = np.zeros(len(chosen))
-    return RestAngle(hinges.vertices[chosen], references, stiffnesses, none, chosen, schedules, tuple(map(len, rows)))
+    return rest_angles(hinges, chosen, schedules, tuple(map(len, rows)))
 
 
-def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: "HingeBending") -> Ints:
+def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: "BendingModel") -> Ints:
     """The numbers of the hinges along a crease."""
     if ("through" in keys) == ("vertices" in keys):
         raise InputError(f"{name} needs either through or vertices.", "Such as through = [[x, y, z], [x, y, z]].")
@@ -107,7 +105,7 @@ def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: "Hin
     return selected
 
 
-def _refuse_twice(hinges: "HingeBending", chosen: Ints) -> None:
+def _refuse_twice(hinges: "BendingModel", chosen: Ints) -> None:
     twice = np.flatnonzero(np.bincount(chosen) > 1)
     if twice.size:
         a, b = hinges.vertices[twice[0], :2]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clothsim.build.scene_world import Built
-from clothsim.energies.base import ByElement
+from clothsim.energies.hessians import ByElement
 from clothsim.errors import InputError
 from clothsim.mesh.motion import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
@@ -136,7 +136,7 @@ def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:
     settings, dt = scene.solver_settings, integrator.dt
     cut = not settings.error and 1 / scene.run_settings.frames_per_second < settings.dt
     shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if cut else ""
-    ignored = integrator.formula != settings.integrator
+    ignored = "integrator" in scene.solver and integrator.formula != settings.integrator
     return shorter, f"{settings.integrator} does nothing without effects.inertia." if ignored else ""
 
 

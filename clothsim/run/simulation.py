@@ -139,14 +139,13 @@ class Simulation:
         Raises
         ------
         SimulationError
-            The step cannot be taken, or its frame intersects; the state is then the one before it.
+            The step cannot be taken, or its end intersects; the state is then the one before it.
         """
         integrator, run = self._session.integrator, self.scene.run_settings
         if integrator.control is not None and self.finished:
             raise InputError("solver.error is for the duration of the scene.", "Give a longer run.duration.")
         report = next_step(integrator, self._state, run.duration, run.frames_per_second)
-        self.failure = report.failure
-        history = self._history
+        history, self.failure = self._history, report.failure
         if report.failure is None:
             history, self.failure = checked_step(self._session, history, report.state, report.frame_done, report.dt)
         if self.failure is not None:
@@ -345,8 +344,7 @@ class Simulation:
         if "body_contact" in built.energies:
             refuse_leaps(built.world, session.integrator.dt)
         integrator = replace(session.integrator, world=built.world, constraints=built.constraints)
-        self._by_hand = by_hand
-        self._state = replace(self._state, blocked_at=nan, blocked=0)
+        self._by_hand, self._state = by_hand, replace(self._state, blocked_at=nan, blocked=0)
         self._set_session(replace(session, built=built, integrator=integrator))
 
     def _set_session(self, session: Session) -> None:

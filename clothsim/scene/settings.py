@@ -35,8 +35,8 @@ class Solver(KeyTable):
             shown="none: newton_error_fraction"),
     ] = 0.0  # fmt: skip
     integrator: Annotated[
-        Literal["backward_euler", "bdf2"], Key("Time integrator; BDF2 is of second order and damps less")
-    ] = "backward_euler"
+        Literal["bdf2", "backward_euler"], Key("Time integrator; backward Euler is of first order and damps more")
+    ] = "bdf2"
     linear: Annotated[
         Literal["auto", "mixed", "pardiso", "cholmod", "superlu"],
         Key("Linear solver; auto takes the fastest installed, mixed is PARDISO in single precision with refinement"),
@@ -52,9 +52,10 @@ class Solver(KeyTable):
     ] = 0
     error: Annotated[
         float,
-        Key("In place of dt: RMS error of the positions that the steps may add in the whole run", "m", above=0,
-            shown="none: dt is fixed"),
+        Key("In place of dt: RMS error of the positions at the last frame; dt, cells of generated meshes, d_hat and "
+            "tolerance are chosen for it", "m", above=0, shown="none: dt is fixed"),
     ] = 0.0  # fmt: skip
+    budget: Annotated[float, Key("Processor time of all runs that error may take", "s", above=0)] = 600.0
 
     @property
     def longest_step(self) -> float:

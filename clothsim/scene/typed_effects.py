@@ -60,9 +60,9 @@ class Membrane(EffectKeys):
     section: ClassVar[str] = "effects.membrane"
 
     material: Annotated[
-        Literal["neo_hookean", "orthotropic", "measured"],
-        Key("Isotropic, with the fabric's warp, weft and shear stiffness, or from measured curves"),
-    ] = "neo_hookean"
+        Literal["auto", "neo_hookean", "orthotropic", "measured"],
+        Key("By auto orthotropic where a fabric has its own warp, weft or shear stiffness, else isotropic"),
+    ] = "auto"
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
     warp: Annotated[Curve, Key("Measured curve along the warp: rows of strain and stress", "1, N/m")] = ()
     weft: Annotated[Curve, Key("Measured curve along the weft: rows of strain and stress", "1, N/m")] = ()
@@ -105,9 +105,9 @@ class Bending(EffectKeys):
     section: ClassVar[str] = "effects.bending"
 
     model: Annotated[
-        Literal["hinge", "quadratic", "midedge"],
-        Key("Hinge angles, a constant Hessian, or the model that converges on any mesh"),
-    ] = "hinge"
+        Literal["midedge", "hinge", "quadratic"],
+        Key("Curvature by triangle, which converges on any mesh; hinge angles; or a constant Hessian"),
+    ] = "midedge"
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -103,7 +103,7 @@ def out_of_plane(integrator: Integrator, report: StepReport) -> StepReport:
 
     The displacement is what the slowest speed that counts would do in the step: invisible, and enough to grow.
     """
-    if report.state.step % STEPS_BETWEEN_LOOKS != 1:
+    if report.state.at_rest or report.state.step % STEPS_BETWEEN_LOOKS != 1:
         return report
     normals = _normals(integrator.world, report.state.positions)
     flat = np.asarray(normals.any(axis=1))

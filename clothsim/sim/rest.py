@@ -63,12 +63,12 @@ def _looked_at(integrator: Integrator, report: StepReport, until: float, static:
     side = None if static else unstable_side(integrator, model)
     if side is not None:
         report = displaced(report, side)
-        if side.dx.any() or integrator.leaves_unstable:
+        if integrator.leaves_unstable:
             return report, Rest.UNSTABLE
-    if static and integrator.leaves_unstable and not model.is_stable:
-        return report, Rest.UNSTABLE
     if _changes(integrator, report, until):
         return report, Rest.CHANGING
+    if static and integrator.leaves_unstable and not model.is_stable:
+        return report, Rest.UNSTABLE
     distance = float(np.linalg.norm(model.displacement(), axis=1).max(initial=0.0))
     return report, Rest.REACHED if distance < REST_TIME * integrator.rest_speed else Rest.DISTANT
 

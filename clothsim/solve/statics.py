@@ -15,17 +15,20 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.energies.base import Energy
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex
+from clothsim.energies.hessians import Hessian
 from clothsim.energies.protocols import Lagged, is_idle
 from clothsim.energies.step import Step
 from clothsim.indexing import taken
 from clothsim.solve.direct_solver import NotPositiveDefiniteError
 from clothsim.solve.linear_system import System
 from clothsim.solve.potential import Potential
-from clothsim.solve.sparsity import Hessian
 
 HORIZON = 30.0
 """T [s]. A strip of light cloth of 1 m bends with w = .06 1/s: of its distance from equilibrium a horizon of 30 s shows
 three quarters, one of 1 s four thousandths."""
+
+SHIFTS = (0.0, 1e-13, 1e-11, 1e-9)
+"""Fractions of the largest diagonal entry, tried in turn against the rounding of a projected matrix."""
 
 
 @dataclass(frozen=True)
@@ -76,10 +79,11 @@ class StaticModel:
     def displacement(self) -> Floats:
         """Return the displacement to equilibrium (n, 3) [m]; of an unstable state by the projected Hessian."""
         b = -np.where(self.fixed[:, None], 0.0, taken(self.gradient(), self.system.rows)).ravel()
-        if not self.is_stable and not self._factorises(self.projected()):
+        solve = self.system.solver.back_solve if self.is_stable else self.projected_inverse()
+        if solve is None:
             return np.full((len(self.masses), 3), np.inf)
         with self.bound.timers.phase("linear solve"):
-            return self.system.solver.back_solve(b).reshape(-1, 3)
+            return solve(b).reshape(-1, 3)
 
     def matrix(self) -> Floats:
         """Return K + M / T^2 as data of the system's pattern, the rows of fixed vertices those of the identity."""
@@ -90,8 +94,14 @@ class StaticModel:
         return self._assembled(self.potential.hessians(self.rest.positions))
 
     def projected_inverse(self) -> Callable[[Floats], Floats] | None:
-        """Return r -> P^-1 r, P `projected`; None where rounding leaves it indefinite."""
-        return self.system.solver.back_solve if self._factorises(self.projected()) else None
+        """Return r -> P^-1 r, P `projected`; None where it is not positive definite with any of SHIFTS on its diagonal.
+
+        Of a sheet of a millimetre M / T^2 is smaller than the rounding of the stiffness.
+        """
+        data, pattern = self.projected(), self.system.pattern
+        largest = float(pattern.diagonal(data).max(initial=0.0))
+        shifted = (pattern.shift(data, shift * largest) if shift else data for shift in SHIFTS)
+        return self.system.solver.back_solve if any(map(self._factorises, shifted)) else None
 
     def _assembled(self, hessians: list[Hessian]) -> Floats:
         mass = diagonal_hessian(every_vertex(len(self.masses)), self.masses / HORIZON**2)

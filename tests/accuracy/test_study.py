@@ -18,8 +18,9 @@ from clothsim.scene.scene import scene_from_text
 KNOBS = ("dt", "cells")
 
 
-def true_error(cells, dt):
+def true_error(cells, dt, integrator="backward_euler"):
     """RMS over the base's points, weighted by area, of what is made up [mm]; from finer meshes."""
+    dt = dt if integrator == "backward_euler" else 5 * dt**2
     shape = cloth_shape(SHEET.cloth, "cloth", SHEET.directory)
     areas = point_areas(material_of([shape.positions], [shape.triangles]))
     h = 1 / cells[0]
@@ -39,7 +40,7 @@ def test_every_error_is_the_true_one(made):
     checked = [each for each in result["points"] if "cells" in each["settings"] and each["settings"]["cells"][0] >= 4]
     assert len(checked) >= 6
     for each in checked:
-        expected = true_error(each["settings"]["cells"], each["settings"]["dt"])
+        expected = true_error(*(each["settings"].get(key, "backward_euler") for key in ("cells", "dt", "integrator")))
         assert each["error"] == pytest.approx(expected, abs=2 * result["reference"]["own_error"] + 1e-6)
         assert each["unit"] == "mm"
     assert result["reference"]["own_error"] < 0.01 * result["base"]["error"]
@@ -118,9 +119,28 @@ def test_what_does_not_fit_is_not_run_and_named(tmp_path):
     runners = Runners(lambda job: answer(job, seconds=25.0))
     result = study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=runners).result
     ran = {each["label"] for each in result["points"]}
+    assert "cells +1" in ran  # the coarser cells show that it fits
     assert "fine" not in ran
     assert "it would take about" in result["left_out"]["fine"]
     assert not ran & set(result["left_out"])
+
+
+def test_a_small_budget_says_how_much_is_needed(tmp_path):
+    def dear(job):
+        """Seconds that grow with the vertices: finer cells do not fit."""
+        cells = scene_from_text(job.scene).cloth["cells"][0]
+        return answer(job, seconds=25.0 * (cells / 4) ** 2)
+
+    result = study_accuracy(SHEET, tmp_path, KNOBS, budget=60.0, workers=1, runners=Runners(dear)).result
+    headline = result["headline"]
+    assert (headline["known"], headline["status"], headline["error"]) == (False, "unfinished", None)
+    assert headline["missing"] == ["cells"]
+    assert headline["certificate"] == pytest.approx(10.001)
+    assert headline["needed_seconds"] > 100.0 + 100.0  # finer cells, and with them a finer dt
+    assert "it would take about" in result["left_out"]["cells +1"]
+    assert result["recommended"] == result["front"] == []
+    assert not (tmp_path / "study.png").exists()
+    assert "goes on from the runs so far" in (tmp_path / "study.md").read_text()
 
 
 def only(*allowed):

@@ -135,7 +135,7 @@ def test_plain_pictures_have_no_scalar_bar(tmp_path):
 
 def test_a_missing_ray_caster_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "embreex.rtcore_scene", None)
-    with pytest.raises(MissingPackageError, match="pip install embreex"):
+    with pytest.raises(MissingPackageError, match="embreex"):
         draw(tmp_path / "picture.png", [sheet()], size=SIZE, renderer="ray")
 
 

@@ -168,7 +168,9 @@ def test_an_excluded_pair_is_counted_and_no_fault(tmp_path, capsys):
     assert run.intersections["excluded"]["states"] == run.summary["steps"] + 1
     assert run.intersections["cloth_cloth"]["states"] == 0
     assert main(["check", str(run.directory)]) == 0
-    assert "note: sheet and flag intersect in frame 0" in capsys.readouterr().out
+    out = capsys.readouterr().out
+    assert "warning: sheet and flag intersect in frame 0" in out
+    assert out.endswith("1 warning.\n")
 
 
 def test_pieces_that_only_share_positions_touch_and_welded_ones_do_not(tmp_path):

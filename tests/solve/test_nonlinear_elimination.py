@@ -66,7 +66,7 @@ def dented(monkeypatch, most, observe=unobserved, **settings):
     x = world.start()
     near = np.linalg.norm(x - x[312], axis=1)
     x = x + 0.15 * np.exp(-((near / 0.08) ** 2))[:, None] * np.array([0.3, -0.2, 1.0])
-    energies = {"inertia": inertia(world), "membrane": membrane(world), "bending": bending(world)}
+    energies = {"inertia": inertia(world), "membrane": membrane(world), "bending": bending(world, model="hinge")}
     solver = newton_of(world, energies, dt=0.02, tolerance=1e-2, **settings)
     return replace(solver, observe=observe).minimise(x, NOTHING)
 
