@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 if _TYPE_CHECKING:
     from clothsim.accuracy.study import Study, study_accuracy
-    from clothsim.errors import ClothsimError, InputError
+    from clothsim.errors import ClothsimError, InputError, IntersectionWarning
     from clothsim.fitting.fit import Fit, fit
     from clothsim.mesh.checks import Finding
     from clothsim.run.check import check
@@ -68,6 +68,7 @@ _HOMES = {
     "Gust": "clothsim.scene.effect_tables",
     "Inertia": "clothsim.scene.typed_effects",
     "InputError": "clothsim.errors",
+    "IntersectionWarning": "clothsim.errors",
     "Membrane": "clothsim.scene.typed_effects",
     "Motion": "clothsim.scene.effect_tables",
     "PinGroup": "clothsim.scene.effect_tables",
@@ -121,6 +122,7 @@ __all__ = [
     "Gust",
     "Inertia",
     "InputError",
+    "IntersectionWarning",
     "Membrane",
     "Motion",
     "PinGroup",

@@ -29,6 +29,10 @@ class MissingPackageError(ClothsimError):
     """Optional package that is needed but not installed."""
 
 
+class IntersectionWarning(UserWarning):
+    """Cloth that intersects a body or cloth in a simulation without the contact that would prevent it."""
+
+
 def _readable(text: str) -> str:
     """`text` without control characters, its lines of bounded length."""
     lines = ("".join(c if c.isprintable() else ascii(c)[1:-1] for c in _cut(line)) for line in text.split("\n"))

@@ -6,13 +6,13 @@ nothing must fail.
 
 import numpy as np
 
-from clothsim.energies.hessians import ByElement
+from clothsim.energies.hessians import ByElement, SumHessian
 
 
 def dense_hessian(energy, x, project=False):
     """The (3 N, 3 N) Hessian as a dense array."""
     hessian = energy.hessian(x, project)
-    matrix = hessian.to_sparse(len(x)) if isinstance(hessian, ByElement) else hessian
+    matrix = hessian.to_sparse(len(x)) if isinstance(hessian, ByElement | SumHessian) else hessian
     return matrix.toarray()
 
 

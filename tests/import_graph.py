@@ -54,14 +54,26 @@ def of_effects(modules):
     return {module for module in modules if module.startswith(FLOORS)}
 
 
+def with_kernels(modules):
+    """Those of the modules that hold compiled kernels."""
+    return {
+        module for module in modules if module in FILES and "clothsim.jit" in imports(module, within_functions=True)
+    }
+
+
 def home(name):
     """The module of an effect's builder."""
     return EFFECTS[name].builder.split(":")[0]
 
 
+BUILT = {"membrane": "clothsim.energies.neo_hookean_membrane"}
+"""Energies of the default keys that a builder imports once it knows that it is not off."""
+
+
 def needed(*names):
     """The modules of effects that a scene with these effects imports (a membrane of the default material)."""
-    return of_effects(reached("clothsim", "clothsim.run.simulate", *map(home, names), within_functions=False))
+    built = [BUILT[name] for name in names if name in BUILT]
+    return of_effects(reached("clothsim", "clothsim.run.simulate", *map(home, names), *built, within_functions=False))
 
 
 def own(name):

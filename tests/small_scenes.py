@@ -5,7 +5,7 @@ from clothsim import Scene
 EFFECTS = {
     "inertia": {},
     "membrane": {},
-    "bending": {},
+    "bending": {"model": "hinge"},
     "gravity": {},
     "damping": {"rate": 2.0},
     "body_contact": {},

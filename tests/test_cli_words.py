@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from clothsim.cli import main
+from clothsim import InputError
+from clothsim.cli import _short, main
 from clothsim.cli.progress import Lines, clock
 from clothsim.run.summary import Progress
 
@@ -110,3 +111,31 @@ def test_scenes_are_listed_and_checked_by_name(capsys):
     assert "sphere.toml" in capsys.readouterr().out
     assert main(["run", "spher"]) == 2
     assert "'sphere'" in capsys.readouterr().err
+
+
+# --- remedies of mistaken targets -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", ["check", "render", "bundle", "resume"])
+def test_a_folder_without_a_run_is_answered_with_what_to_name(tmp_path, capsys, command):
+    assert main([command, str(tmp_path)]) == 2
+    sentence, remedy = capsys.readouterr().err.splitlines()
+    assert str(tmp_path) in sentence
+    assert "clothsim run SCENE -o DIR" in remedy
+
+
+@pytest.mark.parametrize(
+    ("sentence", "named"),
+    [
+        ("x holds no y, so it is not the output of a run.", ""),
+        ("run.duration must be a number.", "run"),
+        ("body[1].radius must be above 0.", "body"),
+        ("cloth: 3 faults.", "cloth"),
+        ("effects.air.drag is -1.", "effects.air"),
+        ("There is no cloth.", ""),
+    ],
+)
+def test_a_remedy_names_the_section_of_a_key_and_of_nothing_else(sentence, named):
+    remedy = _short(InputError(sentence), ["explain"])[1]
+    assert (f"clothsim keys {named}`" in remedy) is bool(named)
+    assert remedy

@@ -1,13 +1,10 @@
-"""Certificate of a run: frames checked by the exact intersection test, independent of contact."""
-
-import subprocess
-import sys
+"""Certificate of a run: steps checked by the exact intersection test, independent of contact."""
 
 import numpy as np
 import pytest
-from small_scenes import EFFECTS, SHEET, small_scene, without
+from small_scenes import EFFECTS, small_scene, without
 
-from clothsim import simulate
+from clothsim import IntersectionWarning, simulate
 from clothsim.intersection.crossings import Crossing
 from clothsim.sim.intersection_check import IntersectionCheck
 
@@ -19,12 +16,12 @@ FOUND = {
 
 
 def run_that_meets(monkeypatch, folder, role, effects):
-    """A run in which the judge finds a crossing of `role` in the second frame and later."""
-    judged = []
+    """A run in which the check finds a crossing of `role` in the third step (between two frames) and later."""
+    checked = []
 
-    def crossings(self, x, cloth_cloth=None, limit=1):
-        judged.append(x)
-        return FOUND[role] if len(judged) > 1 else ()
+    def crossings(self, x, origin=None):
+        checked.append(x)
+        return FOUND[role] if len(checked) > 3 else ()
 
     monkeypatch.setattr(IntersectionCheck, "crossings", crossings)
     return simulate(small_scene(effects=effects, run=SHORT), folder)
@@ -40,35 +37,33 @@ def run_that_meets(monkeypatch, folder, role, effects):
 def test_a_run_ends_with_the_place_where_contact_failed(monkeypatch, tmp_path, role, effect, sentence):
     run = run_that_meets(monkeypatch, tmp_path, role, EFFECTS | {effect: {}})
     assert run.status == "failed"
-    assert run.reason == f"At 0.04 s: {sentence}."
+    assert run.reason == f"At 0.06 s: {sentence}."
     assert run.summary["failure"]["cause"] == "intersection"
     assert run.summary["failure"]["position"] == [0.1, 0.2, 0.3]
-    assert run.summary["certificate"]["intersecting_frames"] == [1]
-    assert run.summary["certificate"]["intersection_free"] is False
+    assert run.summary["certificate"]["intersecting_frames"] == []
+    assert run.intersection_free is False
+    crossed = run.intersections[f"cloth_{role}"]
+    assert (crossed["states"], crossed["first_step"], crossed["first_frame"]) == (1, 3, None)
+    assert run.summary["warnings"] == []
     assert len(run.times) == 2
 
 
 def test_a_run_goes_on_where_nothing_was_promised(monkeypatch, tmp_path):
-    run = run_that_meets(monkeypatch, tmp_path, "body", without("body_contact"))
+    with pytest.warns(IntersectionWarning, match="body_contact"):
+        run = run_that_meets(monkeypatch, tmp_path, "body", without("body_contact"))
     assert run.status == "completed"
-    assert run.summary["certificate"]["intersecting_frames"] == [1, 2]
+    assert run.summary["certificate"]["intersecting_frames"] == [2]
+    crossed = run.intersections["cloth_body"]
+    counts = ("pairs", "states", "first_step", "first_time", "first_frame")
+    assert [crossed[key] for key in counts] == [1, 2, 3, 0.06, 2]
+    assert len(run.summary["warnings"]) == 1
 
 
-def test_the_certificate_names_the_checks(tmp_path):
-    tested = "tested at every frame"
-    output = simulate(small_scene(effects=EFFECTS | {"self_contact": {}}, run=SHORT), tmp_path / "both")
-    assert output.status == "completed", output.reason
-    assert [output.summary["certificate"][key] for key in ("cloth_body", "cloth_cloth")] == [tested, tested]
-    output = simulate(small_scene(run=SHORT), tmp_path / "body")
-    assert [output.summary["certificate"][key] for key in ("cloth_body", "cloth_cloth")] == [tested, "not requested"]
-
-
-def test_where_nothing_is_checked_the_test_is_not_even_imported(tmp_path):
-    code = f"""
-import sys, clothsim
-scene = clothsim.Scene(cloth={SHEET!r}, effects={{"inertia": {{}}, "gravity": {{}}}}, run={{"duration": 0.02}})
-clothsim.simulate(scene, {str(tmp_path)!r})
-print([name for name in sys.modules if name.startswith("clothsim.intersection")])
-"""
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    assert done.stdout.strip() == "[]", done.stderr
+def test_the_certificate_names_the_checks_whatever_effects_are_on(tmp_path):
+    keys = ("cloth_body", "cloth_cloth")
+    both = simulate(small_scene(effects=EFFECTS | {"self_contact": {}}, run=SHORT), tmp_path / "both")
+    assert both.status == "completed", both.reason
+    body = simulate(small_scene(run=SHORT), tmp_path / "body")
+    certificates = [run.summary["certificate"] for run in (both, body)]
+    assert len({certificate[key] for certificate in certificates for key in keys}) == 1
+    assert [run.intersection_free for run in (both, body)] == [True, True]

@@ -3,7 +3,7 @@
 import pytest
 from small_scenes import BALL, RUN, SHEET, small_scene, without
 
-from clothsim import InputError, open_run, resume, simulate
+from clothsim import InputError, IntersectionWarning, open_run, resume, simulate
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME
 
 SHORT = {**RUN, "duration": 0.04}
@@ -26,6 +26,7 @@ def test_a_folder_in_place_of_the_summary_is_named(tmp_path):
 def test_the_first_frame_is_checked_too(tmp_path):
     """A sheet that starts across the ball and has left it at the next frame."""
     sheet = {**SHEET, "position": [0, 0, 0.2], "velocity": [0, 0, 100]}
-    run = simulate(small_scene(cloth=sheet, body=BALL, effects=without("body_contact"), run=SHORT), tmp_path)
+    with pytest.warns(IntersectionWarning, match="at the start"):
+        run = simulate(small_scene(cloth=sheet, body=BALL, effects=without("body_contact"), run=SHORT), tmp_path)
     assert run.summary["certificate"]["intersecting_frames"] == [0]
     assert run.summary["certificate"]["intersection_free"] is False

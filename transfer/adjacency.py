@@ -22,9 +22,9 @@ def vertex_components(triangles: Ints, vertices: int) -> Ints:
     _, labels = connected_components(adjacency(edges_of(triangles), vertices), directed=False)
     used = np.zeros(vertices, bool)
     used[triangles] = True
-    found = np.full(vertices, -1, np.int64)
-    found[used] = np.unique(labels[used], return_inverse=True)[1]
-    return found
+    numbers = np.full(vertices, -1, np.int64)
+    numbers[used] = np.unique(labels[used], return_inverse=True)[1]
+    return numbers
 
 
 def largest_component(triangles: Ints, labels: Ints) -> int:

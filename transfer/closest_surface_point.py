@@ -30,9 +30,9 @@ class FacingSurface:
         The closest point is taken where it is valid, else the nearest valid centroid of the CANDIDATES nearest
         triangles: on the far side of a fold the true point is within a triangle of it.
         """
-        _, nearest, found = self.boxes.squared_distance(self.positions, self.triangles, np.ascontiguousarray(points))
+        _, nearest, closest = self.boxes.squared_distance(self.positions, self.triangles, np.ascontiguousarray(points))
         triangles = np.asarray(nearest, dtype=np.int64).reshape(-1)
-        positions = np.array(found, dtype=np.float64).reshape(-1, 3)
+        positions = np.array(closest, dtype=np.float64).reshape(-1, 3)
         facing = np.einsum("ka,ka->k", self.normals[triangles], normals) > 0
         astray = np.flatnonzero(~facing)
         if len(astray):

@@ -87,8 +87,8 @@ def correspond(
     >>> from transfer.correspond import correspond
     >>> x = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
     >>> triangles = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    >>> found = correspond(x, triangles, 2 * x, triangles, markers=[[0, 0], [1, 1], [2, 2], [3, 3]])
-    >>> bool(np.allclose(found.positions, 2 * x)), len(found.pairs)
+    >>> result = correspond(x, triangles, 2 * x, triangles, markers=[[0, 0], [1, 1], [2, 2], [3, 3]])
+    >>> bool(np.allclose(result.positions, 2 * x)), len(result.pairs)
     (True, 4)
     """
     source = as_surface("source", source_positions, source_triangles)
@@ -178,9 +178,9 @@ def follow_fitted(rest: Mesh, fitted: Ints, laid: Floats) -> Floats:
 
 def triangle_pairs(laid: Mesh, target: Mesh) -> Ints:
     """Pairs (p, 2): for each triangle of either mesh the closest with a compatible normal, without repetitions."""
-    found = []
+    pairs = []
     for mesh, other, order in ((laid, target, [0, 1]), (target, laid, [1, 0])):
         nearest, _ = facing_surface(*other).closest_valid(centroids(*mesh), triangle_normals(*mesh))
         valid = np.flatnonzero(nearest >= 0)
-        found.append(np.column_stack([valid, nearest[valid]])[:, order])
-    return np.unique(np.concatenate(found), axis=0)
+        pairs.append(np.column_stack([valid, nearest[valid]])[:, order])
+    return np.unique(np.concatenate(pairs), axis=0)

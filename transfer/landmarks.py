@@ -39,19 +39,19 @@ def derive_markers(source: tuple[Floats, Ints], target: tuple[Floats, Ints]) -> 
     from scipy.optimize import linear_sum_assignment
 
     vertices, predecessors = zip(*(tips(*mesh) for mesh in (source, target)), strict=True)
-    places = [in_box(*mesh)[found] for mesh, found in zip((source, target), vertices, strict=True)]
-    distance = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)
+    in_boxes = [in_box(*mesh)[own] for mesh, own in zip((source, target), vertices, strict=True)]
+    distance = np.linalg.norm(in_boxes[0][:, None] - in_boxes[1][None], axis=2)
     _, match = linear_sum_assignment(distance)
     markers = [(vertices[0][i], vertices[1][match[i]]) for i in range(TIPS)]
-    for i, j in limb_pairs(places[0]):
+    for i, j in limb_pairs(in_boxes[0]):
         bends = (
             bend(source[0], predecessors[0][i], vertices[0][i], vertices[0][j]),
             bend(target[0], predecessors[1][match[i]], vertices[1][match[i]], vertices[1][match[j]]),
         )
         markers.append(bends)
-    found = np.array(markers, dtype=np.int64)
-    once = [len(np.unique(found[:, side])) == len(found) for side in (0, 1)]
-    return found if all(once) else found[:TIPS]
+    pairs = np.array(markers, dtype=np.int64)
+    once = [len(np.unique(pairs[:, side])) == len(pairs) for side in (0, 1)]
+    return pairs if all(once) else pairs[:TIPS]
 
 
 def in_box(positions: Floats, triangles: Ints) -> Floats:
@@ -77,17 +77,19 @@ def tips(positions: Floats, triangles: Ints) -> tuple[Ints, list[Ints]]:
     for ends in (edges_of(triangles), edges_of(triangles)[:, ::-1]):
         peaks[ends[from_middle[ends[:, 0]] < from_middle[ends[:, 1]], 0]] = -1.0
     distance = from_middle
-    found, predecessors, distances = [], [], []
+    extremes, predecessors, distances = [], [], []
     for _ in range(TIPS):
-        found.append(int(np.where(peaks > 0, distance, -1.0).argmax()))
-        if peaks[found[-1]] <= 0 or distance[found[-1]] == 0:
-            raise TransferError(f"the surface has {len(found) - 1} limbs where a body has {TIPS}.", "Give the markers.")
-        own, predecessor = dijkstra(graph, directed=False, indices=found[-1], return_predecessors=True)
+        extremes.append(int(np.where(peaks > 0, distance, -1.0).argmax()))
+        if peaks[extremes[-1]] <= 0 or distance[extremes[-1]] == 0:
+            raise TransferError(
+                f"the surface has {len(extremes) - 1} limbs where a body has {TIPS}.", "Give the markers."
+            )
+        own, predecessor = dijkstra(graph, directed=False, indices=extremes[-1], return_predecessors=True)
         predecessors.append(predecessor)
         distances.append(own)
         distance = np.minimum(distance, own)
-    order = np.argsort(-np.array(distances)[:, found].sum(axis=1))
-    return np.array(found)[order], [predecessors[k] for k in order]
+    order = np.argsort(-np.array(distances)[:, extremes].sum(axis=1))
+    return np.array(extremes)[order], [predecessors[k] for k in order]
 
 
 def edge_graph(positions: Floats, triangles: Ints) -> csr_array:
@@ -97,17 +99,17 @@ def edge_graph(positions: Floats, triangles: Ints) -> csr_array:
     return csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(len(positions), len(positions)))
 
 
-def limb_pairs(places: Floats) -> list[tuple[int, int]]:
+def limb_pairs(points: Floats) -> list[tuple[int, int]]:
     """Three pairs of hands and feet adjacent by angle in the body's widest plane.
 
     The pairs with the head, the last, are left out: the shortest path past a neck runs in front of one body and
     at the side of the next.
     """
-    centred = places - places.mean(axis=0)
+    centred = points - points.mean(axis=0)
     axes = np.linalg.svd(centred, full_matrices=False)[2]
     order = np.argsort(np.arctan2(centred @ axes[1], centred @ axes[0]))
     pairs = [(int(order[k]), int(order[(k + 1) % len(order)])) for k in range(len(order))]
-    return [pair for pair in pairs if len(places) - 1 not in pair]
+    return [pair for pair in pairs if len(points) - 1 not in pair]
 
 
 def bend(positions: Floats, predecessors: Ints, tip: int, other: int) -> int:

@@ -69,8 +69,8 @@ def attraction(laid: Floats, triangles: Ints, target: FacingSurface, weight: flo
     attraction_weights, closest = np.zeros(len(laid) + len(triangles)), np.zeros((len(laid) + len(triangles), 3))
     if weight:
         used = np.unique(triangles)
-        found, closest[used] = target.closest_valid(laid[used], vertex_normals(laid, triangles)[used])
-        attraction_weights[used] = weight * (found >= 0)
+        nearest, closest[used] = target.closest_valid(laid[used], vertex_normals(laid, triangles)[used])
+        attraction_weights[used] = weight * (nearest >= 0)
         if not attraction_weights.any():
             raise TransferError(
                 "no point of the target has a normal compatible with the source.",

@@ -219,8 +219,8 @@ def sample_weights(triangles: Ints, edges: Ints, n_vertices: int) -> Sparse:
 
     def means(corners: Ints) -> Sparse:
         count, size = corners.shape
-        places = (np.repeat(np.arange(count), size), corners.ravel())
-        return csr_array((np.full(count * size, 1 / size), places), shape=(count, n_vertices))
+        indices = (np.repeat(np.arange(count), size), corners.ravel())
+        return csr_array((np.full(count * size, 1 / size), indices), shape=(count, n_vertices))
 
     return vstack([_identity(n_vertices), means(edges), means(triangles)]).tocsr()
 
@@ -255,10 +255,10 @@ def _seen_along_normals(
     facing = unit(side * (weights @ own))
     turned = np.flatnonzero((distance < 0) & ((facing * normals).sum(axis=1) < 0))
     distance, normals = distance.copy(), normals.copy()
-    ahead, met = body.exits(weights[turned] @ x, facing[turned])
+    lengths, met = body.exits(weights[turned] @ x, facing[turned])
     there = body.triangle_normals[met]
     slope = (there * facing[turned]).sum(axis=1)
-    found = np.logical_and(np.isfinite(ahead), slope > 0.2)
-    distance[turned] = np.where(found, -np.where(found, ahead, 0) * slope, np.inf)
+    hits = np.logical_and(np.isfinite(lengths), slope > 0.2)
+    distance[turned] = np.where(hits, -np.where(hits, lengths, 0) * slope, np.inf)
     normals[turned] = there
     return distance, normals

@@ -105,12 +105,12 @@ class BodySurface:
         queries = as_points("points", points)
         if not len(queries):
             return Closest(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.int64))
-        squared, rows, places = self._tree.squared_distance(self.positions, self.triangles[self.outer], queries)
-        triangles, places = self.outer[rows.ravel()], places.reshape(-1, 3)
+        squared, rows, closest = self._tree.squared_distance(self.positions, self.triangles[self.outer], queries)
+        triangles, closest = self.outer[rows.ravel()], closest.reshape(-1, 3)
         distance = np.sqrt(squared.ravel())
         sign = np.where(igl.fast_winding_number(self.positions, self.triangles, queries) > 0.5, -1.0, 1.0)
-        normals = self._normals(sign[:, None] * (queries - places), distance, places, triangles)
-        return Closest(sign * distance, places, normals, triangles)
+        normals = self._normals(sign[:, None] * (queries - closest), distance, closest, triangles)
+        return Closest(sign * distance, closest, normals, triangles)
 
     def penetration(self, points: ArrayLike) -> Penetration:
         """Number and depth of `points` (k, 3) [m] inside the body."""
@@ -142,7 +142,7 @@ class BodySurface:
         """Diagonal of the bounding box [m]."""
         return float(np.linalg.norm(np.ptp(self.positions[self.triangles.ravel()], axis=0)))
 
-    def _normals(self, outward: Floats, distance: Floats, places: Floats, triangles: Ints) -> Floats:
+    def _normals(self, outward: Floats, distance: Floats, closest: Floats, triangles: Ints) -> Floats:
         """Unit vectors from closest point to query, reversed inside; interpolated vertex normals on the surface itself.
 
         At an edge or a corner the direction to the point is the one in which the distance grows, and no triangle's is.
@@ -150,7 +150,7 @@ class BodySurface:
         normals = unit(outward)
         touching = distance < SKIN * self.size
         corners = self.triangles[triangles[touching]]
-        weights = barycentric(self.positions[corners], places[touching])
+        weights = barycentric(self.positions[corners], closest[touching])
         smooth = unit((weights[:, :, None] * self.vertex_normals[corners]).sum(axis=1))
         flat = self.triangle_normals[triangles[touching]]
         normals[touching] = np.where((smooth * flat).sum(axis=1, keepdims=True) > 0, smooth, flat)

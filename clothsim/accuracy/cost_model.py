@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from clothsim.accuracy.knobs import KNOBS, Knob
+from clothsim.accuracy.knobs import Knob, any_knob
 from clothsim.accuracy.points import BASE, Point, point
 
 
@@ -14,7 +14,7 @@ def predicted_seconds(where: Point, done: Mapping[Point, float], knobs: Mapping[
     """
     seconds = done[BASE]
     for name, level in where.levels:
-        seconds *= _factor(knobs.get(name) or KNOBS[name], level, done)
+        seconds *= _factor(knobs.get(name) or any_knob(name), level, done)
     return seconds
 
 

@@ -1,7 +1,7 @@
 """Evaluation of study points within a budget, with stored results reused."""
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -12,12 +12,12 @@ import numpy as np
 from clothsim.accuracy.cost_model import predicted_seconds
 from clothsim.accuracy.points import BASE, Bench, Outcome, Point
 from clothsim.accuracy.pool import Answer, Job, Runner
-from clothsim.accuracy.resample import Material, at_points_of, material_of
 from clothsim.accuracy.worker import SHORT, TIMES
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
 from clothsim.io.atomic import write_atomically
 from clothsim.io.record import read_summary, to_json
+from clothsim.mesh.resample import Material, at_points_of, material_of
 
 STUDY_NAME, FOLDER = "study.json", "points"
 FIRST_GUESS = {"draft": 0.2, "fine": 12.0}
@@ -39,7 +39,8 @@ class Progress:
 class Gatherer:
     """The points known so far: outcomes (data points and failures), and {point: why it was left out}.
 
-    stored: {key: entry of study.json} of an earlier study of the same scene; deadline: of `time.monotonic`.
+    stored: {key: entry of study.json} of an earlier study of the same scene; left: seconds of the budget that are left,
+    none once the study is asked to end.
     """
 
     bench: Bench
@@ -50,7 +51,7 @@ class Gatherer:
     runner: Runner
     started: float
     budget: float
-    deadline: float
+    left: Callable[[], float]
     cores: int
     on_progress: Callable[[Progress], None]
     stored: dict[str, dict[str, Any]]
@@ -82,12 +83,29 @@ class Gatherer:
         """True for a point that is a data point."""
         return where in self.outcomes and not self.outcomes[where].failed
 
+    def missing_seconds(self, points: Iterable[Point]) -> float:
+        """Wall-clock seconds that those of the points would take that are not known yet.
+
+        A base that did not come to its end takes at least the time that was spent.
+        """
+        done = self.field_seconds() or {BASE: monotonic() - self.started}
+        guesses = [
+            predicted_seconds(where, done, self.bench.knobs) * self.slowness
+            for where in points
+            if where not in self.outcomes
+        ]
+        each = [guess * (TIMES if guess < SHORT else 1) for guess in guesses]
+        return max(sum(each) / self.cores, max(each, default=0.0))
+
+    def _wall_seconds(self, where: Point) -> float:
+        """Guess of the wall-clock seconds of a point: a short run is timed several times."""
+        guess = self._guess(where) * self.slowness
+        return guess * (TIMES if guess < SHORT else 1)
+
     def _run(self, jobs: dict[str, tuple[Point, Job]], fraction: float) -> None:
         def fits(job: Job) -> bool:
             where = jobs[str(job.target)][0]
-            left = self.deadline - monotonic()
-            guess = self._guess(where) * self.slowness
-            guess *= TIMES if guess < SHORT else 1
+            left, guess = self.left(), self._wall_seconds(where)
             if guess > left * (1.0 if fraction == 1.0 else fraction * self.cores):
                 self.left_out[where] = f"it would take about {guess:.0f} s, and {max(left, 0):.0f} s were left"
                 return False
@@ -95,7 +113,7 @@ class Gatherer:
             return True
 
         done = 0
-        for job, answer in self.runner([job for _, job in jobs.values()], fits, self.deadline):
+        for job, answer in self.runner([job for _, job in jobs.values()], fits, self.left):
             where = jobs[str(job.target)][0]
             done += 1
             if answer is None:
@@ -123,8 +141,9 @@ class Gatherer:
         positions = none if failed else self._positions(file)
         counts = {"warmup_seconds": entry.get("warmup_seconds", 0.0), **entry.get("counts", {})}
         times = entry.get("seconds") or 0.0, entry.get("wall_seconds") or 0.0
-        energy = entry.get("energy")
-        self.outcomes[where] = Outcome(where, positions, *times, counts, np.nan if energy is None else energy, failed)
+        energy = np.nan if entry.get("energy") is None else entry["energy"]
+        estimate = sum(each or 0.0 for each in entry.get("estimate", {}).values())
+        self.outcomes[where] = Outcome(where, positions, *times, counts, energy, estimate, failed)
         self.left_out.pop(where, None)
         self.reused += 1
         return True
@@ -181,4 +200,8 @@ def stored_points(directory: Path, fingerprint: str) -> dict[str, dict[str, Any]
     if result.get("scene") != fingerprint:
         return {}
     entries = [entry for part in ("points", "others", "failed") for entry in result.get(part) or []]
-    return {entry["key"]: entry for entry in entries if isinstance(entry, dict) and "key" in entry}
+    return {
+        entry["key"]: entry
+        for entry in entries
+        if isinstance(entry, dict) and "key" in entry and ("estimate" in entry or entry.get("failed"))
+    }

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from itertools import product
+from typing import TypeVar
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from clothsim.accuracy.points import Point, point
 from clothsim.accuracy.reference_solution import Norm
 from clothsim.arrays import Floats
 
+T = TypeVar("T")
 MOST_COMBINATIONS = 20_000
 ROUND = (1.0, 2.0, 5.0)
 WORTH = 0.9
@@ -25,13 +27,13 @@ def pareto_front(seconds: Sequence[float], errors: Sequence[float]) -> list[int]
     return front
 
 
-def predicted_errors(own: Mapping[str, Mapping[int, Floats]], norm: Norm) -> tuple[list[dict[str, int]], list[float]]:
+def predicted_errors(own: Mapping[str, Mapping[T, Floats]], norm: Norm) -> tuple[list[dict[str, T]], list[float]]:
     """Every combination of swept levels, and its error if the knobs' own error fields {knob: {level: field}} add up.
 
     Fields, not numbers, are added: two errors of the same direction add, opposite ones cancel. The number of
-    combinations is held to MOST_COMBINATIONS by leaving out the levels furthest from the base.
+    combinations is held to MOST_COMBINATIONS by leaving out the last levels of a knob: those furthest from the base.
     """
-    levels = {name: sorted(fields, key=abs) for name, fields in own.items()}
+    levels = {name: list(fields) for name, fields in own.items()}
     while np.prod([len(each) for each in levels.values()]) > MOST_COMBINATIONS:
         longest = max(levels, key=lambda name: len(levels[name]))
         levels[longest] = levels[longest][:-1]

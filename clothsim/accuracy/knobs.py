@@ -3,17 +3,16 @@
 A level is a number of refinements: 0 is the base, +1 one finer, -1 one coarser. A new knob is one line of KNOBS.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from fractions import Fraction
-from math import ceil
 from typing import Any
 
+from clothsim.build.explicit_lengths import steps_per_frame
 from clothsim.build.refinement import cells_of, with_cells
-from clothsim.build.scene_world import Built
-from clothsim.energies.protocols import ContactGap
 from clothsim.errors import InputError
 from clothsim.scene.effects import CONTACTS
+from clothsim.scene.overrides import set_key
 from clothsim.scene.scene import Scene
 
 
@@ -40,25 +39,6 @@ class Knob:
     def value(self, base: Scene, level: int) -> Any:
         """The knob's value at a level of `base`."""
         return self.at(base, base, level)[0]
-
-
-def set_key(scene: Scene, path: str, value: Any) -> Scene:
-    """`scene` with the key at "solver.dt" or "effects.body_contact.d_hat" set."""
-    section, *keys = path.split(".")
-    changed: dict[str, Any] = {section: _nested(getattr(scene, section), keys, value)}
-    return replace(scene, **changed)
-
-
-def _nested(table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:
-    first, *others = keys
-    return {**table, first: _nested(table.get(first, {}), others, value) if others else value}
-
-
-def steps_per_frame(scene: Scene) -> tuple[int, float]:
-    """Number of steps a frame of `scene`, and duration of a frame [s]."""
-    run = scene.run_settings
-    frame = min(1 / run.frames_per_second, run.duration)
-    return max(1, ceil(frame / scene.solver_settings.dt - 1e-9)), frame
 
 
 def _dt(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
@@ -116,12 +96,12 @@ def _d_hat(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
 def _eps_v(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
     value = base.effects.get("friction", {}).get("eps_v", "auto")
     if isinstance(value, str):
-        raise InputError("the scene has no friction")
+        raise InputError("the scene has no friction that creeps")
     return value / 2.0**level, set_key(scene, "effects.friction.eps_v", value / 2.0**level)
 
 
 def _iterations(base: Scene, scene: Scene, level: int) -> tuple[int, Scene]:
-    if isinstance(base.effects.get("friction", {}).get("eps_v", "auto"), str):
+    if "friction" not in base.effects:
         raise InputError("the scene has no friction")
     iterations = base.effects["friction"].get("iterations", 1) * Fraction(2) ** level
     if iterations.denominator != 1:
@@ -148,20 +128,26 @@ KNOBS = {
 }
 
 
-def fixed(scene: Scene, built: Built) -> Scene:
-    """`scene` with what it leaves to the mesh written out, so that a finer mesh changes the mesh alone.
+def _integrator(base: Scene, scene: Scene, level: int) -> tuple[str, Scene]:
+    own = base.solver_settings.integrator
+    if not level:
+        return own, scene
+    if level != 1 or "inertia" not in base.effects:
+        raise InputError("there is no other difference formula")
+    other = "backward_euler" if own == "bdf2" else "bdf2"
+    return other, set_key(scene, "solver.integrator", other)
 
-    The d_hat of each contact and eps_v of friction, where they are on; dt as the steps that a frame is divided into.
-    """
-    for name, energy in built.energies.items():
-        if isinstance(energy, ContactGap):
-            scene = set_key(scene, f"effects.{name}.d_hat", float(energy.d_hat))
-    if "friction" in built.energies:
-        scene = set_key(scene, "effects.friction.eps_v", float(built.energies["friction"].eps_v))  # type: ignore[attr-defined]
-    if "error" not in scene.solver:
-        pieces, frame = steps_per_frame(scene)
-        scene = set_key(scene, "solver.dt", frame / pieces)
-    return set_key(scene, "solver.threads", 1)
+
+INTEGRATOR = "integrator"
+SWITCH = Knob(INTEGRATOR, "", 1, lambda scene: None, _integrator, 1.2)
+"""The other difference formula, level 1: not finer, but another path to the same limit in dt."""
+IN_TIME = ("dt", "error")
+"""The knobs that refine the time steps, of which a scene has one."""
+
+
+def any_knob(name: str) -> Knob:
+    """A knob of KNOBS, or the switch of the integrator."""
+    return SWITCH if name == INTEGRATOR else KNOBS[name]
 
 
 def usable(base: Scene, names: list[str] | None) -> tuple[dict[str, Knob], dict[str, str]]:

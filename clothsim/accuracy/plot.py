@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from clothsim.accuracy.analysis import RESOLVED, Findings
+from clothsim.accuracy.headline import MM
 from clothsim.accuracy.points import BASE, Point, written
-from clothsim.accuracy.report import MM, StudyData
+from clothsim.accuracy.report import StudyData
 from clothsim.arrays import Floats
 from clothsim.build.presets import PRESETS
 

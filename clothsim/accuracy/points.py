@@ -1,14 +1,16 @@
 """Points of a study: levels of its knobs, and the outcome of a run."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
-from clothsim.accuracy.knobs import KNOBS, Knob, newton_knob, set_key
+from clothsim.accuracy.knobs import IN_TIME, INTEGRATOR, Knob, any_knob, newton_knob
 from clothsim.arrays import Floats
 from clothsim.build.presets import PRESETS, with_preset
+from clothsim.scene.overrides import set_key
 from clothsim.scene.scene import Scene
+from clothsim.scene.typed_effects import Bending
 
 
 @dataclass(frozen=True)
@@ -40,8 +42,8 @@ def point(levels: Mapping[str, int], seed: int = 0) -> Point:
 BASE = Point()
 
 CONVERGENT = "midedge"
-VARIANTS = {"bdf2": ("solver.integrator", "bdf2"), CONVERGENT: ("effects.bending.model", CONVERGENT)}
-"""Other ways to compute the same scene: the key and its value. Each bending model has its own limit."""
+VARIANTS = {CONVERGENT: ("effects.bending.model", CONVERGENT)}
+"""Scenes with another limit: the key and its value."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +51,8 @@ class Outcome:
     """Outcome of the run of a point.
 
     positions (n, 3): of the base's material points at the end [m]; seconds: of the processor, warm-up apart;
-    wall_seconds; counts: Newton iterations, steps, peak bytes; energy [J]; failed: why it is no data point, empty where
-    it is one.
+    wall_seconds; counts: Newton iterations, steps, peak bytes; energy [J]; estimate: error of the time steps and of
+    Newton's end by the run's own certificate [m]; failed: why it is no data point, empty where it is one.
     """
 
     point: Point
@@ -59,6 +61,7 @@ class Outcome:
     wall_seconds: float
     counts: Mapping[str, float]
     energy: float
+    estimate: float
     failed: str = ""
 
 
@@ -74,7 +77,12 @@ class Bench:
     def convergent(self) -> bool:
         """True where the bending model converges to the fabric's own stiffness (docs/validation.md, A3)."""
         bending = self.given.effects.get("bending")
-        return bending is None or bending.get("model", "hinge") == CONVERGENT
+        return bending is None or bending.get("model", Bending().model) == CONVERGENT
+
+    @property
+    def in_time(self) -> str:
+        """The knob of the time steps; empty where the study has none."""
+        return next((name for name in IN_TIME if name in self.knobs), "")
 
     def scene(self, where: Point) -> Scene:
         """The scene of a point, without its jitter. InputError where there is none.
@@ -88,23 +96,25 @@ class Bench:
             path, value = VARIANTS[where.variant]
             scene = set_key(scene, path, value)
         for name, level in where.levels:
-            scene = (self.knobs.get(name) or KNOBS[name]).put(self.base, scene, level)
+            scene = (self.knobs.get(name) or any_knob(name)).put(self.base, scene, level)
         return scene
 
     def variants(self) -> list[Point]:
         """Those that the scene has and is not itself."""
-        names = []
-        if "inertia" in self.base.effects and self.base.solver_settings.integrator != "bdf2":
-            names.append("bdf2")
-        if not self.convergent:
-            names.append(CONVERGENT)
-        return [Point(variant=name) for name in names]
+        return [] if self.convergent else [Point(variant=CONVERGENT)]
+
+    def other_formula(self, levels: Iterable[int]) -> list[Point]:
+        """The scene with the other difference formula, at levels of its knob of time; none without inertia."""
+        if "inertia" not in self.base.effects:
+            return []
+        finer = [{self.in_time: level} if self.in_time else {} for level in levels]
+        return list(dict.fromkeys(point({INTEGRATOR: 1, **each}) for each in finer))
 
     def settings(self, where: Point) -> dict[str, Any]:
         """The values of the knobs at a point, or its preset; with a variant its name too."""
         if where.variant in PRESETS:
             return {"preset": where.variant}
-        turned = {name: KNOBS[name] for name, _ in where.levels}
+        turned = {name: any_knob(name) for name, _ in where.levels}
         values = {name: knob.value(self.base, where.level(name)) for name, knob in {**self.knobs, **turned}.items()}
         return {**values, VARIANTS[where.variant][0].split(".")[-1]: where.variant} if where.variant else values
 

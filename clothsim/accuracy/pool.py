@@ -1,4 +1,4 @@
-"""Pool of single-threaded worker processes that run jobs until a deadline."""
+"""Pool of single-threaded worker processes that run jobs while there is time."""
 
 import json
 import os
@@ -9,11 +9,12 @@ from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from queue import Empty, Queue
+from tempfile import TemporaryDirectory
 from threading import Thread
-from time import monotonic
 from typing import Any
 
 ONE_THREAD = ("MKL_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS")
+TEMPORARY = ("TMPDIR", "TEMP", "TMP")
 TICK = 0.2
 
 
@@ -28,8 +29,9 @@ class Job:
 
 
 Answer = dict[str, Any]
-Runner = Callable[[Sequence[Job], Callable[[Job], bool], float], Iterator[tuple[Job, Answer | None]]]
-"""Runs jobs in their order: asks of each, when it is its turn, whether it still fits, and stops all at a deadline.
+Runner = Callable[[Sequence[Job], Callable[[Job], bool], Callable[[], float]], Iterator[tuple[Job, Answer | None]]]
+"""Runs jobs in their order: asks of each, when it is its turn, whether it still fits, and stops all when the function
+of the seconds that are left returns none.
 
 Yields each with its answer as it comes; None for one that was not begun or not finished.
 """
@@ -40,13 +42,14 @@ class _Process:
     """A worker and the thread that waits for its answers."""
 
     answers: "Queue[tuple[_Process, Answer]]"
+    scratch: str
     process: "subprocess.Popen[str] | None" = None
     job: Job | None = None
 
     def give(self, job: Job) -> None:
         self.job = job
         if self.process is None:
-            self.process = _started()
+            self.process = _started(self.scratch)
             Thread(target=_listen, args=(self, self.process), daemon=True).start()
         pipe = self.process.stdin
         assert pipe is not None
@@ -70,48 +73,71 @@ def cores() -> int:
 
 @contextmanager
 def worker_processes(count: int) -> "Iterator[Runner]":
-    """A runner with `count` processes, which start with their first job and end with the context."""
-    answers: Queue[tuple[_Process, Answer]] = Queue()
-    processes = [_Process(answers) for _ in range(count)]
+    """A runner with `count` processes, which start with their first job and end with the context.
 
-    def run(jobs: Sequence[Job], fits: Callable[[Job], bool], deadline: float) -> Iterator[tuple[Job, Answer | None]]:
-        waiting = list(jobs)
-        while True:
+    Their temporary files lie in one directory, which goes with them: a process that is killed leaves none.
+    """
+    with TemporaryDirectory(prefix="clothsim-study-", ignore_cleanup_errors=True) as scratch:
+        answers: Queue[tuple[_Process, Answer]] = Queue()
+        processes = [_Process(answers, scratch) for _ in range(count)]
+
+        def run(
+            jobs: Sequence[Job], fits: Callable[[Job], bool], left: Callable[[], float]
+        ) -> Iterator[tuple[Job, Answer | None]]:
+            return _run(processes, answers, list(jobs), fits, left)
+
+        try:
+            yield run
+        finally:
             for worker in processes:
-                while worker.job is None and waiting:
-                    job = waiting.pop(0)
-                    if monotonic() < deadline and fits(job):
-                        worker.give(job)
-                    else:
-                        yield job, None
-            if all(worker.job is None for worker in processes):
-                return
-            try:
-                worker, answer = answers.get(timeout=TICK)
-            except Empty:
-                if monotonic() >= deadline:
-                    for worker in processes:
-                        if worker.job is not None:
-                            job, worker.job = worker.job, None
-                            worker.stop()
-                            yield job, None
-                continue
-            if worker.job is not None:
-                job, worker.job = worker.job, None
-                yield job, answer
+                worker.stop()
 
-    try:
-        yield run
-    finally:
+
+def _run(
+    processes: Sequence[_Process],
+    answers: "Queue[tuple[_Process, Answer]]",
+    waiting: list[Job],
+    fits: Callable[[Job], bool],
+    left: Callable[[], float],
+) -> Iterator[tuple[Job, Answer | None]]:
+    """Give the waiting jobs to the processes that are free, and yield what comes back."""
+    while True:
         for worker in processes:
-            worker.stop()
+            while worker.job is None and waiting:
+                job = waiting.pop(0)
+                if left() > 0 and fits(job):
+                    worker.give(job)
+                else:
+                    yield job, None
+        if all(worker.job is None for worker in processes):
+            return
+        try:
+            worker, answer = answers.get(timeout=TICK)
+        except Empty:
+            if left() <= 0:
+                for worker in processes:
+                    if worker.job is not None:
+                        job, worker.job = worker.job, None
+                        worker.stop()
+                        yield job, None
+            continue
+        if worker.job is not None:
+            job, worker.job = worker.job, None
+            yield job, answer
 
 
-def _started() -> "subprocess.Popen[str]":
-    environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1")}
+def _started(scratch: str) -> "subprocess.Popen[str]":
+    """A worker in a session of its own: a signal to the study's process group is the study's to act on."""
+    environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1"), **dict.fromkeys(TEMPORARY, scratch)}
     command = [sys.executable, "-c", "from clothsim.accuracy.worker import main; main()"]
     return subprocess.Popen(
-        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True, env=environment
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=environment,
+        start_new_session=True,
     )
 
 

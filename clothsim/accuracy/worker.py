@@ -2,8 +2,9 @@
 
 A job is {scene, warm, target, seed}: the scene's text, that of one to run before a first job (it compiles and loads
 what both need), where the arrays go (.npz), the seed of the jitter (0: none). The answer is {seconds, wall_seconds,
-warmup_seconds, counts, energy, failed}. Seconds are the processor's, of this process alone, so that what runs beside it
-stays out of them (but for shared caches and clock rates).
+warmup_seconds, counts, energy, estimate, failed}; estimate: {temporal, newton} of the certificate [m]. Seconds are the
+processor's, of this process alone, so that what runs beside it stays out of them (but for shared caches and clock
+rates).
 """
 
 import json
@@ -11,7 +12,9 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
+from queue import Queue
 from tempfile import TemporaryDirectory
+from threading import Thread
 from time import perf_counter, process_time
 from typing import Any
 
@@ -25,14 +28,23 @@ def main() -> None:
     """Serve until the input ends. Printed text goes to stderr: stdout is for answers only."""
     answers = os.fdopen(os.dup(sys.stdout.fileno()), "w", encoding="utf-8")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    jobs: Queue[str] = Queue()
+    Thread(target=_read, args=(jobs,), daemon=True).start()
     warm = 0.0
-    for line in sys.stdin:
-        job = json.loads(line)
+    while True:
+        job = json.loads(jobs.get())
         if not warm:
             started = process_time()
             answer({**job, "scene": job["warm"], "seed": 0})
             warm = process_time() - started
         print(json.dumps({"warmup_seconds": warm, **answer(job)}), file=answers, flush=True)
+
+
+def _read(jobs: "Queue[str]") -> None:
+    """Queue each line of the input; at its end the study is no more, and a run that nobody waits for ends at once."""
+    for line in sys.stdin:
+        jobs.put(line)
+    os._exit(0)
 
 
 def answer(job: dict[str, Any]) -> dict[str, Any]:
@@ -69,10 +81,16 @@ def _run(job: dict[str, Any]) -> dict[str, Any]:
         summary = run.summary
         counts = {name: summary[name] for name in ("newton_iterations", "steps", "linear_solves", "peak_memory_bytes")}
         energy = record[-1]["energy"] if record else None
+        estimate = {name: _number(summary["certificate"]["error_estimate"][name]) for name in ("temporal", "newton")}
     times = {"seconds": seconds, "wall_seconds": wall, "timed": len(timed)}
-    done = {**times, "counts": counts, "energy": energy, "failed": failed}
+    done = {**times, "counts": counts, "energy": energy, "estimate": estimate, "failed": failed}
     plain: dict[str, Any] = json.loads(to_json(done))
     return plain
+
+
+def _number(value: Any) -> float | None:
+    """A number of the certificate; None where it holds a sentence instead."""
+    return value if isinstance(value, float) else None
 
 
 def _failure(status: str, reason: str, record: list[dict[str, Any]]) -> str:

@@ -36,7 +36,7 @@ class Preset:
 
 PRESETS = {
     "draft": Preset(Fraction(1, 2), 0.04, 1e-2, 100, "quadratic"),
-    "standard": Preset(Fraction(1), 0.01, 1e-3, 100, "hinge"),
+    "standard": Preset(Fraction(1), 0.01, 1e-3, 100, "midedge"),
     "fine": Preset(Fraction(2), 0.0025, 1e-4, 200, "midedge"),
 }
 

@@ -158,13 +158,13 @@ def _moved_selection(where: str, select: Any, old: Scene, new: Scene) -> Any:
 def _vertex_at(where: str, point: Floats, rest: Floats, low: int, high: int) -> int:
     """The vertex of rest[low:high] at `point`."""
     distances = np.linalg.norm(rest[low:high] - point, axis=1)
-    found = int(distances.argmin())
-    if distances[found] > SAME_POSITION * float(np.ptp(rest[low:high], axis=0).max()):
+    nearest = int(distances.argmin())
+    if distances[nearest] > SAME_POSITION * float(np.ptp(rest[low:high], axis=0).max()):
         raise InputError(
             f"{where} names a vertex by number, and the other mesh has none at its point.",
             "Select it by name or by { box = [lo, hi] }.",
         )
-    return low + found
+    return low + nearest
 
 
 def _rest(scene: Scene) -> tuple[Floats, Ints, Ints]:

@@ -133,14 +133,14 @@ def _refuse(x: Floats, cloth: Ints, body: Ints, own: Ints, with_body: Ints, beyo
 
     if len(own) or len(with_body):
         other, pairs = (cloth, own) if len(own) else (body, with_body)
-        what, place = (
+        what, position = (
             f"{len(own) + len(with_body)} pairs of triangles still intersect",
             intersection_points(x, cloth, other, pairs)[0],
         )
     else:
         what = f"{len(beyond)} triangles still are stretched beyond {STRETCHES}"
-        place = x[cloth[beyond[0], 0]]
-    at = ", ".join(f"{value:.4g}" for value in place)
+        position = x[cloth[beyond[0], 0]]
+    at = ", ".join(f"{value:.4g}" for value in position)
     raise InputError(
         f"seed.untangle: {what} after {ROUNDS} rounds, one at ({at}) m.",
         "Start from a drape with fewer intersections.",

@@ -45,9 +45,9 @@ def sewn(label: str, shape: Shape, start: Floats | None, gap: float, at_start: b
     folded = flaps(triangles)
     if len(folded):
         notes.append(f"{len(folded)} triangles sewn to one another on all sides were left out, the first {folded[0]}")
-    kept = np.delete(np.arange(len(triangles)), folded)
-    used, faces = np.unique(triangles[kept], return_inverse=True)
-    texture = shape.texture[kept] if len(shape.texture) else shape.texture
+    remaining = np.delete(np.arange(len(triangles)), folded)
+    used, faces = np.unique(triangles[remaining], return_inverse=True)
+    texture = shape.texture[remaining] if len(shape.texture) else shape.texture
     joined = None if start is None else mean_of_parts(start, number)[used]
-    groups = renumbered_groups(shape.groups, kept)
+    groups = renumbered_groups(shape.groups, remaining)
     return Shape(positions[used], faces.reshape(-1, 3).astype(np.int64), texture, tuple(notes), groups), joined

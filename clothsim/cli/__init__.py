@@ -5,6 +5,7 @@ import gc
 import os
 import re
 import sys
+import warnings
 from collections.abc import Sequence
 
 from clothsim.cli import (
@@ -20,7 +21,7 @@ from clothsim.cli import (
     study_command,
 )
 from clothsim.cli.arguments import Parser, join_vectors
-from clothsim.errors import ClothsimError
+from clothsim.errors import ClothsimError, IntersectionWarning
 
 COMMANDS = (
     run_command,
@@ -64,7 +65,8 @@ Finite-element cloth with intersection-free contact.
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code.
 
-    0: done, all well; 1: the run failed or `check` found a fault; 2: bad input; 130: stopped by Ctrl-C.
+    0: done; 1: the run failed or `check` found a fault; 2: bad input; 130: stopped by Ctrl-C. A run that completed with
+    cloth through cloth is done: it prints a warning, and `check` of it returns 1.
     """
     words = join_vectors(sys.argv[1:] if argv is None else argv)
     if argv is None:  # called as a program, whose settings are its own
@@ -105,7 +107,9 @@ def _dispatch(words: Sequence[str]) -> int:
     if arguments.command is None:
         parser.print_help()
         return BAD_INPUT
-    return int(arguments.handler(arguments))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IntersectionWarning)  # the commands print it with the result
+        return int(arguments.handler(arguments))
 
 
 def _short(error: ClothsimError, words: Sequence[str]) -> tuple[str, str]:
@@ -118,7 +122,7 @@ def _short(error: ClothsimError, words: Sequence[str]) -> tuple[str, str]:
 
 def _remedy(sentence: str, words: Sequence[str]) -> str:
     """The remedy of an error that has none of its own: the keys of the section it names, or what the command takes."""
-    section = re.search(r"\b(effects\.\w+|(?:cloth|body|solver|run|seed|contact)(?=(?:\[\d+\])?[.:]))", sentence)
+    section = re.search(r"\b(effects\.\w+|(?:cloth|body|solver|run|seed|contact)(?=(?:\[\d+\])?(?::|\.\w)))", sentence)
     if section is not None:
         return f"`clothsim keys {section[1]}` lists its keys with units and ranges."
     command = next((word for word in words if word in REMEDIES), "")

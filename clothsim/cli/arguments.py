@@ -36,10 +36,10 @@ def join_vectors(words: Sequence[str]) -> list[str]:
 
 def as_size(text: str) -> tuple[int, int]:
     """Width and height of "1280x960", (1280, 960)."""
-    found = re.fullmatch(r"(\d{1,5})[x,](\d{1,5})", text.strip().lower())
-    if not found:
+    match = re.fullmatch(r"(\d{1,5})[x,](\d{1,5})", text.strip().lower())
+    if not match:
         raise InputError(f"--size is {text!r}.", "Give WIDTHxHEIGHT in pixels, such as 1280x960.")
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])
 
 
 def as_direction(option: str, text: str) -> tuple[float, ...] | str:
@@ -73,17 +73,17 @@ def as_count(option: str, text: str) -> int:
 
 def as_seconds(option: str, text: str) -> float:
     """Seconds of "90", "90s", "1.5min" or "2h"."""
-    found = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)\s*(s|min|h|)", text.strip())
-    if not found or float(found[1]) == 0:
+    match = re.fullmatch(r"(\d{1,9}(?:\.\d{1,9})?)\s*(s|min|h|)", text.strip())
+    if not match or float(match[1]) == 0:
         raise InputError(f"{option} is {text!r}.", "Give a time, such as 90s, 10min or 1h.")
-    return float(found[1]) * UNITS[found[2]]
+    return float(match[1]) * UNITS[match[2]]
 
 
 def as_range(option: str, text: str) -> tuple[int, int]:
     """Two whole numbers of "0:15656"."""
-    found = re.fullmatch(r"(\d{1,9}):(\d{1,9})", text)
-    if not found:
+    match = re.fullmatch(r"(\d{1,9}):(\d{1,9})", text)
+    if not match:
         raise InputError(
             f"{option} is {text!r}.", "Give the first vertex and the one behind the last, such as 0:15656."
         )
-    return int(found[1]), int(found[2])
+    return int(match[1]), int(match[2])

@@ -5,13 +5,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_count, as_positive_number
-from clothsim.cli.penetration_command import check_dressed
+from clothsim.cli.penetration_command import check_penetration
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from clothsim.arrays import Floats, Ints
+    from clothsim.run.results import Run
     from clothsim.sim.intersection_check import IntersectionCheck
 
 _DESCRIPTION = """\
@@ -21,6 +22,8 @@ Exit code 1 if something is wrong.
   clothsim check shirt.obj
   clothsim check suit.mhclo --on base.obj --body-group body -o suit.png
 """
+
+_TARGETS = "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` left."
 
 
 def add_to(commands: Any) -> None:
@@ -44,25 +47,26 @@ def add_to(commands: Any) -> None:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from clothsim.run.example_scenes import installed_scene
+    from clothsim.run.example_scenes import installed_scene, refuse_ending_of_installed
 
     target = arguments.target
+    refuse_ending_of_installed(target)
     if not target.exists():
         target = installed_scene(target) or target
     if not target.exists():
-        raise InputError(f"There is no {target}.", "Name a mesh file, a scene (.toml) or the directory of a run.")
+        raise InputError(f"There is no {target}.", _TARGETS)
     mesh_options = arguments.body or arguments.scale or arguments.group or arguments.component
     if mesh_options and (target.is_dir() or target.suffix == ".toml"):
         raise InputError(
             f"{target} is no mesh file.", "--body, --scale, --group and --component are for mesh files only."
         )
-    of_dressed = (arguments.body_group, arguments.body_scale, arguments.part, arguments.weld, arguments.output)
-    if arguments.on is None and any(option is not None for option in of_dressed):
+    of_pair = (arguments.body_group, arguments.body_scale, arguments.part, arguments.weld, arguments.output)
+    if arguments.on is None and any(option is not None for option in of_pair):
         raise InputError("--body-group, --body-scale, --part, --weld and -o need --on.", "Name the body: --on BODY.")
     if arguments.on is not None:
         if arguments.body or arguments.group or arguments.component or target.is_dir() or target.suffix == ".toml":
             raise InputError("--on is for a mesh file, without --body, --group and --component.", "Try --part LO:HI.")
-        return check_dressed(arguments)
+        return check_penetration(arguments)
     if target.is_dir():
         return _check_run(target)
     return _check_scene(target) if target.suffix == ".toml" else _check_mesh(target, arguments)
@@ -115,17 +119,20 @@ def _check_scene(path: Path) -> int:
     for name, reason in built.off.items():
         print(f"  {name} is off: {reason}.")
     check = intersection_check_of(world_surfaces(world), scene.effects, built.energies)
-    return _ended(_intersections(check, [("at the start", world.start())], "at the start"))
+    return _ended(*_intersections(check, [("at the start", world.start() + world.origin)], "at the start"))
 
 
 def _check_run(directory: Path) -> int:
     import numpy as np
 
     from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.io.trajectory import TRAJECTORY_NAME
     from clothsim.run.results import open_run
     from clothsim.scene.scene import scene_from_text
     from clothsim.sim.intersection_check import intersection_check_of
 
+    if not (directory / TRAJECTORY_NAME).is_file():
+        raise InputError(f"{directory} is a directory without a run (no {TRAJECTORY_NAME}).", _TARGETS)
     run = open_run(directory)
     print(f"{directory}: {run.status}, {len(run.times)} frames. {run.reason}")
     failed = run.status == "failed"
@@ -139,35 +146,68 @@ def _check_run(directory: Path) -> int:
         (f"in frame {k} at {time:g} s", np.concatenate([run.positions(k), *(points for _, points, _ in run.bodies(k))]))
         for k, time in enumerate(run.times)
     )
-    return _ended(_intersections(check, frames, f"in any of {len(run.times)} frames") + failed)
+    errors, warnings = _intersections(
+        check, frames, f"in any of {len(run.times)} frames", "; later frames are not listed"
+    )
+    between, excluded = _between_frames(run)
+    return _ended(errors + between + failed, warnings + excluded)
 
 
-def _intersections(check: "IntersectionCheck", frames: "Iterable[tuple[str, Floats]]", anywhere: str) -> int:
-    """Print the intersections of frames, each (when, x), by the exact test; returns the number of errors.
+def _between_frames(run: "Run") -> tuple[int, int]:
+    """Print what the certificate says of the steps between frames; returns the numbers of errors and warnings."""
+    from clothsim.sim.intersection_history import intersection_warnings
 
-    Cloth is tested against cloth without self_contact, too; an intersection is then a note.
+    unseen = {kind: each for kind, each in run.intersections.items() if each["states"] and each["first_frame"] is None}
+    for kind, sentence in zip(unseen, intersection_warnings(unseen), strict=True):
+        print(f"  {_severity(kind)}: between two frames, {sentence}")
+    if run.summary and run.intersection_free is None:
+        print("  not all steps of the run were checked: what happened between its frames is not known")
+    excluded = int("excluded" in unseen)
+    return len(unseen) - excluded, excluded
+
+
+def _intersections(
+    check: "IntersectionCheck", frames: "Iterable[tuple[str, Floats]]", anywhere: str, note: str = ""
+) -> tuple[int, int]:
+    """Print the intersections of frames, each (when, x), by the exact test; returns the numbers of errors and warnings.
+
+    Every intersection is an error, but for one of a pair that the scene excludes from contact: a warning. Without the
+    contact effect that would prevent it, only the first of a pair of surfaces is listed; note: said of that.
     """
-    from clothsim.intersection.intersecting_pairs import LIMIT
-
-    errors, met = 0, set()
+    listed: set[str] = set()
+    kinds: list[str] = []
     for when, x in frames:
-        for crossing in check.crossings(x, cloth_cloth=True, limit=LIMIT):
-            allowed = crossing.role == "cloth" and not check.cloth_cloth
-            if allowed and crossing.summary in met:
+        found = check.crossings(x)
+        required = {crossing.summary for crossing in check.violations(found)}
+        for crossing in found:
+            if crossing.summary in listed - required:
                 continue
-            met |= {crossing.role, crossing.summary}
+            listed.add(crossing.summary)
+            kinds.append(check.kind(crossing))
             count = f"{len(crossing.pairs):,} pair{'' if len(crossing.pairs) == 1 else 's'} of triangles"
-            print(f"  {'' if allowed else 'error: '}{crossing.summary} {when}, in {count}: {crossing.sentence}")
-            if allowed:
-                print("    self_contact is not on: no error, and later frames are not listed")
-            errors += not allowed
+            print(f"  {_severity(kinds[-1])}: {crossing.summary} {when}, in {count}: {crossing.sentence}")
+            if crossing.summary not in required:
+                print(f"    {_REASON[kinds[-1]]}{note}")
+    others = ", but for excluded pairs" if "excluded" in kinds else ""
     if not check.bodies:
         print("  no body, so nothing for cloth to intersect but itself")
-    elif "body" not in met:
-        print(f"  cloth and body do not intersect {anywhere}")
-    if "cloth" not in met:
-        print(f"  cloth and cloth do not intersect {anywhere}")
-    return errors
+    elif "cloth_body" not in kinds:
+        print(f"  cloth and body do not intersect {anywhere}{others}")
+    if "cloth_cloth" not in kinds:
+        print(f"  cloth and cloth do not intersect {anywhere}{others}")
+    excluded = kinds.count("excluded")
+    return len(kinds) - excluded, excluded
+
+
+def _severity(kind: str) -> str:
+    return "warning" if kind == "excluded" else "error"
+
+
+_REASON = {
+    "cloth_cloth": "[effects.self_contact] is not on: from a start without intersections it lets none arise",
+    "cloth_body": "[effects.body_contact] is not on: from a start without intersections it lets none arise",
+    "excluded": "the scene excludes the pair from contact",
+}
 
 
 def _sizes(positions: "Floats", triangles: "Ints") -> list[str]:
@@ -184,8 +224,8 @@ def _sizes(positions: "Floats", triangles: "Ints") -> list[str]:
     ]
 
 
-def _ended(errors: int) -> int:
-    print(_result(errors, 0))
+def _ended(errors: int, warnings: int = 0) -> int:
+    print(_result(errors, warnings))
     return 1 if errors else 0
 
 

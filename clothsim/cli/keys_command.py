@@ -2,6 +2,7 @@
 
 import argparse
 import json
+from difflib import get_close_matches
 from typing import Any
 
 from clothsim.errors import InputError
@@ -12,6 +13,9 @@ List the sections of a scene file, or the keys of one with type, default, unit, 
   clothsim keys solver
   clothsim keys effects.gravity
 """
+
+SIMILAR = 0.75
+"""Similarity, from 0 to 1, from which on a name is taken for another one misspelt."""
 
 
 def add_to(commands: Any) -> None:
@@ -59,27 +63,44 @@ def keys_of_section(name: str) -> str:
     InputError
         For a name that is no section, with the nearest known one.
     """
-    from clothsim.scene.keys import nearest
     from clothsim.scene.reference import COLUMNS, row, sections
     from clothsim.text_table import text_table
 
     known = sections()
-    found = [section for section in known.values() if section.name == name or _words(name) <= _words(section.name)]
+    words = _words(name)
+    matching = [
+        section for section in known.values() if section.name == name or (words and words <= _words(section.name))
+    ]
     only = None
-    if not found:
+    if not matching:
         parent, _, only = name.rpartition(".")
-        found = [section for section in known.values() if section.name in (parent, f"effects.{parent}")]
-        found = [section for section in found if only in section.keys]
-    if not found:
-        words = sorted({word for section in known for word in _words(section)})
-        hint = nearest(name, words) or "`clothsim keys` lists the sections."
-        raise InputError(f"There is no section {name!r}.", hint)
+        matching = [section for section in known.values() if section.name in (parent, f"effects.{parent}")]
+        matching = [section for section in matching if only in section.keys]
+    if not matching:
+        raise InputError(f"There is no section or key {name!r}.", _near(name))
     parts = []
-    for section in found:
+    for section in matching:
         rows = [row(key) for key in section.keys.values() if only in (None, key.name)]
         head = f"[{section.name}]" if "=" not in section.name else section.name
         parts.append(f"{head}: {section.summary}\n" + (text_table(COLUMNS, rows) if rows else "It takes no keys."))
     return "\n\n".join(parts)
+
+
+def _near(name: str) -> str:
+    """Remedy for an unknown name: the nearest section or key, or the sections of a key of this name."""
+    from clothsim.scene.keys import nearest
+    from clothsim.scene.reference import sections
+    from clothsim.scene.section_hints import home_of
+
+    known = sections()
+    words = {word for section in known for word in _words(section)}
+    keys = {f"{section.name}.{key}" for section in known.values() for key in section.keys}
+    last = name.rpartition(".")[2]
+    of_name = nearest(name, [*known, *sorted(keys)], SIMILAR) if "." in name else ""
+    of_word = nearest(last, sorted(words), SIMILAR)
+    close = get_close_matches(last, {key.rpartition(".")[2] for key in keys}, n=1, cutoff=SIMILAR)
+    of_key = home_of(close[0]) if close else ""
+    return of_name or of_word or home_of(last) or of_key or "`clothsim keys` lists the sections."
 
 
 def _words(name: str) -> set[str]:

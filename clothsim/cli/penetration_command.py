@@ -15,7 +15,7 @@ WORN = 0.1
 """A garment farther from the body than this fraction of its size is not worn."""
 
 
-def check_dressed(arguments: argparse.Namespace) -> int:
+def check_penetration(arguments: argparse.Namespace) -> int:
     """Examine a garment on a body; 1 where a vertex is inside or triangles intersect."""
     from clothsim.fitting.penetration_report import read_penetration_report
 
@@ -57,7 +57,7 @@ def check_dressed(arguments: argparse.Namespace) -> int:
         far = f"Nothing intersects, but the garment is {length(nearest)} away from the body: give their units, --scale."
         print("Nothing is wrong." if worn else far)
         return 0
-    where = "" if report.counts.place is None else f", worst {report.counts.where}"
+    where = "" if report.counts.position is None else f", worst {report.counts.where}"
     print(f"Not clean: {report.counts}{where}.")
     return 1
 
@@ -74,8 +74,8 @@ def _lines(report: "PenetrationReport") -> list[str]:
     if counts.penetrating_vertices:
         percent = 100 * counts.penetrating_vertices / n
         lines.append(f"error: {counts.penetrating_vertices:,} of {n:,} vertices ({percent:.1f} %) are inside the body")
-        for vertex, depth, place in deepest_vertices(report):
-            lines.append(f"  vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(place)}")
+        for vertex, depth, position in deepest_vertices(report):
+            lines.append(f"  vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(position)}")
     else:
         nearest = float(report.closest.signed_distance.min())
         lines.append(f"none of {n:,} vertices is inside the body; the nearest is {length(nearest)} away")
@@ -85,12 +85,12 @@ def _lines(report: "PenetrationReport") -> list[str]:
         ("the garment and itself", report.self_pairs, own),
     ):
         if len(pairs):
-            place = intersection_points(np.concatenate([x, report.body.positions]), own, other, pairs[:1])[0]
-            lines.append(f"error: {who} intersect in {len(pairs):,} pairs of triangles, the first near {_at(place)}")
+            position = intersection_points(np.concatenate([x, report.body.positions]), own, other, pairs[:1])[0]
+            lines.append(f"error: {who} intersect in {len(pairs):,} pairs of triangles, the first near {_at(position)}")
         else:
             lines.append(f"{who} do not intersect")
     return lines
 
 
-def _at(place: "Floats") -> str:
-    return f"({', '.join(f'{value:.3g}' for value in place)}) m"
+def _at(position: "Floats") -> str:
+    return f"({', '.join(f'{value:.3g}' for value in position)}) m"

@@ -53,6 +53,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
     steps = f"steps of {integrator.dt:g} s"
     if solver.error:
         steps = f"steps chosen for an error of {length(solver.error)}, of {integrator.dt:g} s at most"
+    end = f"{'until rest, at most ' if run.until == 'rest' else ''}{run.duration:g} s"
     newton = f"to {integrator.settings.tolerance:g} m/s"
     if integrator.settings.error_fraction and "inertia" in built.energies:
         newton = f"to {integrator.settings.error_fraction:g} of the time error"
@@ -61,7 +62,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
         ("mesh", sizes),
         ("effects", ", ".join(on)),
         *(("off", f"{name}: {reason}") for name, reason in built.off.items()),
-        ("time", f"{run.duration:g} s in {steps}, {run.frames_per_second:g} frames a second"),
+        ("time", f"{end} in {steps}, {run.frames_per_second:g} frames a second"),
         ("solver", f"{kind}; Newton {newton}; {integrator.system.solver.name}, {threads}"),
         *(("note", note) for note in session.notes),
         *([("note", before)] if before else []),
@@ -85,6 +86,9 @@ def verdict(run: "Run", trouble: list[str]) -> str:
     )
     rows = [
         *_certificate(summary["certificate"], "body_contact" in summary["effects"]),
+        *(("WARNING", text) for text in summary.get("warnings", ())),
+        ("rest", _rest(summary["certificate"])),
+        *(("unstable", text) for text in _unstable(summary["certificate"])),
         ("error", _error(summary["certificate"]["error_estimate"])),
         *(("found", text) for text in summary.get("found", [])),
         ("effort", effort),
@@ -123,29 +127,50 @@ def stopped(directory: Path) -> str:
 _ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".gif")
 
 
+_PAIRS = {"cloth_body": "cloth and body", "cloth_cloth": "cloth and cloth", "excluded": "excluded pairs"}
+
+
 def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, str]]:
     """Three lines: intersections and gap; stretches; residual and energy."""
-    crossed = certificate["intersecting_frames"]
-    if crossed:
-        checked = f"cloth INTERSECTS in {_many(len(crossed), 'frame')}, first in number {crossed[0]}"
-    elif certificate["cloth_body"] == "no body":
-        checked = "there is no body"
-    else:
-        excluded = " but for excluded pairs" if "excluded" in certificate["cloth_body"] else ""
-        checked = f"cloth and body intersect in no frame{excluded}"
+    parts = ["no body"] if certificate["cloth_body"] == "no body" else []
+    for kind, each in certificate["intersections"].items():
+        if each["states"]:
+            parts.append(f"{_PAIRS[kind]} INTERSECT in {_many(each['states'], 'state')}")
+        elif kind != "excluded" and not (parts and kind == "cloth_body"):
+            parts.append(f"{_PAIRS[kind]} never intersect")
+    if certificate["intersection_free"] is None:
+        parts.append("earlier steps were NOT CHECKED")
     gap = certificate["minimum_gap"]
     if contact:
-        checked += f", smallest gap {length(gap)}" if gap is not None else ", never closer than d_hat"
+        parts.append(f"smallest gap {length(gap)}" if gap is not None else "never closer than d_hat")
     drift = certificate["energy_drift"]
     energy = f"energy: {drift}" if isinstance(drift, str) else f"largest rise of energy in a step {100 * drift:.2g} %"
     stretches = "none measured"
     if certificate["stretch_min"] is not None:
         stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"
     return [
-        ("contact", f"{checked}; cloth-cloth: {certificate['cloth_cloth']}"),
+        ("contact", "; ".join(parts)),
         ("stretch", f"principal stretches {stretches}"),
         ("balance", f"residual force {certificate['residual']:.1e} N, {energy}"),
     ]
+
+
+def _rest(certificate: dict[str, Any]) -> str:
+    """At rest or not, and the largest speed at the end."""
+    speed = certificate["fastest_speed"]
+    fastest = "" if speed is None else f", fastest vertex {length(speed)}/s"
+    return f"{'at rest' if certificate['at_rest'] else 'NOT at rest'}{fastest}"
+
+
+def _unstable(certificate: dict[str, Any]) -> list[str]:
+    """A line where unstable equilibria were found, else none."""
+    found = certificate["unstable_equilibria"]
+    if found["first_at"] is None:
+        return []
+    left = f"an unstable equilibrium was left {_many(found['left'], 'time')}"
+    kept = f"{_many(found['kept'], 'step')} ended in one that was kept"
+    parts = [text for count, text in ((found["left"], left), (found["kept"], kept)) if count]
+    return [f"{', '.join(parts)}; first at {found['first_at']:g} s (grows by e in {1 / found['growth_rate']:.2g} s)"]
 
 
 def _error(estimate: dict[str, Any]) -> str:

@@ -1,7 +1,9 @@
 """`clothsim study`: error against computing time."""
 
 import argparse
+import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -14,9 +16,13 @@ from clothsim.errors import InputError
 if TYPE_CHECKING:
     from clothsim.accuracy.evaluation import Progress
 
+NO_ANSWER = 1
+"""Exit code of a study whose budget, or end by SIGTERM, left runs out that its answer needs."""
+
 _DESCRIPTION = """\
 Measure the error of a scene's last frame, its sources, and the cost of a smaller one: runs the scene finer and coarser,
 one process a core, and leaves study.md, study.json and study.png. A repeated call continues with the stored points.
+No error is stated before dt and cells were refined: with too small a budget the answer is how much is needed (exit 1).
 
   clothsim study scenes/study_strip.toml -o accuracy --budget 120s
 """
@@ -41,7 +47,8 @@ def add_to(commands: Any) -> None:
 
 def _study(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
-    from clothsim.accuracy.report import answer, settings_text
+    from clothsim.accuracy.answer import answer, settings_text
+    from clothsim.accuracy.headline import UNFINISHED
     from clothsim.accuracy.study import study_accuracy
     from clothsim.run.example_scenes import scene_file
     from clothsim.scene.overrides import override
@@ -59,9 +66,9 @@ def _study(arguments: argparse.Namespace) -> int:
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     if not arguments.quiet:
         print(f"clothsim {__version__}: study {arguments.scene}", file=talk, flush=True)
-    with shown(arguments.quiet) as on_progress:
+    with shown(arguments.quiet) as on_progress, terminated() as stopped:
         name = arguments.scene.stem
-        done = study_accuracy(scene, directory, knobs, budget, workers, on_progress, name=name)
+        done = study_accuracy(scene, directory, knobs, budget, workers, on_progress, name=name, stopped=stopped)
     if arguments.json:
         print((done.directory / "study.json").read_text(encoding="utf-8"), end="")
     lines = answer(done.result)
@@ -72,8 +79,23 @@ def _study(arguments: argparse.Namespace) -> int:
     left = len(done.result["left_out"])
     if left:
         lines.append(f"{left} points exceeded the budget or are not valid: study.md names them.")
-    print("\n".join([*lines, f"  files     {directory}: study.md, study.json, study.png"]), file=talk)
-    return 0
+    files = ", ".join(name for name in ("study.md", "study.json", "study.png") if (directory / name).is_file())
+    print("\n".join([*lines, f"  files     {directory}: {files}"]), file=talk)
+    return NO_ANSWER if done.result["headline"]["status"] == UNFINISHED else 0
+
+
+@contextmanager
+def terminated() -> "Iterator[Callable[[], bool]]":
+    """A function that is True once SIGTERM came: the study then ends its workers, and with what it has."""
+    came: list[int] = []
+    if threading.current_thread() is not threading.main_thread():  # which alone receives signals
+        yield lambda: False
+        return
+    before = signal.signal(signal.SIGTERM, lambda number, frame: came.append(number))
+    try:
+        yield lambda: bool(came)
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def shown(quiet: bool) -> "AbstractContextManager[Callable[[Progress], None]]":

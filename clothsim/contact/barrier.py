@@ -9,6 +9,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.contact import barrier_kernels as kernels
 from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.candidates import Candidates
+from clothsim.contact.distinct_features import distinct
 from clothsim.contact.pair_list import Pairs
 from clothsim.contact.stiffness import barrier_stiffness
 from clothsim.contact.subset import CandidateSubset
@@ -21,7 +22,7 @@ from clothsim.indexing import equal
 
 @dataclass(frozen=True)
 class ActiveSet:
-    """Active pairs at `positions` (N, 3), their closest-point records, and the energy [m3] for a stiffness of 1 Pa."""
+    """Distinct pairs at `positions` (N, 3), their closest-point records, the energy [m3] for a stiffness of 1 Pa."""
 
     positions: Floats
     pairs: Pairs
@@ -44,8 +45,8 @@ EMPTY_HESSIAN = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12))
 class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
     """Barrier energy E = kappa sum w m b(d) over the pairs closer than offset + d_hat.
 
-    Li et al. 2020 (IPC); area weights: Li et al. 2023. w is the area of the pair [m2]; b and the mollifier m are in
-    `barrier_kernels`.
+    Li et al. 2020 (IPC); area weights, and distinct features of a surface: Li et al. 2023 (`distinct_features`). w is
+    the area of the pair [m2]; b and the mollifier m are in `barrier_kernels`.
 
     Parameters
     ----------
@@ -142,16 +143,23 @@ class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
         return self.stiffness
 
     def normal_forces(self, x: Floats, stiffness: float, least_gap: float = 0.0) -> tuple[Ints, Floats, Floats, Floats]:
-        """Active pairs: rows (p, 4), weights g (p, 4) and difference r (p, 3) [m] of closest points, force (p,) [N].
+        """Distinct pairs: rows (p, 4), weights g (p, 4) and difference r (p, 3) [m] of closest points, force (p,) [N].
 
         stiffness [Pa]: that of the step whose solution x is; least_gap: fraction of d_hat below which a gap counts as
         that.
         """
-        pairs = self._pairs(x)
-        if not len(pairs[0]):
+        pairs = self.distinct(x)
+        if not len(pairs):
             return EMPTY_HESSIAN.elements, np.zeros((0, 4)), np.zeros((0, 3)), np.zeros(0)
-        weights, differences, slopes = kernels.normal_forces(x, *pairs, least_gap * self.d_hat)
-        return pairs[0], weights, differences, -stiffness * slopes
+        weights, differences, slopes = kernels.normal_forces(x, *self._arguments(pairs), least_gap * self.d_hat)
+        return pairs.elements, weights, differences, -stiffness * slopes
+
+    def distinct(self, x: Floats) -> Pairs:
+        """Pairs of distinct closest features at x."""
+        if self._cache and equal(x, self._cache[0].positions):
+            return self._cache[0].pairs
+        active = self.candidates.active(x)
+        return distinct(x, active, self.activation_distance) if len(active) else active
 
     def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
         """Collision-free fraction of dx, at most `most`."""
@@ -176,18 +184,17 @@ class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
         candidates = self.candidates
         return {"pairs": candidates.pairs, "ccd_calls": candidates.ccd_calls, **candidates.seconds}
 
-    def _pairs(self, x: Floats) -> tuple[Ints, Floats, Floats, int, float, float]:
-        pairs = self.candidates.active(x)
+    def _arguments(self, pairs: Pairs) -> tuple[Ints, Floats, Floats, int, float, float]:
         return pairs.elements, pairs.weights, pairs.thresholds, pairs.n_points, self.offset, self.d_hat
 
     def _evaluated(self, x: Floats) -> ActiveSet:
         """Active set and records at x, cached for the energy, gradient and Hessian at the same positions."""
         if self._cache and equal(x, self._cache[0].positions):
             return self._cache[0]
-        pairs = self.candidates.active(x)
+        pairs = self.distinct(x)
         records, value = np.empty((len(pairs), kernels.RECORD_SIZE)), 0.0
         if len(pairs):
-            value = kernels.evaluate(records, x, *self._pairs(x))
+            value = kernels.evaluate(records, x, *self._arguments(pairs))
         self._cache[:] = [ActiveSet(x.copy(), pairs, records, value)]
         return self._cache[0]
 

@@ -4,7 +4,8 @@ Without a mollifier the block of a pair is 4 b'' gg'rr' + 2 b' (gg'I - sum G G')
 b' < 0 < b''. PSD projection in closed form: along gg'rr' the positive part is kept; each tangent t leaves 2|b'| (G G' -
 gg't t'), which in the directions g t and c r is |r||g||c| off the diagonal and |r|^2 |c|^2 on it: its positive
 eigenpair is known. Tangents along which the closest points do not move have -2|b'| gg't t' alone, which projects to 0.
-So the projection has at most three rank-one factors; that of mollified pairs is found by their eigenvalues.
+So the projection has at most three rank-one factors; that of mollified pairs, and of those with a negative weight
+(`distinct_features`), is found by their eigenvalues.
 """
 
 import numpy as np
@@ -33,14 +34,14 @@ def projected(
     records: Floats, x: Floats, elements: Ints, thresholds: Floats, n_points: int, kappa: float
 ) -> LowRankHessian:
     """Positive semi-definite Hessian, pair by pair no smaller than the exact one [N/m]."""
-    mollified = np.flatnonzero(records[:, CROSS_RATIO] < 1.0)
-    factors = np.empty((3 * (len(elements) - len(mollified)) + 9 * len(mollified), 12))
+    others = np.flatnonzero((records[:, CROSS_RATIO] < 1.0) | (records[:, FIRST] > 0.0))
+    factors = np.empty((3 * (len(elements) - len(others)) + 9 * len(others), 12))
     first, count = np.empty((2, len(elements)), np.int64)
     n_factors = rank_one_factors(factors, first, count, records, x, elements, n_points, kappa)
-    if len(mollified):
-        blocks = np.empty((len(mollified), 9, 9))
-        relative_blocks(blocks, mollified, records, x, elements, thresholds, n_points, kappa)
-        n_factors = positive_factors(blocks, mollified, factors, n_factors, first, count)
+    if len(others):
+        blocks = np.empty((len(others), 9, 9))
+        relative_blocks(blocks, others, records, x, elements, thresholds, n_points, kappa)
+        n_factors = positive_factors(blocks, others, factors, n_factors, first, count)
     return LowRankHessian(elements, first, count, factors[:n_factors])
 
 
@@ -57,12 +58,12 @@ def exact(
 def rank_one_factors(factors, first, count, records, x, elements, n_points, kappa):
     """Write the rank-one factors of all pairs without a mollifier to `factors` (s, 12); returns their number.
 
-    Those of pair e are count[e] rows from first[e] on, (p,) each; mollified pairs get none.
+    Those of pair e are count[e] rows from first[e] on, (p,) each; mollified pairs and negative ones get none.
     """
     at = 0
     for e in range(len(elements)):
         first[e], count[e] = at, 0
-        if records[e, CROSS_RATIO] < 1.0 or records[e, FIRST] == 0.0:
+        if records[e, CROSS_RATIO] < 1.0 or records[e, FIRST] >= 0.0:
             continue
         g, r = _weights_and_difference(records, e)
         slope, curvature = kappa * records[e, FIRST], kappa * records[e, SECOND]

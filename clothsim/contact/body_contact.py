@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from clothsim.contact.setup import contact_energy, excluded_pairs
+from clothsim.contact.excluded_pairs import excluded_pairs
 from clothsim.contact.surface import cloth_body_surface
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example, Idle
@@ -60,6 +60,8 @@ def body_contact(
     surface = cloth_body_surface(world, excluded_pairs("body_contact", world, exclude))
     if not surface.allowed.any():
         return Off("every pair is excluded")
+    from clothsim.contact.setup import contact_energy  # after the last Off: no kernel is imported without a pair
+
     return contact_energy("body_contact", world, surface, d_hat, offset, stiffness, backend)
 
 

@@ -1,6 +1,7 @@
-"""Pair loops of lagged friction: E = sum L f0(|u|), u = (I - n n') sum_i g_i (x_i - start_i).
+"""Pair loops of lagged friction: E = sum L f0(|u|), u = z + (I - n n') sum_i g_i (x_i - start_i).
 
-L = mu F, e = eps_v dt: the displacement below which a contact counts as sticking.
+L = mu F; z: elastic slip at the start of the step; e: displacement from which a contact slides, eps_v dt or the largest
+elastic slip.
 """
 
 import numpy as np
@@ -9,8 +10,8 @@ from clothsim.jit import inlined, kernel, natural
 
 
 @inlined
-def _sliding(x, start, rows, g, n, u):
-    """Tangential displacement u (3,) [m] of a pair; returns its length."""
+def _sliding(x, start, rows, g, n, z, u):
+    """Tangential displacement u (3,) [m] of a pair, with the elastic slip z (3,) at the start; returns its length."""
     for k in range(3):
         u[k] = 0.0
     for i in range(4):
@@ -21,18 +22,18 @@ def _sliding(x, start, rows, g, n, u):
     for k in range(3):
         normal_part += u[k] * n[k]
     for k in range(3):
-        u[k] -= normal_part * n[k]
+        u[k] += z[k] - normal_part * n[k]
         norm_squared += u[k] * u[k]
     return np.sqrt(norm_squared)
 
 
 @kernel
-def value(x, start, elements, weights, normals, limits, e):
+def value(x, start, elements, weights, normals, limits, slips, e):
     """Sum of L f0 [J]."""
     u = np.empty(3)
     total = 0.0
     for p in range(len(elements)):
-        length = _sliding(x, start, elements[p], weights[p], normals[p], u)
+        length = _sliding(x, start, elements[p], weights[p], normals[p], slips[p], u)
         total += limits[p] * (length if length >= e else length * length / e - length**3 / (3.0 * e * e) + e / 3.0)
     return total
 
@@ -44,12 +45,12 @@ def _per_length(length, e):
 
 
 @kernel
-def gradient(x, start, elements, weights, normals, limits, e):
+def gradient(x, start, elements, weights, normals, limits, slips, e):
     """Sum of L f0'/|u| g_i u, (N, 3) [N]."""
     out = np.zeros_like(x)
     u = np.empty(3)
     for p in range(len(elements)):
-        slope = limits[p] * _per_length(_sliding(x, start, elements[p], weights[p], normals[p], u), e)
+        slope = limits[p] * _per_length(_sliding(x, start, elements[p], weights[p], normals[p], slips[p], u), e)
         for i in range(4):
             row = natural(elements[p, i])
             for k in range(3):
@@ -58,12 +59,12 @@ def gradient(x, start, elements, weights, normals, limits, e):
 
 
 @kernel
-def hessian(x, start, elements, weights, normals, limits, e):
+def hessian(x, start, elements, weights, normals, limits, slips, e):
     """Blocks (p, 12, 12): L g_i g_j (f0'/|u| (I - n n' - t t') + f0'' t t'), t = u/|u|."""
     blocks = np.empty((len(elements), 12, 12))
     u, block = np.empty(3), np.empty((3, 3))
     for p in range(len(elements)):
-        length = _sliding(x, start, elements[p], weights[p], normals[p], u)
+        length = _sliding(x, start, elements[p], weights[p], normals[p], slips[p], u)
         tangent_scale = _per_length(length, e)
         normal_part = 0.0 if length >= e else 2.0 * (1.0 - length / e) / e
         for k in range(3):

@@ -25,6 +25,9 @@ class Search:
         self.surface = surface
         self._first, self._second = _Trees(surface.first), _Trees(surface.second)
         self._areas = surface.edge_areas(surface.first.edges), surface.edge_areas(surface.second.edges)
+        self._point_areas = surface.vertex_areas.copy()
+        self._point_areas[surface.flat.points] = 0.0
+        self._flat = surface.are_flat(surface.second.edges)
         self._lengths = surface.rest_lengths(surface.first.edges), surface.rest_lengths(surface.second.edges)
 
     def pairs(
@@ -69,31 +72,35 @@ class Search:
             return self._assembled(point_triangle, NO_PAIRS_FOUND, edge_edge)
         excluded_points = only if surface.is_self_contact else None  # their pairs are in point_triangle
         triangle_point = found(first_trees["triangles"], second_trees["points"], only, excluded_points)
+        swapped = triangle_point[1], triangle_point[0], triangle_point[2]
         if surface.is_self_contact:
-            swapped = triangle_point[1], triangle_point[0], triangle_point[2]
             both = tuple(np.concatenate(two) for two in zip(point_triangle, swapped, strict=True))
             return self._assembled(cast(FoundPairs, both), NO_PAIRS_FOUND, edge_edge)
-        return self._assembled(point_triangle, triangle_point, edge_edge)
+        return self._assembled(point_triangle, swapped, edge_edge)
 
     def _assembled(self, *found: FoundPairs) -> tuple[Pairs, Floats]:
-        """Pair list of point-triangle, triangle-point and edge-edge pairs of the two groups."""
+        """Pair list of points of the first group and triangles of the second, the reverse, and edges of both.
+
+        The triangles of a point follow one another.
+        """
         first, second = self.surface.first, self.surface.second
         orders = [lexicographic_order(a, b) for a, b, _ in found]
-        points, faces, edges = ((a[order], b[order]) for (a, b, _), order in zip(found, orders, strict=True))
+        points, others, edges = ((a[order], b[order]) for (a, b, _), order in zip(found, orders, strict=True))
         elements = (
             concatenated_rows(first.points[:, None], points[0], second.triangles, points[1]),
-            concatenated_rows(second.points[:, None], faces[1], first.triangles, faces[0]),
+            concatenated_rows(second.points[:, None], others[0], first.triangles, others[1]),
             concatenated_rows(first.edges, edges[0], second.edges, edges[1]),
         )
         n_points = len(elements[0]) + len(elements[1])
         point_rows = np.concatenate(elements[:2])[:, 0]
         areas = self._areas[0][edges[0]] + self._areas[1][edges[1]]
+        areas[self._flat[edges[1]]] = 0.0
         lengths = self._lengths[0][edges[0]] * self._lengths[1][edges[1]]
         pair_list = Pairs(
             np.concatenate(elements),
-            np.concatenate([self.surface.vertex_areas[point_rows], areas]) / 4,
+            np.concatenate([self._point_areas[point_rows], areas]) / 4,
             np.concatenate([np.zeros(n_points), PARALLEL * lengths**2]),
-            np.concatenate([kind << 60 | a << 30 | b for kind, (a, b) in enumerate((points, faces, edges))]),
+            np.concatenate([kind << 60 | a << 30 | b for kind, (a, b) in enumerate((points, others, edges))]),
             n_points,
         )
         distances = [each[order] for (_, _, each), order in zip(found, orders, strict=True)]

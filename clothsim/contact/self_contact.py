@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from clothsim.contact.candidates import Candidates
-from clothsim.contact.setup import contact_energy, edge_lengths, excluded_pairs
+from clothsim.contact.excluded_pairs import excluded_pairs
 from clothsim.contact.stiffness import default_d_hat
 from clothsim.contact.surface import ContactSurface, cloth_surface
 from clothsim.energies.base import Energy, Off
@@ -60,6 +59,8 @@ def self_contact(
     surface = cloth_surface(world, excluded_pairs("self_contact", world, exclude))
     if not surface.allowed.any():
         return Off("every pair is excluded")
+    from clothsim.contact.setup import contact_energy  # after the last Off: no kernel is imported without a pair
+
     if d_hat == "auto":
         d_hat = _below_rest_gaps(world, surface)
     return contact_energy("self_contact", world, surface, d_hat, offset, stiffness, backend)
@@ -67,6 +68,9 @@ def self_contact(
 
 def _below_rest_gaps(world: World, surface: ContactSurface) -> float:
     """A tenth of the median edge, or half of the smallest rest gap of parts of one cloth where that is less [m]."""
+    from clothsim.contact.candidates import Candidates
+    from clothsim.contact.setup import edge_lengths
+
     default = default_d_hat(edge_lengths(world))
     within_one_cloth = replace(surface, allowed=surface.allowed & np.eye(len(surface.allowed), dtype=bool))
     gap = Candidates(within_one_cloth, default, skin=0.0).minimum_gap(surface.rest_positions)

@@ -1,6 +1,4 @@
-"""Setup of the contact effects: scales, excluded pairs, and the refusal of a start in contact."""
-
-from collections.abc import Sequence
+"""Setup of the contact effects: scales, and the refusal of a start in contact."""
 
 import numpy as np
 
@@ -98,25 +96,6 @@ def _resolved_d_hat(name: str, world: World, d_hat: float | str) -> float:
 def edge_lengths(world: World) -> Floats:
     """Lengths of the cloths' edges at the start, (e,) [m]."""
     return np.asarray(np.linalg.norm(np.diff(world.start()[world.edges], axis=1)[:, 0], axis=1), np.float64)
-
-
-def excluded_pairs(name: str, world: World, exclude: Sequence[Sequence[str]]) -> np.ndarray:
-    """Excluded pairs of names as an (L, L) mask over the world's objects. InputError for an unknown name."""
-    table = np.zeros((len(world.names),) * 2, bool)
-    if isinstance(exclude, str) or not isinstance(exclude, Sequence):
-        raise InputError(f"effects.{name}.exclude must be a list of pairs of names, not {exclude!r}.")
-    for number, pair in enumerate(exclude):
-        if isinstance(pair, str) or not isinstance(pair, Sequence) or len(pair) != 2:
-            raise InputError(f"effects.{name}.exclude[{number}] must be two names, not {pair!r}.")
-        unknown = [object_name for object_name in pair if object_name not in world.names]
-        if unknown:
-            raise InputError(
-                f"effects.{name}.exclude[{number}]: unknown object {unknown[0]!r}.",
-                f"Choose from: {', '.join(world.names)}.",
-            )
-        a, b = (world.names.index(object_name) for object_name in pair)
-        table[a, b] = table[b, a] = True
-    return table
 
 
 def _refuse_intersections(world: World, surface: ContactSurface, start: Floats) -> None:

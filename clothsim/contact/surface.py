@@ -6,6 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
+from clothsim.contact.flat_features import NO_FLAT_FEATURES, FlatFeatures, flat_features
+from clothsim.mesh.motion import FrameMotion
 from clothsim.mesh.topology import unique_edges
 from clothsim.mesh.world import World
 
@@ -33,6 +35,8 @@ class ContactSurface:
         Object of each row of x.
     allowed : (L, L) bool array
         Pairs of objects that may touch.
+    flat : FlatFeatures
+        Points and edges of the second group inside flat faces: their pairs stop a motion, but push nothing.
     """
 
     first: Primitives
@@ -40,6 +44,7 @@ class ContactSurface:
     rest_positions: Floats
     labels: Ints
     allowed: np.ndarray
+    flat: FlatFeatures = NO_FLAT_FEATURES
 
     @property
     def is_self_contact(self) -> bool:
@@ -78,6 +83,12 @@ class ContactSurface:
         totals = np.bincount(inverse.ravel(), weights=np.repeat(self._areas / 3, 3)).astype(np.float64)
         return totals[np.searchsorted(keys, edges[:, 0] * size + edges[:, 1])]
 
+    def are_flat(self, edges: Ints) -> np.ndarray:
+        """Mask (e,) of `edges (e, 2)` that lie inside a flat face."""
+        size = len(self.rest_positions)
+        keys = self.flat.edges[:, 0] * size + self.flat.edges[:, 1]
+        return np.isin(edges[:, 0] * size + edges[:, 1], keys)
+
     def rest_lengths(self, edges: Ints) -> Floats:
         """Rest lengths of `edges (e, 2)`, (e,) [m]."""
         ends = self.rest_positions[edges]
@@ -108,7 +119,7 @@ def cloth_body_surface(world: World, excluded: np.ndarray | None = None) -> Cont
         unique_edges(world.body_triangles),
         world.body_triangles,
     )
-    return ContactSurface(_cloths(world), bodies, rest, world.labels, _excluding(allowed, excluded))
+    return ContactSurface(_cloths(world), bodies, rest, world.labels, _excluding(allowed, excluded), _flat(world))
 
 
 def cloth_surface(world: World, excluded: np.ndarray | None = None) -> ContactSurface:
@@ -129,6 +140,18 @@ def triangle_areas(positions: Floats, triangles: Ints) -> Floats:
 
 def _cloths(world: World) -> Primitives:
     return Primitives(np.arange(world.n_cloth), world.edges, world.triangles)
+
+
+def _flat(world: World) -> FlatFeatures:
+    """Flat features of the bodies that stay rigid."""
+    found = [
+        flat_features(body.positions, body.triangles).shifted(rows.start)
+        for body, rows in zip(world.bodies, world.body_slices, strict=True)
+        if body.motion.still or not isinstance(body.motion, FrameMotion)
+    ]
+    if not found:
+        return NO_FLAT_FEATURES
+    return FlatFeatures(*(np.concatenate([getattr(each, name) for each in found]) for name in ("points", "edges")))
 
 
 def _rest_positions(world: World) -> Floats:

@@ -4,10 +4,8 @@ import abc
 from dataclasses import dataclass
 from typing import ClassVar, Self
 
-from scipy import sparse
-
 from clothsim.arrays import Floats
-from clothsim.energies.hessians import ByElement
+from clothsim.energies.hessians import Hessian
 from clothsim.energies.step import Step
 
 
@@ -36,7 +34,7 @@ class Energy(abc.ABC):
         """dE/dx, (N, 3) [N]; zero in rows that E does not depend on."""
 
     @abc.abstractmethod
-    def hessian(self, x: Floats, project: bool = True) -> ByElement | sparse.csr_array:
+    def hessian(self, x: Floats, project: bool = True) -> Hessian:
         """d2E/dx2 [N/m].
 
         Parameters
@@ -48,8 +46,8 @@ class Energy(abc.ABC):
 
         Returns
         -------
-        ByElement or (3N, 3N) sparse array
-            Blocks by element, or the matrix.
+        ByElement, SumHessian or (3N, 3N) sparse array
+            Blocks by element, a sum of such and of implicit ones (not projected), or the matrix.
         """
 
     def begin(self, step: Step) -> Self:

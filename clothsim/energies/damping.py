@@ -91,8 +91,9 @@ class Dampings(Energy, Restrictable):
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Blocks of one size [N/m]: a smaller one repeats its last vertex, with zeros."""
         hessians = [part.hessian(x, project) for part in self.parts]
-        size = max(h.elements.shape[1] for h in hessians)
-        padded = [_padded(h, size) for h in hessians]
+        by_element = [h for h in hessians if isinstance(h, ByElement)]  # all of them
+        size = max(h.elements.shape[1] for h in by_element)
+        padded = [_padded(h, size) for h in by_element]
         elements, blocks = zip(*padded, strict=True)
         return ElementHessian(np.concatenate(elements), np.concatenate(blocks))
 

@@ -1,7 +1,8 @@
 """Second derivatives by element: dense blocks, low-rank factors, and blocks that are computed as they are assembled."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from scipy import sparse
@@ -170,6 +171,73 @@ class LanesHessian:
 
 ByElement = ElementHessian | LowRankHessian | LanesHessian
 """Second derivatives element by element, in any of the three forms."""
+
+
+@dataclass(frozen=True)
+class ImplicitHessian:
+    """Second derivatives known by their products with vectors: where the matrix has far more entries than they cost.
+
+    Parameters
+    ----------
+    elements : (m, k) int array
+        Rows of x that each element couples.
+    apply : function
+        apply(v) is the product with v (N, 3), (N, 3) [N/m times the unit of v].
+    explicit : function
+        explicit() is the same Hessian by element, for where a matrix is needed.
+    """
+
+    elements: Ints
+    apply: Callable[[Floats], Floats]
+    explicit: Callable[[], ByElement]
+
+    @property
+    def nnz(self) -> int:
+        """Number of entries of all blocks, none of which is formed."""
+        return 0
+
+
+@dataclass(frozen=True)
+class SumHessian:
+    """Sum of second derivatives in several forms.
+
+    Parameters
+    ----------
+    parts : tuple
+        Hessians by element, each over its own list, or implicit ones.
+    """
+
+    parts: tuple[ByElement | ImplicitHessian, ...]
+
+    @property
+    def nnz(self) -> int:
+        """Number of entries of all blocks."""
+        return sum(part.nnz for part in self.parts)
+
+    def to_sparse(self, n_vertices: int) -> sparse.csr_array:
+        """The assembled (3n, 3n) matrix [N/m]; slow, for tests and diagnostics."""
+        return sum(part.to_sparse(n_vertices) for part in explicit([self]))
+
+
+Hessian: TypeAlias = ByElement | SumHessian | sparse.csr_array
+"""Hessian of an energy: by element, a sum of such and of implicit ones, or (of ipctk) a sparse matrix."""
+
+
+def explicit(hessians: Iterable[Hessian]) -> list[ByElement | sparse.csr_array]:
+    """The hessians with the parts of sums in place of the sums, implicit ones by element."""
+    parts = (each.parts if isinstance(each, SumHessian) else (each,) for each in hessians)
+    return [part.explicit() if isinstance(part, ImplicitHessian) else part for some in parts for part in some]
+
+
+def split(hessians: Iterable[Hessian]) -> tuple[list[Hessian], list[ImplicitHessian]]:
+    """The hessians without their implicit parts, and these."""
+    formed: list[Hessian] = []
+    implicit: list[ImplicitHessian] = []
+    for each in hessians:
+        parts = each.parts if isinstance(each, SumHessian) else (each,)
+        implicit += [part for part in parts if isinstance(part, ImplicitHessian)]
+        formed += [part for part in parts if not isinstance(part, ImplicitHessian)]
+    return formed, implicit
 
 
 def room_for(elements: Ints) -> Floats:

@@ -18,6 +18,7 @@ where the rest shape is bent. Without self-contact E has a kink (theta0 = 0) or 
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies import hinge_kernels as kernels
@@ -69,6 +70,10 @@ class HingeBending(Elementwise, Energy):
         moments = np.zeros(len(self.vertices)) if project else self._moments(x)
         hinges = self.vertices, moments, self.stiffnesses
         return LanesHessian(self.vertices, lambda lanes, first: kernels.fill(lanes, first, *hinges, x))
+
+    def strains_of_angles(self) -> tuple[sparse.csr_array, Floats]:
+        """B (h, h) and w (h,) [N m] of E = sum w |B (theta - theta0)|^2/2, a strain a hinge: its own angle."""
+        return sparse.eye_array(len(self.stiffnesses)).tocsr(), self.stiffnesses
 
     def _bent(self, x: Floats) -> Floats:
         """theta - theta0, (h,) [rad]; +inf where a triangle has no area."""

@@ -137,7 +137,7 @@ def measured(world: World, angles: Floats, warp: ArrayLike, weft: ArrayLike, she
     )
     every = np.arange(len(world.triangles))
     law = MeasuredThreads(curves["warp"], curves["weft"], curves["shear"], mu)
-    return ThreadedMembrane.of(world, every, angles, np.full(len(every), mu), law, notes)
+    return ThreadedMembrane.of(world, every, angles, (np.full(len(every), mu), np.zeros(len(every))), law, notes)
 
 
 def _table(name: str, given: ArrayLike) -> Floats:

@@ -8,7 +8,6 @@ from numpy.typing import ArrayLike
 
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example
-from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
 from clothsim.energies.varying_values import over_cloth
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
@@ -20,6 +19,16 @@ MATERIALS: Mapping[str, tuple[str, ...]] = {
 }
 """Materials, and the keys that each of them takes."""
 
+AUTO = "auto"
+"""Each cloth by its fabric: orthotropic where that has stiffnesses of its own along warp and weft or in shear, else
+isotropic. The isotropic sheet of the same Young's modulus has 210 times the shear stiffness of a woven table cloth.
+"""
+STIFFNESSES: Mapping[str, tuple[str, ...]] = {
+    "neo_hookean": ("shear_modulus", "lame_modulus"),
+    "orthotropic": ("stiffness_along_warp", "stiffness_along_weft", "stiffness_in_shear"),
+}
+"""Stiffnesses of a fabric that a material takes: a membrane without any of them is off."""
+
 ELEMENTS = ("triangles", "pairs")
 SLACK = "Young's modulus is 0"
 
@@ -27,7 +36,7 @@ SLACK = "Young's modulus is 0"
 def membrane(
     world: World,
     *,
-    material: str = "neo_hookean",
+    material: str = AUTO,
     angle_degrees: Any = 0.0,
     warp: ArrayLike = (),
     weft: ArrayLike = (),
@@ -39,8 +48,9 @@ def membrane(
     Parameters
     ----------
     material : str
-        "neo_hookean" (isotropic), "orthotropic" (the fabric's stiffness along warp and weft and in shear) or "measured"
-        (tables of strain and stress).
+        "neo_hookean" (isotropic), "orthotropic" (the fabric's stiffness along warp and weft and in shear), "measured"
+        (tables of strain and stress) or "auto" (each cloth by its fabric: orthotropic where that has such stiffnesses,
+        else isotropic).
     angle_degrees : number or values over the cloth
         Angle of the warp from the cloth's first axis (`kinematics.warp_weft`).
     warp, weft, shear : (k, 2) tables
@@ -57,33 +67,36 @@ def membrane(
     InputError
         For an unknown material, or a key that the material does not take.
     """
-    if not isinstance(material, str) or material not in MATERIALS:
-        raise InputError(f"effects.membrane.material is {material!r}.", f"Known: {', '.join(MATERIALS)}.")
+    if not isinstance(material, str) or material not in (AUTO, *MATERIALS):
+        raise InputError(f"effects.membrane.material is {material!r}.", f"Known: {', '.join((AUTO, *MATERIALS))}.")
     if not isinstance(elements, str) or elements not in ELEMENTS:
         raise InputError(f"effects.membrane.elements is {elements!r}.", f"Known: {', '.join(ELEMENTS)}.")
+    by_fabric = material == AUTO
+    if by_fabric:
+        material = "orthotropic" if world.per_triangle("has_threads").any() else "neo_hookean"
     tables = {"warp": warp, "weft": weft, "shear": shear}
     turned = not (isinstance(angle_degrees, float | int) and angle_degrees == 0)
     given = {"angle_degrees": turned, "elements": elements != "triangles"}
     _refuse_others(material, given | {key: np.size(table) > 0 for key, table in tables.items()})
-    energy: Any
-    if elements == "pairs":
+    angles = np.radians(over_cloth("effects.membrane.angle_degrees", angle_degrees, world))
+    own = STIFFNESSES.get(material)
+    if own and not any(world.per_triangle(name).any() for name in own):
+        return Off(SLACK)
+    if elements == "pairs":  # each imported after the last Off: no kernel is imported for a zero
         from clothsim.energies.paired_membrane import paired_membrane
 
-        energy = paired_membrane(world)
-        return energy if len(energy.elements) else Off(SLACK)
+        return paired_membrane(world)
     if material == "neo_hookean":
-        energy = NeoHookeanMembrane.of(world)
-    else:
-        angles = np.radians(over_cloth("effects.membrane.angle_degrees", angle_degrees, world))
-        if material == "orthotropic":
-            from clothsim.energies.orthotropic import orthotropic
+        from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
 
-            energy = orthotropic(world, angles)
-        else:
-            from clothsim.energies.measured_membrane import measured
+        return NeoHookeanMembrane.of(world)
+    if material == "orthotropic":
+        from clothsim.energies.orthotropic import orthotropic
 
-            energy = measured(world, angles, **tables)
-    return energy if len(energy.triangles) else Off(SLACK)
+        return orthotropic(world, angles, by_fabric)
+    from clothsim.energies.measured_membrane import measured
+
+    return measured(world, angles, **tables)
 
 
 def _refuse_others(material: str, given: Mapping[str, bool]) -> None:

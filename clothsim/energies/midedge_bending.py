@@ -8,31 +8,37 @@ couples the angles in and around each triangle: the moments are M (theta - theta
 
 As in the hinge model angles are not wrapped and all lengths are those at rest. A free strip bends with D (1 - nu^2), a
 wide plate with D: D is the plate's stiffness, E t^3/(12 (1 - nu^2)).
+
+Its Hessian couples all vertices around a triangle, 8 on regular and 12 on other meshes: a matrix with it takes twice
+as long to factorise as one with hinges. So Newton's matrix has springs on the angles instead, stiff enough that their
+energy bounds this one (|c' K c| <= sum_i c_i^2 sum_j |K_ij|), and the exact Hessian acts on vectors only
+(`ImplicitHessian`): Lanczos' method needs no more.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies import hinge_kernels as kernels
+from clothsim.energies import hinge_kernels, midedge_kernels
 from clothsim.energies.base import Energy
-from clothsim.energies.hessians import ElementHessian
-from clothsim.indexing import four_points
-from clothsim.jit import kernel
+from clothsim.energies.hessians import ImplicitHessian, LanesHessian, LowRankHessian, SumHessian
+from clothsim.energies.protocols import Restrictable
 from clothsim.kinematics.curvature import bending_strains
-from clothsim.kinematics.hinge_angle import hinge_angle_gradient, hinge_hessian
+from clothsim.memo import Memo
 from clothsim.mesh.hinges import Hinges
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class MidedgeBending(Energy):
+class MidedgeBending(Energy, Restrictable):
     """E = |G (theta - theta0)|^2/2; +inf where a triangle beside a hinge has no area.
 
-    Such a hinge adds nothing to gradient and Hessian. An element of the Hessian is a triangle with its neighbours.
-    Short rows of an element are padded with their first entry, at weight 0.
+    Such a hinge adds nothing to gradient and Hessian. An element is a triangle with the hinges of its three rows of G.
+    Short rows of an element are padded with their first entry, at weight 0. Angles and factors of the last positions
+    are memoised: value, gradient and both Hessians are evaluated at the same x.
 
     Parameters
     ----------
@@ -40,65 +46,111 @@ class MidedgeBending(Energy):
         Rows of x of the hinges.
     rest_angles : (h,) array
         theta0 [rad].
-    strains : (3m, h) sparse array
-        G [sqrt(J)].
+    bounds : (h,) array
+        k [N m] of a spring on each angle whose energy bounds the change of E: the sums of |G'G| over its rows.
+    stiffnesses : (m,) array
+        A D of the elements [J m2].
     stencils, weights : (m, j) int array, (m, 3, j) array
-        The hinges of each element and their entries in G.
+        The hinges of each element and their entries in G [sqrt(J)].
     elements : (m, k) int array
         Rows of x of each element.
     slots : (m, j, 4) int array
         Positions of the hinges' vertices in `elements`.
-    owners : (h, 2) int array
-        An element that contains the hinge, and the hinge's position in its stencil.
     """
 
     vertices: Ints
     rest_angles: Floats
-    strains: sparse.csr_array
+    bounds: Floats
+    stiffnesses: Floats
     stencils: Ints
     weights: Floats
     elements: Ints
     slots: Ints
-    owners: Ints
+
+    _bent: Memo[Floats] = field(default_factory=Memo, init=False, repr=False, compare=False)
 
     def value(self, x: Floats) -> float:
         """E(x) [J]."""
-        angles = kernels.angles(self.vertices, x)
-        if np.isinf(angles).any():
-            return np.inf
-        return 0.5 * float(np.sum((self.strains @ (angles - self.rest_angles)) ** 2))
+        change = self._change(x)
+        return midedge_kernels.value(self.stencils, self.weights, change) if np.isfinite(change).all() else np.inf
 
     def gradient(self, x: Floats) -> Floats:
         """dE/dx, (N, 3) [N]."""
-        return _gradient(self.vertices, self._moments(x), x)
+        return hinge_kernels.gradient(self.vertices, self._moments(x), x)
 
-    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
-        """3k x 3k a triangle [N/m]; projected: Gauss-Newton; exact: plus the moments times d2theta/dx2."""
-        blocks = _gauss_newton(self.vertices, self.stencils, self.weights, self.slots, self.elements.shape[1], x)
-        if not project:
-            _add_moments(blocks, self.vertices, self._moments(x), self.owners, self.slots, x)
-        return ElementHessian(self.elements, blocks)
+    def hessian(self, x: Floats, project: bool = True) -> LanesHessian | SumHessian:
+        """Exact: J' G'G J + moments d2theta/dx2, J = dtheta/dx [N/m]; projected: J' k J with the bounds k, by hinge."""
+        moments = np.zeros(len(self.vertices)) if project else self._moments(x)
+        hinges = self.vertices, moments, self.bounds if project else np.zeros(len(self.vertices))
+        by_hinge = LanesHessian(self.vertices, lambda lanes, first: hinge_kernels.fill(lanes, first, *hinges, x))
+        return by_hinge if project else SumHessian((by_hinge, self._squares(x)))
+
+    def _squares(self, x: Floats) -> ImplicitHessian:
+        """J' G'G J: the Gauss-Newton Hessian."""
+        slopes = midedge_kernels.angle_gradients(self.vertices, x)
+        elementwise = self.vertices, self.stencils, self.weights
+
+        def by_element() -> LowRankHessian:
+            factors = midedge_kernels.factors(*elementwise, self.slots, self.elements.shape[1], slopes)
+            three = np.full(len(self.elements), 3)
+            return LowRankHessian(self.elements, np.arange(0, len(factors), 3), three, factors)
+
+        return ImplicitHessian(self.elements, lambda v: midedge_kernels.product(*elementwise, slopes, v), by_element)
+
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
+        """The elements with a moving vertex, and their hinges."""
+        chosen = np.flatnonzero(moving[self.elements].any(axis=1))
+        used = np.zeros(len(self.vertices), bool)
+        used[self.stencils[chosen]] = True
+        hinges = np.flatnonzero(used)
+        return replace(
+            self,
+            vertices=self.vertices[hinges],
+            rest_angles=self.rest_angles[hinges],
+            bounds=self.bounds[hinges],
+            stiffnesses=self.stiffnesses[chosen],
+            stencils=(np.cumsum(used) - 1)[self.stencils[chosen]],
+            weights=self.weights[chosen],
+            elements=self.elements[chosen],
+            slots=self.slots[chosen],
+        )
+
+    def strains_of_angles(self) -> tuple[sparse.csr_array, Floats]:
+        """B (3m, h) [1/m] and w (m,) [J m2] of E = sum w |B (theta - theta0)|^2/2: three strains a triangle."""
+        m, _, j = self.weights.shape
+        entries = self.weights / np.sqrt(self.stiffnesses)[:, None, None]
+        columns = np.broadcast_to(self.stencils[:, None, :], entries.shape)
+        rows = np.repeat(np.arange(3 * m), j)
+        shape = (3 * m, len(self.vertices))
+        return sparse.coo_array((entries.ravel(), (rows, columns.ravel())), shape=shape).tocsr(), self.stiffnesses
+
+    def widths(self, of_hinges: Floats) -> Floats:
+        """The mean over each element's hinges of their widths (h,), (m,) [m]."""
+        acting = (self.weights != 0).any(axis=1)
+        return np.asarray((of_hinges[self.stencils] * acting).sum(axis=1) / acting.sum(axis=1), np.float64)
+
+    def _change(self, x: Floats) -> Floats:
+        """theta - theta0, (h,) [rad]; +inf where a triangle has no area."""
+        return self._bent.at(x, lambda x: hinge_kernels.angles(self.vertices, x)) - self.rest_angles
 
     def _moments(self, x: Floats) -> Floats:
         """dE/dtheta, (h,) [N m]."""
-        angles = kernels.angles(self.vertices, x)
-        change = np.where(np.isinf(angles), 0.0, angles - self.rest_angles)
-        return self.strains.T @ (self.strains @ change)
+        change = self._change(x)
+        return midedge_kernels.moments(self.stencils, self.weights, np.where(np.isinf(change), 0.0, change))
 
 
 def midedge_bending(hinges: Hinges, world: World) -> MidedgeBending:
     """The bending energy of hinges, all or some of a world's."""
     strains = bending_strains(world, hinges)
-    stencils, weights = _rows_in_threes(strains)
+    triangles, stencils, weights = _rows_in_threes(strains)
+    bounds = np.asarray(abs(strains.T @ strains).sum(axis=1), np.float64).ravel()
+    stiffnesses = (world.per_triangle("bending_stiffness") * world.rest_areas)[triangles]
     elements, slots = _distinct(hinges.vertices[stencils])
-    owners = np.zeros((len(hinges.vertices), 2), np.int64)
-    rows, columns = np.indices(stencils.shape)
-    owners[stencils] = np.stack([rows, columns], axis=2)
-    return MidedgeBending(hinges.vertices, hinges.rest_angles, strains, stencils, weights, elements, slots, owners)
+    return MidedgeBending(hinges.vertices, hinges.rest_angles, bounds, stiffnesses, stencils, weights, elements, slots)
 
 
-def _rows_in_threes(matrix: sparse.csr_array) -> tuple[Ints, Floats]:
-    """The columns (m, j) and entries (m, 3, j) of a matrix (3m, h), three rows at a time, without rows of zeros."""
+def _rows_in_threes(matrix: sparse.csr_array) -> tuple[Ints, Ints, Floats]:
+    """The threes (m,) of rows of a matrix (3m, h) that are not zero, their columns (m, j) and entries (m, 3, j)."""
     m = matrix.shape[0] // 3
     threes = (sparse.kron(sparse.eye_array(m), np.ones((1, 3))) @ abs(matrix)).tocsr()
     threes.sort_indices()
@@ -109,7 +161,7 @@ def _rows_in_threes(matrix: sparse.csr_array) -> tuple[Ints, Floats]:
     columns = threes.indices[threes.indptr[selected, None] + np.where(filled, j, 0)].astype(np.int64)
     rows = 3 * selected[:, None] + np.arange(3)
     entries = matrix[np.repeat(rows.ravel(), len(j)), np.repeat(columns, 3, axis=0).ravel()].reshape(-1, 3, len(j))
-    return columns, np.where(filled[:, None, :], np.asarray(entries), 0.0)
+    return selected, columns, np.where(filled[:, None, :], np.asarray(entries), 0.0)
 
 
 def _distinct(vertices: Ints) -> tuple[Ints, Ints]:
@@ -124,68 +176,3 @@ def _distinct(vertices: Ints) -> tuple[Ints, Ints]:
     distinct = np.repeat(ordered[:, :1], rank.max(initial=0) + 1, axis=1)
     np.put_along_axis(distinct, rank, ordered, axis=1)
     return distinct, slots.reshape(vertices.shape)
-
-
-@kernel
-def _angle_gradients(vertices: Ints, x: Floats) -> Floats:
-    """dtheta/dx of each hinge, (h, 4, 3) [1/m]."""
-    gradients = np.empty((len(vertices), 4, 3))
-    for h in range(len(vertices)):
-        a, b, c, d = four_points(x, vertices, h)
-        g = hinge_angle_gradient(a, b, c, d)
-        for k in range(4):
-            for i in range(3):
-                gradients[h, k, i] = g[k][i]
-    return gradients
-
-
-@kernel
-def _gradient(vertices: Ints, moments: Floats, x: Floats) -> Floats:
-    """Sum of the moments times dtheta/dx."""
-    gradient = np.zeros_like(x)
-    angle_gradients = _angle_gradients(vertices, x)
-    for h in range(len(vertices)):
-        for k in range(4):
-            for i in range(3):
-                gradient[vertices[h, k], i] += moments[h] * angle_gradients[h, k, i]
-    return gradient
-
-
-@kernel
-def _gauss_newton(vertices: Ints, stencils: Ints, weights: Floats, slots: Ints, n_slots: int, x: Floats) -> Floats:
-    """Sum of s s' over the three strains of a triangle, s = sum_j weight_j dtheta_j/dx."""
-    angle_gradients = _angle_gradients(vertices, x)
-    size = 3 * n_slots
-    blocks = np.empty((len(stencils), size, size))
-    strains = np.empty((3, size))
-    for t in range(len(stencils)):
-        strains[:] = 0.0
-        for j in range(stencils.shape[1]):
-            for k in range(4):
-                at = 3 * slots[t, j, k]
-                for i in range(3):
-                    slope = angle_gradients[stencils[t, j], k, i]
-                    for q in range(3):
-                        strains[q, at + i] += weights[t, q, j] * slope
-        r, s, u = strains[0], strains[1], strains[2]
-        for row in range(size):
-            line, a, b, c = blocks[t, row], r[row], s[row], u[row]
-            for column in range(size):
-                line[column] = a * r[column] + b * s[column] + c * u[column]
-    return blocks
-
-
-@kernel
-def _add_moments(blocks: Floats, vertices: Ints, moments: Floats, owners: Ints, slots: Ints, x: Floats) -> None:
-    """Add each hinge's moment times d2theta/dx2 to the block of an element that contains the hinge."""
-    curved = np.empty((12, 12))
-    for h in range(len(vertices)):
-        a, b, c, d = four_points(x, vertices, h)
-        hinge_hessian(a, b, c, d, moments[h], 0.0, curved)
-        t = owners[h, 0]
-        slot = slots[t, owners[h, 1]]
-        for k in range(4):
-            for i in range(3):
-                for m in range(4):
-                    for j in range(3):
-                        blocks[t, 3 * slot[k] + i, 3 * slot[m] + j] += curved[3 * k + i, 3 * m + j]

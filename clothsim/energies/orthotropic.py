@@ -35,11 +35,17 @@ class ThreadedMembrane(Energy, Restrictable, Report):
 
     @classmethod
     def of(
-        cls, world: World, chosen: Ints, angles: Floats, mu: Floats, law: ThreadLaw, notes: tuple[str, ...] = ()
+        cls,
+        world: World,
+        chosen: Ints,
+        angles: Floats,
+        lame: tuple[Floats, Floats],
+        law: ThreadLaw,
+        notes: tuple[str, ...] = (),
     ) -> Self:
-        """The `chosen (k,)` triangles of a world; mu (k,) of the sheet [N/m], angles (m,) of the warp [rad]."""
+        """The `chosen (k,)` triangles of a world; mu and lam (k,) of the sheet [N/m], angles (m,) of the warp [rad]."""
         shapes, areas = world.rest_shape_inverses[chosen], world.rest_areas[chosen]
-        sheet = NeoHookeanMembrane(world.triangles[chosen], shapes, areas, mu, np.zeros(len(chosen)))
+        sheet = NeoHookeanMembrane(world.triangles[chosen], shapes, areas, *lame)
         return cls(sheet, Fibres.of(world, chosen, angles, law), notes)
 
     @property
@@ -76,8 +82,12 @@ class ThreadedMembrane(Energy, Restrictable, Report):
         return ElementHessian(self.triangles, blocks)
 
 
-def orthotropic(world: World, angles: Floats) -> ThreadedMembrane:
-    """The sheets of all fabrics that have a stiffness; angles (m,) of the warp [rad]."""
+def orthotropic(world: World, angles: Floats, by_fabric: bool = False) -> ThreadedMembrane:
+    """The sheets of all fabrics that have a stiffness; angles (m,) of the warp [rad].
+
+    by_fabric: a fabric without stiffnesses of threads stays an isotropic Neo-Hookean sheet, beside others that have
+    them; else it becomes the orthotropic sheet with the same limit of small strains.
+    """
     warp, weft = world.per_triangle("stiffness_along_warp"), world.per_triangle("stiffness_along_weft")
     shear, nu = world.per_triangle("stiffness_in_shear"), world.per_triangle("poisson_ratio_of_threads")
     chosen = np.flatnonzero(warp + weft + shear)
@@ -85,4 +95,10 @@ def orthotropic(world: World, angles: Floats) -> ThreadedMembrane:
     c11, c22, c12 = warp / (1 - nu**2), weft / (1 - nu**2), nu * np.sqrt(warp * weft) / (1 - nu**2)
     smaller = 0.5 * (c11 + c22) - np.hypot(0.5 * (c11 - c22), c12)
     mu = np.minimum(shear, 0.5 * np.maximum(smaller, 0.0))
-    return ThreadedMembrane.of(world, chosen, angles, mu, LinearThreads(c11 - 2 * mu, c22 - 2 * mu, c12, shear - mu))
+    lam, stiffnesses = np.zeros(len(chosen)), [c11 - 2 * mu, c22 - 2 * mu, c12, shear - mu]
+    if by_fabric:
+        threaded = world.per_triangle("has_threads")[chosen]
+        mu = np.where(threaded, mu, world.per_triangle("shear_modulus")[chosen])
+        lam = np.where(threaded, lam, world.per_triangle("lame_modulus")[chosen])
+        stiffnesses = [np.where(threaded, each, 0.0) for each in stiffnesses]
+    return ThreadedMembrane.of(world, chosen, angles, (mu, lam), LinearThreads(*stiffnesses))

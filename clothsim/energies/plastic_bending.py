@@ -1,79 +1,19 @@
-"""Plastic bending with kinematic hardening: the effect `plastic_bending`.
+"""Yield of bending: the effect `plastic_bending` (`plastic_hinges` has the flow).
 
-The rest angle of each hinge is shifted by a plastic angle p (`shifted_hinges`). With the elastic angle
-e = theta - theta0 - p, the yield angle y and linear kinematic hardening H (Prager 1956; return mapping: Simo and Hughes
-1998, "Computational inelasticity", box 1.4), p flows where |e - H p| > y, independent of the rate:
-
-    p += sign(e - H p) (|e - H p| - y) / (1 + H).
-
-A fold held at theta_m retains (theta_m - y) / (1 + H) when it is released. y is given as an angle, or as a curvature
-kappa, y = kappa (A1 + A2)/|e|, which is a property of the fabric and not of the mesh.
-
-p is updated at the start of a step, from the angles there, and constant within it: an error of first order in dt. A
-fold at the start of a run flows at once.
+The yield y is given as a curvature kappa, which is a property of the fabric and not of the mesh, or as the angle of a
+hinge. Hinges of edge length |e| between areas A1 and A2 take y = kappa (A1 + A2)/|e|, triangles of the mid-edge model
+the angle over the mean (A1 + A2)/|e| of the hinges in their curvature.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 
-from clothsim.arrays import Floats, as_positive
+from clothsim.arrays import as_positive
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example, Idle
-from clothsim.energies.hinge_kernels import angles
-from clothsim.energies.protocols import History
-from clothsim.energies.shifted_hinges import ShiftedHinges, hinges_of_bending
-from clothsim.energies.step import Step
 from clothsim.errors import InputError
 from clothsim.mesh.world import World
-
-NAME = "plastic_bending"
-
-
-@dataclass(frozen=True)
-class PlasticBending(ShiftedHinges, History):
-    """Plastic shifts of rest angles.
-
-    Parameters
-    ----------
-    rest_angles : (h,) array
-        Rest angles without creases [rad].
-    yields : (h,) array
-        y [rad].
-    hardening : float
-        H, relative to the stiffness of the hinge.
-    """
-
-    rest_angles: Floats
-    yields: Floats
-    hardening: float
-
-    per_element = (*ShiftedHinges.per_element, "rest_angles", "yields")
-    begins_last = True
-
-    @property
-    def carry_over(self) -> Floats:
-        """p of each hinge, (h,) [rad]."""
-        return self.shifts
-
-    def begin(self, step: Step) -> Self:
-        """A copy with p after the return mapping at the start of the step, relative to rest angles with creases."""
-        references = self.rest_angles.copy()
-        for other in step.bound.values():
-            if isinstance(other, ShiftedHinges):
-                references[other.numbers] += other.shifts
-        before = np.asarray(step.memory.get(NAME, np.zeros(len(references))), np.float64)
-        bend = angles(self.vertices, step.positions) - references
-        return replace(self, references=references, shifts=flowed(bend, before, self.yields, self.hardening))
-
-
-def flowed(bend: Floats, plastic: Floats, yields: Floats, hardening: float) -> Floats:
-    """Return mapping: the plastic angles (h,) from the previous ones and theta - theta0 (h,) [rad]."""
-    driving = np.where(np.isfinite(bend), bend, 0.0) - (1 + hardening) * plastic
-    beyond = np.where(np.isfinite(bend), np.maximum(np.abs(driving) - yields, 0.0), 0.0)
-    return np.asarray(plastic + np.sign(driving) * beyond / (1 + hardening), np.float64)
 
 
 def plastic_bending(
@@ -114,15 +54,24 @@ def plastic_bending(
         raise InputError(sentence, "Give one of them.")
     if not degrees and not curvature:
         return Off("no yield is given")
-    hinges = hinges_of_bending(NAME, (built or {}).get("bending"))
-    if hinges is None:
+    bending = (built or {}).get("bending")
+    if bending is None:
         return Off("the scene has no bending")
+    from clothsim.energies.hinge_bending import HingeBending  # after the last Off: no kernel for a zero
+    from clothsim.energies.hinge_moments import hinges_of_bending
+    from clothsim.energies.plastic_hinges import NAME, PlasticBending
+
+    hinges = hinges_of_bending(NAME, bending)
+    strains, weights = hinges.strains_of_angles()
     stiff = world.hinges.stiffness > 0
     widths = world.hinges.areas[stiff] / world.hinges.edge_lengths[stiff]
-    yields = curvature * widths if curvature else np.full(len(widths), np.radians(degrees))
-    every, none = np.arange(len(widths)), np.zeros(len(widths))
-    rest = hinges.rest_angles
-    return PlasticBending(hinges.vertices, rest, hinges.stiffnesses, none, every, rest, yields, ratio)
+    if isinstance(hinges, HingeBending):
+        yields = curvature * widths if curvature else np.full(len(widths), np.radians(degrees))
+    else:
+        yields = np.full(len(weights), curvature) if curvature else np.radians(degrees) / hinges.widths(widths)
+    rest, none = hinges.rest_angles, np.zeros(len(widths))
+    plastic = np.zeros((len(weights), strains.shape[0] // len(weights)))
+    return PlasticBending(hinges.vertices, rest, none, 0.0, rest, strains, weights, yields, ratio, plastic)
 
 
 EXAMPLE = Example(

@@ -27,6 +27,14 @@ def is_idle(energy: Energy) -> bool:
     return isinstance(energy, Idling) and energy.idle
 
 
+class Storing(abc.ABC):
+    """An energy of the step, part of which is stored and may come back (the springs of static friction)."""
+
+    @abc.abstractmethod
+    def stored(self, x: Floats) -> float:
+        """The stored part at x [J]."""
+
+
 class Driven(abc.ABC):
     """An energy that may do external work, as wind does: a rise of the total energy is then no error."""
 

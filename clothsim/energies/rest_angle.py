@@ -1,8 +1,8 @@
 """Creases and pleats, lines with a rest angle: the effect `rest_angle`.
 
 The hinges along a crease have the rest angle that the scene gives, constant or over time; their stiffness remains that
-of bending, k = D |e|^2/(A1 + A2), so that a crease resists loads no more than the cloth resists bending. Two flat
-panels joined by one crease are at rest at exactly its angle, whatever k is. Angle 0 is flat; a positive angle folds the
+of the bending model, so that a crease resists loads no more than the cloth resists bending. Two flat panels joined by
+one crease are at rest at exactly its angle, whatever the stiffness is. Angle 0 is flat; a positive angle folds the
 cloth towards its back.
 
 A line is snapped to the edges of the mesh (`mesh.edge_paths`): along rows of a grid it is exact; across a mesh it
@@ -10,54 +10,24 @@ zigzags, and hinges off one line cannot all rotate by the angle without stretch:
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from clothsim.arrays import Ints, as_points
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example, Idle
-from clothsim.energies.hinge_bending import HingeBending
-from clothsim.energies.protocols import Driven
 from clothsim.energies.selection import check_tables, cloth_number, vertex_numbers
-from clothsim.energies.shifted_hinges import ShiftedHinges, hinges_of_bending
-from clothsim.energies.step import Step
-from clothsim.energies.varying_values import Schedule, schedule
+from clothsim.energies.varying_values import schedule
 from clothsim.errors import InputError
 from clothsim.mesh.edge_paths import path_along
 from clothsim.mesh.topology import unique_edges
 from clothsim.mesh.world import World
 
+if TYPE_CHECKING:
+    from clothsim.energies.hinge_moments import BendingModel
+
 KEYS = ("angle_degrees", "through", "vertices", "cloth")
-
-
-@dataclass(frozen=True)
-class RestAngle(ShiftedHinges, Driven):
-    """Shifted rest angles along creases.
-
-    Parameters
-    ----------
-    schedules : tuple of Schedule
-        Rest angle of each crease [degrees].
-    counts_of_hinges : tuple of int
-        Number of hinges along each crease.
-    """
-
-    schedules: tuple[Schedule, ...]
-    counts_of_hinges: tuple[int, ...]
-
-    @property
-    def drives(self) -> bool:
-        """True where a rest angle varies over time, which does external work."""
-        return not all(angle.is_constant for angle in self.schedules)
-
-    def begin(self, step: Step) -> Self:
-        """A copy with the rest angles of the end of the step; a quasi-static ramp scales constant ones."""
-        now = step.time + step.dt
-        goals = np.repeat([_radians(angle, now) for angle in self.schedules], self.counts_of_hinges)
-        loads = np.repeat([step.load if a.is_constant else 1.0 for a in self.schedules], self.counts_of_hinges)
-        return replace(self, shifts=loads * (goals - self.references))
 
 
 def rest_angle(
@@ -86,9 +56,13 @@ def rest_angle(
     check_tables("effects.rest_angle.crease", crease, KEYS, ("angle_degrees",))
     if not crease:
         return Off("there is no crease")
-    hinges = hinges_of_bending("rest_angle", (built or {}).get("bending"))
-    if hinges is None:
+    bending = (built or {}).get("bending")
+    if bending is None:
         return Off("the scene has no bending")
+    from clothsim.energies.creases import radians, rest_angles  # as late as the kernels of bending
+    from clothsim.energies.hinge_moments import hinges_of_bending
+
+    hinges = hinges_of_bending("rest_angle", bending)
     names = [f"effects.rest_angle.crease[{k}]" for k in range(len(crease))]
     rows = [_hinges_along(name, world, keys, hinges) for name, keys in zip(names, crease, strict=True)]
     schedules = tuple(
@@ -96,24 +70,15 @@ def rest_angle(
     )
     for angle in schedules:
         for time in angle.times:
-            _radians(angle, time)
+            radians(angle, time)
     chosen = np.concatenate(rows)
     _refuse_twice(hinges, chosen)
-    references, stiffnesses = hinges.rest_angles[chosen], hinges.stiffnesses[chosen]
-    if not references.any() and all(angle.is_zero for angle in schedules):
+    if not hinges.rest_angles[chosen].any() and all(angle.is_zero for angle in schedules):
         return Off("every crease is flat, as is the cloth at rest")
-    none = np.zeros(len(chosen))
-    return RestAngle(hinges.vertices[chosen], references, stiffnesses, none, chosen, schedules, tuple(map(len, rows)))
+    return rest_angles(hinges, chosen, schedules, tuple(map(len, rows)))
 
 
-def _radians(angle: Schedule, time: float) -> float:
-    degrees = angle.at(time)
-    if not abs(degrees) < 180:
-        raise InputError(f"{angle.name} is {degrees:g} at {time:g} s.", "Give less than 180 degrees.")
-    return float(np.radians(degrees))
-
-
-def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: HingeBending) -> Ints:
+def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: "BendingModel") -> Ints:
     """The numbers of the hinges along a crease."""
     if ("through" in keys) == ("vertices" in keys):
         raise InputError(f"{name} needs either through or vertices.", "Such as through = [[x, y, z], [x, y, z]].")
@@ -140,7 +105,7 @@ def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: Hing
     return selected
 
 
-def _refuse_twice(hinges: HingeBending, chosen: Ints) -> None:
+def _refuse_twice(hinges: "BendingModel", chosen: Ints) -> None:
     twice = np.flatnonzero(np.bincount(chosen) > 1)
     if twice.size:
         a, b = hinges.vertices[twice[0], :2]

@@ -22,12 +22,12 @@ def draw_fit(done: "Fit", file: Path) -> str:
     """Write a PNG of the garment on its body, transferred, and fitted; returns the renderer's note."""
     from PIL import Image
 
-    from clothsim.render.picture import expose, take_aim
+    from clothsim.render.picture import picture_setup, rendered
 
     panels, note = [], ""
     for title, positions, figure, stretches in _panels(done):
         surfaces = _surfaces(done.garment, positions, figure, stretches)
-        shot = take_aim(
+        setup = picture_setup(
             [surfaces],
             size=SIZE,
             colour="stretch",
@@ -37,8 +37,8 @@ def draw_fit(done: "Fit", file: Path) -> str:
             renderer="auto",
             focus=np.concatenate([figure.positions, positions]),
         )
-        panels.append(expose(shot, surfaces))
-        note = shot.note
+        panels.append(rendered(setup, surfaces))
+        note = setup.note
     Image.fromarray(np.hstack(panels)).save(file, format="PNG")
     return note
 

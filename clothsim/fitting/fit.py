@@ -22,6 +22,7 @@ from clothsim.io.checkpoint import CHECKPOINT_NAME
 from clothsim.io.obj_writer import write_obj
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.io.trajectory import TRAJECTORY_NAME
+from clothsim.run.callbacks import refuse_uncallable
 from clothsim.run.recorded_run import Announcement, Listener
 from clothsim.run.results import Run
 from clothsim.run.resume import FITTED
@@ -163,6 +164,7 @@ def fit(
     Traceback (most recent call last):
     clothsim.errors.InputError: ...
     """
+    refuse_uncallable(on_stage=on_stage, progress=progress, announce=announce)
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
     named = fabric or (garment.fabric if isinstance(garment, ClothArrays) else "cotton")
@@ -188,9 +190,9 @@ def fit(
     target = source if _same(base, to) else _figure(to, None, body_group)
     if not of_scene:
         _refuse_a_body(worn, source, target)
-    places = NO_MARKERS if markers is None else read_markers(markers)
+    placed_markers = NO_MARKERS if markers is None else read_markers(markers)
     _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
-    task = Task(worn, source, target, named, resize, directory, on_stage, places)
+    task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers)
     seeded_fit = seeded(task)
     return _simulated(task, seeded_fit, started, progress, announce)
 
@@ -292,8 +294,8 @@ def _write(done: Fit, seconds: float) -> None:
         "fit_seconds": seconds,
     }
     if done.status == "failed":
-        place, counts = done.counts.place, str(done.counts)
-        failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": place, "remedy": REMEDY}
+        position, counts = done.counts.position, str(done.counts)
+        failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": position, "remedy": REMEDY}
         fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
     write_summary(file, {**previous, **fitted})
 

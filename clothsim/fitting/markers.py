@@ -46,9 +46,9 @@ def marked_vertices(points: Floats, source: Figure, target: Figure) -> Ints:
     from scipy.spatial import cKDTree
 
     matched = []
-    for figure, places in ((source, points[:, :3]), (target, points[:, 3:])):
+    for figure, positions in ((source, points[:, :3]), (target, points[:, 3:])):
         used = np.unique(figure.triangles)
-        far, nearest = cKDTree(figure.positions[used]).query(figure.scale * places)
+        far, nearest = cKDTree(figure.positions[used]).query(figure.scale * positions)
         worst = int(np.argmax(far))
         if far[worst] > FARTHEST:
             raise InputError(

@@ -21,7 +21,7 @@ class Counts:
         Depth of the deepest [m].
     body_pairs, self_pairs : int
         Intersecting triangle pairs of garment and body, and of the garment with itself.
-    place : ndarray (3,) or None
+    position : ndarray (3,) or None
         Position of the worst [m]; None where `clean`.
     """
 
@@ -29,7 +29,7 @@ class Counts:
     depth: float
     body_pairs: int
     self_pairs: int
-    place: Floats | None
+    position: Floats | None
 
     @property
     def on_body(self) -> bool:
@@ -44,7 +44,9 @@ class Counts:
     @property
     def where(self) -> str:
         """Position of the worst penetration as text."""
-        return "nowhere" if self.place is None else f"near ({', '.join(f'{value:.3g}' for value in self.place)}) m"
+        return (
+            "nowhere" if self.position is None else f"near ({', '.join(f'{value:.3g}' for value in self.position)}) m"
+        )
 
     def __str__(self) -> str:
         inside = f"{self.penetrating_vertices:,} vertices inside"
@@ -63,11 +65,11 @@ def penetrations(garment: Floats, triangles: Ints, body: BodySurface) -> tuple[C
     x = np.concatenate([garment, body.positions])
     faces = body.triangles + len(garment)
     own, with_body = intersecting_pairs(x, triangles), intersecting_pairs(x, triangles, faces)
-    place = None
+    position = None
     if within.count:
-        place = garment[within.worst]
+        position = garment[within.worst]
     elif len(with_body):
-        place = intersection_points(x, triangles, faces, with_body[:1])[0]
+        position = intersection_points(x, triangles, faces, with_body[:1])[0]
     elif len(own):
-        place = intersection_points(x, triangles, triangles, own[:1])[0]
-    return Counts(within.count, within.depth, len(with_body), len(own), place), with_body, own
+        position = intersection_points(x, triangles, triangles, own[:1])[0]
+    return Counts(within.count, within.depth, len(with_body), len(own), position), with_body, own

@@ -10,7 +10,7 @@ from clothsim.fitting.penetration_report import PenetrationReport
 from clothsim.render.camera import Camera
 from clothsim.render.closeup import INK, pixels, ring
 from clothsim.render.legend import add_legend, label
-from clothsim.render.picture import expose_bare, take_aim
+from clothsim.render.picture import picture_setup, rendered_without_legend
 from clothsim.render.surface_look import Surface
 
 SIZE = (720, 1080)
@@ -42,7 +42,7 @@ def draw_penetrations(report: PenetrationReport, file: Path) -> str:
     ]
     halves, note = [], ""
     for turn, side in TURNS:
-        shot = take_aim(
+        setup = picture_setup(
             [surfaces],
             size=SIZE,
             colour="plain",
@@ -51,10 +51,10 @@ def draw_penetrations(report: PenetrationReport, file: Path) -> str:
             title=side,
             renderer="auto",
         )
-        bare = Image.fromarray(np.round(255 * np.clip(expose_bare(shot, surfaces), 0, 1)).astype(np.uint8))
-        _mark(bare, report, shot.camera)
+        bare = Image.fromarray(np.round(255 * np.clip(rendered_without_legend(setup, surfaces), 0, 1)).astype(np.uint8))
+        _mark(bare, report, setup.camera)
         halves.append(add_legend(np.asarray(bare, float) / 255, None, side))
-        note = shot.note
+        note = setup.note
     _with_key(np.hstack(halves), report).save(file, format="PNG")
     return note
 
@@ -78,22 +78,22 @@ def _mark(picture: Any, report: PenetrationReport, camera: Camera) -> None:
         outline = [tuple(point) for point in pixels(camera, x[triangles[triangle]], SIZE)]
         pen.line([*outline, outline[0]], fill=OUTLINE, width=1)
     inside = report.inside[::-1]
-    places, normals = report.closest.points[inside], report.closest.normals[inside]
+    points, normals = report.closest.points[inside], report.closest.normals[inside]
     depths = -report.closest.signed_distance[inside]
-    seen = np.flatnonzero(_seen(report, places, normals, camera))
-    spots = pixels(camera, places, SIZE)
+    seen = np.flatnonzero(_seen(report, points, normals, camera))
+    spots = pixels(camera, points, SIZE)
     for k in seen:
         _dot(pen, spots[k], depths[k] / depths[-1])
     if len(seen) and seen[-1] == len(inside) - 1:
         ring(pen, spots[-1], SIZE)
 
 
-def _seen(report: PenetrationReport, places: Floats, normals: Floats, camera: Camera) -> np.ndarray:
+def _seen(report: PenetrationReport, points: Floats, normals: Floats, camera: Camera) -> np.ndarray:
     """Mask of the points on the body (k, 3) that face the camera and are not hidden by it."""
-    rays = camera.position - places
+    rays = camera.position - points
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
     facing = (rays * normals).sum(axis=1) > 0
-    distance, _ = report.body.exits(places + CLEAR * report.body.size * normals, rays)
+    distance, _ = report.body.exits(points + CLEAR * report.body.size * normals, rays)
     return np.logical_and(facing, ~np.isfinite(distance))
 
 

@@ -9,8 +9,8 @@ from clothsim.jit import part
 
 LEAF = 4
 """Approximate number of triangles in a leaf."""
-STACK = 64
-"""Capacity of the traversal stack: one node a level, and a level halves the number of triangles."""
+STACK = 512
+"""Capacity of the traversal stack: a level leaves three pairs of nodes waiting, and halves the number of triangles."""
 
 
 @part
@@ -56,25 +56,49 @@ def tree(lower, upper):
 
 
 @part
-def overlapping(order, nodes, lower, upper, low, high, hits):
-    """Write the boxes that overlap the closed box (low, high) to `hits`; returns their number."""
-    m, leaves = len(order), len(nodes) // 2
-    stack = np.empty(STACK, np.int64)
-    stack[0], n_waiting, count = 1, 1, 0
+def leaf_range(m, nodes, node):
+    """First item of a leaf of a tree over m boxes, in its order, and the one after its last."""
+    leaves = len(nodes) // 2
+    return _first_item(m, leaves, node - leaves), _first_item(m, leaves, node - leaves + 1)
+
+
+@part
+def next_leaves(stack, n_waiting, nodes, other_nodes, is_self):
+    """Traverse two trees at a time, or one with itself (each pair once), until two leaves whose boxes overlap.
+
+    stack (STACK, 2): pairs of nodes that wait, the roots (1, 1) at first. Returns their number and both leaves, which
+    are 0 at the end.
+    """
+    leaves, other_leaves = len(nodes) // 2, len(other_nodes) // 2
     while n_waiting:
         n_waiting -= 1
-        node = stack[n_waiting]
-        if not _overlap(nodes[node, 0], nodes[node, 1], low, high):
+        a, b = stack[n_waiting, 0], stack[n_waiting, 1]
+        if not _overlap(nodes[a, 0], nodes[a, 1], other_nodes[b, 0], other_nodes[b, 1]):
             continue
-        if node < leaves:
-            stack[n_waiting], stack[n_waiting + 1] = 2 * node, 2 * node + 1
-            n_waiting += 2
-            continue
-        for i in order[_first_item(m, leaves, node - leaves) : _first_item(m, leaves, node - leaves + 1)]:
-            if _overlap(lower[i], upper[i], low, high):
-                hits[count] = i
-                count += 1
-    return count
+        is_leaf, other_is_leaf = a >= leaves, b >= other_leaves
+        if is_leaf and other_is_leaf:
+            return n_waiting, a, b
+        for i in range(a, a + 1) if is_leaf else range(2 * a, 2 * a + 2):
+            for j in range(b, b + 1) if other_is_leaf else range(2 * b, 2 * b + 2):
+                if not is_self or i <= j:
+                    stack[n_waiting, 0], stack[n_waiting, 1] = i, j
+                    n_waiting += 1
+    return 0, 0, 0
+
+
+@part
+def within(lower, upper, low, high):
+    """Indices of the boxes (m, 3) that overlap the closed box of all boxes `low`, `high` (k, 3)."""
+    box = np.full((2, 3), np.inf)
+    box[1] = -np.inf
+    for i in range(len(low)):
+        _enclose(box, low[i], high[i])
+    indices, count = np.empty(len(lower), np.int64), 0
+    for i in range(len(lower)):
+        if _overlap(lower[i], upper[i], box[0], box[1]):
+            indices[count] = i
+            count += 1
+    return indices[:count]
 
 
 @part
@@ -138,4 +162,14 @@ def _overlap(low, high, other_low, other_high):
         (low[0] <= other_high[0] and other_low[0] <= high[0])
         and (low[1] <= other_high[1] and other_low[1] <= high[1])
         and (low[2] <= other_high[2] and other_low[2] <= high[2])
+    )
+
+
+@part
+def rows_overlap(low, high, i, lower, upper, j):
+    """`_overlap` of row i of the boxes (low, high) with row j of (lower, upper), 1.3 times as fast without slices."""
+    return (
+        (low[i, 0] <= upper[j, 0] and lower[j, 0] <= high[i, 0])
+        and (low[i, 1] <= upper[j, 1] and lower[j, 1] <= high[i, 1])
+        and (low[i, 2] <= upper[j, 2] and lower[j, 2] <= high[i, 2])
     )

@@ -1,9 +1,10 @@
 """Intersecting pairs of a scene's surfaces, by the names of its cloths and bodies."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations_with_replacement
 from typing import Protocol
+
+import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.intersection.intersecting_pairs import LIMIT, intersecting_pairs, intersection_points
@@ -62,16 +63,10 @@ class Crossing:
         return f"triangle {i} of {self.first} intersects triangle {j} of {self.second} near ({at}) m"
 
 
-def crossings(
-    x: Floats,
-    parts: Sequence[Surface],
-    cloth_cloth: bool,
-    excluded: Collection[frozenset[str]] = (),
-    limit: int = LIMIT,
-) -> tuple[Crossing, ...]:
-    """All intersections of cloths with bodies and, with `cloth_cloth`, with themselves and each other.
+def crossings(x: Floats, parts: Sequence[Surface], limit: int = LIMIT) -> tuple[Crossing, ...]:
+    """All intersections of cloths with bodies, with themselves and with each other.
 
-    Bodies are never checked against each other.
+    Bodies are never checked against each other. There are two searches, however many surfaces there are.
 
     Parameters
     ----------
@@ -79,17 +74,13 @@ def crossings(
         Positions of all vertices [m].
     parts : sequence of Surface
         Cloths, then bodies.
-    cloth_cloth : bool
-        Check cloths against themselves and each other.
-    excluded : collection of frozenset of str
-        Pairs of names (one name: with itself) that are not checked.
     limit : int
-        Number of triangle pairs of two surfaces at which their search ends.
+        Number of triangle pairs at which a search ends.
 
     Returns
     -------
     tuple of Crossing
-        One for each pair of surfaces that intersect.
+        One for each pair of surfaces that intersect, in their order.
 
     Examples
     --------
@@ -98,16 +89,41 @@ def crossings(
     >>> x = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0], [1, 1, -1], [1, 1, 1], [9, 9, 0]])
     >>> sheet = SimpleNamespace(name="sheet", role="cloth", triangles=np.array([[0, 1, 2]]))
     >>> peg = SimpleNamespace(name="peg", role="body", triangles=np.array([[3, 4, 5]]))
-    >>> [crossing.summary for crossing in crossings(x, [sheet, peg], cloth_cloth=True)]
+    >>> [crossing.summary for crossing in crossings(x, [sheet, peg])]
     ['sheet and peg intersect']
     """
+    cloths = [part for part in parts if part.role == "cloth"]
+    found = _between(x, cloths, None, limit) + _between(x, cloths, [p for p in parts if p.role == "body"], limit)
+    order = {part.name: k for k, part in enumerate(parts)}
+    return tuple(sorted(found, key=lambda each: (order[each.first], order[each.second])))
+
+
+def _between(x: Floats, cloths: Sequence[Surface], bodies: Sequence[Surface] | None, limit: int) -> list[Crossing]:
+    """Crossings of the cloths with bodies; None: with themselves and each other."""
+    others = cloths if bodies is None else bodies
+    if not cloths or not others:
+        return []
+    first, starts = _together(cloths)
+    second, other_starts = (first, starts) if bodies is None else _together(others)
+    pairs = intersecting_pairs(x, first, None if bodies is None else second, limit)
+    if not len(pairs):
+        return []
+    owners = np.column_stack(
+        [
+            np.searchsorted(starts, pairs[:, 0], side="right") - 1,
+            np.searchsorted(other_starts, pairs[:, 1], side="right") - 1,
+        ]
+    )
     found = []
-    for one, other in combinations_with_replacement(parts, 2):
-        checked = one.role == "cloth" and (other.role == "body" or cloth_cloth)
-        if not checked or frozenset((one.name, other.name)) in excluded:
-            continue
-        pairs = intersecting_pairs(x, one.triangles, None if other is one else other.triangles, limit)
-        if len(pairs):
-            position = intersection_points(x, one.triangles, other.triangles, pairs[:1])[0]
-            found.append(Crossing(one.name, other.name, other.role, pairs, position))
-    return tuple(found)
+    for a, b in np.unique(owners, axis=0):
+        chosen = pairs[(owners == (a, b)).all(axis=1)]
+        position = intersection_points(x, first, second, chosen[:1])[0]
+        local = chosen - [starts[a], other_starts[b]]
+        found.append(Crossing(cloths[a].name, others[b].name, others[b].role, local, position))
+    return found
+
+
+def _together(parts: Sequence[Surface]) -> tuple[Ints, Ints]:
+    """Triangles of all parts, and the first of each."""
+    counts = [len(part.triangles) for part in parts]
+    return np.concatenate([part.triangles for part in parts]), np.cumsum([0, *counts[:-1]])

@@ -4,7 +4,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_points, as_triangles
 from clothsim.errors import InputError
-from clothsim.intersection.box_tree import boxes, overlapping, tree
+from clothsim.intersection.box_tree import STACK, boxes, leaf_range, next_leaves, rows_overlap, tree, within
 from clothsim.intersection.predicates import scaled
 from clothsim.intersection.triangle_pair import triangles_intersect
 from clothsim.jit import kernel, part
@@ -82,25 +82,46 @@ def intersection_points(positions: Floats, first: Ints, second: Ints, pairs: Int
 
 @kernel
 def _pairs(x, first, second, self_test, limit):
-    """Box query of each triangle of `first` among `second`, then the exact test."""
-    lower, upper = boxes(x, second)
-    order, nodes = tree(lower, upper)
-    low, high = boxes(x, first)
-    hits = np.empty(len(second), np.int64)
+    """Traverse the box trees of both surfaces, then test the triangles of leaves that overlap exactly."""
+    all_first, all_second = boxes(x, first), boxes(x, second)
+    rows, nodes, low, high = _sorted_near(all_first, all_second)
+    others, other_nodes, lower, upper = rows, nodes, low, high
+    if not self_test:
+        others, other_nodes, lower, upper = _sorted_near(all_second, all_first)
+    stack, n_waiting = np.ones((STACK, 2), np.int64), 1
     found, count = np.empty((64, 2), np.int64), 0
-    for i in range(len(first)):
-        s = (first[i, 0], first[i, 1], first[i, 2])
-        for j in hits[: overlapping(order, nodes, lower, upper, low[i], high[i], hits)]:
-            if self_test and j <= i:
-                continue
-            if triangles_intersect(x, s, (second[j, 0], second[j, 1], second[j, 2])):
+    while True:
+        n_waiting, a, b = next_leaves(stack, n_waiting, nodes, other_nodes, self_test)
+        if a == 0:
+            return found[:count]
+        start, stop = leaf_range(len(rows), nodes, a)
+        other_start, other_stop = leaf_range(len(others), other_nodes, b)
+        for p in range(start, stop):
+            for q in range(p + 1 if self_test and a == b else other_start, other_stop):
+                if not rows_overlap(low, high, p, lower, upper, q):
+                    continue
+                i, j = rows[p], others[q]
+                if self_test and j < i:
+                    i, j = j, i
+                s, t = (first[i, 0], first[i, 1], first[i, 2]), (second[j, 0], second[j, 1], second[j, 2])
+                if not triangles_intersect(x, s, t):
+                    continue
                 if count == len(found):
                     found = _doubled(found)
                 found[count, 0], found[count, 1] = i, j
                 count += 1
                 if count == limit:
                     return found[:count]
-    return found[:count]
+
+
+@part
+def _sorted_near(surface, other):
+    """The tree over the boxes of a surface that overlap the box of the other: triangles in its order, nodes, boxes."""
+    (low, high), (lower, upper) = surface, other
+    near = within(low, high, lower, upper)
+    order, nodes = tree(low[near], high[near])
+    rows = near[order]
+    return rows, nodes, low[rows], high[rows]
 
 
 @part

@@ -3,7 +3,8 @@
 import json
 import math
 import zipfile
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -45,6 +46,8 @@ class Checkpoint:
         The state a step earlier, for BDF2.
     previous_dt : float
         The step since then [s].
+    files : mapping of str to bytes
+        Files that the scene names, by their names in it; empty where they are not kept in the checkpoint.
     """
 
     time: float
@@ -60,15 +63,21 @@ class Checkpoint:
     previous_positions: Floats | None = None
     previous_velocities: Floats | None = None
     previous_dt: float = math.nan
+    files: Mapping[str, bytes] = field(default_factory=dict)
 
 
 def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
     """Write a checkpoint as a NumPy archive, atomically. InputError where it cannot be written."""
+    write_atomically(Path(path), packed(checkpoint))
+
+
+def packed(checkpoint: Checkpoint) -> bytes:
+    """The bytes of the NumPy archive that holds a checkpoint."""
     counters = json.dumps(checkpoint.counters, default=lambda number: number.tolist())
     archive = BytesIO()
-    earlier: dict[str, Any] = {}
+    more: dict[str, Any] = dict(_packed_files(checkpoint.files))
     if checkpoint.previous_positions is not None and checkpoint.previous_velocities is not None:
-        earlier = {
+        more |= {
             "previous_positions": np.asarray(checkpoint.previous_positions, np.float64),
             "previous_velocities": np.asarray(checkpoint.previous_velocities, np.float64),
             "previous_dt": np.array([checkpoint.previous_dt]),
@@ -82,9 +91,9 @@ def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
         velocities=np.asarray(checkpoint.velocities, np.float64),
         scene_text=_text(checkpoint.scene_text),
         counters=_text(counters),
-        **earlier,
+        **more,
     )
-    write_atomically(Path(path), archive.getvalue())
+    return archive.getvalue()
 
 
 def read_checkpoint(path: str | Path) -> Checkpoint:
@@ -92,7 +101,15 @@ def read_checkpoint(path: str | Path) -> Checkpoint:
     if not Path(path).is_file():
         raise InputError(f"There is no checkpoint {path}.")
     try:
-        content = BytesIO(Path(path).read_bytes())
+        return unpacked(Path(path).read_bytes(), str(path))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}).", "Make it readable, or copy it.") from error
+
+
+def unpacked(data: bytes, name: str) -> Checkpoint:
+    """The checkpoint in the bytes of `packed`. InputError where they hold none; `name` is for its message."""
+    try:
+        content = BytesIO(data)
         if not zipfile.is_zipfile(content):
             raise ValueError("it is no NumPy archive, or not all of one")
         with zipfile.ZipFile(content) as archive:
@@ -102,7 +119,7 @@ def read_checkpoint(path: str | Path) -> Checkpoint:
             return _from_arrays(arrays)
     except Exception as error:  # zipfile, NumPy and JSON raise a dozen types of errors
         raise InputError(
-            f"{path} is broken or not a checkpoint ({error}).", "Repeat the run from its scene."
+            f"{name} is broken or not a checkpoint ({error}).", "Repeat the run from its scene."
         ) from error
 
 
@@ -122,7 +139,8 @@ def _from_arrays(arrays: Any) -> Checkpoint:
     if not isinstance(counters, dict):
         raise ValueError("its counters are no table")
     state = time, dt, frame, step, positions, velocities
-    return Checkpoint(*state, scene_text, counters, blocked_at, blocked, *_previous(arrays, positions.shape))
+    previous, files = _previous(arrays, positions.shape), _files(arrays)
+    return Checkpoint(*state, scene_text, counters, blocked_at, blocked, *previous, files)
 
 
 def _previous(arrays: Any, shape: tuple[int, ...]) -> tuple[Floats | None, Floats | None, float]:
@@ -135,6 +153,27 @@ def _previous(arrays: Any, shape: tuple[int, ...]) -> tuple[Floats | None, Float
     if positions.shape != shape or velocities.shape != shape:
         raise ValueError(f"the step before it has positions {positions.shape}, not {shape}")
     return positions, velocities, dt
+
+
+def _packed_files(files: Mapping[str, bytes]) -> dict[str, np.ndarray]:
+    """Names, sizes and contents of files as arrays; none where there is no file."""
+    if not files:
+        return {}
+    sizes = np.array([len(content) for content in files.values()], np.int64)
+    contents = np.frombuffer(b"".join(files.values()), np.uint8)
+    return {"file_names": _text(json.dumps(list(files))), "file_sizes": sizes, "file_contents": contents}
+
+
+def _files(arrays: Any) -> dict[str, bytes]:
+    """The files of `_packed_files`."""
+    if "file_names" not in arrays:
+        return {}
+    names, sizes = json.loads(_string(arrays["file_names"])), arrays["file_sizes"].tolist()
+    contents = arrays["file_contents"].tobytes()
+    if sum(sizes) != len(contents) or min(sizes, default=0) < 0 or len(set(names)) != len(sizes):
+        raise ValueError("its files are not complete")
+    ends = np.cumsum([0, *sizes])
+    return {str(name): contents[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
 
 
 def _text(text: str) -> np.ndarray:

@@ -35,13 +35,13 @@ def read_msh(path: Path, content: bytes) -> Polygons:
 
 def _sections(content: bytes) -> tuple[Ints, Floats, Elements]:
     """The tags (n,) and positions (n, 3) of all nodes, and the elements."""
-    form, place = "", 0
+    form, offset = "", 0
     tags, points, elements = np.zeros(0, np.int64), np.zeros((0, 3)), []
-    while (place := content.find(b"$", place)) >= 0:
-        line = content.find(b"\n", place)
+    while (offset := content.find(b"$", offset)) >= 0:
+        line = content.find(b"\n", offset)
         if line < 0:
             break
-        name = content[place + 1 : line].strip()
+        name = content[offset + 1 : line].strip()
         if name == b"MeshFormat":
             end = content.find(b"\n", line + 1)
             form, binary, size = content[line + 1 : end].decode("latin-1").split()
@@ -60,13 +60,13 @@ def _sections(content: bytes) -> tuple[Ints, Floats, Elements]:
                 tags, points = _nodes_2(source) if form[0] == "2" else _nodes_4(source, form == "4.1")
             else:
                 elements = _elements_2(source) if form[0] == "2" else _elements_4(source, form == "4.1")
-            line = max(line, source.place)
-        place = _end_of(name, content, line) + 4 + len(name)
+            line = max(line, source.offset)
+        offset = _end_of(name, content, line) + 4 + len(name)
     return tags, points, elements
 
 
-def _end_of(name: bytes, content: bytes, place: int) -> int:
-    end = content.find(b"$End" + name, place)
+def _end_of(name: bytes, content: bytes, offset: int) -> int:
+    end = content.find(b"$End" + name, offset)
     if end < 0:
         raise ValueError(f"${name.decode('latin-1')[:20]} does not end")
     return end
@@ -75,7 +75,7 @@ def _end_of(name: bytes, content: bytes, place: int) -> int:
 class _Words:
     """Numbers in the text of one section."""
 
-    place = 0
+    offset = 0
 
     def __init__(self, text: bytes) -> None:
         self.words, self.taken = text.split(), 0
@@ -104,16 +104,16 @@ class _Words:
 
 
 class _Bytes:
-    """Binary numbers; a 1 at `place` gives the byte order."""
+    """Binary numbers; a 1 at `offset` gives the byte order."""
 
-    def __init__(self, content: bytes, place: int, size: int) -> None:
-        self.content, self.place = content, place
-        self.order = "<" if content[place : place + 4] == b"\1\0\0\0" else ">"
+    def __init__(self, content: bytes, offset: int, size: int) -> None:
+        self.content, self.offset = content, offset
+        self.order = "<" if content[offset : offset + 4] == b"\1\0\0\0" else ">"
         self.kinds = {"int": "i4", "size": f"u{size}", "double": "f8"}
 
-    def at(self, place: int) -> "_Bytes":
-        """The numbers from `place` on."""
-        self.place = place
+    def at(self, offset: int) -> "_Bytes":
+        """The numbers from `offset` on."""
+        self.offset = offset
         return self
 
     def take(self, kind: str, count: int) -> np.ndarray:
@@ -127,11 +127,11 @@ class _Bytes:
         return table["ints"].astype(np.int64), table["doubles"].astype(float)
 
     def _take(self, kind: np.dtype, count: int) -> np.ndarray:
-        there = (len(self.content) - self.place) // kind.itemsize
+        there = (len(self.content) - self.offset) // kind.itemsize
         if not 0 <= count <= there:
             raise ValueError(f"{count} numbers are promised, {there} are there")
-        values = np.frombuffer(self.content, kind, count, self.place) if count else np.zeros(0, kind)
-        self.place += values.nbytes
+        values = np.frombuffer(self.content, kind, count, self.offset) if count else np.zeros(0, kind)
+        self.offset += values.nbytes
         return values.astype(np.int64) if kind.kind in "iu" else values
 
 
@@ -148,8 +148,8 @@ def _count_2(source: Source) -> int:
     """The count, which is text in a binary file, too."""
     if isinstance(source, _Words):
         return int(source.take("size", 1)[0])
-    end = source.content.find(b"\n", source.place)
-    count, source.place = int(source.content[source.place : end]), end + 1
+    end = source.content.find(b"\n", source.offset)
+    count, source.offset = int(source.content[source.offset : end]), end + 1
     return count
 
 
@@ -166,40 +166,40 @@ def _nodes_4(source: Source, latest: bool) -> tuple[Ints, Floats]:
             tags.append(source.take("size", count))
             points.append(source.take("double", count * width).reshape(count, width)[:, :3])
         else:
-            numbers, places = source.rows(count, 1, width)
+            numbers, coordinates = source.rows(count, 1, width)
             tags.append(numbers.ravel())
-            points.append(places[:, :3])
+            points.append(coordinates[:, :3])
     return np.concatenate(tags), np.concatenate(points)
 
 
 def _elements_4(source: Source, latest: bool) -> Elements:
-    blocks = int(source.take("size", 4 if latest else 2)[0])
-    found = []
-    for _ in range(blocks):
+    count_of_blocks = int(source.take("size", 4 if latest else 2)[0])
+    blocks = []
+    for _ in range(count_of_blocks):
         kind = int(source.take("int", 3)[2])
         count, width = int(source.take("size", 1)[0]), 1 + CORNERS[kind]
         rows = source.take("size" if latest else "int", count * width).reshape(count, width)
-        found.append((kind, rows[:, 1:]))
-    return found
+        blocks.append((kind, rows[:, 1:]))
+    return blocks
 
 
 def _elements_2(source: Source) -> Elements:
     """Blocks of version 2: in text each element is a row; in binary, elements of one type have a common header."""
-    left, found = _count_2(source), []
+    left, blocks = _count_2(source), []
     if isinstance(source, _Words):
         for _ in range(left):
             _, kind, marks = source.take("int", 3).tolist()
             source.take("int", marks)
-            found.append((kind, source.take("int", CORNERS[kind])[None]))
-        return found
+            blocks.append((kind, source.take("int", CORNERS[kind])[None]))
+        return blocks
     while left > 0:
         kind, count, marks = source.take("int", 3).tolist()
         width = 1 + marks + CORNERS[kind]
         if count < 1 or marks < 0:
             raise ValueError(f"a block of {count} elements with {marks} tags")
-        found.append((kind, source.take("int", count * width).reshape(count, width)[:, 1 + marks :]))
+        blocks.append((kind, source.take("int", count * width).reshape(count, width)[:, 1 + marks :]))
         left -= count
-    return found
+    return blocks
 
 
 def _polygons(tags: Ints, points: Floats, elements: Elements) -> Polygons:
@@ -212,11 +212,11 @@ def _polygons(tags: Ints, points: Floats, elements: Elements) -> Polygons:
         if kind not in FACES:
             ignored[kind] += len(nodes)
             continue
-        place = np.searchsorted(known, nodes.ravel())
-        missing = (place == len(known)) | (known[np.minimum(place, len(known) - 1)] != nodes.ravel())
+        rank = np.searchsorted(known, nodes.ravel())
+        missing = (rank == len(known)) | (known[np.minimum(rank, len(known) - 1)] != nodes.ravel())
         if missing.any():
             raise ValueError(f"node {nodes.ravel()[missing][0]} is named, but not there")
-        corners.append(order[place])
+        corners.append(order[rank])
         sizes.append(np.full(len(nodes), nodes.shape[1]))
     starts = np.concatenate([[0], np.cumsum(np.concatenate(sizes))]).astype(np.int64)
     messages = [f"{count} elements of Gmsh's kind {kind} ignored" for kind, count in sorted(ignored.items())]

@@ -52,10 +52,10 @@ class Part:
 def choose(file: Path, polygons: Polygons, cut: tuple[Ints, Ints, tuple[str, ...]], part: Part) -> MeshFile:
     """The `part` of `polygons` with the triangles `cut`, which `cut_polygons` made. InputError names `file`."""
     factor = as_positive("scale", part.scale)
-    places, faces, messages = cut
+    corner_rows, faces, messages = cut
     messages = (*polygons.messages, *messages)
-    triangles = polygons.corners[places]
-    texture = polygons.texture[places] if len(polygons.texture) else np.zeros((0, 3, 2))
+    triangles = polygons.corners[corner_rows]
+    texture = polygons.texture[corner_rows] if len(polygons.texture) else np.zeros((0, 3, 2))
     groups = {name: np.flatnonzero(np.isin(faces, own)) for name, own in polygons.groups.items()}
     whole = MeshFile(polygons.positions, triangles, texture, messages, groups)
     if sum(key is not None for key in (part.group, part.component, part.vertices)) > 1:

@@ -47,13 +47,13 @@ def cut_polygons(polygons: Polygons) -> tuple[Ints, Ints, tuple[str, ...]]:
     for files of one topology (frames, a start) use that of the first.
     """
     sizes = np.diff(polygons.starts)
-    places, faces, messages = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)], []
+    corner_rows, faces, messages = [np.zeros((0, 3), np.int64)], [np.zeros(0, np.int64)], []
     for size in np.unique(sizes[sizes >= 3]):
         rows = np.flatnonzero(sizes == size)
         corner = polygons.starts[rows, None] + np.arange(size)
         with np.errstate(over="ignore", invalid="ignore"):  # at 1e154 any fan will do
             fans, overlapping = _best_fans(polygons.positions[polygons.corners[corner]])
-        places.append(np.take_along_axis(corner, fans.reshape(len(rows), -1), axis=1).reshape(-1, 3))
+        corner_rows.append(np.take_along_axis(corner, fans.reshape(len(rows), -1), axis=1).reshape(-1, 3))
         faces.append(np.repeat(rows, size - 2))
         if size > 3:
             name = "quads" if size == 4 else f"faces of {size} corners"
@@ -61,7 +61,7 @@ def cut_polygons(polygons: Polygons) -> tuple[Ints, Ints, tuple[str, ...]]:
         if overlapping.any():
             messages.append(f"{overlapping.sum()} of them fold or bend inward, first face {rows[overlapping][0]}")
     order = np.argsort(np.concatenate(faces), kind="stable")
-    return np.concatenate(places)[order], np.concatenate(faces)[order], tuple(messages)
+    return np.concatenate(corner_rows)[order], np.concatenate(faces)[order], tuple(messages)
 
 
 def _best_fans(points: Floats) -> tuple[Ints, NDArray[np.bool_]]:

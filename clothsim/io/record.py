@@ -24,8 +24,8 @@ class RecordWriter:
 
         InputError where the file cannot be written or has fewer lines.
         """
-        kept = b"" if resume_at is None else _first_lines(Path(path), resume_at)
-        write_atomically(Path(path), kept)
+        earlier = b"" if resume_at is None else _first_lines(Path(path), resume_at)
+        write_atomically(Path(path), earlier)
         self._file = Path(path).open("ab")  # noqa: SIM115  closed by `close`
 
     def __enter__(self) -> "RecordWriter":

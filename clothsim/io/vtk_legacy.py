@@ -35,7 +35,7 @@ class _Sections:
     """A cursor in the file."""
 
     def __init__(self, content: bytes, binary: bool) -> None:
-        self.content, self.binary, self.place = content, binary, 0
+        self.content, self.binary, self.offset = content, binary, 0
 
     def polygons(self, path: Path) -> Polygons:
         points, messages = np.zeros((0, 3)), []
@@ -70,11 +70,11 @@ class _Sections:
 
     def words(self) -> list[str]:
         """The words of the next line that is not blank; none at the end of the file."""
-        while self.place < len(self.content):
-            end = self.content.find(b"\n", self.place)
+        while self.offset < len(self.content):
+            end = self.content.find(b"\n", self.offset)
             end = len(self.content) if end < 0 else end
-            words = self.content[self.place : end].decode("latin-1").split()
-            self.place = end + 1
+            words = self.content[self.offset : end].decode("latin-1").split()
+            self.offset = end + 1
             if words:
                 return words
         return []
@@ -85,15 +85,15 @@ class _Sections:
             raise ValueError(f"{count} numbers promised")
         number = np.dtype(NUMBERS[kind.lower()])
         if self.binary:
-            values = np.frombuffer(self.content, number, count, self.place)
-            self.place += values.nbytes
+            values = np.frombuffer(self.content, number, count, self.offset)
+            self.offset += values.nbytes
             return values
-        values, self.place = _text_numbers(self.content, self.place, count, number)
+        values, self.offset = _text_numbers(self.content, self.offset, count, number)
         return values
 
     def faces(self, count: int, size: int) -> tuple[Ints, Ints]:
         """Corners of all faces, one face after the other, and the number of corners of each."""
-        here = self.place
+        here = self.offset
         words = self.words()
         if words and words[0].upper() == "OFFSETS":
             offsets = self.numbers(count, words[1]).astype(np.int64)
@@ -102,7 +102,7 @@ class _Sections:
             if (sizes < 0).any() or offsets[:1].any() or offsets[-1:].sum() != len(corners):
                 raise ValueError("offsets do not fit the connectivity")
             return corners, sizes
-        self.place = here
+        self.offset = here
         return _split_sizes(self.numbers(size, "int").astype(np.int64), count)
 
 
@@ -110,27 +110,27 @@ def _split_sizes(table: Ints, count: int) -> tuple[Ints, Ints]:
     """The corners and sizes of `count` faces, each given as its size and its corners."""
     if not 0 <= count <= len(table):
         raise ValueError(f"{count} faces promised in {len(table)} numbers")
-    starts, place = np.zeros(count, np.int64), 0
+    starts, offset = np.zeros(count, np.int64), 0
     for face in range(count):
-        starts[face] = place
-        if table[place] < 0:
-            raise ValueError(f"face {face} has {table[place]} corners")
-        place += 1 + int(table[place])
-    if place != len(table):
-        raise ValueError(f"faces use {place} of {len(table)} numbers")
+        starts[face] = offset
+        if table[offset] < 0:
+            raise ValueError(f"face {face} has {table[offset]} corners")
+        offset += 1 + int(table[offset])
+    if offset != len(table):
+        raise ValueError(f"faces use {offset} of {len(table)} numbers")
     return np.delete(table, starts), table[starts]
 
 
-def _text_numbers(content: bytes, place: int, count: int, number: np.dtype) -> tuple[Floats | Ints, int]:
-    """`count` numbers in text from `place` on, and the start of the next line."""
+def _text_numbers(content: bytes, offset: int, count: int, number: np.dtype) -> tuple[Floats | Ints, int]:
+    """`count` numbers in text from `offset` on, and the start of the next line."""
     words: list[bytes] = []
     while len(words) < count:
-        if place >= len(content):
+        if offset >= len(content):
             raise ValueError(f"the file ends {count - len(words)} numbers early")
-        end = content.find(b"\n", place)
+        end = content.find(b"\n", offset)
         end = len(content) if end < 0 else end
-        words += content[place:end].split()
-        place = end + 1
+        words += content[offset:end].split()
+        offset = end + 1
     if len(words) > count:
         raise ValueError(f"{len(words)} numbers where {count} were promised")
-    return np.array([float(word) for word in words] if number.kind == "f" else [int(word) for word in words]), place
+    return np.array([float(word) for word in words] if number.kind == "f" else [int(word) for word in words]), offset

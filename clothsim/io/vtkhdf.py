@@ -124,12 +124,12 @@ def blocks(file: h5py.File) -> Iterator[h5py.Group]:
 
 def arrays_of(block: h5py.Group) -> list[FrameArray]:
     """The arrays of a block beside its positions."""
-    found = []
+    listed = []
     for location in ("triangle", "vertex"):
         for name, dataset in block.get(_GROUPS[location], {}).items():
             components = dataset.attrs.get("components", dataset.shape[1:])
-            found.append(FrameArray(name, location, tuple(int(n) for n in components)))
-    return found
+            listed.append(FrameArray(name, location, tuple(int(n) for n in components)))
+    return listed
 
 
 def rows_of(block: h5py.Group, array: FrameArray) -> int:

@@ -104,13 +104,13 @@ def _edges(world: World, hinges: Hinges) -> _Edges:
     foot = np.einsum("tik,tik->ti", edges_to_corner, arms) / lengths - lengths / 2
     middle_angles = np.stack([(foot**2 - lengths**2 / 4) / (2 * heights), foot / ROOT2, heights / 2], axis=2)
     directions = np.arctan2(arms[..., 1], arms[..., 0])
-    number, sides = _hinges_of(world.triangles, hinges.vertices)
+    number, sides = hinges_of_triangles(world.triangles, hinges.vertices)
     held = hinges.held[number] if len(hinges.held) else np.full_like(number, -1)
     kinds = np.where(number < 0, FREE, np.where(held < 0, INTERIOR, np.where(held == sides, FIXED, CLAMPED)))
     return _Edges(directions, lengths, np.abs(twice_area) / 2, middle_angles, number, sides, kinds)
 
 
-def _hinges_of(triangles: Ints, hinge_vertices: Ints) -> tuple[Ints, Ints]:
+def hinges_of_triangles(triangles: Ints, hinge_vertices: Ints) -> tuple[Ints, Ints]:
     """The hinge at each edge of each triangle, -1 where none; and its side there: 0 where it is the hinge's first."""
     directed, ends = half_edges(triangles), hinge_vertices[:, :2]
     base = 1 + max(int(directed.max(initial=0)), int(ends.max(initial=0)))

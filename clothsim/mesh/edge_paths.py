@@ -58,10 +58,10 @@ def path_along(where: str, positions: Floats, edges: Ints, points: Floats) -> In
 def _nearest(where: str, positions: Floats, vertices: Ints, points: Floats, limit: float) -> Ints:
     """The one of `vertices` nearest to each point, (p,)."""
     distances = np.linalg.norm(positions[vertices] - points[:, None], axis=2)
-    off = np.flatnonzero(distances.min(axis=1) > limit)
-    if off.size:
+    distant = np.flatnonzero(distances.min(axis=1) > limit)
+    if distant.size:
         raise InputError(
-            f"{where}[{off[0]}] is {distances[off[0]].min():.3g} m from the mesh at rest.",
+            f"{where}[{distant[0]}] is {distances[distant[0]].min():.3g} m from the mesh at rest.",
             "Draw the line in the coordinates of the mesh before it is placed.",
         )
     return vertices[distances.argmin(axis=1)]

@@ -70,6 +70,12 @@ class Fabric:
         return self.youngs_modulus * self.thickness * self.poisson_ratio / (1 - self.poisson_ratio**2)
 
     @property
+    def has_threads(self) -> bool:
+        """True where it has an orthotropic stiffness of its own."""
+        own = self.warp_stiffness, self.weft_stiffness, self.shear_stiffness, self.thread_poisson_ratio
+        return any(value is not None for value in own)
+
+    @property
     def stiffness_along_warp(self) -> float:
         """E1 [N/m]; E thickness where the fabric gives none."""
         return self._own(self.warp_stiffness, self.youngs_modulus * self.thickness)

@@ -82,13 +82,13 @@ class FrameMotion:
 
 @dataclass(frozen=True)
 class LaterMotion:
-    """x(t) = motion(places, t - since): a rigid motion that begins at `since` [s] from `places (n, 3)` [m].
+    """x(t) = motion(positions, t - since): a rigid motion that begins at `since` [s] from `positions (n, 3)` [m].
 
     A simulation that is stepped by hand sets it between two steps. It counts as moving even where `motion` stands
-    still, as the points may have to be moved to `places` first.
+    still, as the points may have to be moved to `positions` first.
     """
 
-    places: Floats
+    positions: Floats
     motion: RigidMotion
     since: float
 
@@ -98,8 +98,8 @@ class LaterMotion:
         return False
 
     def apply(self, points: Floats, time: float) -> Floats:
-        """Positions `places` moved to `time` [s]; `points`, the positions at time 0, are not used."""
-        return self.motion.apply(self.places, time - self.since)
+        """The own `positions` moved to `time` [s]; `points`, those at time 0, are not used."""
+        return self.motion.apply(self.positions, time - self.since)
 
 
 Motion = RigidMotion | FrameMotion | LaterMotion

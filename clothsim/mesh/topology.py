@@ -75,7 +75,7 @@ def components(triangles: Ints, n_vertices: int) -> Ints:
     return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
-def renumbered_groups(groups: Mapping[str, Ints], kept: Ints) -> dict[str, Ints]:
-    """Return the groups in the numbering of the triangles `kept` (ascending) among themselves."""
-    left = {name: np.flatnonzero(np.isin(kept, own)) for name, own in groups.items()}
+def renumbered_groups(groups: Mapping[str, Ints], remaining: Ints) -> dict[str, Ints]:
+    """Return the groups in the numbering of the triangles `remaining` (ascending) among themselves."""
+    left = {name: np.flatnonzero(np.isin(remaining, own)) for name, own in groups.items()}
     return {name: own for name, own in left.items() if len(own)}

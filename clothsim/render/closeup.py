@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from clothsim.arrays import Floats, Ints
 from clothsim.render.camera import Camera, Margins, three_quarter_view
 from clothsim.render.legend import add_legend, margins
-from clothsim.render.picture import Shot, expose_bare, take_aim
+from clothsim.render.picture import PictureSetup, picture_setup, rendered_without_legend
 from clothsim.render.surface_look import Surface
 
 INK = (196, 0, 120)
@@ -27,46 +27,46 @@ ELEVATIONS, AZIMUTHS = (24, 8, 50, 75, -20), range(0, 360, 30)
 """Candidate view directions [degrees]."""
 
 
-def draw_place(
+def draw_closeup(
     path: str | Path,
     surfaces: Sequence[Surface],
-    place: Floats,
+    point: Floats,
     *,
     title: str = "",
     up: ArrayLike | str = "z",
     size: tuple[int, int] = (1280, 960),
     renderer: str = "auto",
 ) -> str:
-    """Write a PNG of `surfaces` round `place (3,)` [m] with a ring there; returns one line that names the renderer.
+    """Write a PNG of `surfaces` round `point (3,)` [m] with a ring there; returns one line that names the renderer.
 
-    The view is one from which nothing hides the place. Where there is none, the bodies in front of it are cut away, and
+    The view is one from which nothing hides the point. Where there is none, the bodies in front of it are cut away, and
     the title names them. Other arguments as in `picture.draw`.
     """
     from PIL import Image, ImageDraw
 
     view_radius = _view_radius([surface for surface in surfaces if surface.role == "cloth"])
-    focus = place + view_radius * np.concatenate([np.eye(3), -np.eye(3)])
+    focus = point + view_radius * np.concatenate([np.eye(3), -np.eye(3)])
     settings = {"size": size, "colour": "stretch", "up": up, "renderer": renderer, "focus": focus}
-    upright = take_aim([surfaces], view="auto", title=title, **settings).up  # type: ignore[arg-type]
+    upright = picture_setup([surfaces], view="auto", title=title, **settings).up  # type: ignore[arg-type]
     near = np.concatenate(
-        [_corners_near(surface, place, view_radius) for surface in surfaces if surface.role == "cloth"]
+        [_corners_near(surface, point, view_radius) for surface in surfaces if surface.role == "cloth"]
     )
-    view = _freest_view(surfaces, place, upright, near, 0.05 * view_radius)
-    shot = take_aim([surfaces], view=view, title=title, **settings)  # type: ignore[arg-type]
-    seen, cut = _cut_open(surfaces, place, shot.camera.position, 0.05 * view_radius)
+    view = _freest_view(surfaces, point, upright, near, 0.05 * view_radius)
+    setup = picture_setup([surfaces], view=view, title=title, **settings)  # type: ignore[arg-type]
+    seen, cut = _cut_open(surfaces, point, setup.camera.position, 0.05 * view_radius)
     caption = f"{title} ({' and '.join(cut)} cut open)" if cut else title
-    nearest = near[np.argsort(np.linalg.norm(near.mean(axis=1) - place, axis=1))[:OUTLINED]]
-    bare = np.round(255 * np.clip(expose_bare(shot, seen), 0, 1)).astype(np.uint8)
+    nearest = near[np.argsort(np.linalg.norm(near.mean(axis=1) - point, axis=1))[:OUTLINED]]
+    bare = np.round(255 * np.clip(rendered_without_legend(setup, seen), 0, 1)).astype(np.uint8)
     picture = Image.fromarray(bare)
     pen = ImageDraw.Draw(picture, "RGBA")
     for corners in nearest:
-        outline = pixels(shot.camera, corners, shot.size)
+        outline = pixels(setup.camera, corners, setup.size)
         pen.line([*map(tuple, outline), tuple(outline[0])], fill=(40, 40, 46, 70), width=1)
-    ring(pen, pixels(shot.camera, place[None], shot.size)[0], shot.size)
-    _veil(pen, margins(shot.size, shot.scale is not None, caption), shot)
-    legend = add_legend(np.asarray(picture, float) / 255, shot.scale, caption)
+    ring(pen, pixels(setup.camera, point[None], setup.size)[0], setup.size)
+    _lighten(pen, margins(setup.size, setup.scale is not None, caption), setup)
+    legend = add_legend(np.asarray(picture, float) / 255, setup.scale, caption)
     Image.fromarray(legend).save(path, format="PNG")
-    return shot.note
+    return setup.note
 
 
 def _view_radius(cloths: Sequence[Surface]) -> float:
@@ -77,17 +77,17 @@ def _view_radius(cloths: Sequence[Surface]) -> float:
     return min(max(EDGES * edge, SMALLEST * size), LARGEST * size)
 
 
-def _corners_near(surface: Surface, place: Floats, radius: float) -> Floats:
+def _corners_near(surface: Surface, point: Floats, radius: float) -> Floats:
     """The corners (k, 3, 3) of the triangles whose centroids are within `radius` [m]; of the nearest where none is."""
     corners = surface.positions[surface.triangles]
-    distances = np.linalg.norm(corners.mean(axis=1) - place, axis=1)
+    distances = np.linalg.norm(corners.mean(axis=1) - point, axis=1)
     return corners[distances <= max(radius, float(distances.min()))]
 
 
-def _freest_view(surfaces: Sequence[Surface], place: Floats, up: Floats, near: Floats, skin: float) -> Floats:
-    """The direction from the place towards the camera, (3,), along which the fewest triangles hide it.
+def _freest_view(surfaces: Sequence[Surface], point: Floats, up: Floats, near: Floats, skin: float) -> Floats:
+    """The direction from the point towards the camera, (3,), along which the fewest triangles hide it.
 
-    Among equals the usual view first. Hits nearer than `skin` [m] do not count: the place lies on a triangle.
+    Among equals the usual view first. Hits nearer than `skin` [m] do not count: the point lies on a triangle.
     """
     usual = three_quarter_view(near, up)
     vertical = up / np.linalg.norm(up)
@@ -97,33 +97,33 @@ def _freest_view(surfaces: Sequence[Surface], place: Floats, up: Floats, near: F
     turns = [(np.radians(e), np.radians(a)) for e in ELEVATIONS for a in AZIMUTHS]
     others = [np.cos(e) * (np.cos(a) * level + np.sin(a) * side) + np.sin(e) * vertical for e, a in turns]
     views = np.array([usual, *others])
-    if not any(len(_in_front(surface, place, usual, skin)) for surface in surfaces):
+    if not any(len(_in_front(surface, point, usual, skin)) for surface in surfaces):
         return usual
-    counts = [sum(len(_in_front(surface, place, view, skin)) for surface in surfaces) for view in views]
+    counts = [sum(len(_in_front(surface, point, view, skin)) for surface in surfaces) for view in views]
     return views[int(np.argmin(counts))]
 
 
-def _in_front(surface: Surface, place: Floats, towards: Floats, skin: float) -> Ints:
-    """The triangles that the ray from the place meets beyond `skin` [m] (Moeller & Trumbore 1997)."""
+def _in_front(surface: Surface, point: Floats, towards: Floats, skin: float) -> Ints:
+    """The triangles that the ray from the point meets beyond `skin` [m] (Moeller & Trumbore 1997)."""
     a, b, c = (surface.positions[surface.triangles[:, k]] for k in range(3))
     p = np.cross(towards, c - a)
     determinant = ((b - a) * p).sum(axis=1)
-    q = np.cross(place - a, b - a)
+    q = np.cross(point - a, b - a)
     with np.errstate(divide="ignore", invalid="ignore"):
-        u = ((place - a) * p).sum(axis=1) / determinant
+        u = ((point - a) * p).sum(axis=1) / determinant
         v = q @ towards / determinant
         t = ((c - a) * q).sum(axis=1) / determinant
         return np.flatnonzero((u >= 0) & (v >= 0) & (u + v <= 1) & (t > skin))
 
 
-def _cut_open(surfaces: Sequence[Surface], place: Floats, eye: Floats, skin: float) -> tuple[list[Surface], list[str]]:
-    """The surfaces, of each body that hides the place only what is behind it; and the names of those bodies."""
-    towards = (eye - place) / np.linalg.norm(eye - place)
+def _cut_open(surfaces: Sequence[Surface], point: Floats, eye: Floats, skin: float) -> tuple[list[Surface], list[str]]:
+    """The surfaces, of each body that hides the point only what is behind it; and the names of those bodies."""
+    towards = (eye - point) / np.linalg.norm(eye - point)
     seen, cut = [], []
     for surface in surfaces:
-        if surface.role == "body" and len(_in_front(surface, place, towards, skin)):
+        if surface.role == "body" and len(_in_front(surface, point, towards, skin)):
             corners = surface.positions[surface.triangles]
-            parts = [part for triangle in corners for part in _behind(triangle, (triangle - place) @ towards)]
+            parts = [part for triangle in corners for part in _behind(triangle, (triangle - point) @ towards)]
             cut.append(surface.name)
             if parts:
                 points = np.concatenate(parts)
@@ -151,12 +151,12 @@ def pixels(camera: Camera, points: Floats, size: tuple[int, int]) -> Floats:
     return np.column_stack([(x + 1) / 2 * size[0], (1 - y) / 2 * size[1]])
 
 
-def _veil(pen: Any, room: Margins, shot: Shot) -> None:
-    """White laid over where the title and the bar come: close by, dark things may be there."""
-    (width, height), white = shot.size, (255, 255, 255, 170)
-    bottom = room.top * height / 2 if shot.title else 0
+def _lighten(pen: Any, room: Margins, setup: PictureSetup) -> None:
+    """White, half transparent, below the title and the bar: in a close-up dark surfaces may lie there."""
+    (width, height), white = setup.size, (255, 255, 255, 170)
+    bottom = room.top * height / 2 if setup.title else 0
     pen.rectangle([0, 0, width, bottom], fill=white)
-    if shot.scale is not None:
+    if setup.scale is not None:
         pen.rectangle([width * (1 - room.right / 2), bottom + 1, width, height], fill=white)
 
 

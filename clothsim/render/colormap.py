@@ -51,9 +51,9 @@ def colour_range(logs: Iterable[Floats]) -> float:
     The smallest such range that holds the 1st to 99th percentile of all `logs`, and never less than 1 %.
     """
     values = np.concatenate([np.zeros(1), *logs])
-    reach = float(np.abs(np.percentile(values, [1, 99])).max())
+    largest = float(np.abs(np.percentile(values, [1, 99])).max())
     ranges = [-np.log1p(-p) for p in _TICKS]
-    return next((float(r) for r in ranges if r >= reach), float(ranges[-1]))
+    return next((float(r) for r in ranges if r >= largest), float(ranges[-1]))
 
 
 def ticks(half_range: float) -> tuple[float, ...]:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from clothsim.arrays import as_positive
 from clothsim.errors import InputError, MissingPackageError
 from clothsim.render.colour_scale import Quantity
-from clothsim.render.picture import Shot, expose, take_aim
+from clothsim.render.picture import PictureSetup, picture_setup, pixel_counts, rendered
 from clothsim.render.surface_look import Surface
 
 
@@ -27,11 +27,34 @@ def movie(
     samples: int = 2,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> str:
-    """Write the frames to `path`, as .mp4 or .gif by its suffix; returns one line that names the renderer.
+    """Write a movie of frames.
 
-    An .mp4 needs the extra `movies`: MissingPackageError without it. A .gif needs no more than Pillow; it shows at most
-    50 frames a second in steps of 10 ms. progress(done, total) is called after each frame; other arguments as in
-    `picture.draw`. samples: per pixel and direction, 1 is faster and rougher.
+    Parameters
+    ----------
+    path : str or Path
+        A file that ends in .mp4 or .gif. A .gif shows at most 50 frames a second, in steps of 10 ms.
+    frames : iterable of sequences of Surface
+        The surfaces of each frame.
+    frames_per_second : float
+        Rate [1/s].
+    size, colour, up, view, title, renderer
+        As of `picture.draw`.
+    samples : int
+        Samples of a pixel in each direction; 1 is faster and rougher.
+    progress : callable
+        Called with the frames drawn and all frames after each of them.
+
+    Returns
+    -------
+    str
+        One line that names the renderer.
+
+    Raises
+    ------
+    InputError
+        For another suffix or a bad argument.
+    MissingPackageError
+        For an .mp4 without the extra `movies`.
     """
     target = Path(path)
     if target.suffix.lower() not in (".mp4", ".gif"):
@@ -43,23 +66,24 @@ def movie(
         )
     rate = as_positive("frames_per_second", frames_per_second)
     all_frames = frames if isinstance(frames, Sequence) else list(frames)
-    even = (int(size[0]) // 2 * 2, int(size[1]) // 2 * 2)  # H.264 halves the colour's resolution
-    shot = take_aim(
+    width, height = pixel_counts(size)
+    even = (width // 2 * 2, height // 2 * 2)  # H.264 halves the colour's resolution
+    setup = picture_setup(
         all_frames, size=even, colour=colour, up=up, view=view, title=title, renderer=renderer, samples=samples
     )
-    pictures = _pictures(shot, all_frames, progress)
+    pictures = _pictures(setup, all_frames, progress)
     if target.suffix.lower() == ".mp4":
         _write_mp4(target, pictures, rate, even)
     else:
         _write_gif(target, pictures, rate)
-    return shot.note
+    return setup.note
 
 
 def _pictures(
-    shot: Shot, frames: Sequence[Sequence[Surface]], progress: Callable[[int, int], None]
+    setup: PictureSetup, frames: Sequence[Sequence[Surface]], progress: Callable[[int, int], None]
 ) -> Iterator[np.ndarray]:
     for number, surfaces in enumerate(frames):
-        yield expose(shot, surfaces)
+        yield rendered(setup, surfaces)
         progress(number + 1, len(frames))
 
 

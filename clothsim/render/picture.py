@@ -4,6 +4,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -21,11 +22,27 @@ _SMALLEST = 64
 
 
 @dataclass(frozen=True)
-class Shot:
+class PictureSetup:
     """Camera, colour range and renderer of a picture, the same for every frame of a movie.
 
-    size: (width, height) in pixels; scale: of the cloth's colours, None where it is plain;
-    up: (3,); renderer: "vtk" or "ray"; samples: per pixel and direction; note: one line that names the renderer.
+    Parameters
+    ----------
+    camera : Camera
+        Position and axes.
+    size : (int, int)
+        Width and height in pixels.
+    scale : Scale or None
+        Colours of the cloth; None where it is plain.
+    up : (3,) array
+        Unit vector.
+    title : str
+        Text at the top left.
+    renderer : "vtk" or "ray"
+        Rasterisation by VTK, or ray casting.
+    samples : int
+        Samples of a pixel in each direction.
+    note : str
+        One line that names the renderer.
     """
 
     camera: Camera
@@ -49,22 +66,45 @@ def draw(
     title: str = "",
     renderer: str = "auto",
 ) -> str:
-    """Write a PNG of `surfaces` and return one line that names the renderer, and how to get the better one.
+    """Write a PNG of surfaces.
 
-    size: (width, height) in pixels; colour: "stretch" (the principal stretch farthest from 1, with a scalar bar),
-    "plain", or the quantity that the surfaces have as `values`; up: (3,) or "x", "y", "z"; view: the direction from the
-    scene to the camera (3,), or "auto"; renderer: "vtk", "ray", or "auto": the environment variable
-    CLOTHSIM_RENDERER, else VTK where it works.
-    InputError for a bad argument, MissingPackageError where the renderer's package is not installed.
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    surfaces : sequence of Surface
+        Cloths and bodies at one time.
+    size : (int, int)
+        Width and height in pixels.
+    colour : "stretch", "plain" or Quantity
+        Of the cloths: the principal stretch farthest from 1, with a scalar bar; none; or that of their `values`.
+    up : (3,) array, "x", "y" or "z"
+        The upward direction of the picture.
+    view : (3,) array or "auto"
+        Direction from the scene to the camera.
+    title : str
+        Text at the top left.
+    renderer : "vtk", "ray" or "auto"
+        "auto": the environment variable CLOTHSIM_RENDERER, else VTK where it works.
+
+    Returns
+    -------
+    str
+        One line that names the renderer, and how to get the better one.
+
+    Raises
+    ------
+    InputError
+        For a bad argument, or a renderer that does not work here.
     """
     from PIL import Image
 
-    shot = take_aim([surfaces], size=size, colour=colour, up=up, view=view, title=title, renderer=renderer)
-    Image.fromarray(expose(shot, surfaces)).save(path, format="PNG")
-    return shot.note
+    setup = picture_setup([surfaces], size=size, colour=colour, up=up, view=view, title=title, renderer=renderer)
+    Image.fromarray(rendered(setup, surfaces)).save(path, format="PNG")
+    return setup.note
 
 
-def take_aim(
+def picture_setup(
     frames: Sequence[Sequence[Surface]],
     *,
     size: tuple[int, int],
@@ -75,16 +115,30 @@ def take_aim(
     renderer: str,
     samples: int = 2,
     focus: Floats | None = None,
-) -> Shot:
-    """The one camera, colour range and renderer that suit all `frames`; arguments as in `draw`.
+) -> PictureSetup:
+    """The one camera, colour range and renderer that suit all frames.
 
-    focus: (k, 3) points to be framed instead of the cloth [m].
+    Parameters
+    ----------
+    frames : sequence of sequences of Surface
+        The surfaces of each frame.
+    size, colour, up, view, title, renderer
+        As of `draw`.
+    samples : int
+        Samples of a pixel in each direction.
+    focus : (k, 3) array, optional
+        Points to be framed instead of the cloth [m].
+
+    Raises
+    ------
+    InputError
+        For a bad argument, or without a frame.
     """
     if not len(frames):
         raise InputError("There is no frame to draw.")
     if not isinstance(colour, Quantity) and colour not in ("stretch", "plain"):
         raise InputError(f'colour must be "stretch" or "plain", not {colour!r}.')
-    pixels = (int(size[0]), int(size[1]))
+    pixels = pixel_counts(size)
     if min(pixels) < _SMALLEST:
         raise InputError(f"A picture needs at least {_SMALLEST} x {_SMALLEST} pixels, not {pixels[0]} x {pixels[1]}.")
     for surface in (s for surfaces in frames for s in surfaces):
@@ -106,25 +160,36 @@ def take_aim(
     if focus is not None:
         cloth = everything = focus
     camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
-    return Shot(camera, pixels, scale, upright, title, chosen, samples, note)
+    return PictureSetup(camera, pixels, scale, upright, title, chosen, samples, note)
 
 
-def expose(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
+def pixel_counts(size: Any) -> tuple[int, int]:
+    """The width and height in pixels. InputError where `size` is no pair of numbers."""
+    try:
+        width, height = (int(pixels) for pixels in size)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(
+            f"size must be (width, height) in pixels, not {size!r:.80}.", "Give size=(1280, 960)."
+        ) from error
+    return width, height
+
+
+def rendered(setup: PictureSetup, surfaces: Sequence[Surface]) -> np.ndarray:
     """The picture of one frame with its legend, (height, width, 3) uint8."""
-    return add_legend(expose_bare(shot, surfaces), shot.scale, shot.title)
+    return add_legend(rendered_without_legend(setup, surfaces), setup.scale, setup.title)
 
 
-def expose_bare(shot: Shot, surfaces: Sequence[Surface]) -> np.ndarray:
+def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) -> np.ndarray:
     """The picture of one frame without a legend, (height, width, 3), sRGB in [0, 1]."""
     from clothsim.render.backdrop import backdrop
 
-    if shot.renderer == "vtk":
+    if setup.renderer == "vtk":
         from clothsim.render.vtk_scene import render
     else:
         from clothsim.render.ray_caster import render
-    made = looks(surfaces, shot.scale)
-    seen = render(made, shot.camera, shot.size, shot.up, shot.samples)
-    behind = backdrop(made, shot.camera, shot.size, shot.up)
+    made = looks(surfaces, setup.scale)
+    seen = render(made, setup.camera, setup.size, setup.up, setup.samples)
+    behind = backdrop(made, setup.camera, setup.size, setup.up)
     return np.asarray(seen[:, :, :3] + (1 - seen[:, :, 3:]) * behind)
 
 

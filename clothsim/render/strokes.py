@@ -8,7 +8,7 @@ INK = np.array([0.13, 0.13, 0.16])
 ACROSS = 22
 """So many crosses stand side by side along the longest side of the cloths, fewer where the triangles are larger."""
 
-REACH, WIDTHS, LIFT = 0.42, (0.11, 0.055), 0.04
+HALF_LENGTH, WIDTHS, LIFT = 0.42, (0.11, 0.055), 0.04
 """Half a stroke of stretch 1, the widths of the two strokes and their height over the cloth, in distances of crosses.
 
 The stroke of the larger stretch is the wider one."""
@@ -35,7 +35,7 @@ def crosses(centres: Floats, directions: Floats, stretches: Floats, spacing: flo
 
     directions: (k, 3, 2) unit columns; stretches: (k, 2), the lengths of the strokes in units of one of stretch 1.
     """
-    half = REACH * spacing * np.swapaxes(directions, 1, 2) * stretches[:, :, None]
+    half = HALF_LENGTH * spacing * np.swapaxes(directions, 1, 2) * stretches[:, :, None]
     return centres[:, None, None, :] + np.stack([-half, half], axis=2)
 
 

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
@@ -41,8 +41,8 @@ def named_files(scene: Scene) -> list[str]:
     return [str(table[key]) for _, table, key in _named(json.loads(scene.to_text()))]
 
 
-def refuse_outside(text: str) -> None:
-    """InputError for a text that is no scene, or that names a file outside of its own folder."""
+def refuse_outside(text: str, files: Iterable[str] = ()) -> None:
+    """InputError for a text that is no scene, or that names a file outside of its own folder, or for such `files`."""
     try:
         scene_from_text(text)
         data = json.loads(text)
@@ -51,7 +51,7 @@ def refuse_outside(text: str) -> None:
         raise InputError(f"The scene in the archive is broken ({error}).") from error
     if data.get("directory") != ".":
         raise InputError("The scene in the archive does not start at its own folder.")
-    for name in named:
+    for name in (*named, *files):
         paths = PurePosixPath(name), PureWindowsPath(name)
         if any(path.is_absolute() or path.drive or ".." in path.parts for path in paths):
             raise InputError(f"The scene in the archive names {name}, which is outside of it.")

@@ -17,7 +17,7 @@ from clothsim.mesh.world import World, make_world
 from clothsim.run.hand_motions import HandMotions, pin_groups, standing
 from clothsim.run.session import Session, rebuilt
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.keys import refuse_unknown
+from clothsim.scene.keys import refuse_absent, refuse_unknown
 from clothsim.sim.state import State
 
 
@@ -26,9 +26,9 @@ def with_effect(session: Session, by_hand: HandMotions, effect: str, keys: Mappi
     scene, built = session.scene, session.built
     if effect == "pins":
         raise InputError("Pins are not changed by their keys.", "Use move_pins, drive_pins, add_pins, release_pins.")
-    refuse_unknown("The table of effects", [effect], EFFECTS)
-    if effect not in scene.effects:
+    if effect in EFFECTS and effect not in scene.effects:
         raise InputError(f"The scene has no effects.{effect}.", "Name it in the scene; it may be off at the start.")
+    refuse_absent("effect", effect, scene.effects)
     scene = replace(scene, effects={**scene.effects, effect: {**scene.effects[effect], **keys}})
     built = build_effects(scene, built.world, before=built, changed=(effect,))
     return rebuilt(session, scene, by_hand.applied(built))
@@ -98,7 +98,7 @@ def new_pins(
 def pinned_rows(built: Built, group: str) -> Ints:
     """The rows of x of a group of pins, with those of the ghosts of a clamp."""
     groups = {each.name: each.vertices for each in pin_groups(built)}
-    refuse_unknown("The scene's pins", [group], groups)
+    refuse_absent("group of pins", group, groups)
     return groups[group]
 
 
@@ -129,7 +129,7 @@ def number_of(kind: str, name: str | None, names: Sequence[str]) -> int:
         if len(names) != 1:
             raise InputError(f"The scene has {len(names)} cloths.", f"Name one: {', '.join(names)}.")
         return 0
-    refuse_unknown(f"The scene ({kind})", [name], names)
+    refuse_absent(kind, name, names)
     return names.index(name)
 
 

@@ -85,7 +85,7 @@ def _of_scene(scene: Scene) -> list[Finding]:
             Finding("error", "scene", sentence, error.remedy, NO_INDICES) for sentence in error.sentence.splitlines()
         ]
     test = intersection_check_of(world_surfaces(built.world), scene.effects, built.energies)
-    crossings = test.crossings(built.world.start(), cloth_cloth=True)
+    crossings = test.crossings(built.world.start(), built.world.origin)
     broken = test.violations(crossings)
     selected = [
         Finding(

@@ -38,8 +38,9 @@ def example_scenes() -> list[ExampleScene]:
 def scene_file(path: Path) -> Path:
     """The scene file that a command names: an existing one, else the installed scene of that name.
 
-    InputError for a name without an ending that no installed scene has.
+    InputError for a name without an ending that no installed scene has, and for the ending of one that is installed.
     """
+    refuse_ending_of_installed(path)
     if path.is_file() or path.suffix or len(path.parts) != 1:
         return path
     selected = installed_scene(path)
@@ -56,6 +57,14 @@ def installed_scene(path: Path) -> Path | None:
     if path.suffix or len(path.parts) != 1:
         return None
     return next((file for folder in _folders() if (file := folder / f"{path.name}.toml").is_file()), None)
+
+
+def refuse_ending_of_installed(path: Path) -> None:
+    """InputError for a missing file `NAME.toml` where there is an installed scene of that name."""
+    if path.suffix == ".toml" and not path.exists() and installed_scene(Path(path.stem)) is not None:
+        raise InputError(
+            f"There is no scene file {path}, but an installed scene of that name.", f"Leave its ending out: {path.stem}"
+        )
 
 
 def _folder() -> Path:

@@ -24,6 +24,7 @@ from clothsim.kinematics.thickness import deformed_thickness
 from clothsim.kinematics.warp_weft import thread_axes
 from clothsim.mesh.topology import vertex_rings
 from clothsim.mesh.world import World
+from clothsim.run.pair_fields import PairMembrane, pair_energy_density, pair_stress
 
 CONTACTS = ("body_contact", "self_contact")
 
@@ -172,8 +173,10 @@ def vertex_frames(at: Configuration) -> Floats:
 def stress(at: Configuration) -> Floats:
     """First Piola-Kirchhoff membrane stress P = dpsi/dF per reference length [N/m], (m, 3, 2), of any material.
 
-    On a triangle of its own the corner forces f1, f2 are A P Dm^-T, so P = [f1 f2] Dm' / A.
+    On a triangle of its own the corner forces f1, f2 are A P Dm^-T, so P = [f1 f2] Dm' / A. On pairs it is the mean.
     """
+    if isinstance(pairs := at.energies.get("membrane"), PairMembrane):
+        return pair_stress(pairs, at.world, at.x) @ at.axes
     membrane, rows, x = _separate_triangles(at)
     forces = membrane.gradient(x).reshape(-1, 3, 3)
     edges = np.stack([forces[:, 1], forces[:, 2]], axis=2)
@@ -184,7 +187,9 @@ def stress(at: Configuration) -> Floats:
 
 
 def energy_density(at: Configuration) -> Floats:
-    """Membrane energy per reference area [J/m2], (m,)."""
+    """Membrane energy per reference area [J/m2], (m,); of pairs the mean."""
+    if isinstance(pairs := at.energies.get("membrane"), PairMembrane):
+        return pair_energy_density(pairs, at.world, at.x)
     membrane, rows, x = _separate_triangles(at)
     values = np.zeros(len(at.world.triangles))
     # In two levels, as each restriction looks at all triangles of what it restricts.
@@ -214,8 +219,8 @@ def _separate_triangles(at: Configuration) -> tuple[Energy, Ints, Floats]:
         raise InputError("The scene has no membrane, so there is no membrane stress.", "Name [effects.membrane].")
     if not isinstance(membrane, TriangleMembrane):
         raise InputError(
-            "A membrane on pairs of triangles has no stress of a single triangle.",
-            'Take [effects.membrane] elements = "triangles".',
+            f"A {type(membrane).__name__} has no stress of a triangle.",
+            'Take [effects.membrane] material = "neo_hookean".',
         )
     triangles = membrane.triangles
     of_world = {tuple(row): k for k, row in enumerate(at.world.triangles.tolist())}

@@ -36,7 +36,7 @@ class HandMotions:
                 groups.pop(name, None)
             else:
                 rows, motion = pinned
-                groups[name] = PinGroup(rows, motion.places, motion, name)
+                groups[name] = PinGroup(rows, motion.positions, motion, name)
         others = {name: constraint for name, constraint in built.constraints.items() if name != "pins"}
         pins = {"pins": Pins(tuple(groups.values()))} if groups else {}
         return replace(built, constraints={**others, **pins})
@@ -73,19 +73,19 @@ def pin_groups(built: Built) -> tuple[PinGroup, ...]:
     return pins.groups if isinstance(pins, Pins) else ()
 
 
-def standing(places: Floats, time: float) -> LaterMotion:
-    """From `time` [s] on at `places (n, 3)` [m]."""
-    return LaterMotion(places, RigidMotion(np.zeros(3), np.zeros(3), np.zeros(3)), time)
+def standing(positions: Floats, time: float) -> LaterMotion:
+    """From `time` [s] on at `positions (n, 3)` [m]."""
+    return LaterMotion(positions, RigidMotion(np.zeros(3), np.zeros(3), np.zeros(3)), time)
 
 
 def _fields(motion: LaterMotion) -> dict[str, Any]:
     rigid = motion.motion
     vectors = {"velocity": rigid.velocity, "angular_velocity": rigid.angular_velocity, "centre": rigid.centre}
-    return {"places": motion.places, "since": motion.since, **vectors}
+    return {"places": motion.positions, "since": motion.since, **vectors}
 
 
 def _motion(given: Mapping[str, Any]) -> LaterMotion:
-    velocity, angular_velocity, centre, places = (
+    velocity, angular_velocity, centre, positions = (
         np.array(given[key], np.float64) for key in ("velocity", "angular_velocity", "centre", "places")
     )
-    return LaterMotion(places.reshape(-1, 3), RigidMotion(velocity, angular_velocity, centre), float(given["since"]))
+    return LaterMotion(positions.reshape(-1, 3), RigidMotion(velocity, angular_velocity, centre), float(given["since"]))

@@ -15,6 +15,11 @@ from clothsim.scene.scene import scene_from_text
 
 PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "movie.gif", "failure.png"
 
+PICTURE_SETTINGS = ("size", "colour", "up", "view", "renderer")
+"""Settings of a picture: keywords of `render.picture.draw` without its title, which is the time."""
+MOVIE_SETTINGS = ("frames_per_second", "samples")
+"""Settings of a movie beside those of a picture."""
+
 
 def draw_frame(
     trajectory: Trajectory, target: Path, frame: int = -1, surfaces_of: Drawing | None = None, **settings: Any
@@ -34,12 +39,12 @@ def frame_picture(
     trajectory: Trajectory, frame: int = -1, surfaces_of: Drawing | None = None, **settings: Any
 ) -> np.ndarray:
     """The picture of one frame, (height, width, 3) uint8; arguments as of `draw_frame`."""
-    from clothsim.render.picture import expose, take_aim
+    from clothsim.render.picture import picture_setup, rendered
     from clothsim.render.run_frames import frame_surfaces
 
     surfaces = (surfaces_of or frame_surfaces)(trajectory, frame)
     given = {"size": (1280, 960), "colour": "stretch", "view": "auto", "renderer": "auto", **settings}
-    return expose(take_aim([surfaces], title=_title(trajectory, frame), **given), surfaces)
+    return rendered(picture_setup([surfaces], title=_title(trajectory, frame), **given), surfaces)
 
 
 def draw_movie(
@@ -61,14 +66,14 @@ def draw_movie(
 
 def draw_failure(directory: Path, failure: dict[str, Any], world: World, target: Path, up: Any) -> str:
     """Write a PNG of the place where a run failed, in its last good state; returns the line that names the renderer."""
-    from clothsim.render.closeup import draw_place
+    from clothsim.render.closeup import draw_closeup
     from clothsim.render.run_frames import state_surfaces
     from clothsim.sim.certificate import world_stretches
 
     x = read_checkpoint(directory / CHECKPOINT_NAME).positions
     surfaces = state_surfaces(world, x, world_stretches(world, x))
     title = f"{failure['time']:.4g} s, {failure['cause']}: {failure['element']}"
-    return draw_place(target, surfaces, np.array(failure["position"]) - world.origin, title=title, up=up)
+    return draw_closeup(target, surfaces, np.array(failure["position"]) - world.origin, title=title, up=up)
 
 
 def upright(directory: Path) -> tuple[float, ...] | str:

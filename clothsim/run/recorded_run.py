@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +30,9 @@ from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
 from clothsim.sim.time_loop import steps
 
+if TYPE_CHECKING:
+    from clothsim.intersection.crossings import Crossing
+
 Listener = Callable[[Progress], None]
 """Called after each step."""
 
@@ -51,7 +55,7 @@ def watched(session: Session, step: int | None, done: int) -> tuple[Session, Ite
 
 @dataclass(frozen=True)
 class _Output:
-    """The directory of a run, its two files that grow, and the intersection check of its frames."""
+    """The directory of a run, its two files that grow, and the intersection check of its states."""
 
     session: Session
     directory: Path
@@ -65,6 +69,14 @@ class _Output:
         stretches = world_stretches(world, state.positions)
         fields = _written_fields(self.session, state, report)
         self.trajectory.append(state.time, state.positions + world.origin, stretches, fields)
+
+    def checked(
+        self, state: State, certificate: Certificate, is_frame: bool
+    ) -> "tuple[Certificate, tuple[Crossing, ...]]":
+        """The certificate with the intersections of the state by the exact check, and those."""
+        found = self.check.crossings(state.positions, self.session.built.world.origin)
+        history = certificate.intersections.after(self.check, found, state, is_frame)
+        return replace(certificate, intersections=history), found
 
     def save(self, state: State, certificate: Certificate) -> None:
         """Write the checkpoint."""
@@ -104,8 +116,7 @@ def recorded_run(
         if resume_frame is None:
             output.frame(state)
         if not resumed:
-            if check.crossings(state.positions):
-                certificate = replace(certificate, intersecting_frames=(0,))
+            certificate, _ = output.checked(state, certificate, is_frame=True)
             output.save(state, certificate)
         warm = perf_counter() - started
 
@@ -133,7 +144,7 @@ def _stepped(
     """Take all steps from `state` to the end or to a failure: the last state, its certificate, the failure."""
     session, run = output.session, output.session.scene.run_settings
     world, timers = session.built.world, session.integrator.potential.timers
-    for report in steps(session.integrator, state, run.duration, run.frames_per_second):
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
         if log is not None and log.step == state.step + 1:
             log.write(output.directory)
         if report.failure is not None:
@@ -142,23 +153,19 @@ def _stepped(
         before, state = state, report.state
         with timers.phase("certificate"):
             certificate = certificate.after(world, report, before)
+            certificate, found = output.checked(state, certificate, report.frame_done)
         with timers.phase("output"):
             output.record.append(entry_of(report, certificate))
         after_step(report)
-        if not report.frame_done:
-            continue
-        with timers.phase("output"):
-            output.frame(state, report)
-        with timers.phase("certificate"):
-            intersections = output.check.crossings(state.positions)
-        if intersections:
-            frames = (*certificate.intersecting_frames, state.frame)
-            certificate = replace(certificate, intersecting_frames=frames)
-        broken = output.check.violations(intersections)
+        if report.frame_done:
+            with timers.phase("output"):
+                output.frame(state, report)
+        broken = output.check.violations(found)
         if broken:
-            return state, certificate, crossing_failure(world, broken[0], state, report.dt)
-        with timers.phase("output"):
-            output.save(state, certificate)
+            return state, certificate, crossing_failure(broken[0], state, report.dt)
+        if report.frame_done:
+            with timers.phase("output"):
+                output.save(state, certificate)
     return state, certificate, None
 
 

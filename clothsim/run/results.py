@@ -17,11 +17,23 @@ from clothsim.errors import InputError
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
 from clothsim.io.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
 from clothsim.run.field_pictures import field_settings
-from clothsim.run.pictures import PICTURE_NAME, draw_frame, draw_movie, frame_picture, upright
+from clothsim.run.pictures import (
+    MOVIE_SETTINGS,
+    PICTURE_NAME,
+    PICTURE_SETTINGS,
+    draw_frame,
+    draw_movie,
+    frame_picture,
+    upright,
+)
+from clothsim.scene.keys import refuse_unknown
+from clothsim.sim.intersection_history import occurrence_text
 
 if TYPE_CHECKING:
     from clothsim.build.scene_world import Built
     from clothsim.run.fields import Configuration
+
+RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` or clothsim.simulate left."
 
 _INTERRUPTED = {"status": "interrupted", "reason": "The run was stopped before its end, or is still going."}
 
@@ -119,7 +131,9 @@ class Run(Sequence[Frame]):
 
     def __repr__(self) -> str:
         until = f", to {self.times[-1]:g} s" if len(self) else ""
-        return f"<Run {str(self.directory)!r}: {self.status}, {len(self)} frames{until}>"
+        kinds = [kind.replace("_", " ") for kind, each in self.intersections.items() if each["states"]]
+        crossed = f", INTERSECTS ({', '.join(kinds)})" if kinds else ""
+        return f"<Run {str(self.directory)!r}: {self.status}, {len(self)} frames{until}{crossed}>"
 
     def _repr_html_(self) -> str:
         """A table for a notebook, with the picture of the run where it has one."""
@@ -135,8 +149,10 @@ class Run(Sequence[Frame]):
         facts = [("run", str(self.directory)), ("status", self.status), ("reason", self.reason)]
         facts.append(("frames", f"{len(self)}, to {self.times[-1]:g} s" if len(self) else "0"))
         facts += [(name, str(self.summary[name])) for name in ("steps", "newton_iterations") if name in self.summary]
-        certificate = self.summary.get("certificate", {})
-        return facts + [(name.replace("_", " "), str(value)) for name, value in certificate.items()]
+        certificate = {**(self.summary.get("certificate") or {}), **self.intersections}
+        certificate.pop("intersections", None)
+        facts += [("warning", text) for text in self.summary.get("warnings", ())]
+        return facts + [(name.replace("_", " "), _text(value)) for name, value in certificate.items()]
 
     @property
     def status(self) -> str:
@@ -147,6 +163,20 @@ class Run(Sequence[Frame]):
     def reason(self) -> str:
         """The sentence that goes with the status."""
         return str((self.summary or _INTERRUPTED).get("reason", ""))
+
+    @property
+    def intersection_free(self) -> bool | None:
+        """True where all pairs of cloths, and of cloth and body, were checked at every step and none intersects.
+
+        False where some do; None where it is not known: of a run without a summary, or one that was not checked whole.
+        """
+        free = (self.summary.get("certificate") or {}).get("intersection_free")
+        return free if self.intersections or free is False else None  # older runs did not check cloth with cloth
+
+    @property
+    def intersections(self) -> dict[str, Any]:
+        """Counts and first occurrence by kind ("cloth_body", "cloth_cloth", "excluded"); empty without a summary."""
+        return dict((self.summary.get("certificate") or {}).get("intersections", {}))
 
     @property
     def times(self) -> Floats:
@@ -262,6 +292,7 @@ class Run(Sequence[Frame]):
         ndarray or Path
             The picture, (height, width, 3) uint8; with `path` that file.
         """
+        refuse_unknown("Run.plot", settings, PICTURE_SETTINGS)
         given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
         if path is None:
             return frame_picture(self.trajectory, frame, **given)
@@ -286,13 +317,14 @@ class Run(Sequence[Frame]):
         field : str, optional
             As of `plot`.
         **settings
-            As of `plot`, and frames_per_second.
+            As of `plot`, and frames_per_second and samples (per pixel and direction; 1 is faster and rougher).
 
         Returns
         -------
         Path
             The file; a .gif of the same name where ffmpeg is not installed.
         """
+        refuse_unknown("Run.movie", settings, (*PICTURE_SETTINGS, *MOVIE_SETTINGS))
         target = Path(path)
         target.unlink(missing_ok=True)
         given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
@@ -301,6 +333,11 @@ class Run(Sequence[Frame]):
 
     def _field_settings(self, field: str | None) -> dict[str, Any]:
         return {} if field is None else field_settings(self, field)
+
+
+def _text(value: Any) -> str:
+    """A value of the certificate as text."""
+    return occurrence_text(value) if isinstance(value, Mapping) and "states" in value else str(value)
 
 
 def open_run(path: str | Path) -> Run:
@@ -323,9 +360,9 @@ def open_run(path: str | Path) -> Run:
     """
     directory = Path(path)
     if not directory.is_dir():
-        raise InputError(f"There is no run directory {directory}.")
+        raise InputError(f"There is no run directory {directory}.", RUN_DIRECTORY)
     if not (directory / TRAJECTORY_NAME).is_file():
-        raise InputError(f"{directory} holds no {TRAJECTORY_NAME}, so it is not the output of a run.")
+        raise InputError(f"{directory} holds no {TRAJECTORY_NAME}, so it is not the output of a run.", RUN_DIRECTORY)
     summary_path = directory / SUMMARY_NAME
     summary = read_summary(summary_path) if summary_path.exists() else {}
     if summary_path.exists() and "status" not in summary:

@@ -7,6 +7,8 @@ from clothsim.build.scene_world import build
 from clothsim.errors import InputError
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.io.record import SUMMARY_NAME
+from clothsim.run.callbacks import refuse_uncallable
+from clothsim.run.checked_step import warn_of
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
 from clothsim.run.session import prepare
@@ -48,6 +50,7 @@ def resume(
         The directory has no checkpoint, its mesh files have changed, or it is a finished fit, which is more than its
         drape.
     """
+    refuse_uncallable(progress=progress, announce=announce, on_step=on_step)
     folder = Path(directory)
     _refuse_a_fit(folder)
     started = perf_counter()
@@ -61,7 +64,9 @@ def resume(
     if announce is not None:
         announce(session)
     certificate = certificate_from(saved.counters["certificate"])
-    return recorded_run(session, state, certificate, folder, started, (progress, on_step), log, resumed=True)
+    run = recorded_run(session, state, certificate, folder, started, (progress, on_step), log, resumed=True)
+    warn_of(run.intersections, session.built.energies)
+    return run
 
 
 def _refuse_a_fit(folder: Path) -> None:

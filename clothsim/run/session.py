@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clothsim.build.scene_world import Built
-from clothsim.energies.base import ByElement
+from clothsim.energies.hessians import ByElement
 from clothsim.errors import InputError
 from clothsim.mesh.motion import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
@@ -52,7 +52,7 @@ def prepare(scene: Scene, built: Built) -> Session:
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
     slow = slowness(solver) if settings.linear == "auto" else ""
-    notes = (*built.notes, *filter(None, [*_setting_notes(scene, integrator), slow, finer]))
+    notes = (*built.notes, *filter(None, [*_setting_notes(scene, integrator), slow, finer, _endless(scene, built)]))
     return Session(scene, built, integrator, notes)
 
 
@@ -107,9 +107,7 @@ def _same_couplings(before: Built, built: Built) -> bool:
     return True
 
 
-def _integrator(
-    scene: Scene, built: Built, potential: Potential, system: System, newton: NewtonSettings
-) -> Integrator:
+def _integrator(scene: Scene, built: Built, potential: Potential, system: System, newton: NewtonSettings) -> Integrator:
     settings, run = scene.solver_settings, scene.run_settings
     dynamic = "inertia" in built.energies
     dt = min(settings.longest_step, run.duration, 1 / run.frames_per_second)
@@ -123,7 +121,14 @@ def _integrator(
     formula = settings.integrator if dynamic else BACKWARD_EULER
     ramp = 0.0 if dynamic else run.duration
     integrator = Integrator(built.world, potential, built.constraints, system, newton, dt, ramp, formula=formula)
-    return replace(integrator, control=control)
+    leaves = settings.unstable_equilibrium == "leave"
+    return replace(
+        integrator,
+        control=control,
+        rest_speed=run.rest_speed,
+        leaves_unstable=leaves,
+        perturbation_seed=settings.perturbation_seed,
+    )
 
 
 def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:
@@ -131,8 +136,18 @@ def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:
     settings, dt = scene.solver_settings, integrator.dt
     cut = not settings.error and 1 / scene.run_settings.frames_per_second < settings.dt
     shorter = f"Steps are {dt:g} s, not {settings.dt:g} s: each frame ends a step." if cut else ""
-    ignored = integrator.formula != settings.integrator
+    ignored = "integrator" in scene.solver and integrator.formula != settings.integrator
     return shorter, f"{settings.integrator} does nothing without effects.inertia." if ignored else ""
+
+
+def _endless(scene: Scene, built: Built) -> str:
+    """A note on what never stops in a run until rest; empty where there is nothing."""
+    if scene.run_settings.until == "time":
+        return ""
+    motions = {body.name: body.motion for body in built.world.bodies}
+    moving = [name for name, motion in motions.items() if isinstance(motion, RigidMotion) and not motion.still]
+    moving += ["a pin"] if any(not constraint.still for constraint in built.constraints.values()) else []
+    return f"{' and '.join(moving)} never stops, so the run goes to its limit." if moving else ""
 
 
 def _refuse_error(built: Built) -> None:

@@ -1,14 +1,17 @@
 """Simulation of a scene: frames, record, summary and checkpoint in a directory."""
 
 import tempfile
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from time import perf_counter
 
 from clothsim.build.scene_world import build
 from clothsim.errors import InputError
+from clothsim.run.callbacks import refuse_uncallable
+from clothsim.run.checked_step import warn_of
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
-from clothsim.run.session import prepare
+from clothsim.run.session import Session, prepare
 from clothsim.scene.scene import Scene
 from clothsim.sim.certificate import Certificate
 from clothsim.sim.state import first_state
@@ -21,6 +24,7 @@ def simulate(
     announce: Announcement | None = None,
     dump_iterates: int | None = None,
     on_step: StepListener | None = None,
+    message: Callable[[str], None] | None = None,
 ) -> Run:
     """Simulate a scene to its end.
 
@@ -38,6 +42,9 @@ def simulate(
         A step, from 1, whose Newton iterates are written too.
     on_step : callable, optional
         Called with the `clothsim.SimulationState` after each step.
+    message : callable, optional
+        Called with a line before each of the runs that solver.error takes. Each but the pilot runs is announced, shown
+        and written to the directory; the last one stays there.
 
     Returns
     -------
@@ -48,6 +55,11 @@ def simulate(
     ------
     InputError
         For a scene that cannot be built, or a directory that cannot be written.
+
+    Warns
+    -----
+    IntersectionWarning
+        Where cloth intersects cloth or a body in a step, without the contact effect that would prevent it.
 
     Examples
     --------
@@ -63,14 +75,37 @@ def simulate(
     >>> bool(run[-1].positions["cloth"][0, 2] < -0.03)
     True
     """
+    refuse_uncallable(progress=progress, announce=announce, on_step=on_step, message=message)
     directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
+
+    def run(some: Scene, sessions: list[Session]) -> Run:
+        return _simulated(some, directory, (progress, on_step), [sessions.append, announce], dump_iterates)
+
+    if not scene.solver_settings.error:
+        return run(scene, [])
+    from clothsim.run.error_control.requested import simulate_to_error
+
+    return simulate_to_error(scene, run, message or (lambda line: None))
+
+
+def _simulated(
+    scene: Scene,
+    directory: Path,
+    listeners: tuple[Listener | None, StepListener | None],
+    announcements: Iterable[Announcement | None],
+    dump_iterates: int | None,
+) -> Run:
+    """Simulate a scene with fixed settings."""
     started = perf_counter()
     session, log = watched(prepare(scene, build(scene)), dump_iterates, 0)
     _make_directory(directory)
-    if announce is not None:
-        announce(session)
+    for announce in announcements:
+        if announce is not None:
+            announce(session)
     state = first_state(session.built.world, session.integrator.dt)
-    return recorded_run(session, state, Certificate(), directory, started, (progress, on_step), log, resumed=False)
+    run = recorded_run(session, state, Certificate(), directory, started, listeners, log, resumed=False)
+    warn_of(run.intersections, session.built.energies)
+    return run
 
 
 def _make_directory(directory: Path) -> None:

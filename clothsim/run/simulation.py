@@ -12,9 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from clothsim.arrays import Floats
 from clothsim.build.scene_world import build
 from clothsim.errors import InputError
-from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
-from clothsim.io.run_surfaces import world_surfaces
-from clothsim.run.archive import refuse_functions
+from clothsim.io.checkpoint import CHECKPOINT_NAME, packed, read_checkpoint, unpacked, write_checkpoint
 from clothsim.run.changes import (
     body_at,
     body_rows,
@@ -26,19 +24,19 @@ from clothsim.run.changes import (
     with_effect,
     with_fabric,
 )
+from clothsim.run.checked_step import checked_step
 from clothsim.run.fields import Configuration, field
-from clothsim.run.hand_motions import HandMotions, hand_motions_from, pin_groups
+from clothsim.run.hand_motions import HandMotions, pin_groups
+from clothsim.run.saved_simulation import restored_simulation, saved_simulation
 from clothsim.run.session import Session, prepare, refuse_leaps
 from clothsim.run.simulation_state import SimulationError, SimulationState, starting_state, state_after
-from clothsim.run.summary import checkpoint_of, state_of
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.keys import refuse_unknown
-from clothsim.scene.scene import Scene, scene_from_text
-from clothsim.sim.certificate import Certificate
-from clothsim.sim.failure import Failure, crossing_failure
-from clothsim.sim.intersection_check import intersection_check_of
-from clothsim.sim.state import State, first_state
-from clothsim.sim.time_loop import frame_count, next_step
+from clothsim.scene.keys import refuse_absent
+from clothsim.scene.scene import Scene
+from clothsim.sim.failure import Failure
+from clothsim.sim.intersection_history import IntersectionHistory
+from clothsim.sim.state import Rest, State, first_state
+from clothsim.sim.time_loop import finished, next_step
 
 
 class Simulation:
@@ -61,8 +59,6 @@ class Simulation:
     ----------
     state : SimulationState
         The end of the last step.
-    scene : Scene
-        The scene with the changes that it can express (all but those of pins and bodies).
     failure : Failure or None
         Of the last step, None where it was taken.
 
@@ -77,11 +73,12 @@ class Simulation:
     >>> sheet = trimesh.Trimesh(numpy.stack([x, y, numpy.full(81, 0.32)], axis=1), triangles, process=False)
     >>> ball = pyvista.Sphere(radius=0.3, theta_resolution=16, phi_resolution=16)
     >>> elastic = [clothsim.Membrane(), clothsim.Bending()]
-    >>> loads = [clothsim.Inertia(), clothsim.Gravity(), clothsim.Air(), clothsim.BodyContact()]
+    >>> loads = [clothsim.Inertia(), clothsim.Gravity(), clothsim.Air()]
+    >>> contact = [clothsim.BodyContact(), clothsim.SelfContact()]
     >>> scene = clothsim.Scene(
     ...     cloth=clothsim.Cloth(sheet, name="sheet", fabric="cotton"),
     ...     body=clothsim.Body(ball, name="ball"),
-    ...     effects=elastic + loads,
+    ...     effects=elastic + loads + contact,
     ...     solver=clothsim.Solver(dt=0.02, threads=1),
     ...     run=clothsim.RunSettings(duration=0.2),
     ... )
@@ -95,19 +92,20 @@ class Simulation:
 
     def __init__(self, scene: Scene) -> None:
         session = prepare(scene, build(scene))
-        self._begin(session, first_state(session.built.world, session.integrator.dt), HandMotions())
+        state = first_state(session.built.world, session.integrator.dt)
+        history, _ = checked_step(session, IntersectionHistory(), state, is_frame=True)
+        self._begin(session, state, HandMotions(), history)
 
-    def _begin(self, session: Session, state: State, by_hand: HandMotions) -> None:
-        self._session, self._state, self._by_hand = session, state, by_hand
+    def _begin(self, session: Session, state: State, by_hand: HandMotions, history: IntersectionHistory) -> None:
+        self._session, self._state, self._by_hand, self._history = session, state, by_hand, history
         self.state: SimulationState = starting_state(session.built.world, state)
         self._configuration = Configuration(session.built.world, state.positions, session.built.energies)
         self.failure: Failure | None = None
 
     def __repr__(self) -> str:
         ended = ", failed" if self.failure is not None else ""
+        ended += ", INTERSECTS" if self.intersection_free is False else ""
         return f"<Simulation at {self.state.time:g} s of {self.duration:g} s, step {self.state.step}{ended}>"
-
-    # --- stepping ---
 
     @property
     def scene(self) -> Scene:
@@ -121,11 +119,12 @@ class Simulation:
 
     @property
     def finished(self) -> bool:
-        """True where the duration of the scene is simulated."""
-        return self._state.frame >= frame_count(self.duration, self.scene.run_settings.frames_per_second)
+        """True where the duration of the scene is simulated, or with ``until = "rest"`` the cloth is at rest."""
+        run = self.scene.run_settings
+        return finished(self._state, run.duration, run.frames_per_second, run.until)
 
     def __iter__(self) -> Iterator[SimulationState]:
-        """Take the steps that are left of the duration of the scene, one state a step."""
+        """Take the steps that are left of the scene, one state a step."""
         while not self.finished:
             yield self.step()
 
@@ -140,19 +139,19 @@ class Simulation:
         Raises
         ------
         SimulationError
-            The step cannot be taken, or its frame intersects; the state is then the one before it.
+            The step cannot be taken, or its end intersects; the state is then the one before it.
         """
         integrator, run = self._session.integrator, self.scene.run_settings
         if integrator.control is not None and self.finished:
             raise InputError("solver.error is for the duration of the scene.", "Give a longer run.duration.")
         report = next_step(integrator, self._state, run.duration, run.frames_per_second)
-        self.failure = report.failure
-        if report.failure is None and report.frame_done:
-            self.failure = self._intersection(report.state, report.dt)
+        history, self.failure = self._history, report.failure
+        if report.failure is None:
+            history, self.failure = checked_step(self._session, history, report.state, report.frame_done, report.dt)
         if self.failure is not None:
             raise SimulationError(self.failure)
         world, energies = self._session.built.world, report.potential.energies
-        self._state, self.state = report.state, state_after(world, report)
+        self._state, self.state, self._history = report.state, state_after(world, report), history
         self._configuration = Configuration(world, report.state.positions, energies, bound=True)
         return self.state
 
@@ -186,12 +185,15 @@ class Simulation:
         """
         return field(name, self._configuration)
 
-    def _intersection(self, state: State, dt: float) -> Failure | None:
-        """The failure of a frame that intersects where contact should have prevented it."""
-        built = self._session.built
-        check = intersection_check_of(world_surfaces(built.world), self.scene.effects, built.energies)
-        broken = check.violations(check.crossings(state.positions))
-        return crossing_failure(built.world, broken[0], state, dt) if broken else None
+    @property
+    def intersection_free(self) -> bool | None:
+        """As in the certificate of a run, of all states so far."""
+        return self._history.intersection_free
+
+    @property
+    def intersections(self) -> dict[str, Any]:
+        """As in the certificate of a run, of all states so far."""
+        return self._history.as_dict()
 
     # --- changes of effects and fabrics ---
 
@@ -230,10 +232,10 @@ class Simulation:
         """
         session = with_effect(self._session, self._by_hand, effect, keys)
         refuse_infeasible(session, self._session, effect, self._state)
-        self._session = session
+        self._set_session(session)
 
     def _key(self, effect: str, key: str) -> Any:
-        refuse_unknown("The scene's effects", [effect], self.scene.effects)
+        refuse_absent("effect", effect, self.scene.effects)
         return self.scene.effects[effect].get(key, EFFECTS[effect].keys()[key])
 
     def set_fabric(self, fabric: str | None = None, *, cloth: str | None = None, **keys: float) -> None:
@@ -248,7 +250,7 @@ class Simulation:
         **keys
             Keys of the cloth that override the fabric: ``density``, ``bending_stiffness``, ...
         """
-        self._session = with_fabric(self._session, self._by_hand, fabric, cloth, keys)
+        self._set_session(with_fabric(self._session, self._by_hand, fabric, cloth, keys))
 
     # --- pins ---
 
@@ -342,10 +344,12 @@ class Simulation:
         if "body_contact" in built.energies:
             refuse_leaps(built.world, session.integrator.dt)
         integrator = replace(session.integrator, world=built.world, constraints=built.constraints)
-        self._session, self._by_hand = replace(session, built=built, integrator=integrator), by_hand
-        self._state = replace(self._state, blocked_at=nan, blocked=0)
+        self._by_hand, self._state = by_hand, replace(self._state, blocked_at=nan, blocked=0)
+        self._set_session(replace(session, built=built, integrator=integrator))
 
-    # --- copies ---
+    def _set_session(self, session: Session) -> None:
+        """Take a changed session; what was at rest may move now."""
+        self._session, self._state = session, replace(self._state, slow_steps=0, rest=Rest.MOVING)
 
     def branch(self) -> "Simulation":
         """A second simulation at the same state, which goes its own way; no array is copied.
@@ -353,19 +357,15 @@ class Simulation:
         Both share the scene's energies and the linear solver, so that they are not for use in two threads at a time.
         """
         other = object.__new__(Simulation)
-        other._session, other._state, other._by_hand = self._session, self._state, self._by_hand
-        other.state, other.failure = self.state, self.failure
-        other._configuration = self._configuration
+        other.__dict__.update(self.__dict__)
         return other
 
     def save(self, path: str | Path) -> None:
-        """Write the state, the scene and all changes to a file (.npz), for `restore`.
+        """Write the state, the scene with its mesh files, and all changes to a file (.npz), for `restore`.
 
-        Mesh files are not copied. InputError where a key of an effect is a Python function, which no file holds.
+        InputError where a key of an effect is a Python function, which no file holds.
         """
-        refuse_functions("effects", self.scene.effects)
-        saved = checkpoint_of(self._session, self._state, Certificate())
-        write_checkpoint(path, replace(saved, counters={**saved.counters, "by_hand": self._by_hand.as_json()}))
+        write_checkpoint(path, saved_simulation(self._session, self._state, self._by_hand, self._history))
 
     @classmethod
     def restore(cls, path: str | Path) -> "Simulation":
@@ -382,12 +382,18 @@ class Simulation:
             Its steps are those that the saved one would have taken, bit for bit with ``threads = 1``.
         """
         file = Path(path) / CHECKPOINT_NAME if Path(path).is_dir() else Path(path)
-        saved = read_checkpoint(file)
-        scene = scene_from_text(saved.scene_text, file.parent)
-        by_hand = hand_motions_from(saved.counters.get("by_hand", {"pins": {}, "bodies": {}}))
-        built = by_hand.applied(build(scene))
-        if len(saved.positions) != built.world.n_vertices:
-            raise InputError(f"{file} is of another mesh than its scene.", "Restore the mesh files of the scene.")
         simulation = object.__new__(cls)
-        simulation._begin(prepare(scene, built), state_of(saved), by_hand)
+        simulation._begin(*restored_simulation(read_checkpoint(file), str(file), file.parent))
         return simulation
+
+    __copy__ = branch
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What `save` writes, for pickle and `copy.deepcopy`."""
+        saved = saved_simulation(self._session, self._state, self._by_hand, self._history)
+        return {"saved": packed(saved), "state": self.state, "failure": self.failure}
+
+    def __setstate__(self, given: dict[str, Any]) -> None:
+        """Restore the simulation of `__getstate__`, with a linear solver of its own."""
+        self._begin(*restored_simulation(unpacked(given["saved"], "The pickle"), "The pickle", Path()))
+        self.state, self.failure = given["state"], given["failure"]

@@ -7,7 +7,7 @@ from clothsim.arrays import Floats
 from clothsim.errors import ClothsimError
 from clothsim.mesh.world import World
 from clothsim.sim.failure import Failure
-from clothsim.sim.state import State
+from clothsim.sim.state import State, Switch
 from clothsim.sim.stepping import StepReport
 
 
@@ -47,6 +47,10 @@ class SimulationState:
         Smallest distance in contact that is below d_hat [m]; inf where nothing is that close.
     kinetic_energy : float
         Of all cloths [J]; 0 where the scene has no inertia.
+    at_rest : bool
+        True where the cloth was at rest at the end of the last frame, and slow since then.
+    unstable : tuple of Switch
+        Unstable equilibria in which the step ended: growth rate, vertex and displacement by which each was left.
     energies : dict of str to float
         Value of each energy of the step [J]; that of "inertia", "damping", "air" and "friction" belongs to the step
         and is no stored energy. Empty at the start.
@@ -62,6 +66,8 @@ class SimulationState:
     newton_iterations: int = 0
     minimum_gap: float = float("inf")
     kinetic_energy: float = 0.0
+    at_rest: bool = False
+    unstable: tuple[Switch, ...] = ()
     energies: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -75,6 +81,7 @@ def starting_state(world: World, state: State) -> SimulationState:
         positions=_by_name(world, state.positions + world.origin, "cloth"),
         velocities=_by_name(world, state.velocities, "cloth"),
         bodies=_by_name(world, state.positions + world.origin, "body"),
+        at_rest=state.at_rest,
     )
 
 
@@ -87,6 +94,7 @@ def state_after(world: World, report: StepReport) -> SimulationState:
         at_end,
         dt=report.dt,
         newton_iterations=report.result.iterations,
+        unstable=report.switches,
         minimum_gap=report.minimum_gap,
         kinetic_energy=0.5 * float(world.masses @ speeds) if "inertia" in acting else 0.0,
         energies={name: energy.value(state.positions) for name, energy in acting.items()},

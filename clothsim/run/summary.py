@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 from clothsim.energies.protocols import report_of
@@ -11,7 +11,8 @@ from clothsim.run.session import Session
 from clothsim.sim.certificate import Certificate
 from clothsim.sim.failure import Failure
 from clothsim.sim.intersection_check import IntersectionCheck
-from clothsim.sim.state import Previous, State
+from clothsim.sim.intersection_history import intersection_warnings
+from clothsim.sim.state import Previous, Rest, State
 from clothsim.sim.stepping import StepReport
 from clothsim.solve.process_memory import peak_memory
 from clothsim.solve.timers import EffectCounters, Timers
@@ -31,8 +32,9 @@ class Progress:
         Smallest distance in contact [m], inf where nothing is closer than d_hat.
     fastest : float
         Largest speed of a cloth vertex [m/s].
-    verdict : {"moving", "settled", "stalled"}
-        Settled: no vertex is faster than ten times the tolerance; stalled: dt is below an eighth.
+    verdict : {"moving", "settled", "stalled", "unstable"}
+        Settled: no vertex is faster than ten times the tolerance; stalled: dt is below an eighth; unstable: the step
+        ended in an unstable equilibrium.
     seconds : float
         Wall time since the start [s].
     """
@@ -64,6 +66,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "error": None if report.error is None else report.error.rms,
         "largest_error": None if report.error is None else report.error.largest,
         "rejected": report.rejected,
+        "unstable": [asdict(switch) for switch in report.switches],
     }
 
 
@@ -75,6 +78,8 @@ def progress_of(report: StepReport, session: Session, seconds: float) -> Progres
         verdict = "stalled"
     elif report.fastest < 10 * integrator.settings.tolerance:
         verdict = "settled"
+    if report.switches:
+        verdict = "unstable"
     return Progress(
         report.state.time,
         run.duration,
@@ -96,13 +101,14 @@ def summary_of(
     record: Sequence[Mapping[str, Any]],
     seconds: Mapping[str, float],
 ) -> dict[str, Any]:
-    """The content of summary.json: the contract of the design, printed notes, final notes of effects, the failure."""
+    """The content of summary.json: the contract of the design, notes, warnings, the failure."""
     world, potential = session.built.world, session.integrator.potential
     energies = session.built.energies.items()
     unmet = certificate.estimate.unmet(certificate.asked)
+    history = certificate.intersections
     return {
         "status": "completed" if failure is None else "failed",
-        "reason": f"{state.time:g} s were simulated." if failure is None else failure.reason,
+        "reason": _end_of(session, state) if failure is None else failure.reason,
         "failure": None if failure is None else failure.as_dict(),
         "stages": ["start", *("simulated" for _ in range(state.frame))],
         **seconds,
@@ -120,8 +126,18 @@ def summary_of(
         "effects": potential.effect_counters(),
         "off": session.built.off,
         "phases": potential.timers.phases,
-        "certificate": certificate.as_dict(check.coverage(), completed=failure is None),
+        "warnings": intersection_warnings(history.as_dict(), check.on),
+        "certificate": certificate.as_dict(check.coverage(history.complete), completed=failure is None),
     }
+
+
+def _end_of(session: Session, state: State) -> str:
+    """The sentence on the end of a completed run."""
+    if session.scene.run_settings.until == "time":
+        return f"{state.time:g} s were simulated."
+    if state.at_rest:
+        return f"The cloth is at rest after {state.time:g} s."
+    return f"{state.time:g} s were simulated, the limit, and the cloth is not at rest: {state.rest.value}."
 
 
 def checkpoint_of(session: Session, state: State, certificate: Certificate) -> Checkpoint:
@@ -130,6 +146,8 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
     counters = {
         "memory": dict(state.memory),
         "temporal_error": state.temporal_error,
+        "slow_steps": state.slow_steps,
+        "rest": state.rest.name,
         "certificate": certificate.as_json(),
         "effects": potential.effect_counters(),
         "phases": potential.timers.phases,
@@ -167,6 +185,8 @@ def state_of(saved: Checkpoint) -> State:
         saved.blocked,
         memory=saved.counters.get("memory", {}),
         temporal_error=saved.counters.get("temporal_error", 0.0),
+        slow_steps=saved.counters.get("slow_steps", 0),
+        rest=Rest[saved.counters.get("rest", Rest.MOVING.name)],
         previous=None if x is None or v is None else Previous(x, v, saved.previous_dt),
     )
 

@@ -85,17 +85,17 @@ def draw_swatches(fabrics: Sequence[str], file: Path, report: Callable[[str], No
 
 
 def _panel(run: "Run", title: str) -> tuple[np.ndarray, str]:
-    from clothsim.render.picture import expose, take_aim
+    from clothsim.render.picture import picture_setup, rendered
 
     cloth = run.trajectory.surfaces[0]
     surfaces = [Surface(cloth.name, run.positions(-1), cloth.own_triangles, "cloth", np.zeros((0, 2))), _stand()]
     angle = np.linspace(0, 2 * np.pi, 24)
     rim = 0.95 * RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(24)])
     focus = np.concatenate([rim, 0.75 * rim - [0.0, 0.0, 0.3 * RADIUS]])
-    shot = take_aim(
+    setup = picture_setup(
         [surfaces], size=SIZE, colour="plain", up="z", view=VIEW, title=title, renderer="auto", samples=3, focus=focus
     )
-    return expose(shot, surfaces), shot.note
+    return rendered(setup, surfaces), setup.note
 
 
 def _stand() -> Surface:

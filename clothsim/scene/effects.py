@@ -96,7 +96,7 @@ EFFECTS = {
     "self_contact": Effect("clothsim.contact.self_contact:self_contact", "cloth against cloth"),
     "seams": Effect("clothsim.energies.seams:seams", "borders drawn together over time, then joined"),
     "plastic_bending": Effect("clothsim.energies.plastic_bending:plastic_bending", "permanent folds beyond a yield"),
-    "friction": Effect("clothsim.contact.friction:friction", "resistance of contacts to sliding"),
+    "friction": Effect("clothsim.contact.friction_coefficients:friction", "resistance of contacts to sliding"),
 }
 
 CONTACTS = ("body_contact", "self_contact")

@@ -32,6 +32,6 @@ def fabric_named(where: str, name: Any) -> Fabric:
     """
     if isinstance(name, str) and name in FABRICS:
         return FABRICS[name]
-    close = difflib.get_close_matches(str(name), FABRICS, n=1, cutoff=0.5)
+    close = difflib.get_close_matches(str(name), FABRICS, n=1, cutoff=0.6)
     known = f"Known: {', '.join(FABRICS)}."
     raise InputError(f"{where} is {name!r}.", f"Did you mean {close[0]!r}? {known}" if close else known)

@@ -54,13 +54,13 @@ def _effect(name: str) -> dict[str, Any]:
 
 def _object(description: str, kinds: tuple[type, ...], required: tuple[str, ...]) -> dict[str, Any]:
     """A table with the keys of several sections; a key of more than one takes what any of them takes."""
-    found: dict[str, list[dict[str, Any]]] = {}
+    schemas: dict[str, list[dict[str, Any]]] = {}
     for kind in kinds:
         for name, known in keys_of(kind).items():
             one = _value(known)
-            if one not in found.setdefault(name, []):
-                found[name].append(one)
-    properties = {name: ones[0] if len(ones) == 1 else {"anyOf": ones} for name, ones in found.items()}
+            if one not in schemas.setdefault(name, []):
+                schemas[name].append(one)
+    properties = {name: ones[0] if len(ones) == 1 else {"anyOf": ones} for name, ones in schemas.items()}
     made = {"type": "object", "description": description, "properties": properties, "additionalProperties": False}
     return made | ({"required": list(required)} if required else {})
 

@@ -21,6 +21,15 @@ def refuse_unknown(where: str, given: Iterable[str], known: Iterable[str]) -> No
             raise InputError(f"{where} has no key {key!r}.", _hint(where, str(key), names))
 
 
+def refuse_absent(kind: str, name: Any, names: Iterable[str]) -> None:
+    """InputError where none of the objects of a `kind` ("cloth", "group of pins") has this name; lists those there."""
+    known = list(names)
+    if name not in known:
+        listed = f"There {'is' if len(known) == 1 else 'are'} {', '.join(map(repr, known))}." if known else ""
+        question = nearest(name, known)
+        raise InputError(f"There is no {kind} {name!r}.", f"{question} {listed}".strip() or f"The scene has no {kind}.")
+
+
 def _hint(where: str, key: str, names: list[str]) -> str:
     """The remedy for an unknown key: one very near, the section that has it, one near, or all that are known."""
     from clothsim.scene.section_hints import home_of

@@ -93,8 +93,8 @@ class MeshArrays:
                 if sum(entry.file_size for entry in archive.infolist()) > len(packed.getvalue()):
                     raise ValueError("they would unpack to more than they hold")  # NumPy writes them uncompressed
             with np.load(packed, allow_pickle=False) as arrays:
-                found = {name: arrays[name] for name in ("vertices", "triangles", "rest", "frames") if name in arrays}
-                return cls.checked(where, found.pop("vertices"), found.pop("triangles"), **found)
+                given = {name: arrays[name] for name in ("vertices", "triangles", "rest", "frames") if name in arrays}
+                return cls.checked(where, given.pop("vertices"), given.pop("triangles"), **given)
         except InputError:
             raise
         except (binascii.Error, zipfile.BadZipFile, ValueError, TypeError, KeyError, OSError, EOFError) as error:

@@ -3,7 +3,7 @@
 Objects are distinguished by their attributes, so that none of the libraries is imported.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -11,11 +11,23 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 
+REMEDIES = {
+    "MultiBlock": "Give its surface: mesh.combine().extract_surface().triangulate().",
+    "PointSet": "Give a surface mesh: vertices and triangles.",
+    "PointCloud": "Give a surface mesh: vertices and triangles.",
+    "Scene": "Give one mesh of it: scene.to_mesh().",
+}
+"""Remedies for the objects of these libraries that are no mesh, by the name of their type."""
+
 FACES = ("triangle", "quad", "polygon")
 LOWER = ("vertex", "line")
 """Cell types of meshio that a surface mesh may hold beside its faces."""
-VTK_FACES = {5: "triangle", 7: "polygon", 9: "quad"}
+VTK_FACES = {5: [0, 1, 2], 7: None, 8: [0, 1, 3, 2], 9: [0, 1, 2, 3]}
+"""Cell types of VTK that are faces, and the order of their corners around the face; None: as they are."""
 VTK_LOWER = (0, 1, 2, 3, 4)
+
+ROUND_OFF = 1e-12
+"""Fraction of the size of a mesh below which two points are one."""
 
 Faces = list[Ints]
 """Faces of one number of corners each, (k, corners)."""
@@ -29,7 +41,8 @@ def surface_of(where: str, mesh: Any) -> tuple[Floats, Ints]:
     where : str
         Dotted name of the value, for messages.
     mesh : object
-        A trimesh.Trimesh, pyvista.PolyData or UnstructuredGrid, meshio.Mesh, or scikit-fem MeshTri or MeshQuad.
+        A trimesh.Trimesh, a pyvista.PolyData or a grid of faces, a meshio.Mesh, or a scikit-fem MeshTri or MeshQuad
+        (of higher order or discontinuous too, where it is the same surface).
 
     Returns
     -------
@@ -51,17 +64,21 @@ def surface_of(where: str, mesh: Any) -> tuple[Floats, Ints]:
                 raise _unreadable(where, mesh, error) from error
             break
     else:
-        raise InputError(
-            f"{where} is of the type {type(mesh).__name__}, which is no mesh.",
+        known = (
             "Give vertices and triangles, or a mesh of trimesh, pyvista, meshio or scikit-fem; "
-            'a file is named in a table: {"mesh": "shirt.obj"}.',
+            'a file is named in a table: {"mesh": "shirt.obj"}.'
+        )
+        raise InputError(
+            f"{where} is of the type {type(mesh).__name__}, which is no surface mesh.",
+            REMEDIES.get(type(mesh).__name__, known),
         )
     vertices = np.array(points, np.float64)
     if vertices.ndim != 2 or vertices.shape[1] not in (2, 3):
         raise InputError(f"{where}: its points have shape {vertices.shape}, not (n, 3).", "Give points in space.")
     if vertices.shape[1] == 2:
         vertices = np.column_stack([vertices, np.zeros(len(vertices))])
-    if not sum(len(block) for block in faces):
+    faces = [block for block in faces if len(block)]
+    if not faces:
         raise InputError(f"{where}: the {type(mesh).__name__} has no faces.", "Give a surface mesh of triangles.")
     triangles = _triangles(where, vertices, faces)
     return vertices, _wound_alike(vertices, triangles) if read is _of_skfem else triangles
@@ -108,16 +125,33 @@ def _of_trimesh(where: str, mesh: Any) -> tuple[Any, Faces]:
 
 
 def _of_polydata(where: str, mesh: Any) -> tuple[Any, Faces]:
-    """Faces in VTK's padded form: [count, vertex, ..., count, ...]."""
+    """Faces and strips of triangles."""
     padded = np.asarray(mesh.faces, np.int64)
+    strips = [_of_strip(strip) for strip in _unpadded(np.asarray(getattr(mesh, "strips", ()), np.int64))]
     if len(padded) and len(padded) % 4 == 0 and (padded[::4] == 3).all():
-        return mesh.points, [padded.reshape(-1, 4)[:, 1:]]
-    faces, offset = [], 0
+        return mesh.points, [padded.reshape(-1, 4)[:, 1:], *strips]
+    return mesh.points, [*(face[None] for face in _unpadded(padded)), *strips]
+
+
+def _unpadded(padded: Ints) -> Iterator[Ints]:
+    """Cells in VTK's padded form: [count, vertex, ..., count, ...]."""
+    offset = 0
     while offset < len(padded):
         count = int(padded[offset])
-        faces.append(padded[None, offset + 1 : offset + 1 + count])
+        yield padded[offset + 1 : offset + 1 + count]
         offset += 1 + count
-    return mesh.points, faces
+
+
+def _of_strip(strip: Ints) -> Ints:
+    """The triangles of a strip of vertices (n,), (n - 2, 3): every second one is wound the other way in it."""
+    triangles = np.stack([strip[:-2], strip[1:-1], strip[2:]], axis=1)
+    triangles[1::2] = triangles[1::2, [1, 0, 2]]
+    return triangles
+
+
+def _of_cells(where: str, mesh: Any) -> tuple[Any, Faces]:
+    """Cells of a grid that is not unstructured, such as one of an image."""
+    return _of_grid(where, mesh.cast_to_unstructured_grid())
 
 
 def _of_grid(where: str, mesh: Any) -> tuple[Any, Faces]:
@@ -125,9 +159,12 @@ def _of_grid(where: str, mesh: Any) -> tuple[Any, Faces]:
     faces = []
     for kind, cells in mesh.cells_dict.items():
         if int(kind) in VTK_FACES:
-            faces.append(np.asarray(cells, np.int64))
+            order = VTK_FACES[int(kind)]
+            corners = np.asarray(cells, np.int64)
+            faces.append(corners if order is None else corners[:, order])
         elif int(kind) not in VTK_LOWER:
-            raise _no_surface(where, f"VTK cells of type {int(kind)}", "Take its surface: mesh.extract_surface().")
+            remedy = "Give its surface: mesh.extract_surface().triangulate()."
+            raise _no_surface(where, f"VTK cells of type {int(kind)}", remedy)
     return mesh.points, faces
 
 
@@ -142,10 +179,29 @@ def _of_meshio(where: str, mesh: Any) -> tuple[Any, Faces]:
 
 
 def _of_skfem(where: str, mesh: Any) -> tuple[Any, Faces]:
-    """Points (2 or 3, n) and cells (corners, m)."""
+    """Points (2 or 3, n) and cells (corners, m); another mesh than one of first order where it is the same surface."""
     if mesh.elem.refdom.name not in ("Triangular", "Quadrilateral"):
         raise _no_surface(where, f"{mesh.elem.refdom.name.lower()} cells", "Give a MeshTri or MeshQuad.")
-    return np.asarray(mesh.p).T, [np.asarray(mesh.t).T]
+    points, cells = np.asarray(mesh.p, np.float64).T, np.asarray(mesh.t, np.int64).T
+    if not hasattr(mesh, "dofs") or len(points) == mesh.nvertices:
+        return points, [cells]
+    nodes = np.asarray(points[mesh.dofs.element_dofs.T])  # (m, nodes, 2 or 3) of each cell: corners, sides, middle
+    corners = nodes[:, : cells.shape[1]]
+    vertices = np.zeros((int(cells.max()) + 1, points.shape[1]))
+    vertices[cells] = corners
+    straight = np.concatenate([corners, *_middles(mesh, corners)], axis=1)[:, : nodes.shape[1]]
+    size = float(np.ptp(corners.reshape(-1, points.shape[1]), axis=0).max())
+    if np.abs(np.concatenate([nodes - straight, vertices[cells] - corners], axis=1)).max() > ROUND_OFF * size:
+        raise InputError(
+            f"{where} is a {type(mesh).__name__} with curved sides or gaps between its cells.",
+            f"Give straight triangles: skfem.{'MeshQuad' if cells.shape[1] == 4 else 'MeshTri'}.from_mesh(mesh).",
+        )
+    return vertices, [cells]
+
+
+def _middles(mesh: Any, corners: Floats) -> list[Floats]:
+    """The middles of the sides and of the cells, in scikit-fem's order, (m, sides, d) and (m, 1, d)."""
+    return [corners[:, mesh.elem.refdom.facets].mean(axis=2), corners.mean(axis=1, keepdims=True)]
 
 
 def _unreadable(where: str, mesh: Any, error: Exception) -> InputError:
@@ -171,6 +227,7 @@ _KINDS: tuple[tuple[Callable[[Any], bool], Callable[[str, Any], tuple[Any, Faces
     (_has("vertices", "faces"), _of_trimesh),
     (_has("points", "faces"), _of_polydata),
     (_has("points", "cells_dict", "celltypes"), _of_grid),
+    (_has("points", "dimensions", "cast_to_unstructured_grid"), _of_cells),
     (_is_meshio, _of_meshio),
     (_has("p", "t", "elem"), _of_skfem),
 )

@@ -80,6 +80,13 @@ def override(scene: Scene, assignment: str) -> Scene:
     return replace(scene, **changed)
 
 
+def set_key(scene: Scene, path: str, value: Any) -> Scene:
+    """`scene` with the key at "solver.dt" or "effects.body_contact.d_hat" set to a value of its type."""
+    section, *keys = path.split(".")
+    changed: dict[str, Any] = {section: _changed(path, getattr(scene, section), keys, value)}
+    return replace(scene, **changed)
+
+
 def _changed(path: str, table: Mapping[str, Any], keys: list[str], value: Any) -> dict[str, Any]:
     """A copy of nested tables with the value at `keys`."""
     first, *others = keys
@@ -92,16 +99,16 @@ def _changed(path: str, table: Mapping[str, Any], keys: list[str], value: Any) -
 def _with_mesh(section: str, new: dict[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
     """The new table without what belongs to the old mesh alone: keys that the new one has not, or refuses."""
     source = old.get("mesh")
-    kept = dict(new)
+    merged = dict(new)
     if "mesh" in new and "frames" in new:  # the new one replaces the old
-        del kept["mesh" if "mesh" in old else "frames"]
-    if (kept.get("mesh"), kept.get("frames")) == (source, old.get("frames")):
-        return kept
+        del merged["mesh" if "mesh" in old else "frames"]
+    if (merged.get("mesh"), merged.get("frames")) == (source, old.get("frames")):
+        return merged
     generator = GENERATOR_KEYS.get(source) if isinstance(source, str) else None
     for key in keys_of(generator or FilePart):
-        if key in old and key in kept and not _fits(section, kept, key):
-            del kept[key]
-    return kept
+        if key in old and key in merged and not _fits(section, merged, key):
+            del merged[key]
+    return merged
 
 
 def _fits(section: str, table: Mapping[str, Any], key: str) -> bool:

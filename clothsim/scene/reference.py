@@ -133,12 +133,12 @@ def _of_builder(name: str) -> Section:
 
 def _parameters(docstring: str) -> dict[str, tuple[str, str]]:
     """Meaning and unit of each parameter of a numpydoc docstring: "rate : float [1/s]" and the indented lines below."""
-    found = {}
+    entries = {}
     for name, kind, below in re.findall(r"^(\w+) : (.*)((?:\n[ \t]+.+)*)", docstring, re.M):
         text = " ".join((below or kind).split())
         unit = re.search(r"\[([^\]]+)\]", f"{kind} {text}")
-        found[name] = (text.split(". ")[0].rstrip("."), unit[1] if unit else "-")
-    return found
+        entries[name] = (text.split(". ")[0].rstrip("."), unit[1] if unit else "-")
+    return entries
 
 
 def _default(key: SceneKey) -> str:

@@ -116,14 +116,14 @@ class SceneKey:
 
 def keys_of(section: type) -> dict[str, SceneKey]:
     """The keys of a section, by their names in a scene file."""
-    found = {}
+    keys = {}
     for field in fields(section):
         if not hasattr(field.type, "__metadata__"):  # arrays beside the keys
             continue
         annotation, key = get_args(field.type)[:2]
         name = field.name.rstrip("_")
-        found[name] = SceneKey(name, field.name, annotation, field.default, key)
-    return found
+        keys[name] = SceneKey(name, field.name, annotation, field.default, key)
+    return keys
 
 
 def members(annotation: Any) -> tuple[Any, ...]:

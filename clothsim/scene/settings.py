@@ -35,19 +35,27 @@ class Solver(KeyTable):
             shown="none: newton_error_fraction"),
     ] = 0.0  # fmt: skip
     integrator: Annotated[
-        Literal["backward_euler", "bdf2"], Key("Time integrator; BDF2 is of second order and damps less")
-    ] = "backward_euler"
+        Literal["bdf2", "backward_euler"], Key("Time integrator; backward Euler is of first order and damps more")
+    ] = "bdf2"
     linear: Annotated[
         Literal["auto", "mixed", "pardiso", "cholmod", "superlu"],
         Key("Linear solver; auto takes the fastest installed, mixed is PARDISO in single precision with refinement"),
     ] = "auto"
     threads: Annotated[int, Key("Number of threads; 0 takes all cores, 1 repeats every bit", "1", least=0)] = 0
     max_iterations: Annotated[int, Key("Newton iterations of a step before dt is halved", "1", least=1)] = 100
+    unstable_equilibrium: Annotated[
+        Literal["leave", "keep"],
+        Key("Unstable equilibria are left along their lowest mode, or kept; recorded either way"),
+    ] = "leave"
+    perturbation_seed: Annotated[
+        int, Key("Side to which an unstable equilibrium is left; 2 k and 2 k + 1 take opposite ones", "1", least=0)
+    ] = 0
     error: Annotated[
         float,
-        Key("In place of dt: RMS error of the positions that the steps may add in the whole run", "m", above=0,
-            shown="none: dt is fixed"),
+        Key("In place of dt: RMS error of the positions at the last frame; dt, cells of generated meshes, d_hat and "
+            "tolerance are chosen for it", "m", above=0, shown="none: dt is fixed"),
     ] = 0.0  # fmt: skip
+    budget: Annotated[float, Key("Processor time of all runs that error may take", "s", above=0)] = 600.0
 
     @property
     def longest_step(self) -> float:
@@ -91,7 +99,7 @@ FieldName: TypeAlias = Literal[
 
 @dataclass(frozen=True, kw_only=True)
 class RunSettings(KeyTable):
-    """Duration, frame rate and fields of the frames: the section [run].
+    """Duration or end at rest, frame rate and fields of the frames: the section [run].
 
     Examples
     --------
@@ -106,6 +114,14 @@ class RunSettings(KeyTable):
         float, Key("Simulated time; a quasi-static run steps its loads over it", "s", above=0)
     ] = 2.0  # fmt: skip
     frames_per_second: Annotated[float, Key("Frames written for each simulated second", "1/s", above=0)] = 25.0
+    until: Annotated[
+        Literal["time", "rest"], Key("End of the run: the duration, or the first frame at rest, if that is earlier")
+    ] = "time"
+    rest_speed: Annotated[
+        float,
+        Key("At rest: no vertex is faster for 10 steps, nor farther from equilibrium than this a second", "m/s",
+            above=0),
+    ] = 1e-3  # fmt: skip
     fields: Annotated[
         Sequence[FieldName], Key("Fields written with each frame, beside the positions and the principal stretches")
     ] = ()

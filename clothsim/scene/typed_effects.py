@@ -60,9 +60,9 @@ class Membrane(EffectKeys):
     section: ClassVar[str] = "effects.membrane"
 
     material: Annotated[
-        Literal["neo_hookean", "orthotropic", "measured"],
-        Key("Isotropic, with the fabric's warp, weft and shear stiffness, or from measured curves"),
-    ] = "neo_hookean"
+        Literal["auto", "neo_hookean", "orthotropic", "measured"],
+        Key("By auto orthotropic where a fabric has its own warp, weft or shear stiffness, else isotropic"),
+    ] = "auto"
     angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
     warp: Annotated[Curve, Key("Measured curve along the warp: rows of strain and stress", "1, N/m")] = ()
     weft: Annotated[Curve, Key("Measured curve along the weft: rows of strain and stress", "1, N/m")] = ()
@@ -105,9 +105,9 @@ class Bending(EffectKeys):
     section: ClassVar[str] = "effects.bending"
 
     model: Annotated[
-        Literal["hinge", "quadratic", "midedge"],
-        Key("Hinge angles, a constant Hessian, or the model that converges on any mesh"),
-    ] = "hinge"
+        Literal["midedge", "hinge", "quadratic"],
+        Key("Curvature by triangle, which converges on any mesh; hinge angles; or a constant Hessian"),
+    ] = "midedge"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -227,9 +227,21 @@ class Friction(EffectKeys):
     section: ClassVar[str] = "effects.friction"
 
     coefficient: Annotated[float, Key("Coefficient of friction of all other pairs", "1", least=0)] = 0.3
-    pairs: Annotated[Sequence[Sequence[object]], Key("Coefficients [[name, name, mu], ...] by pair", "1")] = ()
+    mu_static: Annotated[float | AUTO, Key("Coefficient of contacts that hold; auto: coefficient", "1", least=0)] = (
+        "auto"
+    )
+    mu_kinetic: Annotated[
+        float | AUTO, Key("Coefficient of contacts that slide; auto: coefficient, at most mu_static", "1", least=0)
+    ] = "auto"  # fmt: skip
+    pairs: Annotated[
+        Sequence[Sequence[object]],
+        Key("Coefficients [[name, name, mu], ...] or [[name, name, mu_static, mu_kinetic], ...] by pair", "1"),
+    ] = ()
+    elastic_slip: Annotated[
+        float | AUTO, Key("Displacement after which a contact slides; auto: 1e-5 of the cloth's size", "m", above=0)
+    ] = "auto"  # fmt: skip
     eps_v: Annotated[
-        float | AUTO, Key("Speed below which a contact sticks; auto: from the size of the cloth", "m/s", above=0)
+        float | AUTO, Key("Speed below which a contact creeps; auto: none, it holds its place", "m/s", above=0)
     ] = "auto"  # fmt: skip
     iterations: Annotated[int, Key("Solves of a step, each with the contact forces of the last", "1", least=1)] = 1
 

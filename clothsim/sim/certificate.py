@@ -7,13 +7,48 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.energies.protocols import Storing
 from clothsim.kinematics.deformation_gradient import deformation_gradients
 from clothsim.kinematics.stretch import principal_stretches
 from clothsim.mesh.world import World
 from clothsim.sim.error_estimate import ErrorEstimate
 from clothsim.sim.integrators import BACKWARD_EULER
+from clothsim.sim.intersection_history import IntersectionHistory, history_from
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
+
+
+@dataclass(frozen=True)
+class UnstableEquilibria:
+    """Unstable equilibria so far.
+
+    Parameters
+    ----------
+    left, kept : int
+        Number of those that were left, and of steps that ended in one that was kept.
+    first_at : float or None
+        Time of the first [s].
+    growth_rate : float
+        Largest growth rate of a lowest mode [1/s].
+    """
+
+    left: int = 0
+    kept: int = 0
+    first_at: float | None = None
+    growth_rate: float = 0.0
+
+    def after(self, report: StepReport) -> Self:
+        """Return the record after one more step."""
+        if not report.switches:
+            return self
+        left = sum(switch.left for switch in report.switches)
+        return replace(
+            self,
+            left=self.left + left,
+            kept=self.kept + (not report.switches[-1].left),
+            first_at=report.state.time if self.first_at is None else self.first_at,
+            growth_rate=max(self.growth_rate, *(switch.growth_rate for switch in report.switches)),
+        )
 
 
 @dataclass(frozen=True)
@@ -26,8 +61,8 @@ class Certificate:
 
     Parameters
     ----------
-    intersecting_frames : tuple of int
-        Numbers of the frames in which checked surfaces intersect (see `intersection_check`).
+    intersections : IntersectionHistory
+        Intersections by the exact check.
     gap : float
         Smallest distance of cloth and body below d_hat [m], else inf.
     stretch_min, stretch_max : float
@@ -48,9 +83,15 @@ class Certificate:
         Estimated error of the result.
     asked : float
         Error requested by the user [m]; 0 where a dt was given.
+    fastest_speed : float
+        Largest speed of a cloth vertex in the last step [m/s]; nan without inertia.
+    at_rest : bool
+        True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
+    unstable : UnstableEquilibria
+        Those that were found (see `sim.branch_switching`).
     """
 
-    intersecting_frames: tuple[int, ...] = ()
+    intersections: IntersectionHistory = field(default_factory=IntersectionHistory)
     gap: float = np.inf
     stretch_min: float = np.inf
     stretch_max: float = 0.0
@@ -63,6 +104,9 @@ class Certificate:
     formula: str = BACKWARD_EULER
     estimate: ErrorEstimate = field(default_factory=ErrorEstimate)
     asked: float = 0.0
+    fastest_speed: float = np.nan
+    at_rest: bool = False
+    unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
         """Return the certificate after one more step, which started at `before`.
@@ -72,6 +116,8 @@ class Certificate:
         x = report.state.positions
         stretches = world_stretches(world, x)
         energy, incremental, scale = _energies(world, report, report.state)
+        if report.switches:  # of the solve; the displacement after it is none of its steps
+            incremental = _energies(world, report, replace(report.state, positions=report.result.x))[1]
         energy_before, incremental_before, _ = _energies(world, report, before)
         return replace(
             self,
@@ -84,6 +130,9 @@ class Certificate:
             step_rise=max(self.step_rise, incremental - incremental_before),
             energy_scale=max(self.energy_scale, scale),
             estimate=self.estimate.after(report),
+            fastest_speed=np.nan if report.error is None else report.fastest,
+            at_rest=report.state.at_rest,
+            unstable=self.unstable.after(report),
         )
 
     def as_dict(self, coverage: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
@@ -91,13 +140,17 @@ class Certificate:
         scale, scripted = self.energy_scale or 1.0, "bodies, pins or wind do work"
         drift: float | str = self.energy_rise / scale if self.formula == BACKWARD_EULER else "not checked (BDF2)"
         return {
-            "intersection_free": not self.intersecting_frames,
+            "intersection_free": self.intersections.intersection_free,
             **coverage,
-            "intersecting_frames": list(self.intersecting_frames),
+            "intersections": self.intersections.as_dict(),
+            "intersecting_frames": list(self.intersections.frames),
             "minimum_gap": self.gap,
             "stretch_min": self.stretch_min,
             "stretch_max": self.stretch_max,
             "residual": self.residual,
+            "at_rest": self.at_rest,
+            "fastest_speed": self.fastest_speed,
+            "unstable_equilibria": asdict(self.unstable),
             "energy_drift": scripted if self.moved_by_script else drift,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
             "error_estimate": self.estimate.as_dict(self.asked, completed),
@@ -105,14 +158,23 @@ class Certificate:
 
     def as_json(self) -> dict[str, Any]:
         """Return every field, for the checkpoint."""
-        return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, "estimate": asdict(self.estimate)}
+        parts = {
+            "estimate": asdict(self.estimate),
+            "intersections": self.intersections.as_json(),
+            "unstable": asdict(self.unstable),
+        }
+        return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
 
 
 def certificate_from(fields: dict[str, Any]) -> Certificate:
-    """Return the certificate that `as_json` wrote."""
-    estimate = ErrorEstimate(**fields.get("estimate", {}))
-    frames = tuple(fields["intersecting_frames"])
-    return Certificate(**{**fields, "intersecting_frames": frames, "estimate": estimate})
+    """Return the certificate that `as_json` wrote; older ones did not check all pairs."""
+    older = {**asdict(IntersectionHistory(complete=False)), "frames": fields.get("intersecting_frames", ())}
+    parts = {
+        "estimate": ErrorEstimate(**fields.get("estimate", {})),
+        "intersections": history_from(fields.get("intersections", older)),
+        "unstable": UnstableEquilibria(**fields.get("unstable", {})),
+    }
+    return Certificate(**{**{name: fields[name] for name in fields if name != "intersecting_frames"}, **parts})
 
 
 def world_stretches(world: World, x: Floats) -> Floats:
@@ -127,6 +189,7 @@ def _energies(world: World, report: StepReport, state: State) -> tuple[float, fl
     values = {name: energy.value(state.positions) for name, energy in energies.items()}
     stored = [value for name, value in values.items() if not energies[name].incremental]
     dynamic = len(stored) < len(values)
+    stored += [energy.stored(state.positions) for energy in energies.values() if isinstance(energy, Storing)]
     speeds = (state.velocities[: world.n_cloth] ** 2).sum(axis=1)
     kinetic = 0.5 * float(world.masses @ speeds) if dynamic else 0.0
     return kinetic + sum(stored), sum(values.values()), max(abs(part) for part in (kinetic, *stored))

@@ -16,9 +16,10 @@ PINCH_RADIUS = 2.0
 
 @runtime_checkable
 class HasContactPairs(Protocol):
-    """Contact energy with a cache of its active pairs, `active(x)`, and their closest points."""
+    """Contact energy with the pairs of distinct closest features and their closest points."""
 
-    candidates: Any
+    def distinct(self, x: Floats) -> Any:
+        """Return the pairs, of which the first `n_points` are of a point and a triangle."""
 
     @property
     def stiffness(self) -> float:
@@ -75,7 +76,7 @@ def closest_contact_pair(world: World, energies: Iterable[Energy], x: Floats) ->
 def _contact_pairs(energy: HasContactPairs, x: Floats) -> tuple[Ints, Ints, Floats, Floats]:
     """Active pairs: rows (p, 4), size of the first simplex (p,), midpoint (p, 3) and distance (p,) [m]."""
     rows, weights, lines, _ = energy.normal_forces(x, energy.stiffness)
-    splits = np.where(np.arange(len(rows)) < energy.candidates.active(x).n_points, 1, 2)
+    splits = np.where(np.arange(len(rows)) < energy.distinct(x).n_points, 1, 2)
     on_first = np.where(np.arange(4) < splits[:, None], weights, 0.0)
     midpoints = np.einsum("pk,pkc->pc", np.abs(on_first), x[rows]) - 0.5 * lines
     return rows, splits, midpoints, np.linalg.norm(lines, axis=1)

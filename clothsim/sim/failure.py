@@ -1,7 +1,7 @@
 """Failure of a step: its cause, the mesh element, the position, and a remedy."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -135,9 +135,8 @@ def failure_of(
     )
 
 
-def crossing_failure(world: World, found: "Crossing", state: State, dt: float) -> Failure:
-    """Describe the failure of a run in whose frame surfaces intersect in spite of contact."""
-    crossing = replace(found, position=found.position + world.origin)
+def crossing_failure(crossing: "Crossing", state: State, dt: float) -> Failure:
+    """Describe the failure of a run in whose step surfaces intersect in spite of contact."""
     i, j = crossing.pairs[0]
     element = f"triangle {i} of {crossing.first} and triangle {j} of {crossing.second}"
     remedy = "Contact should have prevented it: please report it with the archive that `clothsim bundle` makes."

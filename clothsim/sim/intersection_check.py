@@ -1,8 +1,10 @@
-"""Exact intersection check of a frame: its surfaces and exclusions. It shares no code with contact."""
+"""Exact intersection check of a state: its surfaces and exclusions. It shares no code with contact."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.io.run_surfaces import Surface
@@ -13,10 +15,14 @@ if TYPE_CHECKING:
 _EFFECT = {"body": "body_contact", "cloth": "self_contact"}
 """Effect that keeps cloth from intersecting a body or cloth."""
 
+_ORIGIN = np.zeros(3)
+
 
 @dataclass(frozen=True)
 class IntersectionCheck:
-    """Surfaces to check, and the pairs that a scene requires to be free of intersections.
+    """Surfaces to check, and the pairs that a scene keeps free of intersections.
+
+    All pairs of cloths, and of cloth and body, are checked, whatever effects are on.
 
     Parameters
     ----------
@@ -25,7 +31,7 @@ class IntersectionCheck:
     on : frozenset of str
         Contact effects that are on.
     excluded : frozenset of frozenset of str
-        Pairs of names that are not checked.
+        Pairs of names that the scene excludes from contact.
     """
 
     surfaces: tuple[Surface, ...]
@@ -33,40 +39,31 @@ class IntersectionCheck:
     excluded: frozenset[frozenset[str]]
 
     @property
-    def cloth_cloth(self) -> bool:
-        """True where cloth must not intersect cloth."""
-        return "self_contact" in self.on
-
-    @property
     def bodies(self) -> bool:
         """True where the scene has a body."""
         return any(surface.role == "body" for surface in self.surfaces)
 
-    def crossings(self, x: Floats, cloth_cloth: bool | None = None, limit: int = 1) -> "tuple[Crossing, ...]":
-        """Find the intersections in x (N, 3) [m], at most `limit` pairs of triangles for two surfaces.
+    def crossings(self, x: Floats, origin: Floats = _ORIGIN) -> "tuple[Crossing, ...]":
+        """Find all intersections in x (N, 3) [m], which is relative to `origin` (3,)."""
+        from clothsim.intersection.crossings import crossings  # kernels: a process that runs nothing does not load them
 
-        cloth_cloth: True tests cloth with cloth; None tests it where it must be free of intersections.
-        """
-        tested = self.cloth_cloth if cloth_cloth is None else cloth_cloth
-        if not (self.bodies or tested):
-            return ()
-        from clothsim.intersection.crossings import crossings  # kernels: imported only where something is checked
+        found = crossings(x, self.surfaces)
+        return tuple(replace(crossing, position=crossing.position + origin) for crossing in found)
 
-        return crossings(x, self.surfaces, tested, self.excluded, limit)
+    def kind(self, crossing: "Crossing") -> str:
+        """Return the kind of a crossing: "cloth_body", "cloth_cloth", or "excluded" from contact by the scene."""
+        if frozenset((crossing.first, crossing.second)) in self.excluded:
+            return "excluded"
+        return f"cloth_{crossing.role}"
 
     def violations(self, found: "Sequence[Crossing]") -> "list[Crossing]":
         """Return the crossings that an effect of the scene should have prevented."""
-        return [crossing for crossing in found if _EFFECT[crossing.role] in self.on]
+        return [each for each in found if _EFFECT[each.role] in self.on and self.kind(each) != "excluded"]
 
-    def coverage(self) -> dict[str, str]:
-        """Return a description of the checked pairs, for the certificate."""
-        tested = "tested at every frame"
-        if self.excluded:
-            tested += " but for excluded pairs"
-        return {
-            "cloth_body": tested if self.bodies else "no body",
-            "cloth_cloth": tested if self.cloth_cloth else "not requested",
-        }
+    def coverage(self, complete: bool = True) -> dict[str, str]:
+        """Return a description of the checked pairs, for the certificate; complete: of all states."""
+        checked = "checked at every step" if complete else "checked at every step since the run was resumed"
+        return {"cloth_body": checked if self.bodies else "no body", "cloth_cloth": checked}
 
 
 def intersection_check_of(

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 
 from clothsim.arrays import Floats
 from clothsim.mesh.world import World
@@ -15,6 +16,40 @@ class Previous:
     positions: Floats
     velocities: Floats
     dt: float
+
+
+class Rest(Enum):
+    """State of rest (`sim.rest`); the value says it of the cloth."""
+
+    MOVING = "it moves"
+    CHANGING = "it is slow, but a load, a pin or a body still changes"
+    DISTANT = "it is slow, but far from equilibrium"
+    UNSTABLE = "it is slow, in an unstable equilibrium or near one"
+    REACHED = "it is at rest"
+
+
+@dataclass(frozen=True)
+class Switch:
+    """Record of an unstable equilibrium (`sim.branch_switching`).
+
+    Parameters
+    ----------
+    growth_rate : float
+        Of its lowest mode [1/s].
+    vertex : int
+        Row of x that the mode displaces most.
+    displacement : tuple of float
+        Of that vertex, by which the state was left [m]; 0 where it was kept.
+    """
+
+    growth_rate: float
+    vertex: int
+    displacement: tuple[float, ...]
+
+    @property
+    def left(self) -> bool:
+        """True where the state was left."""
+        return any(self.displacement)
 
 
 @dataclass(frozen=True)
@@ -41,6 +76,10 @@ class State:
         None at a start and with a one-step formula.
     temporal_error : float
         Sum of the local errors of the positions, by `step_error` [m].
+    slow_steps : int
+        Consecutive steps so far without a fast vertex, see `sim.rest`.
+    rest : Rest
+        State of rest, as last seen at the end of a frame.
     """
 
     time: float
@@ -54,6 +93,13 @@ class State:
     memory: Mapping[str, float | Floats] = field(default_factory=dict)
     previous: Previous | None = None
     temporal_error: float = 0.0
+    slow_steps: int = 0
+    rest: Rest = Rest.MOVING
+
+    @property
+    def at_rest(self) -> bool:
+        """True where the cloth is at rest."""
+        return self.rest is Rest.REACHED
 
 
 def first_state(world: World, dt: float) -> State:

@@ -16,7 +16,7 @@ from clothsim.sim.failure import Failure, end_sentence, failure_of
 from clothsim.sim.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
 from clothsim.sim.local_error import StepError, step_error
 from clothsim.sim.prescribed import prescribed
-from clothsim.sim.state import Previous, State
+from clothsim.sim.state import Previous, State, Switch
 from clothsim.sim.step_size import ErrorControl
 from clothsim.solve.linear_system import System
 from clothsim.solve.newton import TOLERANCE_ALONE, Newton, NewtonResult, NewtonSettings
@@ -70,6 +70,12 @@ class Integrator:
         "backward_euler" or "bdf2".
     control : ErrorControl or None
         Step size control; None: dt is fixed.
+    rest_speed : float
+        Speed below which a vertex may count as at rest [m/s].
+    leaves_unstable : bool
+        True where unstable equilibria are left (`sim.branch_switching`).
+    perturbation_seed : int
+        Chooses the side.
     """
 
     world: World
@@ -82,6 +88,13 @@ class Integrator:
     watch: Watch = unwatched
     formula: str = BACKWARD_EULER
     control: ErrorControl | None = None
+    rest_speed: float = 1e-3
+    leaves_unstable: bool = True
+    perturbation_seed: int = 0
+
+    def load(self, time: float) -> float:
+        """Return the fraction of the loads that acts at `time` [s]."""
+        return min(1.0, time / self.ramp) if self.ramp else 1.0
 
     def shortest(self, dt: float) -> float:
         """Return the length below which a step that was first tried with dt is given up [s]."""
@@ -120,6 +133,8 @@ class StepReport:
         Tries whose local error was too large.
     at_floor : bool
         True where the error was too large and the step had the shortest length.
+    switches : tuple of Switch
+        Unstable equilibria at its end.
     """
 
     state: State
@@ -134,6 +149,7 @@ class StepReport:
     error: StepError | None = None
     rejected: int = 0
     at_floor: bool = False
+    switches: tuple[Switch, ...] = ()
 
     @property
     def converged(self) -> bool:
@@ -208,9 +224,8 @@ def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -
 def _solve(
     integrator: Integrator, state: State, formula: Formula, h: float, end: float, target: Prescribed
 ) -> tuple[Potential, NewtonResult]:
-    load = min(1.0, end / integrator.ramp) if integrator.ramp else 1.0
     zero = np.zeros_like(state.positions)
-    start = Step(state.time, h, state.positions, state.velocities, load, zero, memory=state.memory)
+    start = Step(state.time, h, state.positions, state.velocities, integrator.load(end), zero, memory=state.memory)
     control = integrator.control
     scale = max(h, CONTACT_TIME_SCALE) if control is None else control.contact_time_scale
     start = replace(start, weighed=formula.past, contact_time_scale=scale)

@@ -5,19 +5,35 @@ from dataclasses import replace
 
 import numpy as np
 
+from clothsim.sim.rest import judged
 from clothsim.sim.state import State
 from clothsim.sim.stepping import Integrator, StepReport, advance
 
 
-def steps(integrator: Integrator, state: State, duration: float, frames_per_second: float) -> Iterator[StepReport]:
+def steps(
+    integrator: Integrator, state: State, duration: float, frames_per_second: float, until: str = "time"
+) -> Iterator[StepReport]:
     """Generate the steps from `state` to `duration` [s]; each frame falls on the end of a step.
+
+    Parameters
+    ----------
+    integrator : Integrator
+        Takes the steps.
+    state : State
+        Start.
+    duration : float
+        End [s].
+    frames_per_second : float
+        Frame rate [1/s].
+    until : {"time", "rest"}
+        "rest": the first frame at rest is the last one, if it comes before the end.
 
     Yields
     ------
     StepReport
         The last one may be of a step that failed.
     """
-    while state.frame < frame_count(duration, frames_per_second):
+    while not finished(state, duration, frames_per_second, until):
         report = next_step(integrator, state, duration, frames_per_second)
         yield report
         if not report.converged:
@@ -32,8 +48,13 @@ def next_step(integrator: Integrator, state: State, duration: float, frames_per_
         until = min(until, duration)
     report = advance(integrator, state, until)
     if report.converged and report.state.time == until:
-        return replace(report, frame_done=True, state=replace(report.state, frame=state.frame + 1))
-    return report
+        report = replace(report, frame_done=True, state=replace(report.state, frame=state.frame + 1))
+    return judged(integrator, state, report, duration)
+
+
+def finished(state: State, duration: float, frames_per_second: float, until: str = "time") -> bool:
+    """True where `state` is the end of a run; parameters as of `steps`."""
+    return state.frame >= frame_count(duration, frames_per_second) or (until == "rest" and state.at_rest)
 
 
 def frame_count(duration: float, frames_per_second: float) -> int:

@@ -1,19 +1,24 @@
 """Newton direction: the quadratic model of E at x, and the step to its minimum."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.energies.hessians import Hessian, explicit, split
 from clothsim.indexing import taken
 from clothsim.linalg import dot
-from clothsim.solve import sparsity as assembly
 from clothsim.solve.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.lanczos import saddle_free_solve
 from clothsim.solve.linear_system import System
 from clothsim.solve.outcome import Ending, Outcome, outcome
 from clothsim.solve.potential import Potential
+from clothsim.solve.sparsity import times
 from clothsim.solve.trust_region import PROJECTED, Trust
+
+Product = Callable[[Floats], Floats]
+"""v -> A v for v (n,)."""
 
 MAX_SHIFTS = 12
 SINGULAR = 2.0**12 * float(np.finfo(float).eps)
@@ -99,13 +104,13 @@ class QuadraticModel:
         if not np.isfinite(gradient).all():
             return Direction(displacement, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)))
         if trust.exact and len(self.fixed) >= MIN_VERTICES and cached.solver is not None and cached.usable:
-            curved = self._assembled(self.potential.exact_hessians(x))
+            curved = self._products(self.potential.exact_hessians(x), len(x))
             right = -self._free(gradient)
             with self.potential.timers.phase("linear solve"):
                 first = cached.solver.back_solve(right)
             return self._curved(curved, right, first, gradient, trust, replace(cached, age=cached.age + 1))
         hessians = self.potential.hessians(x)
-        right = -self._free(gradient + assembly.times(hessians, displacement) if displacement.any() else gradient)
+        right = -self._free(gradient + times(explicit(hessians), displacement) if displacement.any() else gradient)
         data = self._assembled(hessians)
         finite = bool(np.isfinite(right).all())
         solved = self._solve(data, right, PRECONDITIONER_ERROR if trust.exact else EXACT) if finite else None
@@ -118,20 +123,20 @@ class QuadraticModel:
         solution, solver = solved
         if not trust.exact:
             return Direction(self._with(displacement, solution), gradient)
-        curved = self._assembled(self.potential.exact_hessians(x, hessians))
+        curved = self._products(self.potential.exact_hessians(x, hessians), len(x))
         return self._curved(curved, right, solution, gradient, trust, CachedFactor(solver))
 
     def _curved(
-        self, curved: Floats, right: Floats, first: Floats, gradient: Floats, trust: Trust, cached: CachedFactor
+        self, curved: Product, right: Floats, first: Floats, gradient: Floats, trust: Trust, cached: CachedFactor
     ) -> Direction:
-        """Direction of the exact Hessian `curved`; first: the preconditioner applied to the right-hand side."""
+        """Direction of the exact Hessian v -> `curved` v; first: the preconditioner applied to the right-hand side."""
         with self.potential.timers.phase("linear solve"):
             assert cached.solver is not None
-            times, precondition = self.system.pattern.times(curved), cached.solver.back_solve
-            found = saddle_free_solve(times, precondition, right, trust.radius, first, above=cached.age == 0)
-        dx = self._with(np.zeros_like(gradient), found.x)
-        cached = replace(cached, products=found.products) if found.products else NO_FACTOR
-        return Direction(dx, gradient, found.negative_curvature, cached)
+            precondition = cached.solver.back_solve
+            solution = saddle_free_solve(curved, precondition, right, trust.radius, first, above=cached.age == 0)
+        dx = self._with(np.zeros_like(gradient), solution.x)
+        cached = replace(cached, products=solution.products) if solution.products else NO_FACTOR
+        return Direction(dx, gradient, solution.negative_curvature, cached)
 
     def residual(self, gradient: Floats) -> float:
         """Return the largest component of the gradient (N, 3) at a free vertex [N]."""
@@ -157,7 +162,28 @@ class QuadraticModel:
         dx[self.system.rows] = moved
         return dx
 
-    def _assembled(self, hessians: list[assembly.Hessian]) -> Floats:
+    def _products(self, hessians: list[Hessian], n_rows: int) -> Product:
+        """v -> H v of Hessians over n_rows rows, for v (3 n,) that is 0 at the fixed vertices.
+
+        Implicit parts are not assembled: the matrix has the pattern of the projected one.
+        """
+        formed, implicit = split(hessians)
+        formed_data, rows = self._assembled(formed), self.system.rows
+        times_formed = self.system.pattern.times(formed_data)
+        if not implicit:
+            return times_formed
+        whole = np.zeros((n_rows, 3))
+
+        def product(v: Floats) -> Floats:
+            whole[rows] = v.reshape(-1, 3)
+            total = times_formed(v)
+            for part in implicit:
+                total += self._free(part.apply(whole))
+            return total
+
+        return product
+
+    def _assembled(self, hessians: list[Hessian]) -> Floats:
         with self.potential.timers.phase("assembly"):
             data = self.system.assemble(hessians)
             self.system.pattern.fix(data, self.fixed)

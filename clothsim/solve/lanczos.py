@@ -26,6 +26,10 @@ RELATIVE_ERROR = 0.1
 MAX_PRODUCTS = 8
 
 
+EIGENVALUE_ERROR = 1e-3
+MAX_EIGENVECTOR_PRODUCTS = 80
+
+
 class KrylovSolution(NamedTuple):
     """Solution x; negative_curvature: A is indefinite, or nearly, in its Krylov space; products A v taken.
 
@@ -97,3 +101,54 @@ def saddle_free_solve(
     for coefficient, vector in zip(coefficients, vectors, strict=True):
         x += coefficient * vector
     return KrylovSolution(x, bool(values[0] < 1.0 / trust), len(vectors))
+
+
+def lowest_eigenvector(
+    times: Callable[[Floats], Floats], precondition: Callable[[Floats], Floats], start: Floats
+) -> tuple[float, Floats]:
+    """Lowest eigenvalue t and its eigenvector v of A v = t M^-1 v, by Lanczos' method with full orthogonalisation.
+
+    Parameters
+    ----------
+    times : callable
+        v -> A v for v (n,); its result is overwritten.
+    precondition : callable
+        r -> M r with M symmetric positive definite.
+    start : (n,) float64
+        r; the Krylov space is that of M r, and v has r.v >= 0.
+
+    Returns
+    -------
+    (float, (n,) float64)
+        The lowest Ritz pair, v' M^-1 v = 1, once its residual is below EIGENVALUE_ERROR |t|, or after
+        MAX_EIGENVECTOR_PRODUCTS products. nan and 0 where a number is not finite.
+    """
+    vectors: list[Floats] = []
+    duals: list[Floats] = []  # M^-1 v
+    diagonal, beside = np.zeros(MAX_EIGENVECTOR_PRODUCTS), np.zeros(MAX_EIGENVECTOR_PRODUCTS)
+    residual, value, coefficients = start.copy(), np.nan, np.zeros(0)
+    for last in range(MAX_EIGENVECTOR_PRODUCTS):
+        image = precondition(residual)
+        squared = dot(residual, image)
+        if not np.isfinite(squared):
+            return np.nan, np.zeros_like(start)
+        norm = float(np.sqrt(max(squared, 0.0)))
+        if last:
+            beside[last - 1] = norm
+            if norm * abs(coefficients[-1]) <= EIGENVALUE_ERROR * abs(value):
+                break
+        elif not norm:
+            break
+        duals.append(residual / norm)
+        vectors.append(image / norm)
+        residual = times(vectors[-1])
+        diagonal[last] = dot(vectors[-1], residual)
+        for _ in range(2):  # once leaves what cancellation costs
+            for vector, dual in zip(vectors, duals, strict=True):
+                residual -= dot(vector, residual) * dual
+        values, rotation, _ = dstev(diagonal[: last + 1], beside[: max(last, 1)])
+        value, coefficients = float(values[0]), rotation[:, 0] * (1.0 if rotation[0, 0] >= 0.0 else -1.0)
+    found = np.zeros_like(start)
+    for coefficient, vector in zip(coefficients, vectors, strict=True):
+        found += coefficient * vector
+    return value, found

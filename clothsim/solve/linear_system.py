@@ -4,11 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.arrays import Floats, Ints
+from clothsim.energies.hessians import Hessian, explicit
 from clothsim.indexing import Rows
 from clothsim.solve.direct_solver import LinearSolver
 from clothsim.solve.linear_solvers import make_solver
 from clothsim.solve.nonlinear_elimination import Patch
-from clothsim.solve.sparsity import Hessian, Pattern, couplings, extended
+from clothsim.solve.sparsity import Explicit, Pattern, couplings, extended
 
 NEW_BLOCKS = 0.02
 """Fraction of blocks that may be missing from the last symbolic analysis for a preconditioner to do without them: a
@@ -86,8 +87,9 @@ class System:
         """Return a system of the vertices of a patch, with the same kind of solver."""
         return System(self.pattern.subpattern(patch.rows), self._linear, self._threads, patch)
 
-    def assemble(self, hessians: list[Hessian]) -> Floats:
+    def assemble(self, given: list[Hessian]) -> Floats:
         """Sum the Hessians as data of the pattern, which is extended first where a block is outside of it."""
+        hessians = explicit(given)
         if self.patch is not None:
             hessians = [self.patch.hessian(hessian) for hessian in hessians]
         data, outside = self._assembled(hessians)
@@ -96,14 +98,14 @@ class System:
             data, outside = self._assembled(hessians)
         return data
 
-    def _assembled(self, hessians: list[Hessian]) -> tuple[Floats, int]:
+    def _assembled(self, hessians: list[Explicit]) -> tuple[Floats, int]:
         """Assemble with the cached block offsets of element lists that are the same objects as before: most are."""
         known, self._offsets = self._offsets, {}
 
         def block_offsets(elements: Ints) -> NDArray[np.int32]:
             if id(elements) not in self._offsets:  # a list in the cache keeps its id
-                found = known.get(id(elements)) or (elements, self.pattern.block_offsets(elements))
-                self._offsets[id(elements)] = found
+                offsets = known.get(id(elements)) or (elements, self.pattern.block_offsets(elements))
+                self._offsets[id(elements)] = offsets
             return self._offsets[id(elements)][1]
 
         return self.pattern.assemble(hessians, block_offsets)

@@ -13,7 +13,7 @@ from scipy import sparse
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.hessians import ByElement
 from clothsim.jit import kernel
-from clothsim.solve.sparsity import Hessian, Pattern
+from clothsim.solve.sparsity import Explicit, Pattern
 
 RINGS = 3
 """Rings of neighbours that a patch adds around the unconverged vertices."""
@@ -50,7 +50,7 @@ class Patch:
             )  # a list in the cache keeps its id
         return found[1]
 
-    def hessian(self, hessian: Hessian) -> Hessian:
+    def hessian(self, hessian: Explicit) -> Explicit:
         """Return a Hessian over x as one over the patch's rows."""
         if isinstance(hessian, ByElement):
             return replace(hessian, elements=self.renumbered(hessian.elements))

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy
-from clothsim.energies.hessians import ByElement, LanesHessian
+from clothsim.energies.hessians import Hessian, ImplicitHessian, LanesHessian, SumHessian
 from clothsim.energies.protocols import (
     BarrierGap,
     ContactGap,
@@ -137,13 +137,11 @@ class Potential:
                 largest = max(largest, float(part.max(initial=0.0)), -float(part.min(initial=0.0)))
         return total, largest
 
-    def hessians(self, x: Floats) -> "list[ByElement | sparse.csr_array]":
+    def hessians(self, x: Floats) -> list[Hessian]:
         """Return the projected Hessian of each acting energy [N/m], in their order."""
         return [self._hessian(name, x, True) for name in self.acting]
 
-    def exact_hessians(
-        self, x: Floats, projected: "list[ByElement | sparse.csr_array] | None" = None
-    ) -> "list[ByElement | sparse.csr_array]":
+    def exact_hessians(self, x: Floats, projected: list[Hessian] | None = None) -> list[Hessian]:
         """Return the exact Hessian of each acting energy [N/m], or the projected one for Newton (friction).
 
         projected: the result of `hessians` at x, if it is known.
@@ -154,18 +152,26 @@ class Potential:
             for (name, energy), one in zip(self.acting.items(), known, strict=True)
         ]
 
-    def _hessian(self, name: str, x: Floats, project: bool) -> "ByElement | sparse.csr_array":
+    def _hessian(self, name: str, x: Floats, project: bool) -> Hessian:
         with self.timers.effect(name, "hessians") as counters:
             hessian = self.energies[name].hessian(x, project)
             counters.hessian_nonzeros = int(hessian.nnz)
-        return replace(hessian, fill=self._timed(name, hessian.fill)) if isinstance(hessian, LanesHessian) else hessian
+        if isinstance(hessian, SumHessian):
+            return SumHessian(tuple(self._timed_part(name, part) for part in hessian.parts))
+        return hessian if isinstance(hessian, sparse.csr_array) else self._timed_part(name, hessian)
 
-    def _timed(self, name: str, fill: Callable[[Floats, int], None]) -> Callable[[Floats, int], None]:
-        """`fill` of a Hessian, timed as work of its energy."""
+    def _timed_part(self, name: str, part: Any) -> Any:
+        """A part of a Hessian whose later work is timed as its energy's."""
+        if isinstance(part, LanesHessian):
+            return replace(part, fill=self._timed(name, part.fill))
+        return replace(part, apply=self._timed(name, part.apply)) if isinstance(part, ImplicitHessian) else part
 
-        def timed(lanes: Floats, first: int) -> None:
+    def _timed(self, name: str, work: Callable[..., Any]) -> Callable[..., Any]:
+        """A function of a Hessian, timed as work of its energy."""
+
+        def timed(*arguments: Any) -> Any:
             with self.timers.effect(name, ""):
-                fill(lanes, first)
+                return work(*arguments)
 
         return timed
 

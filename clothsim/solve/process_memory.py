@@ -52,7 +52,7 @@ def held_bytes(thing: object, others: Iterable[object] = ()) -> int:
 
 def _arrays(thing: object) -> dict[int, int]:
     """{identity of the memory: bytes} of the arrays reachable through fields, mappings and sequences."""
-    found: dict[int, int] = {}
+    sizes: dict[int, int] = {}
     seen: set[int] = set()
     todo = [thing]
     while todo:
@@ -63,11 +63,11 @@ def _arrays(thing: object) -> dict[int, int]:
         if isinstance(one, np.ndarray):
             while isinstance(one.base, np.ndarray):  # a view keeps its base alive
                 one = one.base
-            found[id(one)] = one.nbytes
+            sizes[id(one)] = one.nbytes
         elif isinstance(one, Mapping):
             todo += one.values()
         elif isinstance(one, tuple | list | set | frozenset):
             todo += one
         elif type(one).__module__.partition(".")[0] not in ("builtins", "numpy", "numba"):
             todo += getattr(one, "__dict__", {}).values()
-    return found
+    return sizes

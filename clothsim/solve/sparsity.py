@@ -18,8 +18,8 @@ from clothsim.energies.hessians import ByElement, ElementHessian, LowRankHessian
 from clothsim.jit import LANES, kernel, natural
 from clothsim.solve import assembly
 
-Hessian: TypeAlias = ByElement | sparse.csr_array
-"""Hessian of an energy: blocks, low-rank factors or lanes by element, or (from ipctk) a sparse matrix."""
+Explicit: TypeAlias = ByElement | sparse.csr_array
+"""Hessian with entries: blocks, low-rank factors or lanes by element, or (from ipctk) a sparse matrix."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class Pattern:
         return assembly.block_offsets(self.starts, self.columns, elements)
 
     def assemble(
-        self, hessians: list[Hessian], block_offsets: Callable[[Ints], NDArray[np.int32]] | None = None
+        self, hessians: list[Explicit], block_offsets: Callable[[Ints], NDArray[np.int32]] | None = None
     ) -> tuple[Floats, int]:
         """Sum Hessians into data of this pattern; rows beyond n_vertices are dropped.
 
@@ -159,7 +159,7 @@ def _added(data: Floats, hessian: ByElement, at: NDArray[np.int32]) -> int:
     return outside
 
 
-def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Hessian]) -> Pattern:
+def make_pattern(n_vertices: int, triangles: Ints, hessians: list[Explicit]) -> Pattern:
     """Make the pattern of the diagonal, of the cloth's `triangles (m, 3)` and of all element lists of `hessians`.
 
     The triangles are included whether or not a membrane acts: contact couples the corners of a triangle.
@@ -181,7 +181,7 @@ def extended(pattern: Pattern, elements: list[Ints]) -> Pattern:
     return _pattern(n, np.sort(np.concatenate([known, added])))
 
 
-def couplings(hessian: Hessian) -> Ints:
+def couplings(hessian: Explicit) -> Ints:
     """Return the rows of x that a Hessian couples, (m, k)."""
     if isinstance(hessian, ByElement):
         return hessian.elements
@@ -207,7 +207,7 @@ def _pattern(n: int, keys: Ints) -> Pattern:
     return Pattern(n, starts, columns)
 
 
-def times(hessians: list[Hessian], vector: Floats) -> Floats:
+def times(hessians: list[Explicit], vector: Floats) -> Floats:
     """Return (sum of Hessians) vector, (N, 3), over all rows: also those of bodies and ghosts."""
     product = np.zeros_like(vector)
     for hessian in hessians:

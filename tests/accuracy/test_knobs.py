@@ -4,9 +4,10 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from small_scenes import small_scene, without
+from small_scenes import SOLVER, small_scene, without
 
-from clothsim.accuracy.knobs import KNOBS, fixed, usable
+from clothsim.accuracy.knobs import KNOBS, newton_knob, usable
+from clothsim.build.explicit_lengths import fixed
 from clothsim.build.presets import PRESETS, with_preset
 from clothsim.build.refinement import with_cells
 from clothsim.build.scene_world import build
@@ -37,7 +38,7 @@ def test_what_the_mesh_chose_is_written_out():
     ],
 )
 def test_levels_are_powers_of_two(knob, path, values):
-    base = base_of()
+    base = base_of(solver={**SOLVER, "tolerance": 1e-3})
     for level, value in values.items():
         scene = KNOBS[knob].put(base, base, level)
         assert getattr(scene, path[0]).get(path[1], 1e-3) == pytest.approx(value)
@@ -52,7 +53,7 @@ def test_each_frame_ends_a_step():
 
 def test_a_scene_without_contact_and_friction_has_no_such_knobs():
     found, missing = usable(base_of(effects=without("body_contact")), None)
-    assert set(found) == {"dt", "cells", "tolerance"}
+    assert set(found) == {"dt", "cells", newton_knob(base_of())}
     assert missing["d_hat"] == "the scene has no contact"
     assert missing["iterations"] == "the scene has no friction"
 

@@ -17,9 +17,10 @@ def test_a_run_that_is_too_long_is_stopped_at_the_deadline(tmp_path, monkeypatch
     endless = replace(SCENE, run={"duration": 1000.0, "frames_per_second": 25}).to_text()
     jobs = [Job(endless, endless, tmp_path / f"{k}.npz") for k in range(3)]
     begun = []
-    monkeypatch.setattr(pool, "_started", lambda: begun.append(_started()) or begun[-1])
+    monkeypatch.setattr(pool, "_started", lambda scratch: begun.append(_started(scratch)) or begun[-1])
+    end = monotonic() + 1.0
     with worker_processes(2) as run:
-        got = list(run(jobs, lambda job: True, monotonic() + 1.0))
+        got = list(run(jobs, lambda job: True, lambda: end - monotonic()))
     assert [output for _, output in got] == [None] * 3
     assert len(begun) == 2
     assert all(process.poll() is not None for process in begun)
@@ -29,7 +30,7 @@ def test_a_run_that_is_too_long_is_stopped_at_the_deadline(tmp_path, monkeypatch
 def test_jobs_that_do_not_fit_start_no_process(tmp_path):
     job = Job("", "", tmp_path / "a.npz")
     with worker_processes(1) as run:
-        assert list(run([job], lambda job: False, monotonic() + 10)) == [(job, None)]
+        assert list(run([job], lambda job: False, lambda: 10.0)) == [(job, None)]
 
 
 def ask(scene, target, seed=0):

@@ -7,19 +7,20 @@ import numpy as np
 import pytest
 from analytic_study import SHEET, A, B, C, Runners, answer, positions
 
+from clothsim.accuracy.answer import answer as reported
 from clothsim.accuracy.points import written
-from clothsim.accuracy.report import answer as reported
-from clothsim.accuracy.resample import material_of, point_areas
 from clothsim.accuracy.study import study_accuracy
 from clothsim.build.meshes import cloth_shape
 from clothsim.errors import InputError
+from clothsim.mesh.resample import material_of, point_areas
 from clothsim.scene.scene import scene_from_text
 
 KNOBS = ("dt", "cells")
 
 
-def true_error(cells, dt):
+def true_error(cells, dt, integrator="backward_euler"):
     """RMS over the base's points, weighted by area, of what is made up [mm]; from finer meshes."""
+    dt = dt if integrator == "backward_euler" else 5 * dt**2
     shape = cloth_shape(SHEET.cloth, "cloth", SHEET.directory)
     areas = point_areas(material_of([shape.positions], [shape.triangles]))
     h = 1 / cells[0]
@@ -39,7 +40,7 @@ def test_every_error_is_the_true_one(made):
     checked = [each for each in result["points"] if "cells" in each["settings"] and each["settings"]["cells"][0] >= 4]
     assert len(checked) >= 6
     for each in checked:
-        expected = true_error(each["settings"]["cells"], each["settings"]["dt"])
+        expected = true_error(*(each["settings"].get(key, "backward_euler") for key in ("cells", "dt", "integrator")))
         assert each["error"] == pytest.approx(expected, abs=2 * result["reference"]["own_error"] + 1e-6)
         assert each["unit"] == "mm"
     assert result["reference"]["own_error"] < 0.01 * result["base"]["error"]
@@ -118,9 +119,28 @@ def test_what_does_not_fit_is_not_run_and_named(tmp_path):
     runners = Runners(lambda job: answer(job, seconds=25.0))
     result = study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=runners).result
     ran = {each["label"] for each in result["points"]}
+    assert "cells +1" in ran  # the coarser cells show that it fits
     assert "fine" not in ran
     assert "it would take about" in result["left_out"]["fine"]
     assert not ran & set(result["left_out"])
+
+
+def test_a_small_budget_says_how_much_is_needed(tmp_path):
+    def dear(job):
+        """Seconds that grow with the vertices: finer cells do not fit."""
+        cells = scene_from_text(job.scene).cloth["cells"][0]
+        return answer(job, seconds=25.0 * (cells / 4) ** 2)
+
+    result = study_accuracy(SHEET, tmp_path, KNOBS, budget=60.0, workers=1, runners=Runners(dear)).result
+    headline = result["headline"]
+    assert (headline["known"], headline["status"], headline["error"]) == (False, "unfinished", None)
+    assert headline["missing"] == ["cells"]
+    assert headline["certificate"] == pytest.approx(10.001)
+    assert headline["needed_seconds"] > 100.0 + 100.0  # finer cells, and with them a finer dt
+    assert "it would take about" in result["left_out"]["cells +1"]
+    assert result["recommended"] == result["front"] == []
+    assert not (tmp_path / "study.png").exists()
+    assert "goes on from the runs so far" in (tmp_path / "study.md").read_text()
 
 
 def only(*allowed):
@@ -134,8 +154,13 @@ def only(*allowed):
 
 
 def test_without_any_finer_run_no_error_is_reported(tmp_path):
-    with pytest.raises(InputError, match="No finer run of the scene came to its end"):
-        study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=only((4, 0.02), (2, 0.02)))
+    done = study_accuracy(SHEET, tmp_path, KNOBS, budget=100.0, workers=1, runners=only((4, 0.02), (2, 0.02)))
+    headline = done.result["headline"]
+    assert (headline["known"], headline["status"], headline["error"]) == (False, "unfinished", None)
+    assert headline["missing"] == ["dt", "cells"]
+    assert headline["so_far"] == {}
+    assert done.result["base"]["error"] is None
+    assert done.result["front"] == done.result["recommended"] == []
     kept = json.loads((tmp_path / "study.json").read_text())["points"]
     assert {"base", "cells -1"} <= {each["label"] for each in kept}
 
@@ -144,7 +169,11 @@ def test_a_knob_without_a_finer_run_is_reported_as_unknown(tmp_path):
     runners = only((4, 0.02), (4, 0.01), (4, 0.005))
     result = study_accuracy(SHEET, tmp_path, KNOBS, budget=1e9, workers=1, runners=runners).result
     assert result["knobs"]["cells"]["adds"] is None
-    assert "What cells add is not in that" in " ".join(reported(result))
+    headline = result["headline"]
+    assert (headline["status"], headline["error"], headline["missing"]) == ("unfinished", None, ["cells"])
+    assert headline["needed_seconds"] is None  # it failed: no budget helps
+    assert headline["so_far"]["dt"] == pytest.approx(result["knobs"]["dt"]["adds"])
+    assert "the finer run of cells is no data point" in " ".join(reported(result))
 
 
 def test_a_capped_solve_is_no_data_point(tmp_path):

@@ -139,8 +139,8 @@ def as_text(cases: Sequence[Case], cost: Sequence[Price]) -> str:
     return "\n\n".join([*tables, text_table(header, rows)])
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.2f} %"
+def _percent(fraction: float) -> str:
+    return f"{100 * fraction:.2f} %"
 
 
 def main(argv: Sequence[str] | None = None) -> int:

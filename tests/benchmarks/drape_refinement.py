@@ -37,7 +37,7 @@ from transfer.signed_distance import BodySurface, body_surface
 CLEARANCE = 5e-3
 """Initial distance of the garment from the body [m]."""
 HEIGHTS, REACH = (0.47, 0.80), 0.115
-"""The torso of a standing body: shares of its height from below, and how far from its axis."""
+"""The torso of a standing body: fractions of its height from below, and how far from its axis."""
 METHODS: Mapping[str, Mapping[str, Any]] = {
     "vertices, 3 passes": {"samples": False, "passes": 3},
     "vertices": {"samples": False},

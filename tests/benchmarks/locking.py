@@ -55,7 +55,7 @@ REMEDIES: Mapping[str, Callable[[World], Energy | Off]] = {
 
 @dataclass(frozen=True)
 class Case:
-    """Errors as shares: of the length and height of the wrinkles, or of radius and volume; CPU seconds of the solve."""
+    """Errors as fractions: of length and height of the wrinkles, or of radius and volume; CPU seconds of the solve."""
 
     what: str
     mesh: str

@@ -16,15 +16,17 @@ from typing import Any
 import numpy as np
 
 from clothsim.accuracy.evaluation import STUDY_NAME
-from clothsim.accuracy.knobs import KNOBS, fixed, set_key, usable
+from clothsim.accuracy.knobs import KNOBS, usable
 from clothsim.accuracy.points import Bench, Point, point
 from clothsim.accuracy.reference_solution import Norm
-from clothsim.accuracy.resample import at_points_of, material_of, point_areas
 from clothsim.accuracy.worker import answer
 from clothsim.arrays import Floats
+from clothsim.build.explicit_lengths import fixed
 from clothsim.build.scene_world import build
 from clothsim.errors import ClothsimError, InputError
 from clothsim.io.record import read_summary
+from clothsim.mesh.resample import at_points_of, material_of, point_areas
+from clothsim.scene.overrides import set_key
 from clothsim.scene.scene import Scene
 from clothsim.scene.toml_file import load_scene
 from clothsim.text_table import text_table

@@ -1,5 +1,7 @@
 """Animated bodies: their table, refused input, and cloth in contact with them."""
 
+import re
+
 import numpy as np
 import pytest
 from real_data import DATA, needs_data
@@ -34,10 +36,10 @@ def test_every_frame_is_placed_as_one_mesh_is(tmp_path):
     place = {"position": [1.0, 2.0, 3.0], "rotation_degrees": [20.0, 0.0, 50.0], "scale": 2.0}
     body, notes = body_of(tmp_path, write_frames(tmp_path, [0, 0, 0], [0.3, 0, 0], squeeze=0.2) | place)
     turn = Rotation.from_euler("xyz", place["rotation_degrees"], degrees=True)
-    for time, share in ((0.0, 0.0), (0.02, 0.5), (0.04, 1.0), (7.0, 1.0)):
-        points = POSITIONS * [1, 1, 1 - 0.2 * share] + share * np.array([0.3, 0, 0])
+    for time, fraction in ((0.0, 0.0), (0.02, 0.5), (0.04, 1.0), (7.0, 1.0)):
+        points = POSITIONS * [1, 1, 1 - 0.2 * fraction] + fraction * np.array([0.3, 0, 0])
         assert np.abs(body.at(time) - turn.apply(2 * points) - place["position"]).max() < 1e-13
-    assert "ball: 2 frames, 25 a second: it moves for 0.04 s, then rests" in notes
+    assert any(re.search(r"ball.*\b2\b.*\b25\b.*0\.04 s", note) for note in notes)
 
 
 def test_the_rate_is_the_scenes(tmp_path):
@@ -48,18 +50,18 @@ def test_the_rate_is_the_scenes(tmp_path):
 def test_one_frame_is_a_still_body(tmp_path):
     body, notes = body_of(tmp_path, write_frames(tmp_path, [0, 0, 0]))
     assert body.motion.still
-    assert any("1 frame: a body at rest" in note for note in notes)
+    assert any(re.search(r"ball.*\b1 frame\b", note) for note in notes)
 
 
 @pytest.mark.parametrize(
     ("keys", "message"),
     [
-        ({"motion": {"velocity": [0, 0, 1]}}, "frames and motion"),
-        ({"mesh": "sphere"}, "frames and mesh"),
+        ({"motion": {"velocity": [0, 0, 1]}}, "frames.*motion"),
+        ({"mesh": "sphere"}, "frames.*mesh"),
         ({"frames": 3}, "body.frames"),
-        ({"frames": "bell*.obj"}, r"No file matches frames = 'bell\*.obj'"),
+        ({"frames": "bell*.obj"}, r"'bell\*\.obj'"),
         ({"frames_per_second": 0}, "frames_per_second"),
-        ({"radius": 1.0}, "no key 'radius'"),
+        ({"radius": 1.0}, "'radius'"),
         ({"component": 1}, "component"),
     ],
 )
@@ -76,10 +78,10 @@ def test_a_frame_of_another_topology_or_without_area_is_named(tmp_path):
     flat = [*lines]
     flat[a] = flat[b]
     (tmp_path / "ball1.obj").write_text("\n".join(flat))
-    with pytest.raises(InputError, match=r"ball1.obj: triangle 0 has no area"):
+    with pytest.raises(InputError, match=r"ball1\.obj.*\b0\b"):
         body_of(tmp_path, table)
     (tmp_path / "ball1.obj").write_text("\n".join(lines[:-1]))
-    with pytest.raises(InputError, match=r"ball1.obj has 79 faces, ball0.obj has 80"):
+    with pytest.raises(InputError, match=r"ball1\.obj.* 79 .*ball0\.obj.* 80"):
         body_of(tmp_path, table)
 
 
@@ -87,7 +89,7 @@ def test_a_frame_of_another_topology_or_without_area_is_named(tmp_path):
 def test_steps_longer_than_a_frame_are_reported(tmp_path, dt, reported):
     table = write_frames(tmp_path, [0, 0, 0], [0, 0, 1])
     _, notes = body_of(tmp_path, table, solver={"dt": dt}, run={"frames_per_second": 5})
-    assert any("0.05 s" in note and "frames of 0.04 s" in note for note in notes) == reported
+    assert any("0.05 s" in note and "0.04 s" in note for note in notes) == reported
 
 
 def animated(folder, *shifts, squeeze=0.0, **sections):
@@ -150,4 +152,4 @@ def test_the_kick(tmp_path):
         assert np.abs(body.at(frame / 25) - points).max() < 1e-12
     steps = np.linalg.norm(np.diff(body.motion.displacements, axis=0), axis=2)
     assert 0.045 < steps.max() < 0.047
-    assert any("moves for 0.8 s" in note for note in notes)
+    assert any("0.8 s" in note for note in notes)

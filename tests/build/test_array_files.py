@@ -33,7 +33,7 @@ def test_a_file_of_words_or_of_objects_is_refused(tmp_path):
     np.save(tmp_path / "words.npy", np.array(["a", "b"]))
     np.save(tmp_path / "things.npy", np.array([{}], object), allow_pickle=True)
     for name in ("words.npy", "things.npy"):
-        with pytest.raises(InputError, match=r"no real numbers|no NumPy file"):
+        with pytest.raises(InputError, match="array"):
             with_arrays("effects.x", {"a": name}, tmp_path)
 
 

@@ -27,14 +27,14 @@ def built(effects, cloth=SHEET, body=()):
     ],
 )
 def test_a_loaded_cloth_that_nothing_holds_is_refused(effects, cloth, body, name):
-    with pytest.raises(InputError, match=rf"{name} against its load of \d") as refusal:
+    with pytest.raises(InputError, match=rf"{name}.*\d N") as refusal:
         built(effects, cloth, body)
     assert "effects.inertia" in refusal.value.remedy
     assert "\n" not in refusal.value.sentence
 
 
 def test_its_load_is_its_weight():
-    with pytest.raises(InputError, match=f"load of {0.15 * 9.81:.3g} N"):
+    with pytest.raises(InputError, match=f"{0.15 * 9.81:.3g} N"):
         built({"membrane": {}, "gravity": {}}, {**SHEET, "density": 0.15})
 
 
@@ -58,5 +58,5 @@ def test_a_piece_of_a_cloth_is_named_by_its_first_vertex(tmp_path):
     faces = [f"f {a} {b} {c}" for a, b, c in ((1, 2, 3), (3, 2, 4), (5, 6, 7), (7, 6, 8))]
     (tmp_path / "two.obj").write_text("\n".join(corners + faces))
     effects = {"membrane": {}, "gravity": {}, "pins": {"select": [0]}}
-    with pytest.raises(InputError, match="the piece of cloth with vertex 4 against"):
+    with pytest.raises(InputError, match=r"cloth.*\b4\b"):
         build(Scene(cloth={"mesh": "two.obj"}, effects=effects, directory=tmp_path))

@@ -76,7 +76,7 @@ def test_what_cannot_be_freed_is_named():
     points, faces = grid(6, 6)
     through = points[:, [2, 1, 0]] + [0.5, 0.0, -0.5]
     world = make_world([cloth(points, faces), cloth(through, faces, name="other")])
-    with pytest.raises(InputError, match=r"pairs of triangles still intersect after 200 rounds, one at \(.*\) m"):
+    with pytest.raises(InputError, match=r"\b200\b.*\(.*\) m"):
         untangled(world)
 
 

@@ -1,5 +1,7 @@
 """Warnings about a scene: keys without effect, bodies that move too fast, starts inside bodies and d_hat."""
 
+import re
+
 import pytest
 
 from clothsim import InputError, Scene
@@ -17,18 +19,18 @@ def notes(cloth=CLOTH, effects=HELD, solver=None):
 
 def test_velocity_without_inertia():
     fast = {**CLOTH, "velocity": [1, 0, 0]}
-    assert "velocity does nothing" in notes(fast)
-    assert "velocity does nothing" not in notes(fast, {**HELD, "inertia": {}})
+    assert "velocity" in notes(fast)
+    assert "velocity" not in notes(fast, {**HELD, "inertia": {}})
 
 
 def test_a_clamp_without_bending():
     clamped = {"membrane": {}, "pins": {"select": "left", "clamp": True}}
-    assert "clamp does nothing" in notes(effects=clamped)
-    assert "clamp does nothing" not in notes(effects={**clamped, "bending": {}})
+    assert "clamp" in notes(effects=clamped)
+    assert "clamp" not in notes(effects={**clamped, "bending": {}})
 
 
 def test_steps_longer_than_a_frame():
-    assert "Steps are 0.04 s, not 0.1 s" in notes(solver={"dt": 0.1})
+    assert re.search(r"0\.04 s.*0\.1 s", notes(solver={"dt": 0.1}))
     assert "Steps are" not in notes(solver={"dt": 0.04})
 
 
@@ -39,7 +41,7 @@ def test_a_body_that_leaps_through_the_cloth_is_refused():
     blade["motion"] = {"rotate_degrees_per_second": [9000, 0, 0], "centre": [0, 0, 0]}
     solver = {"dt": 0.02, "linear": "superlu"}
     scene = Scene(cloth=cloth, body=blade, effects={"inertia": {}, "body_contact": {}}, solver=solver)
-    with pytest.raises(InputError, match="blade turns 180 degrees in a step") as refusal:
+    with pytest.raises(InputError, match=r"blade.* 180 degrees") as refusal:
         prepare(scene, build(scene))
     assert "below 0.005 s" in refusal.value.remedy
 
@@ -67,7 +69,7 @@ def test_a_d_hat_wider_than_the_edges_is_reported_and_one_wider_than_the_cloth_r
     above = {**SMALL, "position": [0, 0, 0.7]}
     assert "more than the median edge" in contact_notes(above, {"body_contact": {"d_hat": 0.06}}, BALL)
     assert "median edge" not in contact_notes(above, {"body_contact": {"d_hat": 0.01}}, BALL)
-    with pytest.raises(InputError, match=r"effects.body_contact.d_hat is 0.2 m.*the whole cloth is 0.1 m long"):
+    with pytest.raises(InputError, match=r"effects\.body_contact\.d_hat.* 0\.2 m.* 0\.1 m"):
         contact_notes(above, {"body_contact": {"d_hat": 0.2}}, BALL)
 
 

@@ -19,7 +19,7 @@ from differences import dense_hessian
 from solving import step_at
 
 from clothsim.contact import barrier_kernels as kernels
-from clothsim.contact.friction import friction
+from clothsim.contact.friction_coefficients import friction
 from clothsim.indexing import four_points
 
 POSES = {**at_random(), **adversarial(), **close()}
@@ -37,15 +37,22 @@ def mollified(contact, x):
 
 
 def lagged(pose):
-    """Friction with the forces at the pose, without mollified edges; and the number of those."""
+    """Friction with the forces at the pose, without mollified edges; and the number of those.
+
+    ipctk rubs the terms of negative weight too: they are added.
+    """
     contact = pose.contact()
     made = friction(pose.world, coefficient=MU, eps_v=EPS_V, contacts=("contact",))
     step = replace(step_at(pose.x, dt=DT), time=1.0, bound={"contact": contact})
     bound = made.begin(step)
+    elements, weights, differences, forces = contact.normal_forces(pose.x, contact.stiffness)
+    assert np.array_equal(bound.limits, MU * forces[forces > 0])
     weak = mollified(contact, pose.x)
-    others = np.array([tuple(rows) not in weak for rows in bound.elements])
-    parts = {name: getattr(bound, name)[others] for name in ("elements", "weights", "normals", "limits")}
-    return replace(bound, **parts), int((~others).sum())
+    others = np.array([tuple(rows) not in weak for rows in elements]) & (forces != 0)
+    normals = differences / np.linalg.norm(differences, axis=1, keepdims=True)
+    parts = {"elements": elements, "weights": weights, "normals": normals, "limits": MU * forces}
+    parts |= {"slips": np.zeros((len(forces), 3)), "slides": np.zeros(len(forces), bool)}
+    return replace(bound, **{name: part[others] for name, part in parts.items()}), int((~others).sum())
 
 
 class Oracle:
@@ -55,16 +62,17 @@ class Oracle:
         contact = pose.contact(backend="ipctk")
         self.candidates, self.start = contact.candidates, pose.x
         potential = ipctk.BarrierPotential(contact.d_hat, contact.stiffness, True)
-        self.collisions = ipctk.TangentialCollisions()
-        normal = self.candidates.collisions(pose.x)
-        self.collisions.build(self.candidates.mesh, self.candidates.rows_of(pose.x), normal, potential, MU)
+        self.collisions = [ipctk.TangentialCollisions() for _ in range(2)]
+        for tangential, normal in zip(self.collisions, self.candidates.collisions(pose.x), strict=True):
+            tangential.build(self.candidates.mesh, self.candidates.rows_of(pose.x), normal, potential, MU)
         self.potential = ipctk.FrictionPotential(EPS_V * DT)
 
     def at(self, x):
         """Energy [J], gradient (N, 3) [N] and Hessian (3 N, 3 N) [N/m]."""
-        asked = self.collisions, self.candidates.mesh, self.candidates.rows_of(x - self.start)
-        hessian = self.potential.hessian(*asked).toarray()
-        return self.potential(*asked), self.potential.gradient(*asked).reshape(-1, 3), hessian
+        asked = [(each, self.candidates.mesh, self.candidates.rows_of(x - self.start)) for each in self.collisions]
+        hessian = sum(self.potential.hessian(*each).toarray() for each in asked)
+        gradient = sum(self.potential.gradient(*each).reshape(-1, 3) for each in asked)
+        return sum(self.potential(*each) for each in asked), gradient, hessian
 
 
 @pytest.mark.parametrize("name", [name for name in POSES if name != OVER_NEEDLES])
@@ -100,7 +108,7 @@ def test_closest_points_over_needles_against_exact_arithmetic():
     mine, oracle = lagged(pose)[0], Oracle(pose)
     faces = oracle.candidates.mesh.faces
     of_ipctk = {}
-    for each in oracle.collisions.fv_collisions:
+    for each in oracle.collisions[0].fv_collisions:
         a, b, c = (int(row) for row in faces[each.face_id])
         v, w = each.closest_point
         point = int(each.vertex_ids(oracle.candidates.mesh.edges, faces)[0])

@@ -97,7 +97,7 @@ def test_projected_hessian_is_positive_semi_definite(model, curved):
 
 def test_exact_hinge_hessian_is_indefinite_where_it_is_bent():
     world = small_world()
-    energy, x = bending(world), deformed(world, amplitude=0.2)
+    energy, x = bending(world, model="hinge"), deformed(world, amplitude=0.2)
     exact = dense_hessian(energy, x)
     assert np.linalg.eigvalsh(exact)[0] < -1e-3 * np.abs(exact).max()
     assert np.abs(exact - dense_hessian(energy, x, project=True)).max() > 1e-3 * np.abs(exact).max()
@@ -105,7 +105,7 @@ def test_exact_hinge_hessian_is_indefinite_where_it_is_bent():
 
 def test_quadratic_hessian_is_constant_and_that_of_the_hinges_across_the_flat_sheet():
     world = small_world()
-    hinge, quadratic = bending(world), bending(world, model="quadratic")
+    hinge, quadratic = bending(world, model="hinge"), bending(world, model="quadratic")
     flat = world.start()
     constant = dense_hessian(quadratic, flat)
     assert np.array_equal(constant, dense_hessian(quadratic, deformed(world)))
@@ -120,7 +120,7 @@ def test_models_agree_on_an_isometric_fold(angle):
     over = np.maximum(positions[:, :1] - 0.5, 0)
     x = np.where(over > 0, np.hstack([0.5 + over * np.cos(angle), positions[:, 1:2], -over * np.sin(angle)]), positions)
     exact = 0.5 * UNIT.bending_stiffness * angle**2 / 0.5
-    assert bending(world).value(x) == pytest.approx(exact, rel=1e-12)
+    assert bending(world, model="hinge").value(x) == pytest.approx(exact, rel=1e-12)
     assert bending(world, model="quadratic").value(x) == pytest.approx(exact * (2 * np.sin(angle / 2) / angle) ** 2)
 
 
@@ -161,7 +161,7 @@ def test_hinge_energy_is_smooth_up_to_the_closed_fold(rest_angle):
     corners = np.array([[0, 0], [1, 0], [0.4, 0.7], [0.5, -0.8]])
     angles = np.linspace(-3.14, 3.14, 41)
     rest = folded(corners[None], np.array([rest_angle]))[0]
-    energy = bending(make_world([cloth(rest, np.array([[0, 1, 2], [1, 0, 3]]))]))
+    energy = bending(make_world([cloth(rest, np.array([[0, 1, 2], [1, 0, 3]]))]), model="hinge")
     values = np.array([energy.value(folded(corners[None], np.array([a]))[0]) for a in angles])
     exact = 0.5 * energy.stiffnesses[0] * (angles - rest_angle) ** 2
     assert np.abs(values - exact).max() < 1e-12 * exact.max()
@@ -175,7 +175,7 @@ def test_a_triangle_without_area_is_not_admissible_and_nothing_is_nan(model):
     energy = bending(world, model=model)
     assert energy.value(x) == np.inf
     assert np.isfinite(energy.gradient(x)).all()
-    assert np.isfinite(energy.hessian(x, project=False).blocks).all()
+    assert np.isfinite(dense_hessian(energy, x)).all()
     assert np.isfinite(bending(world, model="quadratic").value(x))
 
 
@@ -196,7 +196,7 @@ def test_a_limp_cloth_drops_its_hinges_and_a_limp_world_the_effect(model):
 
 def test_no_interior_edge_is_off():
     world = make_world([cloth(np.eye(3), np.array([[0, 1, 2]]))])
-    assert bending(world) == Off("the cloth has no interior edge")
+    assert bending(world, model="hinge") == Off("the cloth has no interior edge")
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,11 @@ from clothsim.energies.strain_limit import strain_limit
 from clothsim.jit import LANES
 from clothsim.mesh.world import make_world
 
-ENERGIES = {"hinges": bending, "membrane": membrane, "strain limit": lambda world: strain_limit(world, begins=0.0)}
+ENERGIES = {
+    "hinges": lambda world: bending(world, model="hinge"),
+    "membrane": membrane,
+    "strain limit": lambda world: strain_limit(world, begins=0.0),
+}
 
 
 def of(energy, rows):

@@ -1,6 +1,7 @@
 """Paired membrane: derivatives, invariance, patch test, choice of pairs, and reduced locking."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ from solving import equilibrium, held
 
 from clothsim.energies.base import Off
 from clothsim.energies.membrane import membrane
-from clothsim.energies.paired_membrane import OWN, paired_membrane, pairs
+from clothsim.energies.paired_membrane import IN_PLANE, OWN, paired_membrane
+from clothsim.energies.triangle_pairs import pairs
 from clothsim.errors import InputError
 from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.topology import border_vertices
@@ -26,7 +28,7 @@ every_shape = pytest.mark.parametrize("curved", [False, True], ids=["flat", "cur
 @pytest.mark.parametrize("own", [0.0, OWN, 1.0])
 def test_derivatives(curved, own):
     world = small_world(curved=curved)
-    energy, x = paired_membrane(world, own), deformed(world)
+    energy, x = paired_membrane(world, own, max(own, IN_PLANE)), deformed(world)
     assert gradient_error(energy, x) < 1e-8
     assert hessian_error(energy, x) < 1e-8
     assert np.linalg.eigvalsh(energy.hessian(x).blocks).min() > -1e-12
@@ -36,7 +38,7 @@ def test_derivatives(curved, own):
 def test_with_all_of_it_the_triangles_own_it_is_the_membrane(curved):
     world = small_world(curved=curved)
     x = deformed(world)
-    energy, plain = paired_membrane(world, own=1.0), membrane(world)
+    energy, plain = paired_membrane(world, own=1.0, in_plane=1.0), membrane(world)
     assert energy.value(x) == pytest.approx(plain.value(x), rel=1e-13)
     assert energy.gradient(x) == pytest.approx(plain.gradient(x), abs=1e-13)
     assert np.abs(dense_hessian(energy, x) - dense_hessian(plain, x)).max() < 1e-12
@@ -96,7 +98,9 @@ def test_a_square_has_no_motion_without_energy_but_the_rigid_ones():
     world = make_world([cloth(*grid(1, 1))])
 
     def modes(own):
-        flat = dense_hessian(paired_membrane(world, own), world.start()).reshape(4, 3, 4, 3)[:, :2][..., :2]
+        flat = dense_hessian(paired_membrane(world, own, in_plane=own), world.start()).reshape(4, 3, 4, 3)[:, :2][
+            ..., :2
+        ]
         return (np.linalg.eigvalsh(flat.reshape(8, 8)) > 1e-10).sum()
 
     assert modes(OWN) == 5
@@ -146,3 +150,39 @@ def test_an_inflated_sphere_is_at_rest_curved():
     energy = paired_membrane(world)
     assert np.abs(energy.gradient(world.start())).max() < 1e-13
     assert energy.value(1.1 * world.start()) == pytest.approx(membrane(world).value(1.1 * world.start()), rel=1e-12)
+
+
+def beam_error(sheet, cells, length=8):
+    """Relative error of the energy of a sheet of width 1 that is bent in its plane by a small turn of its ends."""
+    positions, triangles = grid(length * cells, cells)
+    positions = positions * [length, 1.0, 0.0] - [length / 2, 0.5, 0.0]
+    world = make_world([cloth(positions, triangles, replace(UNIT, youngs_modulus=1.0, poisson_ratio=0.3))])
+    count, turn = len(positions), 1e-2
+    stiffness = dense_hessian(sheet(world), world.start()).reshape(count, 3, count, 3)[:, :2][..., :2]
+    stiffness = stiffness.reshape(2 * count, 2 * count)
+    moved, known = np.zeros((count, 2)), np.zeros((count, 2), bool)
+    ends = np.isclose(np.abs(positions[:, 0]), length / 2)
+    moved[ends, 0], known[ends, 0] = -turn * positions[ends, 0] * positions[ends, 1], True
+    known[0, 1] = True
+    u, free = moved.ravel(), ~known.ravel()
+    u[free] = np.linalg.solve(stiffness[np.ix_(free, free)], -stiffness[np.ix_(free, ~free)] @ u[~free])
+    return 0.5 * u @ stiffness @ u / (0.5 * length * turn**2 / 12) - 1
+
+
+def test_bending_in_the_plane_is_that_of_a_beam():
+    """The hourglass mode is the whole of it at one cell across: a fifth of the stiffness without its own."""
+    own_alone = partial(paired_membrane, in_plane=OWN)
+    assert beam_error(own_alone, 1) < -0.5
+    assert beam_error(membrane, 2) > 0.5
+    assert abs(beam_error(paired_membrane, 2)) < 0.04
+    assert abs(beam_error(paired_membrane, 4)) < 0.01
+
+
+def test_the_hourglass_stiffness_is_only_in_the_plane_of_a_pair():
+    positions, triangles = grid(1, 1)
+    world = make_world([cloth(positions, triangles)])
+    own_alone, split = paired_membrane(world, in_plane=OWN), paired_membrane(world)
+    mode = np.array([1.0, -1.0, -1.0, 1.0])[:, None]
+    up, along = (positions + 1e-3 * mode * direction for direction in ([0, 0, 1.0], [1.0, 0, 0]))
+    assert split.value(up) == pytest.approx(own_alone.value(up), rel=1e-3)
+    assert split.value(along) == pytest.approx(IN_PLANE / OWN * own_alone.value(along), rel=0.05)

@@ -7,7 +7,7 @@ import pytest
 from meshes import small_world
 from solving import step_at
 
-from clothsim.contact.friction import friction
+from clothsim.contact.friction_coefficients import friction
 from clothsim.energies.gravity import gravity
 from clothsim.energies.links import Links
 from clothsim.energies.membrane import membrane

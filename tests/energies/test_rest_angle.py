@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from differences import dense_hessian
 from meshes import UNIT, cloth, grid, irregular_grid
 from small_scenes import SHEET, small_scene
 from solving import equilibrium, held, step_at, those_on
@@ -36,11 +37,12 @@ def at_middle(world):
 
 @pytest.mark.parametrize("degrees", [90.0, -60.0, 150.0])
 @pytest.mark.parametrize("stiffness", [1e-3, 10.0])
-def test_two_panels_come_to_rest_at_the_angle_of_their_crease_and_are_flat(degrees, stiffness):
+@pytest.mark.parametrize("model", ["hinge", "midedge"])
+def test_two_panels_come_to_rest_at_the_angle_of_their_crease_and_are_flat(degrees, stiffness, model):
     """Nothing else is strained there: E = 0, whatever the stiffness."""
     world = sheet(bending_stiffness=stiffness)
-    energies = those_on(membrane=membrane(world), bending=bending(world))
-    energies["rest_angle"] = creased(world, MIDDLE | {"angle_degrees": degrees})
+    energies = those_on(membrane=membrane(world), bending=bending(world, model=model))
+    energies["rest_angle"] = creased(world, MIDDLE | {"angle_degrees": degrees}, model=model)
     start = world.start()
     panel = held(start, np.flatnonzero(start[:, 0] < 0.4))
     start[:, 2] -= 0.1 * np.sign(degrees) * np.maximum(start[:, 0] - 0.5, 0)
@@ -65,21 +67,22 @@ def test_a_shifted_hinge_without_an_angle_is_refused_and_nothing_is_nan(degrees)
     assert np.isfinite(energy.hessian(x, project=False).blocks).all()
 
 
-def test_a_shifted_hinge_is_a_hinge_of_that_rest_angle():
-    """The sum of bending and crease is k/2 (theta - angle)^2, in value and derivatives."""
+@pytest.mark.parametrize("model", ["hinge", "midedge"])
+def test_a_shifted_hinge_is_a_hinge_of_that_rest_angle(model):
+    """The sum of bending and crease is the bending energy with another rest angle, in value and derivatives."""
     world = make_world([cloth(*irregular_grid(2))])
-    own = bending(world)
+    own = bending(world, model=model)
     edge = own.vertices[0, :2].tolist()
-    energy = creased(world, {"vertices": edge, "angle_degrees": 50.0}).begin(step_at(world.start()))
+    crease = {"vertices": edge, "angle_degrees": 50.0}
+    energy = creased(world, crease, model=model).begin(step_at(world.start()))
     rest = own.rest_angles.copy()
     rest[0] = np.radians(50)
     folded = replace(own, rest_angles=rest)
     x = world.start() + 0.1 * np.random.default_rng(0).standard_normal(world.start().shape)
     assert own.value(x) + energy.value(x) == pytest.approx(folded.value(x), rel=1e-13)
     np.testing.assert_allclose(own.gradient(x) + energy.gradient(x), folded.gradient(x), atol=1e-13)
-    both = own.hessian(x, False).blocks
-    both[0] += energy.hessian(x, False).blocks[0]
-    np.testing.assert_allclose(both, folded.hessian(x, False).blocks, atol=1e-12)
+    both = dense_hessian(own, x) + dense_hessian(energy, x)
+    np.testing.assert_allclose(both, dense_hessian(folded, x), atol=1e-12)
 
 
 def test_an_angle_over_time_is_that_at_the_end_of_the_step():
@@ -101,15 +104,16 @@ def test_a_bent_rest_shape_is_shifted_to_the_angle_and_not_by_it():
     world = make_world([cloth(positions, triangles)])
     line = positions[(positions[:, 0] == 0.5)]
     energy = creased(world, {"through": line[[0, -1]], "angle_degrees": 20.0}).begin(step_at(positions))
-    assert np.allclose(np.degrees(energy.shifts + energy.references), 20.0)
-    assert np.abs(energy.references).min() > 0.05
+    references = energy.references[: len(energy.shifts)]
+    assert np.allclose(np.degrees(energy.shifts + references), 20.0)
+    assert np.abs(references).min() > 0.05
 
 
 def test_a_line_is_snapped_to_the_nearest_edges():
     world = sheet(6, 6)
     near = creased(world, {"through": [[0.52, 0.03, 0.0], [0.47, 0.95, 0.01]], "angle_degrees": 5.0})
-    assert len(near.vertices) == 6
-    assert np.allclose(world.start()[near.vertices[:, :2]][:, :, 0], 0.5)
+    assert len(near.numbers) == 6
+    assert np.allclose(world.start()[near.vertices[:6, :2]][:, :, 0], 0.5)
 
 
 def test_a_folding_sheet_folds_in_a_run(tmp_path):
@@ -166,7 +170,6 @@ def test_two_creases_do_not_share_an_edge():
         creased(sheet(), MIDDLE | {"angle_degrees": 20}, MIDDLE | {"angle_degrees": 30})
 
 
-@pytest.mark.parametrize("model", ["quadratic", "midedge"])
-def test_models_without_changing_rest_angles_are_refused_by_name(model):
-    with pytest.raises(InputError, match=f'(?i){model}.*model = "hinge"'):
-        creased(sheet(), MIDDLE | {"angle_degrees": 20}, model=model)
+def test_models_without_changing_rest_angles_are_refused_by_name():
+    with pytest.raises(InputError, match=r"rest_angle.*QuadraticBending"):
+        creased(sheet(), MIDDLE | {"angle_degrees": 20}, model="quadratic")

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from clothsim.energies.base import Energy
 from clothsim.energies.constraint import Constraint
-from clothsim.energies.hessians import ByElement
+from clothsim.energies.hessians import ByElement, explicit
 from clothsim.energies.protocols import ContactGap, restricted
 from clothsim.energies.step import Step
 from clothsim.mesh.body import make_body
@@ -113,16 +113,16 @@ def test_types_and_shapes(name):
     assert gradient.dtype == np.float64
     assert gradient.shape == x.shape
     for project in (True, False):
-        hessian = energy.hessian(x, project)
-        if isinstance(hessian, ByElement):
-            m, k = hessian.elements.shape
-            assert hessian.elements.dtype == np.int64
-            assert hessian.blocks.dtype == np.float64
-            assert hessian.blocks.shape == (m, 3 * k, 3 * k)
-        else:
-            assert isinstance(hessian, sparse.csr_array)
-            assert hessian.dtype == np.float64
-            assert hessian.shape == (x.size, x.size)
+        for hessian in explicit([energy.hessian(x, project)]):
+            if isinstance(hessian, ByElement):
+                m, k = hessian.elements.shape
+                assert hessian.elements.dtype == np.int64
+                assert hessian.blocks.dtype == np.float64
+                assert hessian.blocks.shape == (m, 3 * k, 3 * k)
+            else:
+                assert isinstance(hessian, sparse.csr_array)
+                assert hessian.dtype == np.float64
+                assert hessian.shape == (x.size, x.size)
         dense = dense_hessian(energy, x, project)
         assert np.abs(dense - dense.T).max() <= 1e-12 * np.abs(dense).max()
 

@@ -1,5 +1,7 @@
 """Bodies and garments read from files."""
 
+import re
+
 import numpy as np
 import pytest
 from fitting_cases import capsule_figure, in_file, tube_garment
@@ -53,7 +55,7 @@ def test_the_bounds_of_the_guess(tmp_path, extent, metres):
 @pytest.mark.parametrize("extent", [0.4, 3.01, 30.5, 4000.0, 1e-9])
 def test_what_is_a_person_in_no_unit_is_refused(tmp_path, extent):
     file = in_file(tmp_path, "body.obj", CAPSULE[0] * extent / 1.7, CAPSULE[1])
-    with pytest.raises(InputError, match=r"units tall, which is a person in no unit.*--scale"):
+    with pytest.raises(InputError, match="--scale"):
         read_figure(file)
     assert np.ptp(read_figure(file, scale=1.7 / extent).positions[:, 2]) == pytest.approx(1.7, rel=1e-5)
 
@@ -65,7 +67,7 @@ def test_the_largest_closed_long_piece_is_the_body(tmp_path):
     figure = read_figure(in_file(tmp_path, "all.obj", x, triangles))
     assert len(figure.positions) == len(CAPSULE[0])
     np.testing.assert_allclose(figure.positions, CAPSULE[0], atol=1e-6)
-    assert any("the largest closed piece of 3" in note for note in figure.notes)
+    assert any(re.search(r"\b3\b", note) for note in figure.notes)
 
 
 def test_where_no_piece_is_closed_the_largest_is_the_body_and_reported(tmp_path):
@@ -80,7 +82,7 @@ def test_of_two_closed_bodies_far_apart_one_is_taken_and_called_closed(tmp_path)
     x, triangles = stacked(sphere(radius=0.3, subdivisions=1), (sphere(radius=0.3)[0] + [1, 0, 0], sphere()[1]))
     figure = read_figure(in_file(tmp_path, "two.obj", x, triangles))
     assert len(figure.positions) == len(sphere()[0])
-    assert any("the largest closed piece of 2" in note for note in figure.notes)
+    assert any(re.search(r"\b2\b", note) for note in figure.notes)
 
 
 def test_closed_means_two_triangles_at_each_edge():
@@ -128,7 +130,7 @@ def test_welded_borders_are_sewn(tmp_path):
     garment = read_garment(file, file, 1.0, weld=0.002)
     assert garment.sewn
     assert len(garment.positions) == 15
-    assert any("3 border vertices were welded" in note for note in garment.notes)
+    assert any(re.search(r"\b3\b.*weld", note) for note in garment.notes)
     assert len(read_garment(file, file, 1.0).positions) == 18
 
 
@@ -149,7 +151,7 @@ def test_a_mesh_that_is_no_cloth_is_refused(tmp_path, bad):
 @pytest.mark.parametrize("scale", [1e7, 1e200])
 def test_a_garment_out_of_this_world_is_refused(tmp_path, scale):
     file = in_file(tmp_path, "garment.obj", *rectangle(size=(0.5, 0.5), cells=(2, 2)))
-    with pytest.raises(InputError, match=r"garment\.obj has a vertex 2\.5e\+\d+ m from the origin"):
+    with pytest.raises(InputError, match=r"garment\.obj.* 2\.5e\+\d+ m"):
         read_garment(file, file, scale)
 
 
@@ -188,7 +190,7 @@ def test_a_scene_without_a_body_is_refused(tmp_path):
     file = tmp_path / "scene.toml"
     body = SCENE.index("[body]")
     file.write_text(SCENE[:body] + SCENE[SCENE.index("[effects.inertia]") :].replace("[effects.body_contact]", ""))
-    with pytest.raises(InputError, match="has no body"):
+    with pytest.raises(InputError, match="body"):
         worn_in_scene(file)
-    with pytest.raises(InputError, match="has no body"):
+    with pytest.raises(InputError, match="body"):
         read_figure(file)

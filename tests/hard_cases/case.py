@@ -17,12 +17,13 @@ from clothsim.io.record import RECORD_NAME, read_record
 from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
 from clothsim.scene.scene import Scene, scene_from_text
+from clothsim.sim.intersection_history import intersection_warnings
 
 JITTER = 1e-3
 """Standard deviation of the vertices' displacement at the start, in median edges; seed 0 is the exact start."""
 
 ENERGY_NOISE = 1e-9
-"""Rise of an energy in a step, as a share of the largest energy, that is round-off."""
+"""Rise of an energy in a step, as a fraction of the largest energy, that is round-off."""
 
 MOST_NEWTON = 400
 """Newton iterations that a step may take, those of parts of the cloth too."""
@@ -158,7 +159,7 @@ def _wrong(case: Case, run: Run, directory: Path) -> str:
     certificate = run.summary["certificate"]
     faults = {
         run.summary["reason"]: run.status != "completed",
-        f"frames {certificate['intersecting_frames']} intersect": not certificate["intersection_free"],
+        " ".join(intersection_warnings(run.intersections)) or "not all was checked": not run.intersection_free,
         "a position is not finite": not np.isfinite(run.positions(-1)).all(),
         "a triangle has lost its area": not (certificate["stretch_min"] or 0.0) > 0.0,
     }
@@ -172,7 +173,7 @@ def _wrong_failure(case: Case, run: Run) -> str:
     missing = [word for word in case.fails if word not in run.summary["reason"]]
     if missing:
         return f"the sentence does not say {missing[0]!r}: {run.summary['reason']}"
-    return "" if run.summary["certificate"]["intersection_free"] else "a frame intersects"
+    return "" if run.intersection_free else "a step intersects"
 
 
 def _bounded(record: list[dict[str, Any]]) -> str:

@@ -15,7 +15,7 @@ ELASTIC: dict[str, dict[str, Any]] = {"inertia": {}, "membrane": {}, "bending": 
 D_HAT = 2e-3
 MU = 0.3
 CLOSE = 0.02
-"""Share by which friction may differ from mu times the normal force, and creep from the closed form."""
+"""Fraction by which friction may differ from mu times the normal force, and creep from the closed form."""
 
 CARD = {"density": 0.3, "thickness": 3e-4, "youngs_modulus": 3e9, "poisson_ratio": 0.3, "bending_stiffness": 7e-3}
 """Stiff board of .3 mm."""

@@ -25,7 +25,7 @@ TURN = rotation_matrix(np.array([0.4, -1.1, 0.7]))
 def sheet(aspect: float, kinds: tuple[str, ...]) -> tuple[Floats, Floats, Ints]:
     """A square metre in which two triangles inside were cut in three: at rest, bent (n, 3) [m], and its triangles.
 
-    A cap: by a point off the middle of an edge by a share 1/aspect; a needle: by a point so close to a corner. Bent:
+    A cap: by a point off the middle of an edge by a fraction 1/aspect; a needle: by a point so close to a corner. Bent:
     the corners of the grid are moved by up to .1 m, and such a point goes with the triangle that it lies in.
     """
     rest, triangles = rectangle((1.0, 1.0), (5, 5), "right")

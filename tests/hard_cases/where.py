@@ -32,8 +32,8 @@ def cut(positions: Floats, triangles: Ints, axis: int, place: float) -> Floats:
     ends = positions[triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)] - place * np.eye(3)[axis]
     side = ends[:, :, axis]
     ends = ends[side[:, 0] * side[:, 1] < 0]
-    share = ends[:, 0, axis] / (ends[:, 0, axis] - ends[:, 1, axis])
-    return np.asarray(ends[:, 0] + share[:, None] * (ends[:, 1] - ends[:, 0]) + place * np.eye(3)[axis])
+    fraction = ends[:, 0, axis] / (ends[:, 0, axis] - ends[:, 1, axis])
+    return np.asarray(ends[:, 0] + fraction[:, None] * (ends[:, 1] - ends[:, 0]) + place * np.eye(3)[axis])
 
 
 def ways_out(positions: Floats, triangles: Ints, radius: float) -> Floats:
@@ -48,8 +48,8 @@ def ways_out(positions: Floats, triangles: Ints, radius: float) -> Floats:
     a, b = ((way * other)[:, :2].sum(axis=1) for other in (way, start))
     c = (start[:, :2] ** 2).sum(axis=1) - radius**2
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = (np.sqrt(b**2 - a * c) - b) / a  # |start + share way| = radius; c < 0: the other root is behind
-        return np.asarray(np.where((c < 0) & (share <= 1), start[:, 2] + share * way[:, 2], np.nan), np.float64)
+        fraction = (np.sqrt(b**2 - a * c) - b) / a  # |start + fraction way| = radius; c < 0: the other root is behind
+        return np.asarray(np.where((c < 0) & (fraction <= 1), start[:, 2] + fraction * way[:, 2], np.nan), np.float64)
 
 
 def over_edges(places: Sequence[float], top: float, foot: float) -> Check:

@@ -5,6 +5,7 @@ import pytest
 from meshes import cloth, grid
 
 from clothsim.intersection.crossings import crossings
+from clothsim.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.io.run_surfaces import world_surfaces
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
@@ -28,31 +29,26 @@ def names_of(found):
     return [(crossing.first, crossing.second, crossing.role) for crossing in found]
 
 
-def test_cloth_is_checked_against_bodies_and_bodies_never(scene):
+def test_cloth_is_checked_against_everything_and_bodies_never_against_each_other(scene):
     surfaces, x = scene
-    assert names_of(crossings(x, surfaces, cloth_cloth=False)) == [
+    assert names_of(crossings(x, surfaces)) == [
+        ("sheet", "banner", "cloth"),
         ("sheet", "peg", "body"),
         ("sheet", "other peg", "body"),
+        ("banner", "banner", "cloth"),
     ]
 
 
-def test_cloth_with_itself_and_with_other_cloth_on_request(scene):
+def test_a_cloth_alone_and_bodies_alone(scene):
     surfaces, x = scene
-    found = crossings(x, surfaces, cloth_cloth=True)
-    cloths = [("sheet", "banner", "cloth"), ("banner", "banner", "cloth")]
-    assert sorted(names_of(found)) == sorted([*cloths, ("sheet", "peg", "body"), ("sheet", "other peg", "body")])
-
-
-def test_excluded_pairs_are_not_checked(scene):
-    surfaces, x = scene
-    excluded = {frozenset(("peg", "sheet")), frozenset(("banner",))}
-    found = crossings(x, surfaces, cloth_cloth=True, excluded=excluded)
-    assert sorted(names_of(found)) == [("sheet", "banner", "cloth"), ("sheet", "other peg", "body")]
+    assert names_of(crossings(x, surfaces[1:2])) == [("banner", "banner", "cloth")]
+    assert crossings(x, surfaces[:1]) == ()
+    assert crossings(x, surfaces[2:]) == ()
 
 
 def test_triangles_are_counted_in_their_own_surface_and_the_position_is_near(scene):
     surfaces, x = scene
-    peg = crossings(x, surfaces, cloth_cloth=False)[0]
+    peg = crossings(x, surfaces)[1]
     assert [j for _, j in peg.pairs] == [1] * len(peg.pairs)
     hit = [k for k, corners in enumerate(x[surfaces[0].triangles]) if inside([0.75, 0.2], corners)]
     assert peg.pairs[0, 0] == hit[0]
@@ -69,11 +65,21 @@ def inside(point, corners):
 
 def test_a_cloth_with_itself_is_named_once(scene):
     surfaces, x = scene
-    found = [crossing for crossing in crossings(x, surfaces, cloth_cloth=True) if crossing.first == crossing.second]
+    found = [crossing for crossing in crossings(x, surfaces) if crossing.first == crossing.second]
     assert found[0].summary.count("banner") == 1
     assert found[0].sentence.count("banner") == 1
 
 
-def test_a_limit_holds_for_each_pair_of_surfaces(scene):
+def test_pairs_of_many_cloths_are_those_of_each_two(scene):
     surfaces, x = scene
-    assert {len(crossing.pairs) for crossing in crossings(x, surfaces, cloth_cloth=True, limit=1)} == {1}
+    for found in crossings(x, surfaces):
+        one, other = (next(part for part in surfaces if part.name == name) for name in (found.first, found.second))
+        pairs = intersecting_pairs(x, one.triangles, None if other is one else other.triangles)
+        assert np.array_equal(found.pairs, pairs)
+
+
+def test_a_limit_holds_for_cloth_and_for_bodies(scene):
+    surfaces, x = scene
+    found = crossings(x, surfaces, limit=1)
+    assert [len(crossing.pairs) for crossing in found] == [1, 1]
+    assert {crossing.role for crossing in found} == {"cloth", "body"}

@@ -1,3 +1,4 @@
+import re
 from dataclasses import fields, replace
 
 import numpy as np
@@ -72,7 +73,7 @@ def test_the_step_before_comes_back_to_the_last_bit(path):
 )
 def test_a_broken_step_before_is_refused(path, change):
     write_checkpoint(path, replace(EARLIER, **change))
-    with pytest.raises(InputError, match="broken"):
+    with pytest.raises(InputError, match=re.escape(path.name)):
         read_checkpoint(path)
 
 
@@ -100,7 +101,7 @@ def test_the_old_checkpoint_outlives_a_write_that_fails(path, tmp_path, monkeypa
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match=re.escape(path.name)):
         write_checkpoint(path, replace(CHECKPOINT, step=8))
     assert_same(read_checkpoint(path), CHECKPOINT)
     assert list(tmp_path.iterdir()) == [path]
@@ -111,7 +112,7 @@ def test_a_truncated_checkpoint_is_refused_wherever_it_ends(path):
     content = path.read_bytes()
     for end in np.linspace(0, len(content) - 1, 40).astype(int):
         path.write_bytes(content[:end])
-        with pytest.raises(InputError, match="broken or not a checkpoint"):
+        with pytest.raises(InputError, match=re.escape(path.name)):
             read_checkpoint(path)
 
 
@@ -121,12 +122,12 @@ def test_no_changed_byte_goes_unnoticed_in_the_state(path):
     state = content.index(CHECKPOINT.positions.tobytes())
     for place in (state, state + 600, state + CHECKPOINT.positions.nbytes - 1):
         path.write_bytes(content[:place] + bytes([content[place] ^ 1]) + content[place + 1 :])
-        with pytest.raises(InputError, match="broken"):
+        with pytest.raises(InputError, match=re.escape(path.name)):
             read_checkpoint(path)
 
 
 def test_missing_and_foreign_files_are_reported(path, tmp_path):
-    with pytest.raises(InputError, match="no checkpoint"):
+    with pytest.raises(InputError, match=re.escape(str(path))):
         read_checkpoint(path)
     for write in (
         lambda: path.write_text("text"),
@@ -136,7 +137,7 @@ def test_missing_and_foreign_files_are_reported(path, tmp_path):
         lambda: path.write_bytes(npy(tmp_path)),
     ):
         write()
-        with pytest.raises(InputError, match="broken or not a checkpoint"):
+        with pytest.raises(InputError, match=re.escape(path.name)):
             read_checkpoint(path)
 
 
@@ -151,12 +152,12 @@ def npy(directory):
 )
 def test_arrays_of_the_wrong_shape_are_refused(path, change):
     write_checkpoint(path, replace(CHECKPOINT, **change))
-    with pytest.raises(InputError, match="broken"):
+    with pytest.raises(InputError, match=re.escape(path.name)):
         read_checkpoint(path)
 
 
 def test_a_directory_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="nowhere"):
         write_checkpoint(tmp_path / "nowhere" / "checkpoint.npz", CHECKPOINT)
 
 

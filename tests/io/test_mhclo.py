@@ -70,7 +70,7 @@ def test_what_follows_the_vertices_is_no_vertex(tmp_path):
     ],
 )
 def test_a_broken_head_line_is_named(tmp_path, line):
-    with pytest.raises(InputError, match=rf"shirt\.mhclo, line 9: '{re.escape(line)}' cannot be read"):
+    with pytest.raises(InputError, match=rf"shirt\.mhclo.*\b9\b.*'{re.escape(line)}'"):
         clothes(tmp_path, f"{HEAD}{line}\n{ROWS}")
 
 
@@ -89,23 +89,23 @@ def test_a_broken_head_line_is_named(tmp_path, line):
     ],
 )
 def test_a_broken_vertex_line_is_named(tmp_path, line):
-    with pytest.raises(InputError, match=rf"shirt\.mhclo, line 13: '{re.escape(line)}' cannot be read"):
+    with pytest.raises(InputError, match=rf"shirt\.mhclo.*\b13\b.*'{re.escape(line)}'"):
         clothes(tmp_path, f"{HEAD}{ROWS}{line}\n")
 
 
 @pytest.mark.parametrize("text", ["", HEAD, ROWS, "not a clothes file", "verts 0\n"])
 def test_a_file_without_mesh_or_vertices_is_refused(tmp_path, text):
-    with pytest.raises(InputError, match="names no obj_file, or no verts"):
+    with pytest.raises(InputError, match=r"obj_file.*verts"):
         clothes(tmp_path, text)
 
 
 def test_a_file_that_is_not_there_is_refused(tmp_path):
-    with pytest.raises(InputError, match="cannot be opened"):
+    with pytest.raises(InputError, match=r"none\.mhclo"):
         read_clothes(tmp_path / "none.mhclo")
 
 
 def test_a_base_with_too_few_vertices_is_refused(tmp_path):
-    with pytest.raises(InputError, match="a base mesh of at least 4 vertices, not of 3"):
+    with pytest.raises(InputError, match=r"\b4\b.*\b3\b"):
         clothes(tmp_path, HEAD + ROWS).on(BASE[:3])
 
 
@@ -120,5 +120,5 @@ def test_the_garment_takes_the_places_of_its_clothes(tmp_path):
     garment = read_garment(tmp_path / "shirt.mhclo", tmp_path / "base.obj", 0.1)
     np.testing.assert_allclose(garment.positions, 0.1 * read_clothes(tmp_path / "shirt.mhclo").on(BASE))
     (tmp_path / "shirt.obj").write_text("v 9 9 9\nv 8 9 9\nv 9 8 9\nv 7 7 7\nf 1 2 3\nf 2 3 4\n")
-    with pytest.raises(InputError, match=r"places 3 vertices, shirt\.obj has 4"):
+    with pytest.raises(InputError, match=r"\b3\b.*shirt\.obj.*\b4\b"):
         read_garment(tmp_path / "shirt.mhclo", tmp_path / "base.obj", 0.1)

@@ -1,4 +1,7 @@
+import errno
 import json
+import os
+import re
 from pathlib import Path
 
 import numpy as np
@@ -89,7 +92,7 @@ def test_a_last_line_cut_anywhere_is_left_out(path):
 @pytest.mark.parametrize("line", ["{broken", "[1, 2]", "", "\x00\x00"])
 def test_a_broken_line_inside_is_named(path, line):
     path.write_text(f'{{"step": 0}}\n{line}\n{{"step": 2}}\n')
-    with pytest.raises(InputError, match="line 2"):
+    with pytest.raises(InputError, match=r"\b2\b"):
         read_record(path)
 
 
@@ -109,15 +112,15 @@ def test_a_new_record_takes_nothing_over(path):
 
 
 def test_a_record_that_is_too_short_or_missing_is_refused(path, tmp_path):
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match=r"record\.jsonl|other\.jsonl"):
         RecordWriter(path, resume_at=0)
     write(path, ENTRIES)
-    with pytest.raises(InputError, match="3 lines"):
+    with pytest.raises(InputError, match=r"\b3\b"):
         RecordWriter(path, resume_at=4)
     assert read_record(path) == ENTRIES
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="nowhere"):
         RecordWriter(tmp_path / "nowhere" / "record.jsonl")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match=r"record\.jsonl|other\.jsonl"):
         read_record(tmp_path / "other.jsonl")
 
 
@@ -149,7 +152,7 @@ def test_a_summary_is_whole_or_not_there(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(InputError, match="No space left"):
+    with pytest.raises(InputError, match=re.escape(os.strerror(errno.ENOSPC))):
         write_summary(path, SUMMARY)
     assert read_summary(path) == {"status": "failed"}
     assert list(tmp_path.iterdir()) == [path]
@@ -159,5 +162,5 @@ def test_a_summary_is_whole_or_not_there(tmp_path, monkeypatch):
 def test_a_broken_summary_is_refused(tmp_path, content):
     path = tmp_path / "summary.json"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"summary\.json is not a JSON object"):
+    with pytest.raises(InputError, match=r"summary\.json"):
         read_summary(path)

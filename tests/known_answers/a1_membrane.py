@@ -217,7 +217,7 @@ ROWS = (
     Row(
         "A1g",
         "patch test: border forces against P N",
-        lambda: Outcome(max(one.force for one in _patches()), 0.0, 1e-10, unit="share"),
+        lambda: Outcome(max(one.force for one in _patches()), 0.0, 1e-10, unit="fraction"),
     ),
     Row(
         "A1h",

@@ -32,8 +32,8 @@ def _tied(gamma: int, diagonals: str) -> Outcome:
     def ratio(cells: int) -> float:
         p = plate(cells, diagonals)
         slopes = np.zeros(cells)
-        for share in (1.0,) if gamma < 100 else LOADS:
-            slopes = bent(p, "hinge", weight(p, share * gamma), start=slopes)
+        for fraction in (1.0,) if gamma < 100 else LOADS:
+            slopes = bent(p, "hinge", weight(p, fraction * gamma), start=slopes)
         reach, drop = tip(p, slopes)
         return drop / reach
 
@@ -61,8 +61,8 @@ def _worst_cut(gamma: int) -> Outcome:
 
 
 def _spread(gamma: int) -> Outcome:
-    share = (max(_cuts(gamma)) - min(_cuts(gamma))) / elastica(gamma)
-    return Outcome(100 * share, 0.0, 2.0, unit="%")
+    fraction = (max(_cuts(gamma)) - min(_cuts(gamma))) / elastica(gamma)
+    return Outcome(100 * fraction, 0.0, 2.0, unit="%")
 
 
 def _roll(turns: float, part: int, model: str) -> Outcome:

@@ -13,7 +13,7 @@ from tests.known_answers.plates import flat
 from tests.known_answers.unit_solver import second_derivatives
 
 SMALL = 1e-10
-"""The share of E2 that the weight is: small enough for its stresses to be proportional to it."""
+"""The fraction of E2 that the weight is: small enough for its stresses to be proportional to it."""
 
 
 def critical_weight(points: Floats, triangles: Ints, towards: tuple[float, float], nu: float = 0.0) -> float:

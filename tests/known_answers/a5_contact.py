@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.contact.body_contact import body_contact
-from clothsim.contact.friction import friction
+from clothsim.contact.friction_coefficients import friction
 from clothsim.energies.base import Energy
 from clothsim.energies.bending import bending
 from clothsim.energies.gravity import gravity
@@ -124,7 +124,7 @@ def belt_tensions(mu: float, cells: int, steps: int = 10) -> tuple[float, float]
     world, held = pinned(world, group=groups)
     energies = those_on(
         membrane=membrane(world),
-        bending=bending(world),
+        bending=bending(world, model="hinge"),
         body_contact=body_contact(world, d_hat=0.01, stiffness=500.0),
         friction=friction(world, coefficient=mu, eps_v=2e-3, contacts=("body_contact",)),
     )

@@ -51,9 +51,9 @@ class Specimen:
 def drape_coefficient(
     gamma: float, cells: int = 6, seed: int = 0, specimen: Specimen = Specimen(), tolerance: float = 1e-6
 ) -> float:
-    """The share of the overhanging ring that its shadow covers, `midedge`, from a flat start with vertices off by 1e-3.
+    """Fraction of the overhanging ring that its shadow covers, `midedge`, from a flat start with vertices off by 1e-3.
 
-    gamma: rho_A g b^3/D; cells: across the ring, points at random; tolerance: on the places, as a share of the radius.
+    gamma: rho_A g b^3/D; cells: across the ring, points at random; tolerance: of positions, a fraction of the radius.
     """
     unit, triangles = random_ring(cells, seed, SHARE, 1.0)
     points, inside = unit * specimen.radius, np.linalg.norm(unit, axis=1) < SHARE + 1e-9

@@ -35,8 +35,8 @@ def drooped(points: Floats, triangles: Ints, model: str, gamma: float) -> float:
     world, (ghosts,) = clamped(make_world([flat(points, triangles, fabric)]), [pinned])
     x = world.start()
     rows = np.concatenate([pinned, ghosts])
-    for share in LOADS.get(int(gamma), (1.0,)):
-        weight = gravity(world, acceleration=(0.0, 0.0, -gamma * share))
+    for fraction in LOADS.get(int(gamma), (1.0,)):
+        weight = gravity(world, acceleration=(0.0, 0.0, -gamma * fraction))
         energies = those_on(membrane=membrane(world), bending=bending(world, model=model), gravity=weight)
         target = held(world.start(), rows)
         x = equilibrium(world, energies, x, target, tolerance=1e-6, max_iterations=400, linear="auto")

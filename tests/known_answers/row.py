@@ -13,7 +13,7 @@ ANY_ORDER = (-float("inf"), float("inf"))
 class Outcome:
     """A value beside the exact one.
 
-    bar: the largest deviation that passes: a share of the exact value where unit is "", else in that unit; printed: the
+    bar: the largest deviation that passes: a fraction of the exact value where unit is "", else in that unit; printed:
     exact value as docs/validation.md prints it, which the computed one must agree with in every digit; order: observed,
     to lie in orders. A row that compares nothing with a known value (a spread, a largest error) has exact 0.
     """
@@ -28,7 +28,7 @@ class Outcome:
 
     @property
     def deviation(self) -> float:
-        """Value less exact: as a share of the exact value, or in the unit."""
+        """Value less exact: as a fraction of the exact value, or in the unit."""
         difference = self.value - self.exact
         return difference if self.unit else difference / self.exact
 

@@ -8,7 +8,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.mesh.generators.sheets import rectangle
 
 CLOSE = 0.65
-"""Points at random keep this share of the spacing from one another."""
+"""Points at random keep this fraction of the spacing from one another."""
 TRIES = 40
 """Candidates for each point that has room."""
 
@@ -80,8 +80,8 @@ def cut(points: Floats, triangles: Ints, normal: Floats, offset: float) -> tuple
                 low, high = min(a, b), max(a, b)
                 if (low, high) not in crossings:
                     crossings[low, high] = len(placed)
-                    share = height[low] / (height[low] - height[high])
-                    placed.append(points[low] + share * (points[high] - points[low]))
+                    fraction = height[low] / (height[low] - height[high])
+                    placed.append(points[low] + fraction * (points[high] - points[low]))
                 corners.append(crossings[low, high])
         kept.extend((corners[0], corners[k], corners[k + 1]) for k in range(1, len(corners) - 1))
     used, numbered = np.unique(np.array(kept), return_inverse=True)

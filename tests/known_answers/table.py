@@ -80,7 +80,7 @@ def asked(outcome: Outcome) -> str:
 
 
 def off(deviation: float, unit: str) -> str:
-    """A deviation with its unit; a share in percent."""
+    """A deviation with its unit; a fraction in percent."""
     return f"{deviation:.2g} {unit}" if unit else f"{100 * deviation:.2g} %"
 
 

@@ -9,7 +9,7 @@ from scipy import sparse
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.constraint import Constraint, Prescribed
-from clothsim.energies.hessians import ByElement
+from clothsim.energies.hessians import ByElement, SumHessian
 from clothsim.energies.pins import pins
 from clothsim.energies.step import Step
 from clothsim.errors import ClothsimError
@@ -41,7 +41,7 @@ def those_on(**effects: Energy | Off) -> dict[str, Energy]:
 def second_derivatives(energy: Energy | Off, x: Floats) -> sparse.csr_array:
     """The exact ones of an energy with an element Hessian, (3 N, 3 N)."""
     hessian = energy.hessian(x, project=False) if isinstance(energy, Energy) else None
-    if not isinstance(hessian, ByElement):
+    if not isinstance(hessian, ByElement | SumHessian):
         raise ClothsimError(f"{type(energy).__name__} has no element Hessian.")
     return hessian.to_sparse(len(x))
 

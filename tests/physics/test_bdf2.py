@@ -68,8 +68,8 @@ def errors(pattern, counts):
         unit = 0.8 / (count * sum(pattern))
         integrator = bdf2(world, energies, unit * max(pattern), tolerance=1e-9)
         state = first_state(world, unit)
-        for share in pattern * count:
-            state = advance(integrator, replace(state, dt=share * unit), until=state.time + share * unit).state
+        for fraction in pattern * count:
+            state = advance(integrator, replace(state, dt=fraction * unit), until=state.time + fraction * unit).state
         found.append(np.abs(state.positions - exact).max())
     return np.array(found)
 
@@ -101,7 +101,7 @@ def test_the_constant_form_would_be_of_first_order_on_varying_steps(monkeypatch)
 
 
 def test_the_period_of_a_pendulum_at_sixty_degrees():
-    """T/T0 = 2 K(sin^2(30 deg))/pi = 1.0731820071; BDF2 is late by a share (w dt)^2/3, which two dt take out."""
+    """T/T0 = 2 K(sin^2(30 deg))/pi = 1.0731820071; BDF2 is late by a fraction (w dt)^2/3, which two dt take out."""
     exact = 2 * ellipk(np.sin(np.radians(30)) ** 2) / np.pi
     assert exact == pytest.approx(1.0731820071, abs=1e-10)
     ratios = [swing_ratio(count) for count in (100, 200)]

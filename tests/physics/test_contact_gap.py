@@ -56,7 +56,7 @@ def test_a_fast_sheet_is_stopped_within_the_step():
 
 
 def test_the_error_of_the_gap_is_of_first_order_in_d_hat():
-    """A sheet at rest hovers where contact would let it lie as d_hat goes to zero: the same share of d_hat for each."""
+    """A sheet at rest hovers where contact would let it lie as d_hat goes to zero: the same fraction of each d_hat."""
     heights = []
     for d_hat in (0.08, 0.04, 0.02):
         world, energies = resting(d_hat, 50.0, height=0.9 * d_hat)

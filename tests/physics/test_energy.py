@@ -9,7 +9,7 @@ from meshes import UNIT, cloth, grid
 from solving import integrator_of, run_of
 
 from clothsim.contact.body_contact import body_contact
-from clothsim.contact.friction import friction
+from clothsim.contact.friction_coefficients import friction
 from clothsim.contact.self_contact import self_contact
 from clothsim.energies.bending import bending
 from clothsim.energies.gravity import gravity

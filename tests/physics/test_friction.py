@@ -29,12 +29,12 @@ def test_sliding_of_bdf2_is_as_far_as_its_free_fall():
 
 
 @pytest.mark.parametrize("formula", ["backward_euler", "bdf2"])
-@pytest.mark.parametrize("share", [0.25, 0.5, 0.9])
-def test_below_the_threshold_it_creeps_at_the_fraction_of_eps_v_that_ipc_friction_has(share, formula):
+@pytest.mark.parametrize("fraction", [0.25, 0.5, 0.9])
+def test_below_the_threshold_it_creeps_at_the_fraction_of_eps_v_that_ipc_friction_has(fraction, formula):
     mu, eps_v = 0.6, 1e-2
-    _, velocity = sliding(np.arctan(share * mu), mu, 0.05, 1.0, eps_v, formula=formula)
-    expected = 1 - np.sqrt(1 - share)
-    if share == 0.5:
+    _, velocity = sliding(np.arctan(fraction * mu), mu, 0.05, 1.0, eps_v, formula=formula)
+    expected = 1 - np.sqrt(1 - fraction)
+    if fraction == 0.5:
         assert expected == pytest.approx(0.29289322, abs=5e-9)
     assert velocity[:, 0] / eps_v == pytest.approx(expected, rel=1e-5)
 

@@ -99,5 +99,5 @@ def test_a_wide_ground_does_not_set_the_scale():
 
 
 def test_nothing_to_draw_is_refused():
-    with pytest.raises(InputError, match="nothing to draw"):
+    with pytest.raises(InputError):
         frame(np.zeros((0, 3)), np.zeros((0, 3)), aspect=1.0, up=Z, backward=Z, margins=Margins())

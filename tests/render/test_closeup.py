@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 from clothsim.mesh.generators.table import GENERATORS
-from clothsim.render.closeup import INK, draw_place
+from clothsim.render.closeup import INK, draw_closeup
 from clothsim.render.legend import margins
 from clothsim.render.surface_look import Surface
 
@@ -23,7 +23,7 @@ def sheet(**keys):
 
 
 def drawn(tmp_path, surfaces, place, **keys):
-    note = draw_place(tmp_path / "place.png", surfaces, np.array(place), size=SIZE, renderer="ray", **keys)
+    note = draw_closeup(tmp_path / "place.png", surfaces, np.array(place), size=SIZE, renderer="ray", **keys)
     assert "ray" in note
     return np.asarray(Image.open(tmp_path / "place.png").convert("RGB")).astype(int)
 

@@ -13,7 +13,7 @@ from clothsim.render.camera import Camera
 from clothsim.render.colormap import stretch_colours
 from clothsim.render.colour_scale import stretch_scale
 from clothsim.render.display import why_not_vtk
-from clothsim.render.picture import draw, take_aim
+from clothsim.render.picture import draw, picture_setup
 from clothsim.render.surface_look import Surface, looks
 
 SIZE = (200, 150)
@@ -39,7 +39,7 @@ def render(renderer, surfaces, camera, size, scale=STRETCH):
 
 def aim(surfaces, **changed):
     keywords = {"size": SIZE, "colour": "stretch", "up": "z", "view": "auto", "title": "", "renderer": "ray"} | changed
-    return take_aim([surfaces], **keywords)
+    return picture_setup([surfaces], **keywords)
 
 
 def test_a_picture_has_its_size_and_shows_the_cloth(tmp_path, renderer):
@@ -117,9 +117,9 @@ def test_a_cloth_shades_what_is_below_it():
 
 def test_the_floor_below_is_shaded_and_the_sky_is_not():
     surfaces = [sheet()]
-    shot = aim(surfaces)
-    with_floor = backdrop(looks(surfaces, STRETCH), shot.camera, SIZE, shot.up)
-    from_below = backdrop(looks(surfaces, STRETCH), aim(surfaces, view=(0.3, 0.8, -0.4)).camera, SIZE, shot.up)
+    setup = aim(surfaces)
+    with_floor = backdrop(looks(surfaces, STRETCH), setup.camera, SIZE, setup.up)
+    from_below = backdrop(looks(surfaces, STRETCH), aim(surfaces, view=(0.3, 0.8, -0.4)).camera, SIZE, setup.up)
     assert (from_below - with_floor).max() > 0.1
     np.testing.assert_array_equal(with_floor[0], from_below[0])
 
@@ -135,7 +135,7 @@ def test_plain_pictures_have_no_scalar_bar(tmp_path):
 
 def test_a_missing_ray_caster_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "embreex.rtcore_scene", None)
-    with pytest.raises(MissingPackageError, match="pip install embreex"):
+    with pytest.raises(MissingPackageError, match="embreex"):
         draw(tmp_path / "picture.png", [sheet()], size=SIZE, renderer="ray")
 
 

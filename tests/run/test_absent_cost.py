@@ -105,9 +105,9 @@ def test_the_table_lists_what_is_on_off_and_what_the_rest_would_cost(tmp_path, c
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["SCENE", "--budget", "5s"], "--budget is for --absent."),
-        (["SCENE", "--absent", "--budget", "soon"], "--budget is 'soon'."),
-        (["DIR", "--absent"], "--absent is for scenes."),
+        (["SCENE", "--budget", "5s"], "--absent"),
+        (["SCENE", "--absent", "--budget", "soon"], "'soon'"),
+        (["DIR", "--absent"], "--absent"),
     ],
 )
 def test_bad_options_are_refused(tmp_path, capsys, words, sentence):

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from clothsim import InputError, load_scene
+from clothsim.cli import main
 from clothsim.run import example_scenes as module
 from clothsim.run.example_scenes import example_scenes, headline, scene_file
 
@@ -32,8 +33,8 @@ def test_files_that_are_not_installed_are_named(tmp_path, monkeypatch):
 def test_a_name_is_that_of_a_file_first(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert load_scene(scene_file(Path("sphere"))).bodies
-    assert scene_file(Path("sphere.toml")) == Path("sphere.toml")
     assert scene_file(Path("folder/sphere")) == Path("folder/sphere")
+    assert scene_file(Path("mine.toml")) == Path("mine.toml")
     Path("sphere").mkdir()  # the output of a run of that name
     assert scene_file(Path("sphere")).is_file()
     Path("sphere").rmdir()
@@ -45,6 +46,23 @@ def test_an_unknown_name_is_answered_with_the_nearest():
     with pytest.raises(InputError) as caught:
         scene_file(Path("spher"))
     assert "'sphere'" in caught.value.remedy
+
+
+@pytest.mark.parametrize("command", ["run", "check", "explain", "study"])
+@pytest.mark.parametrize("name", ["sphere.toml", "folder/sphere.toml"])
+def test_a_missing_file_of_an_installed_name_is_answered_with_that_name(tmp_path, monkeypatch, capsys, command, name):
+    monkeypatch.chdir(tmp_path)
+    assert main([command, name]) == 2
+    sentence, remedy = capsys.readouterr().err.splitlines()
+    assert name in sentence
+    assert remedy.endswith(": sphere")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_of_an_installed_name_is_read(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("sphere.toml").write_text("")
+    assert scene_file(Path("sphere.toml")) == Path("sphere.toml")
 
 
 def test_scenes_that_are_not_installed_are_reported(monkeypatch, tmp_path):

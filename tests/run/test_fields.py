@@ -1,11 +1,13 @@
 """Fields of homogeneous deformations against closed forms, for every entry of the table."""
 
+from dataclasses import replace
 from typing import get_args
 
 import numpy as np
 import pytest
 
 from clothsim.build.scene_world import build
+from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
 from clothsim.errors import InputError
 from clothsim.run.fields import FIELDS, Configuration, field
 from clothsim.scene.scene import Scene
@@ -24,9 +26,13 @@ MATERIALS = {
 }
 
 
-def sheet(material="neo_hookean", **keys):
+def sheet(material="neo_hookean", **given):
+    keys = {key: value for key, value in given.items() if key in ("elements",)}
+    shape = {"mesh": "rectangle"} | {key: value for key, value in given.items() if key not in keys}
+    if shape["mesh"] == "rectangle":
+        shape = {"size": [0.4, 0.3], "cells": [4, 3]} | shape
     scene = Scene(
-        cloth={"mesh": "rectangle", "size": [0.4, 0.3], "cells": [4, 3], "fabric": "denim"},
+        cloth={"fabric": "denim", **shape},
         effects={"membrane": {**MATERIALS[material], **keys}},
         run={"duration": 0.1},
     )
@@ -111,14 +117,52 @@ def test_the_density_integrates_to_the_energy():
     assert total == pytest.approx(built.energies["membrane"].value(at.x), rel=1e-12)
 
 
+IRREGULAR = {"mesh": "rectangle", "cells": [5, 3], "diagonals": "delaunay"}
+
+
+def test_pairs_in_a_homogeneous_state_have_the_stress_and_density_of_triangles():
+    single = 0
+    for built in (sheet(elements="pairs"), sheet(elements="pairs", **IRREGULAR), sheet(elements="pairs", mesh="disk")):
+        at, membrane = stretched(built, SHEAR), built.energies["membrane"]
+        single += (membrane.elements[:, 2] == membrane.elements[:, 3]).sum()
+        alone = replace(at, energies={"membrane": NeoHookeanMembrane.of(built.world)})
+        for name in ("stress", "energy_density"):
+            np.testing.assert_allclose(field(name, at), field(name, alone), rtol=1e-9, atol=1e-9)
+    assert single > 0
+
+
+@pytest.mark.parametrize("mesh", [IRREGULAR, {"mesh": "disk", "radius": 0.2}])
+def test_pairs_in_any_state_have_the_work_of_their_mean_stress(mesh):
+    """dE = sum of A P : dF for a homogeneous dF, of a rough state; the density integrates to the energy."""
+    built = sheet(elements="pairs", **mesh)
+    rng, membrane, world = np.random.default_rng(2), built.energies["membrane"], built.world
+    rest = world.cloths[0].rest_positions
+    x = stretched(built, SHEAR).x + 0.002 * rng.standard_normal((len(rest), 3))
+    at, direction, h = Configuration(world, x, built.energies), rng.standard_normal((3, 2)), 1e-6
+    there, back = (membrane.value(x + s * h * rest[:, :2] @ direction.T) for s in (1, -1))
+    power = (field("stress", at) * direction).sum(axis=(1, 2)) @ world.rest_areas
+    assert power == pytest.approx((there - back) / (2 * h), rel=1e-6)
+    assert field("energy_density", at) @ world.rest_areas == pytest.approx(membrane.value(x), rel=1e-12)
+
+
+def test_pairs_at_rest_on_a_curved_cloth_have_no_stress():
+    built = sheet(elements="pairs", mesh="tube", radius=0.1, height=0.3, cells=[12, 4])
+    at = Configuration(built.world, built.world.start(), built.energies)
+    turned_about = replace(at, x=np.roll(at.x, 1, axis=1))
+    for state in (at, turned_about):
+        assert np.abs(field("stress", state)).max() < 1e-9
+        assert np.abs(field("energy_density", state)).max() < 1e-12
+    grown = field("stress", replace(at, x=1.01 * at.x))
+    alone = replace(at, x=1.01 * at.x, energies={"membrane": NeoHookeanMembrane.of(built.world)})
+    np.testing.assert_allclose(grown, field("stress", alone), rtol=0.05, atol=0.02 * np.abs(grown).max())
+
+
 def test_a_field_that_cannot_be_is_refused_by_name():
     at = stretched(sheet(), SHEAR)
     with pytest.raises(InputError, match="thickness"):
         field("thikness", at)
     with pytest.raises(InputError, match="contact_pressure"):
         field("contact_pressure", at)
-    with pytest.raises(InputError, match="pairs"):
-        field("stress", stretched(sheet(elements="pairs"), SHEAR))
 
 
 def test_a_scene_can_ask_for_every_field():

@@ -1,3 +1,5 @@
+from inspect import signature
+
 import numpy as np
 import pytest
 from meshes import cloth, grid
@@ -8,6 +10,9 @@ from clothsim.io.run_surfaces import world_surfaces
 from clothsim.io.trajectory import TrajectoryWriter
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
+from clothsim.render.movie import movie
+from clothsim.render.picture import draw
+from clothsim.run.pictures import MOVIE_SETTINGS, PICTURE_SETTINGS
 from clothsim.run.results import open_run
 
 WORLD = make_world([cloth(*grid(2, 2), name="sheet")], [make_body("floor", *grid(1, 1))])
@@ -61,7 +66,7 @@ def test_a_run_killed_before_its_first_frame_opens_too(tmp_path):
     run = open_run(tmp_path)
     assert run.times.shape == (0,)
     assert np.array_equal(run.triangles, WORLD.triangles)
-    with pytest.raises(InputError, match="holds 0 frames"):
+    with pytest.raises(InputError, match=r"\b0\b"):
         run.positions(-1)
 
 
@@ -81,15 +86,15 @@ def test_a_broken_summary_is_refused(directory, content):
 
 
 def test_what_is_no_run_directory_reports_it(directory, tmp_path):
-    with pytest.raises(InputError, match="no run directory"):
+    with pytest.raises(InputError):
         open_run(tmp_path / "nowhere")
-    with pytest.raises(InputError, match="no run directory"):
+    with pytest.raises(InputError):
         open_run(directory / "trajectory.vtkhdf")
     (directory / "trajectory.vtkhdf").write_text("broken")
-    with pytest.raises(InputError, match="broken or not"):
+    with pytest.raises(InputError, match=r"trajectory\.vtkhdf"):
         open_run(directory)
     (directory / "trajectory.vtkhdf").unlink()
-    with pytest.raises(InputError, match=r"holds no trajectory\.vtkhdf"):
+    with pytest.raises(InputError, match=r"trajectory\.vtkhdf"):
         open_run(directory)
 
 
@@ -153,6 +158,35 @@ def test_it_draws_its_frames(directory):
     with Image.open(movie) as image:
         assert image.n_frames == 3
     assert drawn == [(1, 3), (2, 3), (3, 3)]
+
+
+@pytest.mark.parametrize(
+    ("settings", "wrong", "right"),
+    [
+        ({"siz": (64, 64)}, "'siz'", "'size'"),
+        ({"size": 3}, "3", "size=("),
+        ({"size": (64, "x")}, "'x'", "size=("),
+        ({"colours": "plain"}, "'colours'", "'colour'"),
+        ({"title": "mine"}, "'title'", ""),
+    ],
+)
+def test_a_setting_of_a_picture_that_cannot_be_is_refused(directory, settings, wrong, right):
+    run = open_run(directory)
+    for drawing in (run.plot, lambda **given: run.movie(directory / "movie.gif", **given)):
+        with pytest.raises(InputError) as caught:
+            drawing(**settings)
+        assert wrong in caught.value.sentence
+        assert right in caught.value.remedy
+    assert not (directory / "movie.gif").exists()
+
+
+def test_the_settings_of_pictures_and_movies_are_keywords_of_their_functions():
+    of_picture, of_movie = (
+        {name for name, each in signature(function).parameters.items() if each.kind is each.KEYWORD_ONLY}
+        for function in (draw, movie)
+    )
+    assert of_picture == {*PICTURE_SETTINGS, "title"}
+    assert of_movie == {*PICTURE_SETTINGS, *MOVIE_SETTINGS, "title", "progress"}
 
 
 def test_runs_and_frames_are_compared_and_hashed(directory):

@@ -1,12 +1,14 @@
 """simulate() and resume(): output files, bitwise resume, and scripted scenes."""
 
+import re
+
 import ipctk
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene, without
 
-from clothsim import InputError, open_run, resume, simulate
+from clothsim import InputError, IntersectionWarning, open_run, resume, simulate
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME
 from clothsim.io.trajectory import TRAJECTORY_NAME
@@ -244,7 +246,7 @@ def test_the_checkpoint_is_the_last_frame(run):
 
 
 def test_nothing_to_resume_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no checkpoint"):
+    with pytest.raises(InputError, match="checkpoint"):
         resume(tmp_path)
 
 
@@ -335,7 +337,7 @@ def test_a_quasi_static_scene_ramps_its_load(tmp_path):
 @pytest.mark.parametrize("height", [0.0, 0.2, -0.25])
 def test_a_body_in_the_cloth_at_the_start_is_refused_in_one_sentence(tmp_path, height):
     scene = small_scene(cloth=SHEET | {"position": [0.0, 0.0, height]})
-    with pytest.raises(InputError, match="cloth intersects ball at the start") as refusal:
+    with pytest.raises(InputError, match=r"cloth.*ball") as refusal:
         simulate(scene, tmp_path / "never")
     assert str(refusal.value).count("\n") == 0
     assert not (tmp_path / "never").exists()
@@ -345,8 +347,8 @@ def test_pins_driven_into_a_body_end_the_run_with_the_reason_and_keep_its_frames
     pins = {"select": [12], "motion": {"velocity": [0.0, 0.0, -0.5]}}
     run = simulate(small_scene(effects=without("gravity") | {"pins": pins}), tmp_path)
     assert run.status == "failed"
-    assert "vertex 12 of cloth (pins)" in run.reason
-    assert "of ball are" in run.reason
+    assert re.search(r"\b12\b.*cloth.*pins", run.reason)
+    assert "ball" in run.reason
     assert run.summary["failure"]["cause"] == "blocked"
     assert len(run.times) >= 2
     assert never_intersects(run)
@@ -354,14 +356,24 @@ def test_pins_driven_into_a_body_end_the_run_with_the_reason_and_keep_its_frames
 
 
 def test_without_contact_an_intersection_is_reported_and_the_run_goes_on(tmp_path):
-    run = simulate(small_scene(effects=without("body_contact")), tmp_path)
+    with pytest.warns(IntersectionWarning):
+        run = simulate(small_scene(effects=without("body_contact")), tmp_path)
     assert run.status == "completed"
     assert not never_intersects(run)
     assert run.summary["certificate"]["intersection_free"] is False
     assert run.summary["certificate"]["intersecting_frames"]
 
 
+@pytest.mark.parametrize("callback", ["on_step", "progress", "announce"])
+@pytest.mark.parametrize("start", [lambda path, **callbacks: simulate(small_scene(), path, **callbacks), resume])
+def test_what_cannot_be_called_is_refused_before_the_first_step(tmp_path, start, callback):
+    with pytest.raises(InputError) as caught:
+        start(tmp_path / "never", **{callback: 3})
+    assert callback in caught.value.sentence
+    assert not (tmp_path / "never").exists()
+
+
 def test_an_output_that_cannot_be_made_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="cannot be made a directory"):
+    with pytest.raises(InputError, match="run"):
         simulate(small_scene(), tmp_path / "file" / "run")

@@ -1,15 +1,21 @@
 """Stepping by hand: the same bits as a run, changes between steps, copies, and failures."""
 
+import copy
+import pickle
+import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from meshes import grid
 from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene
 
-from clothsim import InputError, resume, simulate
+from clothsim import InputError, Scene, resume, simulate
 from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
+from clothsim.io.obj_writer import write_obj
 from clothsim.run.fields import FIELDS
 from clothsim.run.simulation import Simulation, SimulationError
+from clothsim.sim.failure import Failure
 
 SKY = {"inertia": {}, "membrane": {}, "bending": {}, "gravity": {}, "air": {"wind": [1.0, 0.0, 0.0]}}
 HELD = SKY | {"pins": {"select": [0, 4]}}
@@ -208,6 +214,91 @@ def test_a_saved_simulation_goes_on_with_the_same_bits(tmp_path):
     assert set(again.pins) == {"pins"}
 
 
+FILES = SKY | {"damping": {"rate": "rate.npy"}}
+
+
+@pytest.fixture
+def with_files(tmp_path):
+    """A simulation of two steps whose scene names files in a folder, and that folder."""
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    points, triangles = grid(4, 4)
+    write_obj(folder / "sheet.obj", points, triangles)
+    np.save(folder / "rate.npy", np.linspace(0.0, 2.0, len(triangles)))
+    cloth = {"name": "cloth", "mesh": "sheet.obj", "position": [0, 0, 1]}
+    scene = Scene(cloth=cloth, effects=FILES, solver=SOLVER, run=RUN, directory=folder)
+    simulation = Simulation(scene)
+    end(simulation, 2)
+    return simulation, folder
+
+
+def test_a_saved_simulation_has_its_mesh_files(tmp_path, with_files):
+    """It goes on elsewhere, after the files are gone: those of the scene, and its own copy after it is read."""
+    simulation, folder = with_files
+    simulation.save(tmp_path / "state.npz")
+    shutil.rmtree(folder)
+    (tmp_path / "elsewhere").mkdir()
+    moved = (tmp_path / "state.npz").rename(tmp_path / "elsewhere" / "state.npz")
+    again = Simulation.restore(moved)
+    moved.unlink()
+    again.change("gravity", acceleration=[0, 0, -9.0])
+    again.change("gravity", acceleration=[0, 0, -9.81])
+    again.save(tmp_path / "twice.npz")
+    twice = Simulation.restore(tmp_path / "twice.npz")
+    assert str(tmp_path) not in read_checkpoint(tmp_path / "twice.npz").scene_text
+    expected = end(simulation)
+    assert np.array_equal(end(again), expected)
+    assert np.array_equal(end(twice), expected)
+
+
+def test_a_saved_file_outside_of_its_folder_is_refused(tmp_path, with_files):
+    simulation, _ = with_files
+    simulation.save(tmp_path / "state.npz")
+    saved = read_checkpoint(tmp_path / "state.npz")
+    write_checkpoint(tmp_path / "state.npz", replace(saved, files={**saved.files, "../escaped": b"x"}))
+    with pytest.raises(InputError) as caught:
+        Simulation.restore(tmp_path / "state.npz")
+    assert "../escaped" in caught.value.sentence
+
+
+def test_a_missing_file_is_named_when_it_is_saved(tmp_path, with_files):
+    simulation, folder = with_files
+    (folder / "rate.npy").unlink()
+    with pytest.raises(InputError) as caught:
+        simulation.save(tmp_path / "state.npz")
+    assert "rate.npy" in caught.value.sentence
+    assert not (tmp_path / "state.npz").exists()
+
+
+@pytest.mark.parametrize("copied", [copy.deepcopy, copy.copy, lambda made: pickle.loads(pickle.dumps(made))])
+def test_a_copy_goes_on_with_the_same_bits_and_its_own_way(copied):
+    simulation = Simulation(small_scene(effects=EFFECTS | {"pins": {"select": [0, 4]}}))
+    simulation.move_pins(simulation.pins["pins"] + 0.01)
+    end(simulation, 2)
+    again = copied(simulation)
+    assert again.state.minimum_gap == simulation.state.minimum_gap
+    assert again.state.energies == simulation.state.energies
+    other = copied(simulation)
+    other.release_pins()
+    moved = end(other)
+    assert np.array_equal(end(again), end(simulation))
+    assert not np.array_equal(moved, simulation.state.positions["cloth"])
+
+
+def test_a_failure_is_copied():
+    simulation = Simulation(small_scene())
+    simulation.failure = Failure("blocked", "", "vertex 3 of cloth", None, "", 2, 0.04, 0.02)
+    assert copy.deepcopy(simulation).failure == simulation.failure
+
+
+def test_a_copy_with_a_python_function_is_refused_and_a_branch_has_it():
+    simulation = Simulation(flying())
+    simulation.wind = lambda points, time: np.array([time, 0.0, 0.0])
+    with pytest.raises(InputError):
+        pickle.dumps(simulation)
+    assert np.array_equal(end(simulation.branch()), end(simulation))
+
+
 def test_a_run_can_be_gone_on_with_by_hand(tmp_path):
     run = simulate(flying(), tmp_path)
     simulation, whole = Simulation.restore(tmp_path), Simulation(flying())
@@ -285,6 +376,27 @@ def test_a_mistake_is_refused_and_changes_nothing(mistake):
     with pytest.raises(InputError):
         mistake(simulation)
     assert np.array_equal(end(simulation, 2), end(as_it_was, 2))
+
+
+@pytest.mark.parametrize(
+    ("mistake", "wrong", "there"),
+    [
+        (lambda s: s.move_pins(np.zeros((2, 3)), "hands"), "'hands'", ["'pins'", "'hand'"]),
+        (lambda s: s.drive_pins("feet"), "'feet'", ["'pins'", "'hand'"]),
+        (lambda s: s.release_pins("feet"), "'feet'", ["'pins'", "'hand'"]),
+        (lambda s: s.set_fabric("denim", cloth="clothe"), "'clothe'", ["'cloth'"]),
+        (lambda s: s.add_pins("feet", [1], cloth="sheet"), "'sheet'", ["'cloth'"]),
+        (lambda s: s.drive_body("box"), "'box'", ["'ball'"]),
+        (lambda s: s.change("winds", wind=[0, 0, 0]), "'winds'", ["'gravity'", "'air'"]),
+    ],
+)
+def test_an_unknown_name_is_answered_with_those_there(mistake, wrong, there):
+    simulation = Simulation(small_scene(effects=HELD))
+    simulation.add_pins("hand", [12])
+    with pytest.raises(InputError) as caught:
+        mistake(simulation)
+    assert wrong in caught.value.sentence
+    assert all(name in caught.value.remedy for name in there)
 
 
 @pytest.mark.parametrize(("effect", "keys"), [("strain_limit", {"limit": 1.00001}), ("body_contact", {"offset": 0.02})])

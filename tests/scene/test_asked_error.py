@@ -17,13 +17,13 @@ def prepared(**changes):
 
 
 def test_dt_and_error_exclude_each_other():
-    with pytest.raises(InputError, match="solver has dt and error"):
+    with pytest.raises(InputError, match=r"solver.*dt.*error"):
         small_scene(solver={"dt": 0.01, "error": 1e-3})
 
 
 @pytest.mark.parametrize("error", [0, -1e-3, float("nan"), "1 mm", True])
 def test_an_error_is_a_length(error):
-    with pytest.raises(InputError, match=r"solver\.error must be"):
+    with pytest.raises(InputError, match=r"solver\.error"):
         small_scene(solver={"error": error})
 
 
@@ -42,14 +42,14 @@ def test_a_body_that_turns_bounds_the_step():
 def test_newton_goes_as_far_as_the_error_needs():
     fine = prepared(solver=ASKED | {"error": 1e-5})
     assert fine.integrator.settings.tolerance == pytest.approx(0.1 * 1e-5 / 0.16)
-    assert any("for the error asked for" in note for note in fine.notes)
+    assert any("tolerance" in note for note in fine.notes)
     assert prepared(solver=ASKED | {"error": 1e-1}).integrator.settings.tolerance == 1e-3
     given = prepared(solver=ASKED | {"error": 1e-5, "tolerance": 1e-2})
     assert given.integrator.settings.tolerance == 1e-2
 
 
 def test_without_inertia_it_is_refused():
-    with pytest.raises(InputError, match=r"solver\.error needs effects\.inertia"):
+    with pytest.raises(InputError, match=r"solver\.error.*effects\.inertia"):
         prepared(effects=without("inertia", "body_contact", "damping") | {"pins": {"select": "left"}}, body=())
 
 

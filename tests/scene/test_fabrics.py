@@ -101,9 +101,9 @@ class TestConversions:
 
 class TestInAScene:
     def test_an_unknown_name_is_answered_with_the_nearest(self):
-        with pytest.raises(InputError, match=r"cloth.fabric is 'denin'.*Did you mean 'denim'"):
+        with pytest.raises(InputError, match=r"cloth\.fabric.*'denin'.*'denim'"):
             build(Scene(cloth=SCENE | {"fabric": "denin"}, effects={"membrane": {}}))
-        with pytest.raises(InputError, match=r"fabric is 7\..*Known: cotton"):
+        with pytest.raises(InputError, match=r"fabric.* 7.*cotton"):
             fabric_named("fabric", 7)
 
     def test_own_threads_take_the_place_of_the_tables_and_so_does_a_youngs_modulus(self):

@@ -194,9 +194,25 @@ class TestCommand:
         assert main(["keys", name]) == 0
         assert shown in capsys.readouterr().out
 
-    def test_an_unknown_section_is_answered_with_the_nearest(self, capsys):
-        assert main(["keys", "gravty"]) == 2
-        assert "'gravity'" in capsys.readouterr().err
+    @pytest.mark.parametrize(
+        ("name", "right"),
+        [("gravty", "'gravity'"), ("effects.gravty", "'effects.gravity'"), ("solvr", "'solver'"),
+         ("effects.air.wnd", "'effects.air.wind"), ("solver.tolerence", "'solver.tolerance'"),
+         ("dt", "[solver]"), ("tolerence", "[solver]"), ("rectangel", "'rectangle'"),
+         ("nonsense", "clothsim keys"), ("", "clothsim keys"), ("....", "clothsim keys")],
+    )  # fmt: skip
+    def test_an_unknown_name_is_answered_with_the_nearest_section_or_key(self, capsys, name, right):
+        assert main(["keys", name]) == 2
+        sentence, remedy = capsys.readouterr().err.splitlines()
+        assert repr(name) in sentence
+        assert right in remedy
+
+    @pytest.mark.parametrize("name", ["nonsense", "qwertz", "x"])
+    def test_a_name_near_none_is_taken_for_none(self, capsys, name):
+        assert main(["keys", name]) == 2
+        remedy = capsys.readouterr().err.splitlines()[1]
+        others = set(sections()) | {word for section in sections() for word in section.split(".")}
+        assert not others & set(remedy.replace("'", " ").replace("?", " ").split()) - {"sections"}
 
     def test_it_prints_schema_and_page(self, capsys):
         assert main(["keys", "--json-schema"]) == 0

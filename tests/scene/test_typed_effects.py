@@ -54,14 +54,14 @@ def test_the_defaults_of_winds(section):
 def test_a_list_of_effects_is_their_tables():
     effects = [
         clothsim.Gravity(),
-        clothsim.Bending(model="midedge"),
+        clothsim.Bending(model="hinge"),
         clothsim.Pins(group=[clothsim.PinGroup(select=[0, 1], motion=clothsim.Motion(velocity=[0, 0, 1]))]),
         clothsim.Air(wind=clothsim.Gust(velocity=[3, 0, 0])),
         clothsim.Seams(seam=[clothsim.Seam(from_=clothsim.SeamLine(side="left"), to=clothsim.SeamLine(side="right"))]),
     ]
     assert Scene(cloth=CLOTH, effects=effects).effects == {
         "gravity": {},
-        "bending": {"model": "midedge"},
+        "bending": {"model": "hinge"},
         "pins": {"group": [{"select": [0, 1], "motion": {"velocity": [0, 0, 1]}}]},
         "air": {"wind": {"kind": "gust", "velocity": [3, 0, 0]}},
         "seams": {"seam": [{"from": {"side": "left"}, "to": {"side": "right"}}]},

@@ -37,7 +37,7 @@ def test_a_vector_is_of_numbers_that_a_float_holds(key):
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e308, -1, 0.5])
 @pytest.mark.parametrize("key", ["threads", "max_iterations"])
 def test_a_count_is_a_whole_number(key, value):
-    with pytest.raises(InputError, match=rf"solver\.{key} must be a whole number"):
+    with pytest.raises(InputError, match=rf"solver\.{key}"):
         built(solver={key: value})
 
 

@@ -14,6 +14,7 @@ from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
 from clothsim.mesh.world import make_world
 from clothsim.sim.certificate import Certificate, certificate_from, world_stretches
+from clothsim.sim.intersection_history import IntersectionHistory, Occurrences
 from clothsim.sim.state import first_state
 
 
@@ -106,8 +107,17 @@ def test_gap_and_residual():
 def test_it_survives_the_checkpoint():
     _, _, certificates = flight()
     assert certificates[-1].estimate.temporal > 0
-    text = json.dumps(certificates[-1].as_json())
-    assert certificate_from(json.loads(text)) == certificates[-1]
+    crossed = Occurrences(3, 4, 2, 7, 0.35, None, "cloth intersects itself", "triangles 3 and 17")
+    certificate = replace(certificates[-1], intersections=IntersectionHistory(cloth_cloth=crossed, frames=(2, 3)))
+    text = json.dumps(certificate.as_json())
+    assert certificate_from(json.loads(text)) == certificate
+
+
+def test_one_of_an_older_checkpoint_does_not_claim_what_was_not_checked():
+    fields = json.loads(json.dumps(Certificate().as_json(), default=str))
+    older = {name: fields[name] for name in fields if name != "intersections"}
+    assert certificate_from({**older, "intersecting_frames": []}).as_dict({})["intersection_free"] is None
+    assert certificate_from({**older, "intersecting_frames": [4]}).as_dict({})["intersection_free"] is False
 
 
 def test_the_energy_of_bdf2_is_not_checked_but_each_step_s_descent_is():
@@ -117,7 +127,12 @@ def test_the_energy_of_bdf2_is_not_checked_but_each_step_s_descent_is():
 
 
 def test_it_reports_what_was_checked_and_found():
-    judged = {"cloth_body": "no body", "cloth_cloth": "not requested"}
-    assert judged.items() <= Certificate().as_dict(judged).items()
-    assert Certificate(intersecting_frames=(3,)).as_dict(judged)["intersection_free"] is False
-    assert Certificate(moved_by_script=True).as_dict(judged)["energy_drift"] == "bodies, pins or wind do work"
+    coverage = {"cloth_body": "no body", "cloth_cloth": "checked"}
+    reported = Certificate().as_dict(coverage)
+    assert coverage.items() <= reported.items()
+    assert reported["intersection_free"] is True
+    crossed = IntersectionHistory(cloth_cloth=Occurrences(1, 1, 1, 3, 0.1, 3, "a", "b"), frames=(3,))
+    reported = Certificate(intersections=crossed).as_dict(coverage)
+    assert (reported["intersection_free"], reported["intersecting_frames"]) == (False, [3])
+    assert reported["intersections"]["cloth_cloth"]["first_step"] == 3
+    assert Certificate(moved_by_script=True).as_dict(coverage)["energy_drift"] == "bodies, pins or wind do work"

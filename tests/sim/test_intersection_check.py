@@ -1,4 +1,4 @@
-"""Exact intersection check: the pairs that effects require, and its coverage in the certificate."""
+"""Exact intersection check: all pairs, those that effects require to be free, and its coverage in the certificate."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,6 @@ from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.sim.intersection_check import intersection_check_of
 
-TESTED = "tested at every frame"
 ACROSS = np.array([[0.1, 0.3, -1], [0.9, 0.3, -1], [0.5, 0.3, 1]])
 
 
@@ -19,42 +18,44 @@ def world(*bodies):
     return make_world([cloth(*grid(2, 2), name="sheet"), flag], [make_body(b, ACROSS, [[0, 1, 2]]) for b in bodies])
 
 
-def judged(scene, effects):
-    check = intersection_check_of(world_surfaces(scene), effects, effects)
-    found = check.crossings(scene.start())
-    return check, found, [crossing.second for crossing in check.violations(found)]
+def check_of(scene, effects):
+    return intersection_check_of(world_surfaces(scene), effects, effects)
 
 
 @pytest.mark.parametrize(
-    ("effects", "found", "violations"),
+    ("effects", "kinds", "violations"),
     [
-        ({}, ["post"], []),
-        ({"body_contact": {}}, ["post"], ["post"]),
-        ({"self_contact": {}}, ["flag", "post"], ["flag"]),
-        ({"body_contact": {}, "self_contact": {}}, ["flag", "post"], ["flag", "post"]),
-        ({"body_contact": {"exclude": [["post", "sheet"]]}}, [], []),
-        ({"body_contact": {}, "self_contact": {"exclude": [["sheet", "flag"]]}}, ["post"], ["post"]),
+        ({}, ["cloth_cloth", "cloth_body"], []),
+        ({"body_contact": {}}, ["cloth_cloth", "cloth_body"], ["post"]),
+        ({"self_contact": {}}, ["cloth_cloth", "cloth_body"], ["flag"]),
+        ({"body_contact": {}, "self_contact": {}}, ["cloth_cloth", "cloth_body"], ["flag", "post"]),
+        ({"body_contact": {"exclude": [["post", "sheet"]]}}, ["cloth_cloth", "excluded"], []),
+        ({"body_contact": {}, "self_contact": {"exclude": [["sheet", "flag"]]}}, ["excluded", "cloth_body"], ["post"]),
     ],
 )
-def test_bodies_are_checked_always_and_cloth_where_self_contact_is_on(effects, found, violations):
-    _, crossed, failed = judged(world("post"), effects)
-    assert [crossing.second for crossing in crossed] == found
-    assert failed == violations
-    assert all(len(crossing.pairs) == 1 for crossing in crossed)
+def test_all_pairs_are_checked_and_effects_say_which_must_be_free(effects, kinds, violations):
+    scene = world("post")
+    check = check_of(scene, effects)
+    found = check.crossings(scene.start())
+    assert [crossing.second for crossing in found] == ["flag", "post"]
+    assert [check.kind(crossing) for crossing in found] == kinds
+    assert [crossing.second for crossing in check.violations(found)] == violations
+    assert all(len(crossing.pairs) > 1 for crossing in found)
 
 
-def test_report():
-    assert judged(world(), {})[0].coverage() == {"cloth_body": "no body", "cloth_cloth": "not requested"}
-    assert judged(world("post"), {"self_contact": {}})[0].coverage() == {"cloth_body": TESTED, "cloth_cloth": TESTED}
-    output = judged(world("post"), {"body_contact": {"exclude": [["post", "flag"]]}})[0].coverage()
-    assert output["cloth_body"] == f"{TESTED} but for excluded pairs"
+def test_coverage():
+    at_every_step = check_of(world("post"), {}).coverage()
+    assert set(at_every_step) == {"cloth_body", "cloth_cloth"}
+    assert at_every_step["cloth_body"] == at_every_step["cloth_cloth"]
+    alone = check_of(world(), {}).coverage()
+    assert alone == {**at_every_step, "cloth_body": "no body"}
+    assert check_of(world(), {}).coverage(complete=False)["cloth_cloth"] != at_every_step["cloth_cloth"]
 
 
-def test_cloth_can_be_tested_without_being_promised():
-    scene = world()
-    check = intersection_check_of(world_surfaces(scene), {}, {})
-    assert check.crossings(scene.start()) == ()
-    found = check.crossings(scene.start(), cloth_cloth=True, limit=100)
-    assert [crossing.summary for crossing in found] == ["sheet and flag intersect"]
-    assert len(found[0].pairs) > 1
-    assert check.violations(found) == []
+def test_positions_are_in_the_coordinates_of_the_scene():
+    scene, origin = world("post"), np.array([10.0, -20.0, 5.0])
+    check = check_of(scene, {})
+    local, shifted = check.crossings(scene.start()), check.crossings(scene.start(), origin)
+    for one, other in zip(local, shifted, strict=True):
+        assert np.allclose(other.position, one.position + origin, atol=1e-12)
+        assert np.array_equal(one.pairs, other.pairs)

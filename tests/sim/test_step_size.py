@@ -43,9 +43,9 @@ def test_a_step_may_add_its_fraction_of_the_time_but_at_least_a_fraction_of_the_
 def test_the_next_dt_would_have_added_its_fraction(order):
     """The error of a step is ~ h^(order+1): with the chosen dt it is SAFETY^.. of what is left for it."""
     h, rate = 0.01, 1e-3 / 2.0
-    for share in (0.7, 1.0, 1.5):
-        chosen = CONTROL.next_dt(START, h, share * rate * h, order)
-        added = share * rate * h * (chosen / h) ** (order + 1)
+    for fraction in (0.7, 1.0, 1.5):
+        chosen = CONTROL.next_dt(START, h, fraction * rate * h, order)
+        added = fraction * rate * h * (chosen / h) ** (order + 1)
         assert added / (rate * chosen) == pytest.approx(0.9)
 
 

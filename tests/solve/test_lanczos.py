@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from clothsim.solve.lanczos import MAX_PRODUCTS, RELATIVE_ERROR, saddle_free_solve
+from clothsim.solve.lanczos import MAX_PRODUCTS, RELATIVE_ERROR, lowest_eigenvector, saddle_free_solve
 
 TRUST = 3.0
 
@@ -144,3 +144,51 @@ def test_a_right_hand_side_whose_square_is_not_finite_leaves_the_preconditioner_
     found = solved(lambda v: 2.0 * v, lambda r: 0.1 * r, np.full(30, 1e200))
     assert found.x == pytest.approx(np.full(30, 1e199))
     assert found.products == 0
+
+
+# --- lowest eigenvector ---------------------------------------------------------------------------------------------
+
+
+def inverse_of(metric):
+    """r -> P^-1 r."""
+    inverse = np.linalg.inv(metric)
+    return lambda r: inverse @ r
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("lowest", [-1e-6, -0.3, -50.0])
+def test_the_lowest_eigenvector_of_a_pencil(lowest, seed):
+    """A v = t P v against LAPACK, with a cluster at 1 as a projected Hessian has; P' v is normalised."""
+    rng = np.random.default_rng(seed)
+    n = 60
+    metric = matrix(10.0 ** rng.uniform(-4, 4, n), seed)
+    wanted = np.concatenate([[lowest], np.linspace(0.2, 0.8, 9), np.ones(n - 10)])
+    root = np.linalg.cholesky(metric)
+    A = root @ matrix(wanted, seed + 10) @ root.T
+    start = rng.standard_normal(n)
+    value, v = lowest_eigenvector(lambda x: A @ x, inverse_of(metric), start)
+    assert value == pytest.approx(lowest, rel=1e-4, abs=1e-9)
+    assert v @ metric @ v == pytest.approx(1.0, rel=1e-6)
+    assert start @ v >= 0.0
+    assert v @ A @ v == pytest.approx(lowest, rel=1e-4, abs=1e-9)
+
+
+def test_an_eigenvector_keeps_the_symmetry_of_its_start():
+    """Where A and P do not couple two halves, a start in one half never sees the other."""
+    A = np.diag([-5.0, 1.0, -2.0, 1.0])
+    value, v = lowest_eigenvector(lambda x: A @ x, lambda r: r.copy(), np.array([0.0, 0.0, 1.0, 1.0]))
+    assert value == pytest.approx(-2.0)
+    assert v == pytest.approx([0.0, 0.0, 1.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize(("A", "start"), [(np.zeros((3, 3)), np.ones(3)), (np.eye(3), np.zeros(3))])
+def test_a_pencil_without_anything_has_no_negative_eigenvalue(A, start):
+    value, v = lowest_eigenvector(lambda x: A @ x, lambda r: r.copy(), start)
+    assert not value < 0.0
+    assert np.isfinite(v).all()
+
+
+def test_an_eigenvector_that_is_not_finite_is_none():
+    value, v = lowest_eigenvector(lambda x: np.full(3, np.nan), lambda r: r.copy(), np.ones(3))
+    assert np.isnan(value)
+    assert not v.any()

@@ -53,13 +53,13 @@ def test_one_analysis_serves_many_matrices(solver):
         assert np.abs(solver.solve(pattern.shift(data, amount), b) - exact).max() < 1e-11 * np.abs(exact).max()
 
 
-@pytest.mark.parametrize("share", [0.0, 0.5])
+@pytest.mark.parametrize("fraction", [0.0, 0.5])
 @pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
-def test_a_matrix_with_what_is_not_finite_is_refused_and_the_next_one_solved(solver, number, share):
+def test_a_matrix_with_what_is_not_finite_is_refused_and_the_next_one_solved(solver, number, fraction):
     """Also on the diagonal, where PARDISO takes an infinite pivot for a large one."""
     _, data, dense = newton_matrix()
     b, wrong = np.ones(len(dense)), data.copy()
-    wrong[int(share * len(data))] = number
+    wrong[int(fraction * len(data))] = number
     with pytest.raises(NotPositiveDefiniteError):
         solver.solve(wrong, b)
     assert np.abs(dense @ solver.solve(data, b) - b).max() < 1e-11

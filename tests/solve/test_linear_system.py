@@ -134,7 +134,8 @@ def two_sheets(steps=10):
     upper = {**SHEET, "name": "upper", "cells": [6, 6], "size": [0.6, 0.6], "position": [0.0, 0.0, 0.05]}
     lower = {**SHEET, "name": "lower", "cells": [8, 8], "position": [0.0, 0.0, 0.0]}
     floor = {"name": "floor", "mesh": "rectangle", "cells": [2, 2], "size": [3.0, 3.0], "position": [0.0, 0.0, -0.05]}
-    effects, solver = {**EFFECTS, "self_contact": {}}, {"dt": 0.02, "linear": "superlu", "tolerance": 1e-5}
+    effects = {**EFFECTS, "self_contact": {}}
+    solver = {"dt": 0.02, "linear": "superlu", "tolerance": 1e-5, "integrator": "backward_euler"}
     session = prepare(scene := small_scene([upper, lower], floor, effects, solver), build(scene))
     state = first_state(session.built.world, 0.02)
     for _ in range(steps):

@@ -59,14 +59,14 @@ def test_there_is_no_region_where_nothing_or_too_much_moves():
 
 
 def dented(monkeypatch, most, observe=unobserved, **settings):
-    """A step of a sheet at rest with one dent in it; most: share of the vertices that a region may have."""
+    """A step of a sheet at rest with one dent in it; most: fraction of the vertices that a region may have."""
     monkeypatch.setattr(nonlinear_elimination, "MAX_FRACTION", most)
     positions, triangles = grid(24, 24)
     world = make_world([cloth(positions, triangles)], [])
     x = world.start()
     near = np.linalg.norm(x - x[312], axis=1)
     x = x + 0.15 * np.exp(-((near / 0.08) ** 2))[:, None] * np.array([0.3, -0.2, 1.0])
-    energies = {"inertia": inertia(world), "membrane": membrane(world), "bending": bending(world)}
+    energies = {"inertia": inertia(world), "membrane": membrane(world), "bending": bending(world, model="hinge")}
     solver = newton_of(world, energies, dt=0.02, tolerance=1e-2, **settings)
     return replace(solver, observe=observe).minimise(x, NOTHING)
 

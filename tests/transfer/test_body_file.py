@@ -46,7 +46,7 @@ def test_the_root_is_known_in_every_integer_type(root, kind):
 def test_a_missing_key_is_named(tmp_path, key):
     left = {name: value for name, value in arrays().items() if name != key}
     np.savez(tmp_path / "body.npz", **left)
-    with pytest.raises(TransferError, match=f"body.npz has no '{key}'"):
+    with pytest.raises(TransferError, match=rf"body\.npz.*'{key}'"):
         read_body_model(tmp_path / "body.npz")
 
 
@@ -59,7 +59,7 @@ def test_pickles_are_refused_unread(tmp_path):
     changed = arrays()
     changed["J_regressor"] = np.array([Bomb()], object)
     np.savez(tmp_path / "body.npz", **changed)
-    with pytest.raises(TransferError, match=r"'J_regressor' of body.npz is no plain array. Pickled data is not read"):
+    with pytest.raises(TransferError, match=r"'J_regressor'.*body\.npz"):
         read_body_model(tmp_path / "body.npz")
 
 
@@ -74,7 +74,7 @@ def test_a_pickle_file_is_refused_unread(tmp_path):
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04broken", b"hello", b"\x93NUMPY"])
 def test_what_is_no_file_of_arrays_is_refused(tmp_path, content):
     (tmp_path / "body.npz").write_bytes(content)
-    with pytest.raises(TransferError, match=r"body.npz is no .npz file"):
+    with pytest.raises(TransferError, match=r"body\.npz"):
         read_body_model(tmp_path / "body.npz")
 
 
@@ -90,10 +90,10 @@ def test_a_cut_file_is_refused(tmp_path):
 
 
 def test_no_file_and_one_array(tmp_path):
-    with pytest.raises(TransferError, match=r"There is no file body.npz"):
+    with pytest.raises(TransferError, match=r"body\.npz"):
         read_body_model(tmp_path / "body.npz")
     np.save(tmp_path / "body.npy", np.zeros(3))
-    with pytest.raises(TransferError, match=r"body.npy holds one array"):
+    with pytest.raises(TransferError, match=r"body\.npy"):
         read_body_model(tmp_path / "body.npy")
 
 
@@ -115,31 +115,31 @@ def put(*index_and_value):
 
 
 @pytest.mark.parametrize(
-    ("key", "change", "message"),
+    ("key", "change", "names"),
     [
-        ("v_template", lambda a: a[:, :2], "v_template must have shape (any, 3), not (12, 2)"),
-        ("v_template", put(3, 1, np.nan), "v_template[3, 1] is not finite"),
-        ("v_template", lambda a: a.astype(str), "v_template must be numbers"),
-        ("shapedirs", lambda a: a[:5], "shapedirs must have shape (12, 3, any), not (5, 3, 2)"),
-        ("shapedirs", lambda a: a[:, :, 0], "shapedirs must have shape"),
-        ("posedirs", lambda a: a[:, :, :9], "posedirs must have shape (12, 3, 27), not (12, 3, 9)"),
-        ("J_regressor", lambda a: a.T, "J_regressor must have shape (4, 12), not (12, 4)"),
-        ("J_regressor", lambda a: 2 * a, "J_regressor[0] sums to 2, not to 1"),
-        ("weights", lambda a: a[:, :3], "weights must have shape (12, 4), not (12, 3)"),
-        ("weights", lambda a: a + np.array([1, -1, 0, 0]), "weights[0, 1] is -"),
-        ("weights", lambda a: 0 * a, "weights[0] sums to 0, not to 1"),
-        ("kintree_table", lambda a: a[0], "kintree_table must be whole numbers of shape (2, j)"),
-        ("kintree_table", lambda a: a.astype(float), "kintree_table must be whole numbers"),
-        ("kintree_table", put(0, 1, 3), "kintree_table gives joint 1 the parent 3"),
-        ("kintree_table", put(0, 1, 9), "kintree_table gives joint 1 the parent 9"),
-        ("kintree_table", put(0, 2, 2**32 - 1), "kintree_table has 2 roots"),
-        ("kintree_table", put(1, 2, 1), "kintree_table names a joint twice"),
-        ("f", put(1, 2, 12), "The body model's triangle 1 = [2, 1, 12] names a vertex outside 0..11"),
-        ("f", lambda a: a.astype(float), "The body model's triangles must be whole numbers"),
-        ("f", lambda a: a.ravel(), "The body model's triangles must have shape (m, 3)"),
+        ("v_template", lambda a: a[:, :2], ["v_template", "(12, 2)"]),
+        ("v_template", put(3, 1, np.nan), ["v_template[3, 1]"]),
+        ("v_template", lambda a: a.astype(str), ["v_template"]),
+        ("shapedirs", lambda a: a[:5], ["shapedirs", "(5, 3, 2)"]),
+        ("shapedirs", lambda a: a[:, :, 0], ["shapedirs", "(12, 3)"]),
+        ("posedirs", lambda a: a[:, :, :9], ["posedirs", "(12, 3, 27)", "(12, 3, 9)"]),
+        ("J_regressor", lambda a: a.T, ["J_regressor", "(4, 12)", "(12, 4)"]),
+        ("J_regressor", lambda a: 2 * a, ["J_regressor[0]", "2"]),
+        ("weights", lambda a: a[:, :3], ["weights", "(12, 4)", "(12, 3)"]),
+        ("weights", lambda a: a + np.array([1, -1, 0, 0]), ["weights[0, 1]", "-"]),
+        ("weights", lambda a: 0 * a, ["weights[0]", "0"]),
+        ("kintree_table", lambda a: a[0], ["kintree_table", "(2, j)"]),
+        ("kintree_table", lambda a: a.astype(float), ["kintree_table"]),
+        ("kintree_table", put(0, 1, 3), ["kintree_table", "1", "3"]),
+        ("kintree_table", put(0, 1, 9), ["kintree_table", "1", "9"]),
+        ("kintree_table", put(0, 2, 2**32 - 1), ["kintree_table", "2"]),
+        ("kintree_table", put(1, 2, 1), ["kintree_table"]),
+        ("f", put(1, 2, 12), ["triangle 1", "[2, 1, 12]", "0..11"]),
+        ("f", lambda a: a.astype(float), ["triangles"]),
+        ("f", lambda a: a.ravel(), ["triangles", "(m, 3)"]),
     ],
 )
-def test_arrays_that_do_not_fit_are_named(key, change, message):
+def test_arrays_that_do_not_fit_are_named(key, change, names):
     with pytest.raises(TransferError) as caught:
         body_model(changed(key, change))
-    assert str(caught.value).startswith(message)
+    assert all(name in str(caught.value) for name in names), caught.value

@@ -99,21 +99,21 @@ def test_rotations_are_those_of_scipy():
 
 
 @pytest.mark.parametrize(
-    ("keywords", "message"),
+    ("keywords", "name"),
     [
-        ({"beta": np.zeros(4)}, "beta must be at most 3 numbers"),
-        ({"beta": np.zeros((1, 3))}, "beta must be at most 3 numbers"),
-        ({"beta": [np.nan]}, "beta holds a number that is not finite"),
-        ({"beta": ["tall"]}, "beta must be numbers"),
-        ({"theta": np.zeros(9)}, "theta must have shape (3, 3), not (9,)"),
-        ({"theta": np.full((3, 3), np.inf)}, "theta holds a number"),
-        ({"translation": [1, 2]}, "translation must be 3 numbers"),
+        ({"beta": np.zeros(4)}, "beta"),
+        ({"beta": np.zeros((1, 3))}, "beta"),
+        ({"beta": [np.nan]}, "beta"),
+        ({"beta": ["tall"]}, "beta"),
+        ({"theta": np.zeros(9)}, "theta"),
+        ({"theta": np.full((3, 3), np.inf)}, "theta"),
+        ({"translation": [1, 2]}, "translation"),
     ],
 )
-def test_bad_parameters_are_named(keywords, message):
+def test_bad_parameters_are_named(keywords, name):
     with pytest.raises(TransferError) as caught:
         body_model(small_arrays()).vertices(**keywords)
-    assert str(caught.value).startswith(message)
+    assert str(caught.value).startswith(name)
 
 
 def test_the_mannequin_is_such_a_body():

@@ -36,7 +36,7 @@ def off_the_surface(points, mesh):
 
 
 def flipped(laid, triangles, mesh):
-    """The share of triangles that face against the nearest of `mesh`."""
+    """The fraction of triangles that face against the nearest of `mesh`."""
     surface = facing_surface(*mesh)
     _, near, _ = surface.boxes.squared_distance(surface.positions, surface.triangles, centroids(laid, triangles))
     return (np.einsum("ta,ta->t", triangle_normals(laid, triangles), surface.normals[near.ravel()]) < 0).mean()
@@ -122,13 +122,13 @@ def test_open_surfaces_correspond():
 @pytest.mark.parametrize(
     ("markers", "output"),
     [
-        ([[0, 1], [0, 2]], r"markers \[\[0, 1\], \[0, 2\]\] name vertex 0 of the source twice"),
-        ([[0, 1], [2, 1]], "name vertex 1 of the target twice"),
-        ([[0, 10_000]], "names vertex 10000 of the target"),
-        ([[-1, 0]], "names vertex -1 of the source"),
-        (np.zeros((0, 2), int), "the markers have shape"),
+        ([[0, 1], [0, 2]], r"markers \[\[0, 1\], \[0, 2\]\] name vertex 0 .*source"),
+        ([[0, 1], [2, 1]], r"vertex 1\b.*target"),
+        ([[0, 10_000]], r"vertex 10000\b.*target"),
+        ([[-1, 0]], r"vertex -1\b.*source"),
+        (np.zeros((0, 2), int), "markers"),
         ([[0.5, 1.0]], "float64"),
-        ([[0, 1, 2]], "the markers have shape"),
+        ([[0, 1, 2]], "markers"),
     ],
 )
 def test_bad_markers_are_named(markers, output):

@@ -60,7 +60,7 @@ def test_the_plane_operator_is_the_gradient_without_the_normal():
 @pytest.mark.parametrize("third", [(2.0, 0, 0), (1.0, 0, 0), (0.5, 1e-10, 0)])
 def test_a_triangle_without_area_is_named(third):
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], third], dtype=float)
-    with pytest.raises(TransferError, match=r"triangle 1 of the thing has no area \(vertices \[0, 1, 3\]"):
+    with pytest.raises(TransferError, match=r"triangle 1\b.*thing.*\[0, 1, 3\]"):
         inverse_frames(positions, np.array([[0, 1, 2], [0, 1, 3]]), "the thing")
 
 

@@ -124,9 +124,9 @@ def test_a_thin_limb_is_left_on_the_side_the_garment_faces():
 
 
 def test_bad_input_is_named():
-    with pytest.raises(TransferError, match=r"eps is -0\.01"):
+    with pytest.raises(TransferError, match=r"eps .*-0\.01"):
         refine(SHIRT, SHIRT_TRIANGLES, *BALL, eps=-0.01)
-    with pytest.raises(TransferError, match="passes is 0"):
+    with pytest.raises(TransferError, match=r"passes .*0"):
         refine(SHIRT, SHIRT_TRIANGLES, *BALL, passes=0)
-    with pytest.raises(TransferError, match="garment triangles must have shape"):
+    with pytest.raises(TransferError, match="garment triangles"):
         refine(SHIRT, np.zeros((0, 3), int), *BALL)

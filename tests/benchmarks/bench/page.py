@@ -38,7 +38,7 @@ def _group(part: str) -> str:
 
 
 def profile(row: Measured) -> str:
-    """A line a phase and effect: processor seconds of the measured step, per Newton iteration, and their share."""
+    """A line a phase and effect: processor seconds of the measured step, per Newton iteration, and their fraction."""
     parts = sorted(row["parts"].items(), key=lambda part: -part[1])
     parts.append((REST, max(0.0, row["cpu"] - sum(row["parts"].values()))))
     lines = [

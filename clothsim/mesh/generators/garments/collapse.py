@@ -23,15 +23,15 @@ def collapsed(positions: Floats, triangles: Ints, held: np.ndarray) -> tuple[Flo
     touched = np.zeros(len(positions), bool)
     for v, w in _short_edges(positions, triangles, held, middle):
         of_v, of_w = (set(neighbours[starts[k] : starts[k + 1]].tolist()) for k in (v, w))
-        shared, around = of_v & of_w, list(of_v | of_w)
+        shared, ring = of_v & of_w, list(of_v | of_w)
         new = np.array(sorted(of_v - of_w - {w}), np.int64)
         in_middle = bool(middle[v])
         joins = fixed[w] and (fixed[new] & ~(middle[new] & in_middle)).any()
-        if joins or touched[around].any() or len(shared) != (1 if in_middle else 2):
+        if joins or touched[ring].any() or len(shared) != (1 if in_middle else 2):
             continue
         if all(starts[k + 1] - starts[k] > 3 for k in shared):
             into[v] = w
-            touched[around] = True
+            touched[ring] = True
     merged = into[triangles]
     remaining = merged[(merged != np.roll(merged, 1, axis=1)).all(axis=1)]
     used, renumbered = np.unique(remaining, return_inverse=True)

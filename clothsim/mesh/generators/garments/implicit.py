@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.arrays import Floats
 
-REACH = 0.25
+RANGE = 0.25
 """Distance beyond which a limb is ignored [m]."""
 
 
@@ -105,15 +105,15 @@ def limb(
 def smooth_union(limbs: Sequence[Limb], points: Floats, smoothing: float) -> tuple[Floats, Floats]:
     """Return f (n,) [m] and its gradient (n, 3) of the union of `limbs`, at `points (n, 3)`; smoothing: s [m].
 
-    A limb whose box is more than REACH away adds less than s exp(-REACH / s) and is left out; far from all, f is REACH.
+    A limb whose box is more than RANGE away adds less than s exp(-RANGE / s) and is left out; far from all, f is RANGE.
     """
-    total, gradient = np.full(len(points), np.exp(-REACH / smoothing)), np.zeros((len(points), 3))
+    total, gradient = np.full(len(points), np.exp(-RANGE / smoothing)), np.zeros((len(points), 3))
     for one in limbs:
         low, high = one.box()
-        near = np.flatnonzero(((points > low - REACH) & (points < high + REACH)).all(axis=1))
+        near = np.flatnonzero(((points > low - RANGE) & (points < high + RANGE)).all(axis=1))
         if len(near):
             distance, slope = one.distance(points[near])
-            fraction = np.exp(-np.maximum(distance, -REACH) / smoothing)
+            fraction = np.exp(-np.maximum(distance, -RANGE) / smoothing)
             total[near] += fraction
             gradient[near] += fraction[:, None] * slope
     return -smoothing * np.log(total), gradient / total[:, None]
@@ -129,5 +129,5 @@ def lattice_union(limbs: Sequence[Limb], nodes: tuple[Floats, Floats, Floats], s
         )
         points = np.stack(np.meshgrid(*(axis[p] for axis, p in zip(nodes, part, strict=True)), indexing="ij"), axis=3)
         distance = one.distance(points.reshape(-1, 3))[0].reshape(points.shape[:3])
-        total[part] += np.exp(-np.maximum(distance, -REACH) / smoothing)
+        total[part] += np.exp(-np.maximum(distance, -RANGE) / smoothing)
     return np.asarray(-smoothing * np.log(total), np.float64)

@@ -58,9 +58,9 @@ def shirt(
         cut(((0, -0.36, 0.93), (0, 0.02, 1.452))),
         cut((ARM, _SHOULDER + length * ARM), ((1, 0, 0), (0.195, 0, 0))),
     )
-    reach = _SHOULDER + (length + 0.02) * ARM
+    wrist = _SHOULDER + (length + 0.02) * ARM
     pattern = Pattern(
-        _TRUNK + _ARMS, (trunk, *both_sides(sleeve_limb)), cuts, (0, -0.13, 0.82), (reach[0] + 0.05, 0.14, 1.50)
+        _TRUNK + _ARMS, (trunk, *both_sides(sleeve_limb)), cuts, (0, -0.13, 0.82), (wrist[0] + 0.05, 0.14, 1.50)
     )
     return garment_mesh(pattern, figure, ease, edge)
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from clothsim.accuracy.resample import at_points_of, barycentric, material_of, point_areas
 from clothsim.mesh.generators.sheets import disk, rectangle
+from clothsim.mesh.resample import at_points_of, barycentric, material_of, point_areas
 
 UP = np.array([0.0, 0.0, 1.0])
 

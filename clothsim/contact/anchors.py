@@ -1,0 +1,151 @@
+"""Anchors of static friction: elastic slip of a contact since it last held, carried from step to step.
+
+A contact that holds is a spring between two material points, which yields at mu F (elastic-perfectly plastic, with a
+return mapping: Simo and Hughes 1998, "Computational inelasticity", box 1.4; Cundall and Strack 1979 for the tangential
+springs of contacts). z is the tangential displacement of the points since they last fitted, at most e. A step adds the
+relative displacement u of the closest points: beyond |z + u| = e the anchor is drawn along, with |z| = e.
+
+z turns with the second surface of a contact: on a turntable it would else be left behind at the rate omega z.
+
+The anchor belongs to a material point (a vertex, or an edge) and to the object that it touches, not to a pair of
+simplices: a vertex that passes from face to face keeps it. Where one point touches an object from several sides, the
+side with the nearest normal inherits.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+
+SAME_SIDE = 0.5
+"""Smallest cosine of the normals before and after of a contact that keeps its anchor."""
+
+COLUMNS = np.cumsum((4, 4, 3, 3, 3, 3))
+"""Ends of the columns of `Anchors.as_array`: elements to directions; then whether it slides."""
+
+LEAST_TANGENT = 0.1
+"""Tangential fraction of a direction below which it does not tell the rotation about the normal."""
+
+
+@dataclass(frozen=True)
+class Anchors:
+    """Elastic slips of contacts at the start of a step.
+
+    Parameters
+    ----------
+    elements, weights : (p, 4) array
+        Rows of x and weights g of the closest points.
+    normals, slips : (p, 3) array
+        n, and z [m].
+    origins : (p, 3) array
+        sum g_i x_i at the start of the step [m].
+    directions : (p, 3) array
+        `directions_of` the second surface at the start of the step [m].
+    slides : (p,) bool array
+        True where the contact slid in the step before.
+    """
+
+    elements: Ints
+    weights: Floats
+    normals: Floats
+    slips: Floats
+    origins: Floats
+    directions: Floats
+    slides: np.ndarray
+
+    def as_array(self) -> Floats:
+        """All numbers, (p, 21)."""
+        vectors = self.normals, self.slips, self.origins, self.directions
+        parts = self.elements, self.weights, *vectors, self.slides[:, None]
+        return np.concatenate([np.asarray(part, np.float64) for part in parts], axis=1)
+
+    def after(self, x: Floats, elastic_slip: float, ratios: Floats) -> Self:
+        """Anchors after the step that ends at x (N, 3) [m]; ratios (p,): mu_kinetic / mu_static of the contacts.
+
+        One that comes to rest holds with mu_static from then on: its slip shrinks so that its force stays.
+        """
+        moved = relative_positions(x, self.elements, self.weights) - self.origins
+        turned = _rotated(self.slips, self.normals, self.directions, directions_of(x, self.elements))
+        slips = turned + tangential(moved, self.normals)
+        fractions = np.linalg.norm(slips, axis=1) / elastic_slip
+        slides = fractions >= 1.0
+        rests = np.minimum(fractions, 1.0)
+        rests = 1.0 - np.sqrt(1.0 - ratios * (2.0 - rests) * rests)
+        target = np.where(slides, 1.0, np.where(self.slides, rests, fractions))
+        scale = np.divide(target, fractions, out=np.ones_like(target), where=fractions > 0.0)
+        return replace(self, slips=slips * scale[:, None], slides=slides)
+
+    def inherited(self, elements: Ints, weights: Floats, normals: Floats, labels: Ints) -> tuple[Ints, Floats]:
+        """For new contacts the index of the contact that each continues, -1 for none (q,), and their slips (q, 3) [m].
+
+        The slip is turned into the new tangent plane. labels (N,): object of each row of x.
+        """
+        new_keys, keys = (_keys(*each, labels) for each in ((elements, weights), (self.elements, self.weights)))
+        order = np.argsort(keys, kind="stable")
+        first, last = (np.searchsorted(keys[order], new_keys, side) for side in ("left", "right"))
+        new = np.repeat(np.arange(len(new_keys)), last - first)
+        before = np.concatenate([[0], np.cumsum(last - first)])[:-1]
+        old = order[np.arange(len(new)) - np.repeat(before - first, last - first)]
+        cosines = (normals[new] * self.normals[old]).sum(axis=1)
+        same = (elements[new] == self.elements[old]).all(axis=1)
+        new, old, score = (each[cosines > SAME_SIDE] for each in (new, old, cosines + 2.0 * same))
+        best = np.lexsort((old, -score, new))
+        found, at = np.unique(new[best], return_index=True)
+        parents = np.full(len(new_keys), -1)
+        parents[found] = old[best][at]
+        slips = np.zeros((len(new_keys), 3))
+        slips[found] = _turned(self.slips[parents[found]], normals[found])
+        return parents, slips
+
+
+def anchors_from(numbers: object) -> Anchors:
+    """Anchors of `Anchors.as_array`, which a file may hold as lists."""
+    rows = np.asarray(numbers, np.float64).reshape(-1, COLUMNS[-1] + 1)
+    elements, *others, slides = np.split(rows, COLUMNS, axis=1)
+    return Anchors(elements.astype(np.int64), *others, slides[:, 0] > 0.0)
+
+
+def relative_positions(x: Floats, elements: Ints, weights: Floats) -> Floats:
+    """sum g_i x_i of each contact (p, 3) [m]."""
+    return np.asarray(np.einsum("pk,pkc->pc", weights, x[elements]), np.float64)
+
+
+def directions_of(x: Floats, elements: Ints) -> Floats:
+    """An edge of the second surface of each contact, (p, 3) [m]; 0 where that is a vertex."""
+    first = np.where(elements[:, 2] == elements[:, 3], elements[:, 1], elements[:, 2])
+    second = np.where(elements[:, 2] == elements[:, 3], elements[:, 2], elements[:, 3])
+    return np.asarray(x[second] - x[first], np.float64)
+
+
+def _rotated(vectors: Floats, normals: Floats, before: Floats, after: Floats) -> Floats:
+    """Tangential vectors (p, 3) turned about the normals as the directions turned from `before` to `after` (p, 3)."""
+    start, end = tangential(before, normals), tangential(after, normals)
+    known = (start**2).sum(axis=1) > LEAST_TANGENT**2 * (before**2).sum(axis=1)
+    sine = np.where(known, (np.cross(start, end) * normals).sum(axis=1), 0.0)
+    cosine = np.where(known, (start * end).sum(axis=1), 1.0)
+    size = np.hypot(sine, cosine)
+    sine, cosine = (np.divide(each, size, out=np.zeros_like(size), where=size > 0.0) for each in (sine, cosine))
+    return np.asarray(cosine[:, None] * vectors + sine[:, None] * np.cross(normals, vectors), np.float64)
+
+
+def tangential(vectors: Floats, normals: Floats) -> Floats:
+    """Components of vectors (p, 3) perpendicular to unit normals."""
+    return np.asarray(vectors - np.einsum("pc,pc->p", vectors, normals)[:, None] * normals, np.float64)
+
+
+def _keys(elements: Ints, weights: Floats, labels: Ints) -> Ints:
+    """One number for the material point of each contact and the object that it touches, (p,)."""
+    first = np.where(weights[:, 1] == 1.0, elements[:, 1], elements[:, 0])
+    on_edge = (weights[:, 0] != 1.0) & (weights[:, 1] != 1.0)
+    second = np.where(on_edge, elements[:, 1], -1)
+    count = int(labels.max(initial=0)) + 1
+    return np.asarray((first * (len(labels) + 1) + second + 1) * count + labels[elements[:, 3]], np.int64)
+
+
+def _turned(vectors: Floats, normals: Floats) -> Floats:
+    """Tangential components of vectors (p, 3) for unit normals, with the lengths of the vectors."""
+    turned = tangential(vectors, normals)
+    before, after = (np.linalg.norm(each, axis=1, keepdims=True) for each in (vectors, turned))
+    return np.asarray(turned * np.divide(before, after, out=np.ones_like(after), where=after > 0.0), np.float64)

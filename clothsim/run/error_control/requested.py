@@ -1,0 +1,109 @@
+"""Simulation of a scene with solver.error, and the entries of its summary."""
+
+from collections.abc import Callable
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+from clothsim.io.record import SUMMARY_NAME, write_summary
+from clothsim.run.error_control.resolution import D_HAT, Resolution, d_hats
+from clothsim.run.error_control.search import Found, Message, Search, searched
+from clothsim.run.error_control.trial import Trial, material
+from clothsim.run.results import Run, open_run
+from clothsim.run.session import Session
+from clothsim.scene.scene import Scene
+
+Runs = Callable[[Scene, list[Session]], Run]
+"""Runs a scene with fixed settings into the output directory; the list receives the session that it announces."""
+
+
+def simulate_to_error(scene: Scene, runs: Runs, message: Message) -> Run:
+    """Simulate a scene with dt, cells, d_hat and Newton's tolerance chosen for solver.error.
+
+    Parameters
+    ----------
+    scene : Scene
+        With solver.error.
+    runs : callable
+        Runs a scene with fixed settings into the output directory.
+    message : callable
+        Called with a line before each run.
+
+    Returns
+    -------
+    Run
+        The last one, whose summary has the estimate, what was chosen and why.
+    """
+    chosen: list[Scene] = []
+
+    def candidate(some: Scene, resolution: Resolution) -> tuple[Run, Trial]:
+        started, sessions = process_time(), []  # type: tuple[float, list[Session]]
+        run = runs(some, sessions)
+        chosen.append(some)
+        seconds = process_time() - started
+        return run, Trial(resolution, material(sessions[0].built.world), run.positions(-1), seconds)
+
+    search, found = searched(scene, candidate, message)
+    return _annotated(search, found, chosen[-1])
+
+
+def _annotated(search: Search, found: Found, scene: Scene) -> Run:
+    """The run with the estimate in the certificate of its summary, and a note on what was chosen and why."""
+    run, summary = found.run, dict(found.run.summary)
+    certificate = dict(summary["certificate"])
+    estimate = {**certificate["error_estimate"], **_estimate(search, found, scene)}
+    summary["certificate"] = {**certificate, "error_estimate": estimate}
+    summary["notes"] = [*summary["notes"], _why(search, found)]
+    write_summary(Path(run.directory) / SUMMARY_NAME, summary)
+    return open_run(run.directory)
+
+
+def _estimate(search: Search, found: Found, scene: Scene) -> dict[str, Any]:
+    completed = found.run.status == "completed"
+    solver, ladder = scene.solver, search.resolvable
+    taken = {
+        "dt": solver["dt"],
+        "integrator": solver["integrator"],
+        "tolerance": solver["tolerance"],
+        "cells": [keys["cells"] for keys in scene.cloths if "cells" in keys],
+        D_HAT: d_hats(scene),
+    }
+    runs = [
+        {"dt": ladder.dt(each.resolution), "cells": str(each.resolution.cells), D_HAT: str(each.resolution.d_hat),
+         "seconds": each.seconds}
+        for each in search.trials
+    ]  # fmt: skip
+    return {
+        "total": found.total if completed else "not estimated (failed)",
+        "known": found.known and completed,
+        "parts": found.parts,
+        "asked": search.asked,
+        "met": found.met(search.asked),
+        "chosen": taken,
+        "fixed": dict(ladder.fixed),
+        "runs": runs,
+        "seconds": search.spent,
+    }
+
+
+def _why(search: Search, found: Found) -> str:
+    """What was chosen and why, in a few sentences."""
+    parts = {name: f"{1e3 * part:.2g}" for name, part in found.parts.items()}
+    left = ", ".join(
+        f"{'dt, cells and d_hat together' if name == 'all' else name} {each}" for name, each in parts.items()
+    )
+    text = [
+        f"solver.error took {search.resolvable.text(found.trial.resolution)}, tolerance {search.tolerance:.2g} m/s."
+    ]
+    text.append(f"What they leave [mm]: {left}.")
+    if not found.known:
+        text.append("The last refinement moved the result by far more than expected: the error is not known.")
+    elif not found.met(search.asked):
+        text.append("Nothing finer was within the bounds of the search or solver.budget.")
+    last = found.trial.seconds
+    text.append(f"{len(search.trials)} runs took {search.spent:.1f} s, the last of them {last:.1f} s.")
+    text += [
+        f"{name} stay as given, and their error is not known: {reason}."
+        for name, reason in search.resolvable.fixed.items()
+    ]
+    return " ".join(text)

@@ -1,0 +1,183 @@
+"""Search for the resolution that meets a requested error, and the run with it.
+
+A coarse pilot run and a run with every knob refined by two give a first estimate. Where that is too large, a path of
+pilot runs between the two gives the error of each knob, the cheapest resolution that is expected to be accurate enough
+is run, and the distance to the run before corrects the expectation. Every loop is bounded.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from clothsim.errors import InputError
+from clothsim.run.error_control.choice import chosen, work
+from clothsim.run.error_control.knob_errors import KnobErrors, from_joint, from_path, root_sum
+from clothsim.run.error_control.resolution import CELLS, D_HAT, TIME, Resolution, Resolvable, resolvable
+from clothsim.run.error_control.trial import Distance, Trial, distance_at, pilot
+from clothsim.run.results import Run
+from clothsim.scene.scene import Scene
+
+NEWTON_PART = 0.2
+"""Fraction of the requested error above which Newton's method stops at FINER times a smaller one."""
+FINER = 0.25
+SLACK = 1.05
+"""The request is met up to this factor."""
+MOST_ROUNDS = 5
+MOST_RETRIES = 3
+"""Failures of the coarsest pilot run, each followed by one with half the step."""
+PATH = (D_HAT, TIME, CELLS)
+"""Order in which the path of pilot runs refines the knobs, the cheapest first."""
+
+Candidate = Callable[[Scene, Resolution], tuple[Run, Trial]]
+"""Runs a scene into the output directory."""
+Message = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Last run of a search and the estimate of its error.
+
+    Parameters
+    ----------
+    run : Run
+        The run; its directory is the output.
+    trial : Trial
+        Its last positions.
+    parts : mapping
+        RMS error of each knob and of Newton's method [m].
+    known : bool
+        False where the last refinement moved the result by far more than expected, or nothing was compared.
+    """
+
+    run: Run
+    trial: Trial
+    parts: dict[str, float]
+    known: bool
+
+    @property
+    def total(self) -> float:
+        """RMS error [m]."""
+        return root_sum(self.parts.values())
+
+    def met(self, asked: float) -> bool:
+        """True where the request [m] is met."""
+        return self.run.status == "completed" and self.known and self.total <= SLACK * asked
+
+
+@dataclass
+class Search:
+    """State of a search: the runs so far and the fraction at which Newton's method stops; `message` receives a line before each run."""
+
+    resolvable: Resolvable
+    asked: float
+    budget: float
+    candidate: Candidate
+    message: Message
+    newton_error_fraction: float
+    trials: list[Trial] = field(default_factory=list)
+
+    @property
+    def spent(self) -> float:
+        """Processor seconds of all runs."""
+        return sum(trial.seconds for trial in self.trials)
+
+    def pilot(self, resolution: Resolution) -> Trial:
+        """Run a pilot."""
+        self.message(f"pilot run: {self.resolvable.text(resolution)}")
+        self.trials.append(pilot(self.resolvable.at(resolution, self.newton_error_fraction), resolution))
+        return self.trials[-1]
+
+    def run(self, resolution: Resolution, expected: float | None = None) -> tuple[Run, Trial]:
+        """Run a candidate into the output directory."""
+        about = "" if expected is None else f", about {1e3 * expected:.2g} mm expected"
+        self.message(f"run: {self.resolvable.text(resolution)}{about}")
+        run, trial = self.candidate(self.resolvable.at(resolution, self.newton_error_fraction), resolution)
+        self.trials.append(trial)
+        return run, trial
+
+
+def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Search, Found]:
+    """Find the resolution for solver.error and run it.
+
+    Parameters
+    ----------
+    scene : Scene
+        With solver.error.
+    candidate : callable
+        Runs a scene into the output directory.
+    message : callable
+        Called with a line before each run.
+
+    Returns
+    -------
+    search : Search
+        All runs.
+    found : Found
+        The last one.
+    """
+    settings = scene.solver_settings
+    fraction = settings.newton_error_fraction
+    search = Search(resolvable(scene), settings.error, settings.budget, candidate, message, fraction)
+    coarsest = _coarsest(search)
+    knobs = search.resolvable.knobs
+    run, first = search.run(search.resolvable.refined(coarsest.resolution, knobs))
+    distance = distance_at(coarsest.material)
+    joint = from_joint(distance(coarsest, first), 2.0) if run.status == "completed" else 0.0
+    found = Found(run, first, _parts(run, {"all": joint}), run.status == "completed")
+    if run.status != "completed" or found.met(search.asked):
+        return search, found
+    errors = _by_knob(search, coarsest, first, distance)
+    found = Found(run, first, _parts(run, errors.errors), True)
+    return search, _refined(search, found, errors, distance)
+
+
+def _coarsest(search: Search) -> Trial:
+    """The first pilot run; where it fails, with shorter steps."""
+    for _ in range(MOST_RETRIES):
+        trial = search.pilot(search.resolvable.coarsest)
+        if not trial.reason:
+            return trial
+        coarsest = search.resolvable.coarsest
+        search.resolvable = replace(search.resolvable, coarsest=replace(coarsest, steps=2 * coarsest.steps))
+    raise InputError(f"No pilot run for solver.error came to its end: {trial.reason}", "Give solver.dt, and run it.")
+
+
+def _by_knob(search: Search, coarsest: Trial, first: Trial, distance: Distance) -> KnobErrors:
+    """Errors of the first run by knob, from a path of pilot runs that refines one knob after the other."""
+    names = [name for name in PATH if name in search.resolvable.knobs]
+    path = [coarsest]
+    for name in names[:-1]:
+        trial = search.pilot(search.resolvable.refined(path[-1].resolution, [name]))
+        path.append(path[-1] if trial.reason else trial)
+    path.append(first)
+    moved = {name: distance(path[k], path[k + 1]) for k, name in enumerate(names)}
+    return from_path(search.resolvable.sizes(first.resolution), moved, dict.fromkeys(names, 2.0))
+
+
+def _refined(search: Search, found: Found, errors: KnobErrors, distance: Distance) -> Found:
+    """Run finer resolutions until the request is met, the budget is spent or nothing finer is within the bounds."""
+    for _ in range(MOST_ROUNDS):
+        if found.met(search.asked):
+            return found
+        if found.parts["newton"] > NEWTON_PART * search.asked:
+            search.newton_error_fraction *= FINER
+        vertices = sum(len(rest) for rest in search.trials[0].material.rest)
+        done = [trial.resolution for trial in search.trials]
+        unit = found.trial.seconds / work(search.resolvable, found.trial.resolution, vertices)
+        most = (search.budget - search.spent) / max(unit, 1e-9)
+        following = chosen(search.resolvable, errors, done, search.asked, vertices, most)
+        if following is None:
+            break
+        sizes = search.resolvable.sizes(following)
+        expected = errors.at(sizes).total
+        run, trial = search.run(following, expected)
+        if run.status != "completed":
+            return Found(run, trial, _parts(run, errors.errors), False)
+        errors = errors.after(sizes, distance(found.trial, trial))
+        found = Found(run, trial, _parts(run, errors.errors), errors.understood)
+    return found
+
+
+def _parts(run: Run, errors: dict[str, float] | Any) -> dict[str, float]:
+    newton = run.summary["certificate"]["error_estimate"]["newton"]
+    return {**errors, "newton": newton if isinstance(newton, float) else 0.0}

@@ -1,0 +1,77 @@
+"""Runs of a scene at a resolution: pilot runs, of which only the last positions are kept, and their distances."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import process_time
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.build.scene_world import build
+from clothsim.mesh.resample import Material, at_points_of, material_of, point_areas
+from clothsim.mesh.world import World
+from clothsim.run.error_control.resolution import Resolution
+from clothsim.run.session import prepare
+from clothsim.scene.scene import Scene
+from clothsim.sim.state import first_state
+from clothsim.sim.time_loop import steps
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run.
+
+    Parameters
+    ----------
+    resolution : Resolution
+        Its resolution.
+    material : Material
+        Its mesh at rest.
+    positions : (n, 3) float64
+        Cloth vertices at the last frame [m].
+    seconds : float
+        Processor seconds.
+    reason : str
+        Why it came to no end; empty where it did.
+    """
+
+    resolution: Resolution
+    material: Material
+    positions: Floats
+    seconds: float
+    reason: str = ""
+
+
+Distance = Callable[[Trial, Trial], float]
+
+
+def pilot(scene: Scene, resolution: Resolution) -> Trial:
+    """Run a scene at a resolution without writing anything."""
+    started = process_time()
+    session = prepare(scene, build(scene))
+    world, run = session.built.world, scene.run_settings
+    state, reason = first_state(world, session.integrator.dt), ""
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second):
+        if report.failure is not None:
+            reason = report.failure.reason
+            break
+        state = report.state
+    x = state.positions[: world.n_cloth] + world.origin
+    return Trial(resolution, material(world), x, process_time() - started, reason)
+
+
+def material(world: World) -> Material:
+    """The cloths of a world at rest."""
+    return material_of([each.rest_positions for each in world.cloths], [each.triangles for each in world.cloths])
+
+
+def distance_at(points: Material) -> Distance:
+    """RMS distance of two runs [m] over these material points, weighted by their areas."""
+    areas = point_areas(points)
+    weights = areas / areas.sum()
+
+    def distance(one: Trial, other: Trial) -> float:
+        here, there = (at_points_of(points, each.material, each.positions) for each in (one, other))
+        return float(np.sqrt(weights @ ((here - there) ** 2).sum(axis=1)))
+
+    return distance

@@ -1,0 +1,82 @@
+"""Independent reference of a scene, and the RMS distance of a run from it over the same material points.
+
+The reference is one run that shares nothing with an extrapolation: BDF2, dt / 8, cells x 2, d_hat / 4, tight tolerance,
+`midedge` bending. Its own error is not known from it; another one with finer settings shows it.
+"""
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import process_time
+from typing import Any
+
+from clothsim import Run, Scene, simulate
+from clothsim.accuracy.reference_solution import Norm
+from clothsim.arrays import Floats
+from clothsim.build.explicit_lengths import fixed
+from clothsim.build.refinement import with_cells
+from clothsim.build.scene_world import build
+from clothsim.mesh.resample import Material, at_points_of, material_of, point_areas
+from clothsim.scene.effects import CONTACTS
+from clothsim.scene.overrides import set_key
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Factors by which a reference is finer than the scene; tolerance [m/s]."""
+
+    dt: int = 8
+    cells: int = 2
+    d_hat: int = 4
+    tolerance: float = 1e-4
+
+
+@dataclass(frozen=True)
+class Solution:
+    """The last frame of a run: material, positions (n, 3) [m], CPU seconds, summary.json."""
+
+    material: Material
+    positions: Floats
+    seconds: float
+    summary: dict[str, Any]
+
+
+def reference_scene(scene: Scene, finer: Refinement = Refinement()) -> Scene:
+    """The scene of the reference; lengths that the mesh gives (d_hat, eps_v) are those of the scene's own mesh."""
+    solver = {key: value for key, value in scene.solver.items() if key != "error"}
+    scene = fixed(replace(scene, solver=solver), build(scene))
+    scene = set_key(scene, "solver.dt", scene.solver_settings.dt / finer.dt)
+    scene = set_key(scene, "solver.tolerance", finer.tolerance)
+    scene = set_key(scene, "solver.integrator", "bdf2")
+    if "bending" in scene.effects:
+        scene = set_key(scene, "effects.bending.model", "midedge")
+    for name in CONTACTS:
+        if name in scene.effects:
+            scene = set_key(scene, f"effects.{name}.d_hat", scene.effects[name]["d_hat"] / finer.d_hat)
+    return with_cells(scene, Fraction(finer.cells))
+
+
+def solution(scene: Scene) -> Solution:
+    """Run a scene. ValueError where it does not come to its end: it is no data point."""
+    started = process_time()
+    with TemporaryDirectory() as folder:
+        sessions: list[Any] = []
+        run = simulate(scene, Path(folder) / "run", announce=sessions.append)
+        seconds = process_time() - started
+        return solution_of(run, sessions[0].built.world, seconds)
+
+
+def solution_of(run: Run, world: Any, seconds: float) -> Solution:
+    """The last frame of a run of a world."""
+    if run.status != "completed":
+        raise ValueError(run.reason)
+    material = material_of([c.rest_positions for c in world.cloths], [c.triangles for c in world.cloths])
+    return Solution(material, run.positions(-1), seconds, run.summary)
+
+
+def distance(one: Solution, other: Solution) -> float:
+    """RMS distance over the vertices of `one`, weighted by their areas [m]."""
+    areas = point_areas(one.material)
+    there = at_points_of(one.material, other.material, other.positions)
+    return Norm(areas / areas.sum())(one.positions - there)

@@ -1,0 +1,245 @@
+"""Intersections in the certificate of a run, by hand and on the command line: counts, firsts, warnings, exit codes."""
+
+import re
+import warnings
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_scenes import SOLVER, small_scene
+
+from clothsim import IntersectionWarning, Scene, Simulation, open_run, resume, simulate
+from clothsim.cli import main
+from clothsim.intersection.intersecting_pairs import intersecting_pairs
+from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
+from clothsim.io.record import SUMMARY_NAME, read_summary, write_summary
+
+ELASTIC = {"inertia": {}, "membrane": {}, "bending": {}, "gravity": {}}
+FLAPS = {"mesh": "rectangle", "size": [0.8, 0.2], "cells": [8, 2], "position": [0.01, 0.0, 0.0], "fabric": "cotton"}
+RUN = {"duration": 0.48, "frames_per_second": 12.5}
+COUNTS = {"pairs", "most_pairs", "states", "first_step", "first_time", "first_frame", "surfaces", "triangles"}
+KINDS = {"cloth_body", "cloth_cloth", "excluded"}
+
+
+TOML = """
+[cloth]
+mesh = "rectangle"
+size = [0.8, 0.2]
+cells = [8, 2]
+[effects.inertia]
+[effects.membrane]
+[effects.bending]
+[effects.gravity]
+[effects.pins]
+select = [4, 13, 22]
+[solver]
+dt = 0.02
+[run]
+duration = 0.48
+"""
+
+
+def flaps(*on, **sections):
+    """A strip held along its middle: both halves swing down and meet below it."""
+    effects = ELASTIC | {"pins": {"select": [4, 13, 22]}} | {name: {} for name in on}
+    return Scene(**{"cloth": FLAPS, "effects": effects, "solver": {**SOLVER, "dt": 0.02}, "run": RUN} | sections)
+
+
+def layers(**self_contact):
+    """A sheet and a flag that cross from the start; self_contact: keys of the effect, none: without it."""
+    flag = {"name": "flag", "mesh": "rectangle", "size": [0.2, 0.4], "cells": [2, 2], "rotation_degrees": [90, 0, 0]}
+    sheet = {"name": "sheet", "mesh": "rectangle", "size": [0.6, 0.6], "cells": [3, 3]}
+    effects = {"inertia": {}, "membrane": {}, **({"self_contact": self_contact} if self_contact else {})}
+    return Scene(cloth=[sheet, flag], effects=effects, solver=SOLVER, run={"duration": 0.04, "frames_per_second": 25})
+
+
+@pytest.fixture(scope="module")
+def crossed(tmp_path_factory):
+    with pytest.warns(IntersectionWarning, match="self_contact"):
+        return simulate(flaps(), tmp_path_factory.mktemp("crossed"))
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", IntersectionWarning)
+        return simulate(flaps("self_contact"), tmp_path_factory.mktemp("clean"))
+
+
+def test_a_cloth_that_passes_through_itself_is_not_intersection_free(crossed):
+    assert crossed.status == "completed"
+    assert crossed.intersection_free is crossed.summary["certificate"]["intersection_free"] is False
+    assert set(crossed.intersections) == KINDS
+    assert {frozenset(each) for each in crossed.intersections.values()} == {frozenset(COUNTS)}
+    found = crossed.intersections["cloth_cloth"]
+    record = crossed.record()
+    assert found["first_time"] == record[found["first_step"] - 1]["time"]
+    assert found["most_pairs"] >= found["pairs"] > 0
+    assert 1 <= found["states"] <= len(record)
+    frames = [k for k in range(len(crossed)) if len(intersecting_pairs(crossed.positions(k), crossed.triangles))]
+    assert crossed.summary["certificate"]["intersecting_frames"] == frames
+    assert found["first_frame"] == frames[0]
+    assert [crossed.intersections[kind]["states"] for kind in ("cloth_body", "excluded")] == [0, 0]
+    assert len(crossed.summary["warnings"]) == 1
+    assert "self_contact" in crossed.summary["warnings"][0]
+
+
+def test_the_same_with_self_contact_is(clean):
+    assert clean.status == "completed"
+    assert clean.intersection_free is True
+    assert clean.summary["warnings"] == clean.summary["certificate"]["intersecting_frames"] == []
+    assert {each["states"] for each in clean.intersections.values()} == {0}
+
+
+def test_a_run_shows_it(crossed, clean):
+    assert "INTERSECTS" in repr(crossed)
+    assert "INTERSECTS" not in repr(clean)
+    assert "self_contact" in crossed._repr_html_()
+    assert "<th>cloth cloth</th><td>none</td>" in clean._repr_html_()
+    assert "{" not in clean._repr_html_().split("error estimate")[0]
+
+
+def test_check_of_a_run_ends_with_1_where_its_cloth_intersects(crossed, clean, capsys):
+    assert main(["check", str(clean.directory)]) == 0
+    assert capsys.readouterr().out.endswith("Nothing is wrong.\n")
+    assert main(["check", str(crossed.directory)]) == 1
+    out = capsys.readouterr().out
+    first = crossed.intersections["cloth_cloth"]["first_frame"]
+    assert f"error: cloth intersects itself in frame {first} at " in out
+    assert "self_contact" in out
+
+
+def test_a_run_on_the_command_line_completes_with_a_warning(tmp_path, capsys):
+    (tmp_path / "flaps.toml").write_text(TOML)
+    output = tmp_path / "out"
+    assert main(["run", str(tmp_path / "flaps.toml"), "-o", str(output), "--no-picture", "--quiet"]) == 0
+    out, err = capsys.readouterr()
+    assert re.search("WARNING +cloth intersects itself", out)
+    assert "IntersectionWarning" not in err
+    assert open_run(output).intersection_free is False
+
+
+def test_a_step_between_two_frames_counts(crossed, tmp_path, capsys):
+    """The same motion, its last frame before the halves meet and no other: no frame intersects, and a step did."""
+    scene = flaps(run={"duration": 0.48, "frames_per_second": 1 / 0.48})
+    with pytest.warns(IntersectionWarning):
+        run = simulate(scene, tmp_path / "one")
+    assert run.intersections["cloth_cloth"]["first_step"] == crossed.intersections["cloth_cloth"]["first_step"]
+    summary = run.summary
+    summary["certificate"]["intersections"]["cloth_cloth"]["first_frame"] = None
+    write_summary(run.directory / SUMMARY_NAME, summary)
+    shown = [line for line in _checked(run.directory, capsys) if "between two frames" in line]
+    assert len(shown) == 1
+
+
+def _checked(directory, capsys):
+    assert main(["check", str(directory)]) == 1
+    return capsys.readouterr().out.splitlines()
+
+
+def test_a_body_that_passes_through_a_cloth(tmp_path, capsys):
+    effects = {"inertia": {}, "membrane": {}, "gravity": {}}
+    with pytest.warns(IntersectionWarning, match="body_contact"):
+        run = simulate(small_scene(effects=effects), tmp_path / "run")
+    found = run.intersections["cloth_body"]
+    assert run.intersection_free is False
+    assert found["first_step"] > 0
+    assert found["pairs"] > 0
+    assert run.intersections["cloth_cloth"]["states"] == 0
+    assert any("error: cloth and ball intersect in frame" in line for line in _checked(run.directory, capsys))
+
+
+def test_layers_that_cross_from_the_start_are_named_there(tmp_path, capsys):
+    with pytest.warns(IntersectionWarning, match="sheet and flag"):
+        run = simulate(layers(), tmp_path / "layers")
+    found = run.intersections["cloth_cloth"]
+    assert (found["first_step"], found["first_frame"], found["first_time"]) == (0, 0, 0.0)
+    assert found["states"] == run.summary["steps"] + 1
+    assert "seed.untangle" in run.summary["warnings"][0]
+    _checked(run.directory, capsys)
+
+
+def test_an_excluded_pair_is_counted_and_no_fault(tmp_path, capsys):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", IntersectionWarning)
+        run = simulate(layers(exclude=[["sheet", "flag"]]), tmp_path / "excluded")
+    assert run.status == "completed"
+    assert run.intersection_free is False
+    assert run.intersections["excluded"]["states"] == run.summary["steps"] + 1
+    assert run.intersections["cloth_cloth"]["states"] == 0
+    assert main(["check", str(run.directory)]) == 0
+    out = capsys.readouterr().out
+    assert "warning: sheet and flag intersect in frame 0" in out
+    assert out.endswith("1 warning.\n")
+
+
+def test_pieces_that_only_share_positions_touch_and_welded_ones_do_not(tmp_path):
+    square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    points, faces = (
+        np.concatenate([square, square + np.array([1.0, 0, 0])]),
+        [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]],
+    )
+    for weld, free in ((0.0, False), (1e-6, True)):
+        cloth = {"mesh": (points, faces), "weld": weld}
+        scene = Scene(cloth=cloth, effects={"inertia": {}}, run={"duration": 0.02}, solver={"threads": 1})
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", IntersectionWarning)
+            run = simulate(scene, tmp_path / str(weld))
+        assert run.intersection_free is free
+
+
+def test_a_resumed_run_has_the_counts_of_one_that_was_not_stopped(crossed, tmp_path):
+    class StoppedError(Exception):
+        pass
+
+    def stop(progress):
+        if progress.step == crossed.intersections["cloth_cloth"]["first_step"] + 3:
+            raise StoppedError
+
+    with pytest.raises(StoppedError):
+        simulate(flaps(), tmp_path, progress=stop)
+    assert read_checkpoint(tmp_path / CHECKPOINT_NAME).step > 0
+    with pytest.warns(IntersectionWarning):
+        again = resume(tmp_path)
+    assert again.intersections == crossed.intersections
+    assert again.summary["certificate"]["intersecting_frames"] == crossed.summary["certificate"]["intersecting_frames"]
+
+
+def test_what_an_older_version_began_is_not_known(clean, tmp_path, capsys):
+    saved = read_checkpoint(clean.directory / CHECKPOINT_NAME)
+    certificate = {key: value for key, value in saved.counters["certificate"].items() if key != "intersections"}
+    older = replace(saved, counters={**saved.counters, "certificate": {**certificate, "intersecting_frames": []}})
+    for name in ("trajectory.vtkhdf", "record.jsonl"):
+        (tmp_path / name).write_bytes((clean.directory / name).read_bytes())
+    write_checkpoint(tmp_path / CHECKPOINT_NAME, older)
+    run = resume(tmp_path)
+    assert run.intersection_free is None
+    assert run.summary["certificate"]["intersection_free"] is None
+    assert main(["check", str(tmp_path)]) == 0
+    assert "not known" in capsys.readouterr().out
+    del run.summary["certificate"]["intersections"]
+    run.summary["certificate"]["intersection_free"] = True
+    write_summary(tmp_path / SUMMARY_NAME, run.summary)
+    assert read_summary(tmp_path / SUMMARY_NAME)["certificate"]["intersection_free"] is True
+    assert open_run(tmp_path).intersection_free is None
+
+
+def test_stepping_by_hand_has_the_same_counts(crossed, tmp_path):
+    simulation, branches = Simulation(flaps()), []
+    assert simulation.intersection_free is True
+
+    def step_to_the_end():
+        for state in simulation:
+            if state.step == crossed.intersections["cloth_cloth"]["first_step"]:
+                branches.append(simulation.branch())
+
+    with pytest.warns(IntersectionWarning, match="self_contact") as given:
+        step_to_the_end()
+    assert len([each for each in given if each.category is IntersectionWarning]) == 1
+    assert simulation.intersections == crossed.intersections
+    assert simulation.intersection_free is False
+    assert "INTERSECTS" in repr(simulation)
+    assert branches[0].intersections["cloth_cloth"]["states"] == 1
+    simulation.save(tmp_path / "saved.npz")
+    assert Simulation.restore(tmp_path / "saved.npz").intersections == crossed.intersections
+    assert Simulation.restore(crossed.directory).intersection_free is False
