@@ -81,7 +81,7 @@ def simulate(
     def run(some: Scene, sessions: list[Session]) -> Run:
         return _simulated(some, directory, (progress, on_step), [sessions.append, announce], dump_iterates)
 
-    if not scene.solver_settings.error:
+    if not isinstance(scene, Scene) or not scene.solver_settings.error:  # `build` refuses what is no scene
         return run(scene, [])
     from clothsim.run.error_control.requested import simulate_to_error
 

@@ -14,13 +14,15 @@ from clothsim.accuracy.study import Study, study_accuracy
 from clothsim.build import preset_errors
 from clothsim.build.preset_errors import Measured
 from clothsim.build.presets import PRESETS
-from clothsim.errors import ClothsimError
+from clothsim.errors import ClothsimError, InputError
 from clothsim.scene.toml_file import load_scene
 from clothsim.text_table import text_table
 
 
 def rows_of(study: Study, name: str) -> list[Measured]:
-    """Measurement of the presets by a study."""
+    """Measurement of the presets by a study; InputError where it knows no error."""
+    if study.result["reference"] is None:
+        raise InputError(f"The study of {name} is unfinished: {study}", "Give --budget more seconds.")
     own = study.result["reference"]["own_error"]
     return [
         Measured(

@@ -1,5 +1,6 @@
 """Every sequence of stages, end to end, on a capsule."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -124,7 +125,7 @@ def test_a_growth_that_stops_is_a_failure_with_its_reason(tmp_path, monkeypatch)
 
     monkeypatch.setattr(pipeline, "moved_with_body", lambda *_, **__: Stopped())
     found = seeded(task(tube_garment(0.097, cells=(8, 2)), COARSE, COARSE, tmp_path))
-    assert found.failure == "In the stage grow: At 0.1 s: Newton did not converge."
+    assert re.search(r"grow.*0\.1 s", found.failure)
 
 
 def test_where_a_growth_fails_the_next_start_is_tried(tmp_path, monkeypatch):
@@ -150,7 +151,7 @@ def test_where_a_growth_fails_the_next_start_is_tried(tmp_path, monkeypatch):
     assert not found.failure
     assert found.last.counts.clean
     assert "without folds" in found.last.description
-    assert [note for note in found.notes if note.startswith("Tried 5 mm thinner: In the stage grow: At 0.1 s")]
+    assert [note for note in found.notes if re.search(r"5 mm.*grow.*0\.1 s", note)]
 
 
 def test_a_growth_that_cannot_begin_is_a_failure_with_its_reason(tmp_path, monkeypatch):
@@ -161,7 +162,7 @@ def test_a_growth_that_cannot_begin_is_a_failure_with_its_reason(tmp_path, monke
 
     monkeypatch.setattr(pipeline, "moved_with_body", refuse)
     found = seeded(task(tube_garment(0.097, cells=(8, 2)), COARSE, COARSE, tmp_path))
-    assert found.failure == "The stage grow could not start: body: triangle 3 has no area."
+    assert re.search(r"grow.*body.*triangle 3\b", found.failure)
 
 
 def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, monkeypatch):
@@ -178,7 +179,7 @@ def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, m
     assert names(found)[-1] == "morph"
     assert not found.failure
     assert found.last.counts.clean
-    assert found.last.description == "capsule became wide under IPC"
+    assert re.search(r"capsule.*wide", found.last.description)
     assert np.linalg.norm(found.last.positions[:, :2], axis=1).min() > 0.1
 
 

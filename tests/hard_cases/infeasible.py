@@ -33,7 +33,7 @@ def teleported(small: bool, pins: str = "") -> Scene:
     return Scene(
         cloth=sheet(small),
         body={"name": "ball", "frames": "ball*.obj", "frames_per_second": 100.0},
-        effects=ELASTIC | held | {"gravity": {}, "body_contact": {}},
+        effects=ELASTIC | held | {"gravity": {}, "body_contact": {}, "self_contact": {}},
         solver={"dt": 0.01},
         run={"duration": 0.05, "frames_per_second": 100.0},
     )

@@ -15,7 +15,7 @@ from clothsim.scene.settings import FieldName
 
 SHEAR = np.array([[1.1, 0.2], [0.0, 0.9], [0.3, 0.0]])
 MATERIALS = {
-    "neo_hookean": {},
+    "neo_hookean": {"material": "neo_hookean"},
     "orthotropic": {"material": "orthotropic", "angle_degrees": 20.0},
     "measured": {
         "material": "measured",
