@@ -197,11 +197,12 @@ class Newton:
 
         No line search bounds it, as E may rise. Where the projected Hessian is nearly singular, as in a slack sheet
         without inertia, dx throws free vertices out by kilometres: one that follows to FARTHEST times the prescribed
-        displacement is taken in its place where its energy is lower.
+        displacement is taken in its place where its energy is lower. What contact clips is left alone: a blocked motion
+        would creep on.
         """
         fraction = self._finite_fraction(x, dx, self._limit(x, dx))
         farthest, follows = FARTHEST * np.abs(displacement).max(), np.abs(dx - displacement).max()
-        if follows <= farthest:
+        if follows <= farthest or fraction < 1.0:
             return dx, fraction
         shorter = displacement + farthest / follows * (dx - displacement)
         admissible = self._finite_fraction(x, shorter, self._limit(x, shorter))
