@@ -148,10 +148,13 @@ def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, 
     stretches = "none measured"
     if certificate["stretch_min"] is not None:
         stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"
+    forces = f"residual force {certificate['residual']:.1e} N"
+    if "relative_residual" in certificate:  # a summary of an earlier version has none
+        forces += f", of all steps at most {100 * certificate['relative_residual']:.2g} % of the largest force"
     return [
         ("contact", "; ".join(parts)),
         ("stretch", f"principal stretches {stretches}"),
-        ("balance", f"residual force {certificate['residual']:.1e} N, {energy}"),
+        ("balance", f"{forces}, {energy}"),
     ]
 
 
