@@ -64,7 +64,7 @@ def _estimate(search: Search, found: Found, scene: Scene) -> dict[str, Any]:
     taken = {
         "dt": solver["dt"],
         "integrator": solver["integrator"],
-        "tolerance": solver["tolerance"],
+        **{key: solver[key] for key in ("tolerance", "newton_error_fraction") if key in solver},
         "cells": [keys["cells"] for keys in scene.cloths if "cells" in keys],
         D_HAT: d_hats(scene),
     }
@@ -92,9 +92,7 @@ def _why(search: Search, found: Found) -> str:
     left = ", ".join(
         f"{'dt, cells and d_hat together' if name == 'all' else name} {each}" for name, each in parts.items()
     )
-    text = [
-        f"solver.error took {search.resolvable.text(found.trial.resolution)}, tolerance {search.tolerance:.2g} m/s."
-    ]
+    text = [f"solver.error took {search.resolvable.text(found.trial.resolution)}."]
     text.append(f"What they leave [mm]: {left}.")
     if not found.known:
         text.append("The last refinement moved the result by far more than expected: the error is not known.")

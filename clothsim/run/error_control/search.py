@@ -66,7 +66,7 @@ class Found:
 
 @dataclass
 class Search:
-    """State of a search: the runs so far and the fraction at which Newton's method stops; `message` receives a line before each run."""
+    """State of a search: the runs so far, and newton_error_fraction; `message` receives a line before each run."""
 
     resolvable: Resolvable
     asked: float
