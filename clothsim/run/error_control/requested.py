@@ -5,8 +5,9 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
+from clothsim.build.explicit_lengths import d_hats
 from clothsim.io.record import SUMMARY_NAME, write_summary
-from clothsim.run.error_control.resolution import D_HAT, Resolution, d_hats
+from clothsim.run.error_control.resolution import D_HAT, Resolution
 from clothsim.run.error_control.search import Found, Message, Search, searched
 from clothsim.run.error_control.trial import Trial, material
 from clothsim.run.results import Run, open_run
