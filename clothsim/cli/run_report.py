@@ -174,14 +174,20 @@ def _unstable(certificate: dict[str, Any]) -> list[str]:
 
 
 def _error(estimate: dict[str, Any]) -> str:
-    """The error estimate in a line; MISSED where it exceeds the requested error."""
-    temporal, newton, gap = estimate["temporal"], estimate["newton"], estimate["contact_gap"]
-    time = temporal if isinstance(temporal, str) else f"about {length(temporal)}"
-    asked = estimate.get("asked")
-    if asked:
-        time += f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} requested)"
-    off = "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
-    return f"time {time}, Newton {newton if isinstance(newton, str) else length(newton)}{off}"
+    """The error estimate in a line: of all in a run that estimates it, else of the steps alone."""
+    newton, gap = estimate["newton"], estimate["contact_gap"]
+    parts = f"Newton {newton if isinstance(newton, str) else length(newton)}"
+    parts += "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
+    asked, total = estimate.get("asked"), estimate.get("total")
+    request = f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} requested)" if asked else ""
+    if total is not None:
+        known = f"about {length(total)}" if isinstance(total, float) else total
+        known = known if estimate["known"] else f"not known, {known} by the last difference"
+        left_out = f", without that of {', '.join(estimate['fixed'])}" if estimate.get("fixed") else ""
+        return f"{known} in all{request}{left_out}; {parts}"
+    temporal = estimate["temporal"]
+    steps = temporal if isinstance(temporal, str) else length(temporal)
+    return f"not known in all (--estimate); sum of the steps' own {steps}{request}, {parts}"
 
 
 def _row(name: str, text: str) -> str:
