@@ -56,10 +56,6 @@ class Solver(KeyTable):
             "tolerance are chosen for it", "m", above=0, shown="none: dt is fixed"),
     ] = 0.0  # fmt: skip
     estimate: Annotated[
-        bool,
-        Key("Estimate the error by another run with dt x 2, half the cells and d_hat x 2, if the mesh is generated"),
-    ] = False
-    estimate: Annotated[
         bool, Key("Estimate the error by another run with dt x 2, half the cells of generated meshes, d_hat x 2")
     ] = False
     budget: Annotated[float, Key("Processor time of all runs that error may take", "s", above=0)] = 600.0

@@ -1,8 +1,8 @@
 """Errors and their estimates beside a reference: `python -m tests.known_answers.error_table [--scenes wind,ramp]`.
 
-A row for each scene of `error_scenes` with solver.estimate, and with --asked one with solver.error: the true error (RMS over
-the material points of the last frame, against `error_reference`), the estimate of the certificate and its ratio to the
-truth, CPU seconds. --study SECONDS adds the study's own statement.
+A row for each scene of `error_scenes` with solver.estimate, and with --asked one with solver.error: the true error (RMS
+over the material points of the last frame, against `error_reference`), the estimate of the certificate and its ratio to
+the truth, CPU seconds. --study SECONDS adds the study's own statement.
 """
 
 import argparse
