@@ -93,14 +93,14 @@ class Compared:
         return limits
 
     def _limit_in_time(self, own: Limit) -> Limit:
-        start, other, norm = self.fields[BASE], self.other_formula(), self.norm
+        other, norm = self.other_formula(), self.norm
+        sweep = {0: self.fields[BASE], **self.sweeps()[self.in_time]}
         if other:
             turned = SWITCH.put(self.base, self.base, 1)
             order = self.knobs[self.in_time].order(turned) or 1.0
             second_order = turned.solver_settings.integrator == "bdf2"
-            sweep = {0: start, **self.sweeps()[self.in_time]}
             own = with_other_formula(sweep, own, other, order, second_order, norm)
-        return not_below(self.estimate, start, own, other, norm)
+        return not_below(self.estimate, sweep, own, other, norm)
 
     def together(self) -> tuple[str, ...]:
         """The knobs to refine together."""

@@ -55,6 +55,7 @@ def _unfinished(result: Mapping[str, Any]) -> list[str]:
     headline = result["headline"]
     words = {
         "base": "the scene itself did not come to its end",
+        "integrator": "the other difference formula did not bound the error of the time steps",
         "twins": "whether its folds are chaotic was not tested",
         "seeds": "its folds are chaotic, and there are too few runs with other starts to compare",
     }

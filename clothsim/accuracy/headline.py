@@ -32,7 +32,7 @@ class Headline:
     error, low, high : float or None
         The error and its range.
     missing : tuple of str
-        What was not run: finer runs of knobs, or "base", "twins", "seeds".
+        What was not run: finer runs of knobs, or "base", "integrator", "twins", "seeds".
     needed_seconds : float or None
         Budget with which the study can go on to a statement; at least so much.
     so_far : dict

@@ -101,21 +101,33 @@ def reference(
         adds = sorted(norm(base - limits[name].field) for name in names)
         doubt = float(sum(adds[:-1]))
         return Reference(field, _rss([rest, apart, doubt]), limits, doubt, tuple(names), 0)
-    shifts = {level: {name: sweeps[name][level] - base for name in names} for level in known}
-    mismatches = {level: known[level] - base - sum(shifts[level].values()) for level in known}
     chosen = {name: limits[name] for name in names}
-    finest = max(known)
-    summed = sum(shifts[finest].values(), start=np.zeros_like(base))
-    order = _joint_order(base, summed, finest, chosen, norm)
-    confirmed = _product(mismatches, list(chosen.values()), [ratios[name] for name in names], apart, norm)
-    estimates = confirmed or [
-        _scaled(summed, mismatches[finest], 1.0 / (1.0 - 2.0 ** (-order * finest)), apart, norm),
-        *_limit_of_joint(base, joint, order, chosen, norm, noise),
+    shifts = {level: sum((sweeps[name][level] - base for name in names), start=np.zeros_like(base)) for level in known}
+    best = _best(base, known, shifts, joint, chosen, [ratios[name] for name in names], norm, noise)
+    return Reference(field + best.cross, _rss([rest, best.error]), limits, norm(best.cross), tuple(names), len(known))
+
+
+def _best(
+    base: Floats,
+    known: Mapping[int, Floats],
+    shifts: Mapping[int, Floats],
+    joint: Mapping[int, Floats],
+    limits: Mapping[str, Limit],
+    ratios: Sequence[float],
+    norm: Norm,
+    noise: float,
+) -> _Estimate:
+    """The estimate to take, from the joint runs `known` of levels at which the sum `shifts` of the knobs is known."""
+    finest, apart = max(known), _rss([each.error for each in limits.values()])
+    mismatches = {level: known[level] - base - shifts[level] for level in known}
+    order = _joint_order(base, shifts[finest], finest, limits, norm)
+    estimates = _product(mismatches, list(limits.values()), ratios, apart, norm) or [
+        _scaled(shifts[finest], mismatches[finest], 1.0 / (1.0 - 2.0 ** (-order * finest)), apart, norm),
+        *_limit_of_joint(base, joint, order, limits, norm, noise),
     ]
     best, *others = sorted(estimates, key=lambda each: each.error)
     excess = [norm(best.cross - each.cross) - each.error for each in others]
-    error = max([best.error, *excess, *(each.doubt for each in chosen.values())])
-    return Reference(field + best.cross, _rss([rest, error]), limits, norm(best.cross), tuple(names), len(known))
+    return _Estimate(best.cross, max([best.error, *excess, *(each.doubt for each in limits.values())]))
 
 
 def _rss(values: Sequence[float], *more: float) -> float:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from clothsim.accuracy.analysis import JOINT, next_points
 from clothsim.accuracy.evaluation import Gatherer
+from clothsim.accuracy.knobs import INTEGRATOR
 from clothsim.accuracy.observations import (
     TIGHT,
     Observations,
@@ -67,8 +68,8 @@ def missing_points(seen: Observations) -> list[Point]:
 def unanswered(seen: Observations) -> list[str]:
     """What a statement on the error lacks.
 
-    Names of knobs without a finer run, dt and cells also where that run failed; "twins" where chaos was not looked for;
-    with chaotic folds "seeds" where those are too few.
+    Names of knobs without a finer run, dt and cells also where that run failed; "integrator" without runs of the other
+    difference formula; "twins" where chaos was not looked for; with chaotic folds "seeds" where those are too few.
     """
     gatherer, bench = seen.gatherer, seen.gatherer.bench
     needed = first_refinements(bench)
@@ -77,6 +78,8 @@ def unanswered(seen: Observations) -> list[str]:
         for name in bench.knobs
         if not (gatherer.good if point({name: 1}) in needed else gatherer.outcomes.__contains__)(point({name: 1}))
     ]
+    if not all(each in gatherer.outcomes for each in bench.other_formula((0, 1))):
+        names.append(INTEGRATOR)
     if not all(each in gatherer.outcomes for each in bench.tight(TIGHT)):
         names.append("twins")
     return [*names, "seeds"] if seen.chaotic and not enough_seeds(seen, needed) else names

@@ -10,8 +10,8 @@ from dataclasses import replace
 from clothsim.accuracy.reference_solution import Limit, Norm, limit
 from clothsim.arrays import Floats
 
-AGREES = 0.5
-"""Two limits agree where their distance is at most this fraction of the error of the time steps."""
+SPREAD = 2.0
+"""Error of the time steps over the distance of the base to runs with a finer dt, where those do not fall regularly."""
 
 
 def with_other_formula(
@@ -68,17 +68,22 @@ def _beyond_finest(euler: Limit, bdf2: Limit, runs: Mapping[int, Floats], norm: 
     return norm(euler.field - finest) + (falls if bdf2.extrapolated else norm(finest - before))
 
 
-def not_below(estimate: float, base: Floats, own: Limit, other: Mapping[int, Floats], norm: Norm) -> Limit:
+def not_below(
+    estimate: float, sweep: Mapping[int, Floats], own: Limit, other: Mapping[int, Floats], norm: Norm
+) -> Limit:
     """The limit with an error that reaches up to the certificate's `estimate` [m], unless a finer dt shows less.
 
-    It does where three levels of dt fall with a believed order, or where the other formula with a finer dt agrees.
+    Three levels of dt that fall with a believed order show it. Else both formulas with a finer dt do: then the error
+    reaches up to SPREAD times the furthest that one of their runs lies from the base.
     """
-    adds = norm(base - own.field)
-    finest = max(other, default=0)
-    agrees = finest > 0 and norm(other[finest] - own.field) <= AGREES * adds
-    if agrees or (own.extrapolated and own.order == own.order):
+    if own.extrapolated and own.order == own.order:
         return own
-    return _doubted(own, estimate - adds)
+    start = sweep[0]
+    doubt = estimate - norm(start - own.field)
+    if max(other, default=0) > 0:
+        finer = [*(sweep[level] for level in sweep if level > 0), *(other[level] for level in other if level >= 0)]
+        doubt = min(doubt, SPREAD * max(norm(start - each) for each in finer))
+    return _doubted(own, doubt)
 
 
 def _doubted(each: Limit, doubt: float) -> Limit:

@@ -89,7 +89,7 @@ def verdict(run: "Run", trouble: list[str]) -> str:
         *(("WARNING", text) for text in summary.get("warnings", ())),
         ("rest", _rest(summary["certificate"])),
         *(("unstable", text) for text in _unstable(summary["certificate"])),
-        ("error", _error(summary["certificate"]["error_estimate"])),
+        ("error", _error(summary["certificate"])),
         *(("found", text) for text in summary.get("found", [])),
         ("effort", effort),
         ("files", f"{run.directory}{os.sep}: {', '.join(files)}"),
@@ -173,8 +173,12 @@ def _unstable(certificate: dict[str, Any]) -> list[str]:
     return [f"{', '.join(parts)}; first at {found['first_at']:g} s (grows by e in {1 / found['growth_rate']:.2g} s)"]
 
 
-def _error(estimate: dict[str, Any]) -> str:
-    """The error estimate in a line: of all in a run that estimates it, else of the steps alone."""
+def _error(certificate: dict[str, Any]) -> str:
+    """The error estimate in a line: of all in a run that estimates it, else of the steps alone.
+
+    An equilibrium does not depend on the time steps by which it was reached, as long as they lead to the same one.
+    """
+    estimate = certificate["error_estimate"]
     newton, gap = estimate["newton"], estimate["contact_gap"]
     parts = f"Newton {newton if isinstance(newton, str) else length(newton)}"
     parts += "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
@@ -187,6 +191,8 @@ def _error(estimate: dict[str, Any]) -> str:
         return f"{known} in all{request}{left_out}; {parts}"
     temporal = estimate["temporal"]
     steps = temporal if isinstance(temporal, str) else length(temporal)
+    if certificate["at_rest"] and not isinstance(temporal, str):
+        steps += " on the way to equilibrium, which has none"
     return f"not known in all (--estimate); sum of the steps' own {steps}{request}, {parts}"
 
 

@@ -55,16 +55,17 @@ class IpctkCandidates(Candidates):
         self._collisions = collisions, self._shared.collisions(x)
         self._collisions_at = x.copy()
         self.pairs = len(collisions)
-        self._minimum_distance = np.inf
-        if self.pairs:  # ipctk returns the squared distance
-            self._minimum_distance = float(np.sqrt(collisions.compute_minimum_distance(self.mesh, self.rows_of(x))))
         self.seconds["candidates"] += perf_counter() - start
         return self._collisions
 
     def minimum_gap(self, x: Floats) -> float:
         """Smallest distance of an active pair [m]; inf where no pair is active."""
-        self.collisions(x)
-        return self._minimum_distance
+        self._ensure_ipctk_covers(x, x)
+        collisions = ipctk.NormalCollisions()
+        collisions.build(self._ipctk_candidates, self.mesh, self.rows_of(x), self.d_hat)
+        if not len(collisions):
+            return np.inf
+        return float(np.sqrt(collisions.compute_minimum_distance(self.mesh, self.rows_of(x))))  # it returns the square
 
     def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
         """Collision-free fraction of dx, at most `most`; keeps MIN_SEPARATION d_hat or half the gap."""

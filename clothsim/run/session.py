@@ -15,7 +15,7 @@ from clothsim.scene.scene import Scene
 from clothsim.sim.integrators import BACKWARD_EULER
 from clothsim.sim.step_size import ErrorControl
 from clothsim.sim.stepping import Integrator
-from clothsim.solve.convergence import LEAST_FORCE, LEAST_SPEED
+from clothsim.solve.convergence import LEAST_SPEED
 from clothsim.solve.linear_solvers import slowness
 from clothsim.solve.linear_system import System
 from clothsim.solve.newton import NewtonSettings
@@ -181,8 +181,7 @@ def _newton_settings(scene: Scene) -> tuple[NewtonSettings, str]:
     finer = FINER * settings.error / scene.run_settings.duration
     if settings.error and finer < least:
         least, note = finer, f"tolerance = {finer:.2g} m/s, for the error asked for."
-    forces = LEAST_FORCE * fraction
-    return NewtonSettings(least, settings.max_iterations, error_fraction=fraction, force_fraction=forces), note
+    return NewtonSettings(least, settings.max_iterations, error_fraction=fraction), note
 
 
 def _set_threads(threads: int) -> None:

@@ -344,7 +344,8 @@ class Simulation:
         if "body_contact" in built.energies:
             refuse_leaps(built.world, session.integrator.dt)
         integrator = replace(session.integrator, world=built.world, constraints=built.constraints)
-        self._by_hand, self._state = by_hand, replace(self._state, blocked_at=nan, blocked=0)
+        previous = self._state.previous if by_hand.pins is self._by_hand.pins else None  # BDF2 restarts at a jump
+        self._by_hand, self._state = by_hand, replace(self._state, blocked_at=nan, blocked=0, previous=previous)
         self._set_session(replace(session, built=built, integrator=integrator))
 
     def _set_session(self, session: Session) -> None:

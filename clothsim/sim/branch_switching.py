@@ -26,7 +26,7 @@ from clothsim.sim.stepping import Integrator, StepReport, advance
 from clothsim.solve.stability import Mode, lowest_mode, way_down
 from clothsim.solve.statics import StaticModel
 
-STEPS_BETWEEN_LOOKS = 10
+STEPS_BETWEEN_LOOKS = 20
 """Steps from one look at a cloth in a plane to the next; the first is after the first step."""
 MOST_SWITCHES = 4
 """Switches in one quasi-static step: each ends in a state of lower energy, of which there may be many."""
@@ -43,7 +43,7 @@ COMPRESSED = 1 - 1e-9
 
 @dataclass(frozen=True)
 class Side:
-    """A displacement dx (N, 3) [m] along a mode; 0 where the state is kept or neither side is admissible."""
+    """A displacement dx (N, 3) [m] along a mode; 0 where the state is kept."""
 
     mode: Mode
     dx: Floats
@@ -121,7 +121,7 @@ def unstable_side(
     longest: float = 1.0,
     along: Floats | None = None,
 ) -> Side | None:
-    """Return the displacement that leaves an unstable state; None where it is stable.
+    """Return the displacement that leaves an unstable state; None where it is stable, or has no way down.
 
     Parameters
     ----------
@@ -137,13 +137,13 @@ def unstable_side(
     mode = lowest_mode(model, integrator.perturbation_seed, along)
     if mode is None:
         return None
-    dx = None
-    if integrator.leaves_unstable:
-        if amplitude is None:
-            most = LARGEST_AMPLITUDE * _extent(model.rest.positions[: len(model.masses)])
-            amplitude = min(most, integrator.rest_speed / mode.growth_rate)
-        dx = way_down(model, mode, amplitude, longest)
-    return Side(mode, np.zeros_like(mode.shape) if dx is None else dx)
+    if amplitude is None:
+        most = LARGEST_AMPLITUDE * _extent(model.rest.positions[: len(model.masses)])
+        amplitude = min(most, integrator.rest_speed / mode.growth_rate)
+    dx = way_down(model, mode, amplitude, longest)
+    if dx is None:
+        return None
+    return Side(mode, dx if integrator.leaves_unstable else np.zeros_like(dx))
 
 
 def displaced(report: StepReport, side: Side) -> StepReport:

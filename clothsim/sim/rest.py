@@ -59,16 +59,16 @@ def judged(integrator: Integrator, before: State, report: StepReport, until: flo
 
 def _looked_at(integrator: Integrator, report: StepReport, until: float, static: bool) -> tuple[StepReport, Rest]:
     """The report of a step whose end is slow, displaced where that is unstable, and its state of rest."""
-    model = static_model(integrator, report)
-    side = None if static else unstable_side(integrator, model)
-    if side is not None:
-        report = displaced(report, side)
-        if integrator.leaves_unstable:
-            return report, Rest.UNSTABLE
-    if _changes(integrator, report, until):
+    if static and _changes(integrator, report, until):
         return report, Rest.CHANGING
-    if static and integrator.leaves_unstable and not model.is_stable:
+    model = static_model(integrator, report)
+    side = unstable_side(integrator, model)
+    if side is not None and not static:
+        report = displaced(report, side)
+    if side is not None and integrator.leaves_unstable:
         return report, Rest.UNSTABLE
+    if not static and _changes(integrator, report, until):
+        return report, Rest.CHANGING
     distance = float(np.linalg.norm(model.displacement(), axis=1).max(initial=0.0))
     return report, Rest.REACHED if distance < REST_TIME * integrator.rest_speed else Rest.DISTANT
 

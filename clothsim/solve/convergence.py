@@ -19,9 +19,9 @@ At a fraction of .1, a step below .001 m/s ends the solve whatever the time erro
 above .03 m/s does, where the time error is large: at the start, or with a dt of seconds.
 """
 
-LEAST_FORCE = 0.1
-"""Residual of the balanced stop over the force scale, over the fraction of the time error: 1 % at a fraction of .1. A
-card that starts to slip is let go 2 to 8 % out of balance by a first step that is below the tolerance.
+FIRST_FORCE = 0.1
+"""Residual over the force scale, over the fraction of the time error, after a solve of one step: 1 % at a fraction of
+.1. A card that is about to slip is held, 2 to 8 % out of balance, by a first step of which the next is a hundredfold.
 """
 
 TimeError = Callable[[Floats], tuple[float, float]]
@@ -73,6 +73,15 @@ class ErrorBalance:
             return False
         allowed_rms, allowed_largest = self.allowed(x + dx)
         return remaining_change(*lengths) < allowed_rms and largest < allowed_largest
+
+    def force_fraction(self, first: bool, without: float) -> float:
+        """Residual over the force scale to which forces must balance.
+
+        first: after the first step of a solve; without: the fraction where the tolerance alone ends a solve.
+        """
+        if not self.fraction:
+            return without
+        return (FIRST_FORCE if first else 1.0) * min(self.fraction, without)
 
     def most(self, dt: float) -> float:
         """Return the longest displacement of a vertex that may end a solve [m]."""

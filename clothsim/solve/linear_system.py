@@ -51,6 +51,7 @@ class System:
         self.pattern = self._analysed = base
         self._offsets: dict[int, tuple[Ints, NDArray[np.int32]]] = {}
         self._solver: LinearSolver | None = None
+        self._wider: System | None = None
 
     @property
     def solver(self) -> LinearSolver:
@@ -82,6 +83,13 @@ class System:
             self._solver = None
         if self._solver is not None:
             self._solver.restart()
+
+    def widened(self, elements: list[Ints]) -> "System":
+        """Return a system whose base has the couplings of `elements` too, (m, k) each; the last one is cached."""
+        base = extended(self.base, elements)
+        if self._wider is None or not self._wider.base.same_as(base):
+            self._wider = System(base, self._linear, self._threads)
+        return self._wider
 
     def subsystem(self, patch: Patch) -> "System":
         """Return a system of the vertices of a patch, with the same kind of solver."""

@@ -68,15 +68,12 @@ class NewtonSettings:
         Bound on the iterations that move the Dirichlet vertices to their positions.
     error_fraction : float
         Fraction of the time error of a step at which a solve may stop before the tolerance; 0: it may not.
-    force_fraction : float
-        Residual over the force scale to which a solve goes on, within MOST_UNBALANCED short steps.
     """
 
     tolerance: float = 1e-3
     max_iterations: int = 100
     max_prescribed_iterations: int = 60
     error_fraction: float = 0.0
-    force_fraction: float = BALANCED
 
 
 @dataclass(frozen=True)
@@ -245,8 +242,7 @@ class Newton:
             if direction.end is not None:
                 return ended(direction.end, count)
             before, speed = speed, self._speed(dx)
-            reliable = trust.exact and not direction.negative_curvature
-            length_before, length = length, self.balance.rms(dx) if reliable else np.inf
+            length_before, length = length, self.balance.rms(dx) if trust.exact else np.inf
             if speed == 0.0:
                 forces = self._force_balance(x, model)
                 return ended(_balanced_or_not(forces, x), count, 0.0, forces.relative)
@@ -273,7 +269,8 @@ class Newton:
             if done:
                 forces = self._force_balance(x, model)
                 residual, unbalanced = forces.residual, unbalanced + 1
-                if forces.within(settings.force_fraction) or fraction == 0.0 or unbalanced == MOST_UNBALANCED:
+                demanded = self.balance.force_fraction(count == iterations, BALANCED)
+                if forces.within(demanded) or fraction == 0.0 or unbalanced == MOST_UNBALANCED:
                     rate = min(1.0, speed / before) if np.isfinite(before) else 1.0
                     return ended(_balanced_or_not(forces, x), count + 1, rate * speed * self.dt, forces.relative)
             if fraction == 0.0 and not trust.exact:
@@ -297,8 +294,8 @@ class Newton:
     ) -> bool:
         """True where an unclipped step may end the solve: it is below the tolerance, or the time error allows it.
 
-        lengths: root mean squares of this step and of the one before [m], inf for one of the projected Hessian or along
-        negative curvature, which predicts nothing; fraction: of the step that the line search took.
+        lengths: root mean squares of this step and of the one before [m], inf for one of the projected Hessian, which
+        predicts nothing; fraction: of the step that the line search took.
         """
         dx = direction.dx
         if speed < self.settings.tolerance:

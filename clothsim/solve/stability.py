@@ -20,6 +20,10 @@ ROUNDING = 64 * float(np.finfo(float).eps)
 SYMMETRIC = 0.01
 """Slope along a mode over the curvature's own: below it the two sides count as equal, and the seed chooses one."""
 MAX_SHORTENINGS = 12
+"""Halvings of a displacement that contact requires."""
+MAX_ENERGY_SHORTENINGS = 4
+"""Halvings that the energy requires: where it falls only nearer than that, the minimum beside the state is as good as
+the state. (Contact changes its closest features at an edge of a body, with a ridge of a micrometre.)"""
 
 
 @dataclass(frozen=True)
@@ -87,14 +91,14 @@ def way_down(model: StaticModel, mode: Mode, amplitude: float, longest: float = 
     mode : Mode
         Its unstable mode.
     amplitude : float
-        Largest displacement of a vertex [m]; shortened by halves where contact or the energy requires it.
+        Largest displacement of a vertex [m]; halved where contact or the energy requires it.
     longest : float
         Factor by which it may be extended, by doubling, as long as the energy falls.
 
     Returns
     -------
     (N, 3) float64 or None
-        [m]; None where neither side has one.
+        [m]; None where neither side has one: the energy falls nowhere near, or contact is in the way.
     """
     x, potential = model.rest.positions, model.potential
     slope = dot(model.gradient(), mode.shape)
@@ -102,11 +106,14 @@ def way_down(model: StaticModel, mode: Mode, amplitude: float, longest: float = 
     first = -float(np.sign(slope)) if sided else 1.0
     start, noise = potential.value(x), round_off(potential.values(x))
     for sign in (first, -first):
-        dx = sign * amplitude * mode.shape
+        dx, rises = sign * amplitude * mode.shape, 0
         for _ in range(MAX_SHORTENINGS):
             if potential.step_limit(x, dx) == 1.0:
+                rises += 1
                 promised = 0.5 * -mode.curvature * float(np.abs(dx).max()) ** 2
                 if potential.value(x + dx) < start + (0.0 if promised > RESOLVED * noise else noise):
                     return extended_fraction(potential, x, dx, longest) * dx
+            if rises > MAX_ENERGY_SHORTENINGS:
+                break
             dx = 0.5 * dx
     return None

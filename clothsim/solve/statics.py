@@ -15,7 +15,7 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.energies.base import Energy
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex
-from clothsim.energies.hessians import Hessian
+from clothsim.energies.hessians import Hessian, explicit, split
 from clothsim.energies.protocols import Lagged, is_idle
 from clothsim.energies.step import Step
 from clothsim.indexing import taken
@@ -39,8 +39,8 @@ class StaticModel:
     ----------
     bound : Potential
         The potential bound to that step.
-    system : System
-        Its matrix and solver; the pattern has the pairs that are in contact.
+    newton : System
+        The Newton matrix of that step and its solver; the pattern has the pairs that are in contact.
     masses : (n,) float64
         Of the cloth vertices [kg].
     fixed : (n,) bool
@@ -50,7 +50,7 @@ class StaticModel:
     """
 
     bound: Potential
-    system: System
+    newton: System
     masses: Floats
     fixed: np.ndarray
     rest: Step
@@ -59,6 +59,20 @@ class StaticModel:
     def potential(self) -> Potential:
         """The stored energies, and friction, whose force at the end of the step holds the cloth and is kept."""
         return replace(self.bound, energies={n: e for n, e in self.bound.acting.items() if _is_static(e)})
+
+    @cached_property
+    def system(self) -> System:
+        """Matrix and solver of K: those of the Newton matrix, or wider ones where K couples more (mid-edge bending)."""
+        implicit = split(self._exact)[1]
+        if not implicit:
+            return self.newton
+        wider = self.newton.widened([part.elements for part in implicit])
+        wider.begin(self.bound.couplings(self.rest.positions, np.zeros_like(self.rest.positions)))
+        return wider
+
+    @cached_property
+    def _exact(self) -> list[Hessian]:
+        return self.potential.exact_hessians(self.rest.positions)
 
     def gradient(self) -> Floats:
         """Return the static gradient, (N, 3) [N]: what depends on velocities is taken at zero velocity."""
@@ -87,7 +101,7 @@ class StaticModel:
 
     def matrix(self) -> Floats:
         """Return K + M / T^2 as data of the system's pattern, the rows of fixed vertices those of the identity."""
-        return self._assembled(self.potential.exact_hessians(self.rest.positions))
+        return self._assembled(self._exact)
 
     def projected(self) -> Floats:
         """Return the same with the projected Hessian, which is positive definite."""
@@ -106,7 +120,7 @@ class StaticModel:
     def _assembled(self, hessians: list[Hessian]) -> Floats:
         mass = diagonal_hessian(every_vertex(len(self.masses)), self.masses / HORIZON**2)
         with self.bound.timers.phase("assembly"):
-            data = self.system.assemble([*hessians, mass])
+            data = self.system.assemble([*explicit(hessians), mass])
             self.system.pattern.fix(data, self.fixed)
         return data
 

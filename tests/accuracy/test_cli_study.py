@@ -1,14 +1,18 @@
 """`clothsim study` on an analytic scene: printed text and bad input."""
 
 import json
+import os
+import re
+import signal
 
 import pytest
-from analytic_study import Runners
+from analytic_study import Runners, answer
 
 from clothsim.accuracy.evaluation import Progress
 from clothsim.cli import main
-from clothsim.cli.study_command import as_seconds, shown
+from clothsim.cli.study_command import as_seconds, shown, terminated
 from clothsim.errors import InputError
+from clothsim.scene.scene import scene_from_text
 
 SCENE = """
 [cloth]
@@ -20,6 +24,7 @@ cells = [4, 2]
 [effects.gravity]
 [solver]
 dt = 0.02
+integrator = "backward_euler"
 [run]
 duration = 0.2
 """
@@ -53,6 +58,27 @@ def test_json_is_all_of_stdout(sheet, capsys):
     result = json.loads(capsys.readouterr().out)
     assert result["base"]["settings"]["dt"] == pytest.approx(0.04)
     assert result["budget"] == 3600
+
+
+def test_a_budget_that_is_too_small_is_exit_1_and_what_is_needed(sheet, capsys):
+    sheet.reply = lambda job: answer(job, seconds=2.5 * scene_from_text(job.scene).cloth["cells"][0] ** 2)
+    assert main(["study", "sheet.toml", "--knobs", "dt,cells", "--budget", "90s", "--json"]) == 1
+    printed = capsys.readouterr()
+    headline = json.loads(printed.out)["headline"]
+    assert (headline["known"], headline["status"], headline["error"]) == (False, "unfinished", None)
+    assert headline["missing"] == ["cells"]
+    shown_seconds = float(re.search(r"--budget (\d+)s", printed.err)[1])
+    assert 160 < headline["needed_seconds"] <= shown_seconds < 1.15 * headline["needed_seconds"]
+    assert "mm wrong" not in printed.err
+
+
+def test_sigterm_is_noticed_and_its_handler_put_back():
+    before = signal.getsignal(signal.SIGTERM)
+    with terminated() as stopped:
+        assert not stopped()
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert stopped()
+    assert signal.getsignal(signal.SIGTERM) is before
 
 
 @pytest.mark.parametrize(

@@ -242,7 +242,6 @@ def test_real_processes(tmp_path):
         cloth={**SHEET.cloth, "cells": [2, 2]},
         effects={**SHEET.effects, "pins": {"select": "left"}},
         run={"duration": 0.04},
-        solver={"dt": 0.02},
     )
     result = study_accuracy(scene, tmp_path, ["dt", "tolerance"], budget=900.0, workers=1).result
     assert not result["chaotic"]

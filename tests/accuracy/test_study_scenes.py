@@ -95,36 +95,38 @@ def true_error(scene, folder):
 
 
 def test_a_study_that_goes_on_states_an_error_only_after_dt_and_cells(tmp_path):
+    """Its sheet vibrates faster than dt follows: backward Euler seems to converge, to 1.2 mm beside the truth."""
     error = true_error(WIND, tmp_path)
-    seen = []
-    for _ in range(12):
-        result = study_accuracy(WIND, tmp_path, budget=1e6, workers=1, runners=InProcess(2)).result
+    statuses = []
+    for _ in range(6):
+        result = study_accuracy(WIND, tmp_path, budget=1e6, workers=1, runners=InProcess(3)).result
         ran, headline = {each["label"] for each in result["points"]}, result["headline"]
-        seen.append(headline["status"])
+        statuses.append(headline["status"])
         assert result["chaotic"] in (None, False)
         assert "same material points" in result["measure"]
         if not {"dt +1", "cells +1"} <= ran:
             assert (headline["status"], headline["error"], headline["high"]) == ("unfinished", None, None)
             assert headline["needed_seconds"] > 0
             assert result["recommended"] == []
-        elif headline["status"] in ("known", "range"):
-            assert headline["low"] <= 2 * error
-            assert headline["high"] >= error / 2
+        elif headline["status"] != "unfinished":
+            assert headline["low"] <= error <= 2 * headline["high"]
         if headline["known"]:
             assert error / 2 <= headline["error"] <= 2 * error
-    assert seen[0] == "unfinished"
-    assert seen[-1] == "known"
+    assert statuses[0] == "unfinished"
+    assert statuses[-1] == "range"
 
 
 def test_a_start_inside_d_hat_is_one_push_and_not_several(tmp_path):
     error = true_error(RAMP, tmp_path)
-    result = study_accuracy(RAMP, tmp_path, budget=1e6, workers=1, runners=InProcess(30)).result
-    headline = result["headline"]
-    print(error, headline, result["together"], result["remainder"], {n: k["adds"] for n, k in result["knobs"].items()})
-    assert not headline["known"] or error / 2 <= headline["error"] <= 2 * error
-    assert headline["low"] <= 2 * error
-    assert headline["high"] >= error / 2
+    result = study_accuracy(RAMP, tmp_path, budget=1e6, workers=1, runners=InProcess(20)).result
+    headline, adds = result["headline"], sum(knob["adds"] for knob in result["knobs"].values())
     assert {"dt", "cells", "d_hat"} <= set(result["together"])
+    together = result["reference"]["distance_of_base"]
+    assert error / 2 <= together <= 2 * error
+    assert abs(together - error) < abs(adds - error)
+    assert headline["status"] in ("known", "range")
+    assert headline["low"] <= 2 * error
+    assert headline["high"] >= error
 
 
 def test_a_mesh_that_cannot_be_refined_leaves_the_error_open(tmp_path):

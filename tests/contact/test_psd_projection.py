@@ -71,7 +71,7 @@ def test_projected_blocks_of_mollified_pairs_against_lapack(records):
         projected_hessian, exact_hessian = contact.hessian(pose.x), contact.hessian(pose.x, project=False)
         assert projected_hessian.elements is exact_hessian.elements  # so that their block offsets are looked up once
         blocks = projected_hessian.blocks
-        thresholds = contact.candidates.active(pose.x).thresholds
+        thresholds = contact.distinct(pose.x).thresholds
         for k in range(len(thresholds)):
             if cross_squared(four_points(pose.x, exact_hessian.elements, k)) < thresholds[k]:
                 difference = np.abs(blocks[k] - clamped_by_lapack(exact_hessian.blocks[k])).max()

@@ -98,6 +98,28 @@ def test_a_resumed_run_has_the_same_bits_and_record(pressed, tmp_path, integrato
     assert resumed.summary["certificate"] == whole.summary["certificate"]
 
 
+@pytest.mark.parametrize("friction", [{}, {"friction": {}}])
+def test_a_sheet_that_lies_on_a_table_keeps_its_bits(tmp_path, friction):
+    """Across the edge between the two triangles of the table's face."""
+    lying = {"inertia": {}, "membrane": {}, "bending": {}, "gravity": {}, "body_contact": {"d_hat": 4e-3}} | friction
+    runs = [
+        simulate(
+            Scene(
+                cloth={"mesh": "rectangle", "size": [0.3, 0.3], "cells": [4, 4], "position": [0, 0, 2e-3]},
+                body={"name": "table", "mesh": "slab", "size": [2, 2, 0.1], "position": [0, 0, -0.05]},
+                effects=lying,
+                solver={"dt": 0.02, "threads": 1, "linear": "superlu", "unstable_equilibrium": choice},
+                run={"duration": 0.8},
+            ),
+            tmp_path / choice,
+        )
+        for choice in ("leave", "keep")
+    ]
+    assert np.array_equal(frames(runs[0]), frames(runs[1]))
+    assert runs[0].summary["certificate"]["unstable_equilibria"]["first_at"] is None
+    assert runs[0].summary["certificate"]["at_rest"] is True
+
+
 def test_seeds_of_a_scene_take_opposite_sides_by_hand(pressed):
     sides = []
     for seed in (0, 1):

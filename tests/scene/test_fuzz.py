@@ -60,7 +60,10 @@ WHOLE = {
         "pins": {"select": [0], "clamp": False, "group": [{"select": [1], "motion": {"velocity": [0, 0, 1]}}]},
         "body_contact": CONTACT,
         "self_contact": CONTACT,
-        "friction": {"coefficient": 0.3, "pairs": [], "eps_v": "auto", "iterations": 1},
+        "friction": {
+            "coefficient": 0.3, "mu_static": "auto", "mu_kinetic": "auto", "pairs": [], "elastic_slip": "auto",
+            "eps_v": "auto", "iterations": 1,
+        },
     },
     "solver": {"dt": 0.01, "tolerance": 1e-3, "linear": "auto", "threads": 1, "max_iterations": 10},
     "contact": {"backend": "auto"},

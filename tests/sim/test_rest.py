@@ -39,7 +39,7 @@ def tied_triangle(**effects):
 def after_slow_steps(integrator, until=1.0, **changes):
     """The report of one step from a state that was slow for many, at the end of a frame."""
     state = replace(first_state(integrator.world, integrator.dt), slow_steps=SLOW_STEPS, **changes)
-    report = replace(advance(integrator, state, integrator.dt), frame_done=True, fastest=0.0)
+    report = replace(advance(integrator, state, state.time + integrator.dt), frame_done=True, fastest=0.0)
     return judged(integrator, state, report, until)
 
 
