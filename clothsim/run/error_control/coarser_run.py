@@ -50,10 +50,11 @@ def simulate_with_estimate(scene: Scene, runs: Runs, message: Message) -> Run:
         fixed[TIME] = "a frame has one step"
     if CELLS in ladder.knobs and coarser.cells == 1:
         fixed[CELLS] = "the cells cannot be halved"
-    return _annotated(run, own, other, fixed)
+    return _annotated(run, own, other, fixed, known=len(fixed) == len(ladder.fixed))
 
 
-def _annotated(run: Run, own: Trial, other: Trial, fixed: dict[str, str]) -> Run:
+def _annotated(run: Run, own: Trial, other: Trial, fixed: dict[str, str], known: bool) -> Run:
+    """The run with its estimate; known: False where something that has an error could not be coarser."""
     summary = dict(run.summary)
     certificate = dict(summary["certificate"])
     estimate = dict(certificate["error_estimate"])
@@ -63,7 +64,7 @@ def _annotated(run: Run, own: Trial, other: Trial, fixed: dict[str, str]) -> Run
         moved = distance_at(other.material)(own, other)
         newton = estimate["newton"] if isinstance(estimate["newton"], float) else 0.0
         parts = {"all": from_joint(moved, 2.0), "newton": newton}
-        estimate |= {"total": root_sum(parts.values()), "known": True, "parts": parts, "coarser_run_moved": moved}
+        estimate |= {"total": root_sum(parts.values()), "known": known, "parts": parts, "coarser_run_moved": moved}
     estimate |= {"fixed": fixed, "seconds": own.seconds + other.seconds}
     summary["certificate"] = {**certificate, "error_estimate": estimate}
     write_summary(Path(run.directory) / SUMMARY_NAME, summary)

@@ -1,5 +1,6 @@
 """Runs with solver.error and solver.estimate: what they take, their estimates against a finer run, their bounds."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -9,6 +10,7 @@ from clothsim import Cloth, Scene, simulate
 from clothsim.run.error_control.choice import chosen, work
 from clothsim.run.error_control.knob_errors import KnobErrors
 from clothsim.run.error_control.resolution import Resolution, resolvable
+from clothsim.scene.overrides import set_key
 
 STRIP = {"mesh": "rectangle", "size": [0.3, 0.1], "cells": [6, 2], "density": 0.15, "thickness": 3e-4}
 STRIP |= {"youngs_modulus": 1e6, "poisson_ratio": 0.3, "bending_stiffness": 2e-4}
@@ -43,16 +45,23 @@ def test_a_requested_error_is_met_and_what_was_taken_is_reported(tmp_path):
 
 
 def test_an_estimate_is_the_distance_to_a_coarser_run(tmp_path):
-    plain, estimated = (simulate(strip(dt=0.01, estimate=on), tmp_path / str(on)) for on in (False, True))
+    finer = replace(strip(dt=0.01), cloth={**STRIP, "cells": [6, 4]})
+    plain, estimated = (simulate(set_key(finer, "solver.estimate", on), tmp_path / str(on)) for on in (False, True))
     assert np.array_equal(plain.positions(-1), estimated.positions(-1))
     estimate = estimated.summary["certificate"]["error_estimate"]
     assert "total" not in plain.summary["certificate"]["error_estimate"]
     assert estimate["known"]
     assert estimate["parts"]["all"] == pytest.approx(estimate["coarser_run_moved"] / (2**1.4 - 1))
-    assert estimate["fixed"] == {"cells": "the cells cannot be halved"}
-    exact = simulate(strip(dt=0.04 / 64), tmp_path / "exact")
+    assert estimate["fixed"] == {}
+    exact = simulate(set_key(finer, "solver.dt", 0.04 / 64), tmp_path / "exact")
     true = np.sqrt(((plain.positions(-1) - exact.positions(-1)) ** 2).sum(axis=1).mean())
     assert 0.3 < estimate["total"] / true < 3
+
+
+def test_an_estimate_without_coarser_cells_is_not_known(tmp_path):
+    estimate = simulate(strip(dt=0.01, estimate=True), tmp_path).summary["certificate"]["error_estimate"]
+    assert estimate["known"] is False
+    assert estimate["fixed"] == {"cells": "the cells cannot be halved"}
 
 
 def test_an_error_out_of_reach_of_the_budget_is_missed_and_said_so(tmp_path):
