@@ -96,7 +96,7 @@ def _why(search: Search, found: Found) -> str:
     text = [f"solver.error took {search.resolvable.text(found.trial.resolution)}."]
     text.append(f"What they leave [mm]: {left}.")
     if not found.known:
-        text.append("The last refinement moved the result by far more than expected: the error is not known.")
+        text.append("The last refinements moved the result by more than expected: the error is not known.")
     elif not found.met(search.asked):
         text.append("Nothing finer was within the bounds of the search or solver.budget.")
     last = found.trial.seconds
