@@ -24,7 +24,7 @@ SLACK = 1.05
 """The request is met up to this factor."""
 MOST_ROUNDS = 5
 STALLED, MOST_STALLED = 0.8, 2
-"""So many refinements in a row that leave more than that fraction of the estimate end the search: it does not converge."""
+"""The search ends where so many refinements in a row leave more than that fraction of the estimate."""
 MOST_RETRIES = 3
 """Failures of the coarsest pilot run, each followed by one with half the step."""
 PATH = (D_HAT, TIME, CELLS)
