@@ -4,6 +4,7 @@ from math import ceil
 
 from clothsim.build.scene_world import Built
 from clothsim.energies.protocols import ContactGap
+from clothsim.scene.effects import CONTACTS
 from clothsim.scene.overrides import set_key
 from clothsim.scene.scene import Scene
 
@@ -27,3 +28,9 @@ def fixed(scene: Scene, built: Built) -> Scene:
         pieces, frame = steps_per_frame(scene)
         scene = set_key(scene, "solver.dt", frame / pieces)
     return set_key(scene, "solver.threads", 1)
+
+
+def d_hats(scene: Scene) -> dict[str, float]:
+    """The d_hat of each contact effect that gives a number [m]."""
+    values = {name: scene.effects[name].get("d_hat", "auto") for name in CONTACTS if name in scene.effects}
+    return {name: float(value) for name, value in values.items() if not isinstance(value, str)}

@@ -8,6 +8,8 @@ from typing import NoReturn
 from clothsim.errors import InputError
 
 VECTORS = ("--view", "--up")
+LENGTHS = {"mm": 1e-3, "um": 1e-6, "cm": 1e-2, "m": 1.0}
+"""Units of a length [m], the longer names first."""
 UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
 
 
@@ -87,3 +89,19 @@ def as_range(option: str, text: str) -> tuple[int, int]:
             f"{option} is {text!r}.", "Give the first vertex and the one behind the last, such as 0:15656."
         )
     return int(match[1]), int(match[2])
+
+
+def as_length(name: str, text: str) -> float:
+    """A positive length with its unit [m]: "1mm", "0.5 mm", "2cm", "1e-3" (m).
+
+    Examples
+    --------
+    >>> as_length("--error", "1mm"), as_length("--error", "2e-3")
+    (0.001, 0.002)
+    """
+    unit = next((unit for unit in LENGTHS if text.strip().endswith(unit)), "")
+    number = text.strip().removesuffix(unit).strip()
+    try:
+        return float(f"{as_positive_number(name, number) * LENGTHS.get(unit, 1.0):.12g}")
+    except InputError as error:
+        raise InputError(f"{name} {text!r} is no positive length.", f"Write it as {name} 1mm.") from error

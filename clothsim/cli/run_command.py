@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from clothsim.cli.arguments import as_count, as_positive_number
+from clothsim.cli.arguments import as_count, as_length, as_positive_number
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,7 +36,9 @@ def add_to(commands: Any) -> None:
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name)")
     run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
     run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key: body.mesh=PATH")
-    run.add_argument("--preset", metavar="NAME", help="draft, standard or fine: prints its measured errors")
+    run.add_argument("--preset", metavar="NAME", help="draft, standard or fine, with the error of this run")
+    run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm, 0.5mm, 2cm")
+    run.add_argument("--estimate", action="store_true", help="estimate the error by another, coarser run")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", help="continue a stopped run", description=_RESUME)
     resume.add_argument("directory", type=Path, metavar="DIR|FILE", help="the output of `clothsim run` or `bundle`")
@@ -67,34 +69,42 @@ def _run(arguments: argparse.Namespace) -> int:
         scene = _with_preset(scene, arguments)
     for assignment in arguments.set:
         scene = override(scene, assignment)
+    if arguments.error is not None:
+        scene = override(scene, f"solver.error={as_length('--error', arguments.error)!r}")
+    if arguments.estimate:
+        scene = override(scene, "solver.estimate=true")
     if arguments.frames_per_second is not None:
         rate = as_positive_number("--frames-per-second", arguments.frames_per_second)
         scene = replace(scene, run={**scene.run, "frames_per_second": rate})
     directory = arguments.output or Path(arguments.scene.stem)
     compiler = precompile.start()
     try:
-        return _execute(arguments, directory, lambda **listeners: simulate(scene, directory, **listeners))
+        return _execute(
+            arguments,
+            directory,
+            lambda **listeners: simulate(scene, directory, message=_teller(arguments), **listeners),
+        )
     finally:
         if compiler is not None:
             compiler.poll()  # the rest of its kernels serves the next run
 
 
+def _teller(arguments: argparse.Namespace) -> "Callable[[str], None]":
+    """Print the lines of solver.error and solver.estimate."""
+    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
+    return (lambda line: None) if arguments.quiet else (lambda line: print(line, file=talk, flush=True))
+
+
 def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
-    """The scene with the settings of a preset; prints them and their measured errors."""
-    from clothsim.build import preset_errors
+    """The scene with the settings of a preset, whose error is estimated; prints them."""
     from clothsim.build.presets import with_preset
+    from clothsim.scene.overrides import set_key
 
     scene, settings_text = with_preset(scene, arguments.preset)
     if not arguments.quiet:
         talk: IO[str] = sys.stderr if arguments.json else sys.stdout
-        lines = [
-            f"preset {arguments.preset}: {settings_text}",
-            f"  its RMS error at the last frame, {preset_errors.DATE}:",
-        ]
-        lines += [f"    {line}" for line in preset_errors.measured(arguments.preset)]
-        lines.append("  Another scene has another error: `clothsim study` measures it.")
-        print("\n".join(lines), file=talk, flush=True)
-    return scene
+        print(f"preset {arguments.preset}: {settings_text}", file=talk, flush=True)
+    return set_key(scene, "solver.estimate", True)
 
 
 def _resume(arguments: argparse.Namespace) -> int:
@@ -137,7 +147,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     try:
         with progress.shown(arguments.quiet) as listener:
             run = job(progress=listener, announce=announce, dump_iterates=step)
-        trouble = _pictures(arguments, run, sessions[0])
+        trouble = _pictures(arguments, run, sessions[-1])
     except KeyboardInterrupt:
         print(run_report.stopped(directory), file=sys.stderr)
         return 130

@@ -148,10 +148,13 @@ def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, 
     stretches = "none measured"
     if certificate["stretch_min"] is not None:
         stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"
+    forces = f"residual force {certificate['residual']:.1e} N"
+    if "relative_residual" in certificate:  # a summary of an earlier version has none
+        forces += f", of all steps at most {100 * certificate['relative_residual']:.2g} % of the largest force"
     return [
         ("contact", "; ".join(parts)),
         ("stretch", f"principal stretches {stretches}"),
-        ("balance", f"residual force {certificate['residual']:.1e} N, {energy}"),
+        ("balance", f"{forces}, {energy}"),
     ]
 
 
@@ -174,20 +177,26 @@ def _unstable(certificate: dict[str, Any]) -> list[str]:
 
 
 def _error(certificate: dict[str, Any]) -> str:
-    """The error estimate in a line; MISSED where it exceeds the requested error.
+    """The error estimate in a line: of all in a run that estimates it, else of the steps alone.
 
     An equilibrium does not depend on the time steps by which it was reached, as long as they lead to the same one.
     """
     estimate = certificate["error_estimate"]
-    temporal, newton, gap = estimate["temporal"], estimate["newton"], estimate["contact_gap"]
-    time = temporal if isinstance(temporal, str) else f"about {length(temporal)}"
+    newton, gap = estimate["newton"], estimate["contact_gap"]
+    parts = f"Newton {newton if isinstance(newton, str) else length(newton)}"
+    parts += "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
+    asked, total = estimate.get("asked"), estimate.get("total")
+    request = f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} requested)" if asked else ""
+    if total is not None:
+        known = f"about {length(total)}" if isinstance(total, float) else total
+        known = known if estimate["known"] else f"not known, {known} by the last difference"
+        left_out = f", without that of {', '.join(estimate['fixed'])}" if estimate.get("fixed") else ""
+        return f"{known} in all{request}{left_out}; {parts}"
+    temporal = estimate["temporal"]
+    steps = temporal if isinstance(temporal, str) else length(temporal)
     if certificate["at_rest"] and not isinstance(temporal, str):
-        time = f"none in the equilibrium, {time} on the way there"
-    asked = estimate.get("asked")
-    if asked:
-        time += f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} requested)"
-    off = "" if isinstance(gap, str) else f", contact gap {gap:.2g} d_hat"
-    return f"time {time}, Newton {newton if isinstance(newton, str) else length(newton)}{off}"
+        steps += " on the way to equilibrium, which has none"
+    return f"not known in all (--estimate); sum of the steps' own {steps}{request}, {parts}"
 
 
 def _row(name: str, text: str) -> str:

@@ -103,8 +103,8 @@ class Anchors:
 def anchors_from(numbers: object) -> Anchors:
     """Anchors of `Anchors.as_array`, which a file may hold as lists."""
     rows = np.asarray(numbers, np.float64).reshape(-1, COLUMNS[-1] + 1)
-    elements, *others, slides = np.split(rows, COLUMNS, axis=1)
-    return Anchors(elements.astype(np.int64), *others, slides[:, 0] > 0.0)
+    elements, weights, normals, slips, origins, directions, slides = np.split(rows, COLUMNS, axis=1)
+    return Anchors(elements.astype(np.int64), weights, normals, slips, origins, directions, slides[:, 0] > 0.0)
 
 
 def relative_positions(x: Floats, elements: Ints, weights: Floats) -> Floats:

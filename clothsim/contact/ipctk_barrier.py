@@ -168,7 +168,8 @@ def shared_features(candidates: ipctk.Candidates, mesh: ipctk.CollisionMesh) -> 
         np.array(list(each.values())) * np.array([mesh.vertex_area(point) / 4 for point, _ in each])
         for each in (of_edges, of_vertices)
     ]
-    return SharedFeatures(*rows, *weights, np.asarray(mesh.edges)[rows[0][:, 1]].reshape(-1, 2))
+    ends = np.asarray(mesh.edges)[rows[0][:, 1]].reshape(-1, 2)
+    return SharedFeatures(rows[0], rows[1], weights[0], weights[1], ends)
 
 
 @dataclass(frozen=True)

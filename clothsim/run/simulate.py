@@ -81,11 +81,16 @@ def simulate(
     def run(some: Scene, sessions: list[Session]) -> Run:
         return _simulated(some, directory, (progress, on_step), [sessions.append, announce], dump_iterates)
 
-    if not isinstance(scene, Scene) or not scene.solver_settings.error:  # `build` refuses what is no scene
-        return run(scene, [])
-    from clothsim.run.error_control.requested import simulate_to_error
+    tell = message or (lambda line: None)
+    if isinstance(scene, Scene) and scene.solver_settings.error:  # `build` refuses what is no scene
+        from clothsim.run.error_control.requested import simulate_to_error
 
-    return simulate_to_error(scene, run, message or (lambda line: None))
+        return simulate_to_error(scene, run, tell)
+    if isinstance(scene, Scene) and scene.solver_settings.estimate:
+        from clothsim.run.error_control.coarser_run import simulate_with_estimate
+
+        return simulate_with_estimate(scene, run, tell)
+    return run(scene, [])
 
 
 def _simulated(

@@ -59,6 +59,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "regional_iterations": report.result.elimination_iterations,
         "speed": report.result.speed,
         "residual": report.result.residual,
+        "relative_residual": report.result.relative_residual,
         "energy": certificate.energy,
         "minimum_gap": report.minimum_gap,
         "fastest": report.fastest,

@@ -55,6 +55,9 @@ class Solver(KeyTable):
         Key("In place of dt: RMS error of the positions at the last frame; dt, cells of generated meshes, d_hat and "
             "tolerance are chosen for it", "m", above=0, shown="none: dt is fixed"),
     ] = 0.0  # fmt: skip
+    estimate: Annotated[
+        bool, Key("Estimate the error by another run with dt x 2, half the cells of generated meshes, d_hat x 2")
+    ] = False
     budget: Annotated[float, Key("Processor time of all runs that error may take", "s", above=0)] = 600.0
 
     @property

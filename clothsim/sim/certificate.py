@@ -68,7 +68,9 @@ class Certificate:
     stretch_min, stretch_max : float
         Extremes of the principal stretches.
     residual : float
-        Largest force after the last step [N].
+        Largest force that the last step left on a free vertex [N].
+    relative_residual : float
+        Largest residual of a step over its force scale (`ForceBalance`).
     energy : float
         Kinetic and potential energy now [J].
     energy_rise, step_rise : float
@@ -96,6 +98,7 @@ class Certificate:
     stretch_min: float = np.inf
     stretch_max: float = 0.0
     residual: float = 0.0
+    relative_residual: float = 0.0
     energy: float = np.nan
     energy_rise: float = 0.0
     step_rise: float = 0.0
@@ -125,6 +128,7 @@ class Certificate:
             stretch_min=min(self.stretch_min, float(stretches[:, 1].min())),
             stretch_max=max(self.stretch_max, float(stretches[:, 0].max())),
             residual=report.result.residual,
+            relative_residual=max(self.relative_residual, report.result.relative_residual),
             energy=energy,
             energy_rise=max(self.energy_rise, energy - energy_before),
             step_rise=max(self.step_rise, incremental - incremental_before),
@@ -148,6 +152,7 @@ class Certificate:
             "stretch_min": self.stretch_min,
             "stretch_max": self.stretch_max,
             "residual": self.residual,
+            "relative_residual": self.relative_residual,
             "at_rest": self.at_rest,
             "fastest_speed": self.fastest_speed,
             "unstable_equilibria": asdict(self.unstable),

@@ -59,18 +59,20 @@ def judged(integrator: Integrator, before: State, report: StepReport, until: flo
 
 def _looked_at(integrator: Integrator, report: StepReport, until: float, static: bool) -> tuple[StepReport, Rest]:
     """The report of a step whose end is slow, displaced where that is unstable, and its state of rest."""
-    if static and _changes(integrator, report, until):
+    changes = _changes(integrator, report, until)
+    if static and changes:
         return report, Rest.CHANGING
     model = static_model(integrator, report)
-    side = unstable_side(integrator, model)
+    distance = float(np.linalg.norm(model.displacement(), axis=1).max(initial=0.0))
+    near = distance < REST_TIME * integrator.rest_speed
+    side = unstable_side(integrator, model) if near else None
     if side is not None and not static:
         report = displaced(report, side)
     if side is not None and integrator.leaves_unstable:
         return report, Rest.UNSTABLE
-    if not static and _changes(integrator, report, until):
+    if changes:
         return report, Rest.CHANGING
-    distance = float(np.linalg.norm(model.displacement(), axis=1).max(initial=0.0))
-    return report, Rest.REACHED if distance < REST_TIME * integrator.rest_speed else Rest.DISTANT
+    return report, Rest.REACHED if near else Rest.DISTANT
 
 
 def _changes(integrator: Integrator, report: StepReport, until: float) -> bool:

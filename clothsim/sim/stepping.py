@@ -180,7 +180,7 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
     tried, dt = state, state.dt
     smallest, rejected = integrator.shortest(dt), 0
     held = integrator.constraints.values()
-    reported: tuple[Potential, NewtonResult] | None = None
+    unbalanced: list[tuple[Potential, NewtonResult]] = []
     for _ in range(MOST_TRIES):
         pieces = max(1, int(np.ceil(left / dt - 1e-9)))
         h = left / pieces
@@ -197,8 +197,8 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
             grown = _next_dt(integrator, after, formula, h, dt, error, bool(failures or rejected))
             report = _report(integrator, replace(after, dt=grown, memory=bound.memory()), h, result, bound, failures)
             return replace(report, error=error, rejected=rejected, at_floor=shorter < np.inf)
-        if reported is None or reported[1].outcome.ending is not Ending.UNBALANCED:
-            reported = bound, result  # shorter steps only hide that forces do not balance
+        if result.outcome.ending is Ending.UNBALANCED:
+            unbalanced.append((bound, result))
         failures.append(f"dt {h:.3g} s: {end_sentence(integrator.world, held, result.outcome)}")
         dts.append(h)
         dt = 0.5 * h
@@ -207,7 +207,9 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
         if dt < smallest or tried.blocked == MOST_BLOCKED:
             break
     infeasible = tried.blocked == MOST_BLOCKED
-    cause = (bound, result) if infeasible or reported is None else reported
+    cause = bound, result
+    if unbalanced and result.outcome.ending in (Ending.LINE_SEARCH, Ending.ITERATION_LIMIT):
+        cause = unbalanced[0]  # shorter steps end at round-off, which only hides why
     failure = failure_of(integrator.world, held, cause[0], tried, cause[1], target, dts, infeasible)
     return replace(_report(integrator, state, h, result, bound, failures), failure=failure, rejected=rejected)
 
@@ -257,7 +259,7 @@ def _newton(
         n = integrator.world.n_cloth
         held = target.vertices[target.vertices < n]
         balance = error_balance(integrator.settings.error_fraction, integrator.formula, formula, state, n, h, held)
-    least = float(integrator.world.masses.max()) * integrator.settings.tolerance / h
+    least = float(integrator.world.masses.max()) * integrator.settings.tolerance / abs(h)
     return Newton(bound, integrator.system, integrator.settings, h, observe, balance, least)
 
 

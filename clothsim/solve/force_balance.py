@@ -12,8 +12,8 @@ from clothsim.arrays import Floats
 from clothsim.solve.potential import Potential
 
 BALANCED = 0.3
-"""Largest residual, relative to the force scale, of a balanced state. Of converged steps of a drape it was up to 5e-4 at
-a tolerance of 1e-3 m/s, .06 at .01 and .21 at .1 (docs/notes/newton_stop.md); of unbalanced ones .6 to 1.
+"""Largest residual, relative to the force scale, of a balanced state. Of converged steps of a drape it was up to 5e-4
+at a tolerance of 1e-3 m/s, .06 at .01 and .21 at .1; of unbalanced ones .6 to 1 (docs/notes/newton_stop.md).
 """
 MOST_UNBALANCED = 20
 """Iterations with steps below the tolerance after which forces that do not balance end the solve."""

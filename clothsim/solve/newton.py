@@ -34,6 +34,8 @@ LAST_PIECE = 1e-3
 """Fraction of a prescribed displacement that may be applied at once, the free vertices at rest, where it is free of
 collision.
 """
+FARTHEST = 3.0
+"""Displacement of a free vertex that follows prescribed ones, over theirs, from which on its energy is compared."""
 FRACTION_OF_GAP = 0.1
 """The last piece of a prescribed displacement may not be longer than this fraction of the smallest gap."""
 CHANGE_OF_GAP = 0.3
@@ -179,8 +181,7 @@ class Newton:
             direction = model.direction(x, displacement)
             if direction.end is not None:
                 return x, direction.end, iteration
-            dx = direction.dx
-            fraction = self._finite_fraction(x, dx, self._limit(x, dx))
+            dx, fraction = self._following(x, direction.dx, displacement)
             if fraction < BLOCKED_FRACTION:
                 return x, _blocked(x, target), iteration
             x = x + fraction * dx
@@ -190,6 +191,24 @@ class Newton:
             if fraction < 1.0 and np.abs(target.positions - x[target.vertices]).max() < SMALLEST_REMAINDER * distance:
                 return x, _blocked(x, target), iteration
         return x, _blocked(x, target), self.settings.max_prescribed_iterations
+
+    def _following(self, x: Floats, dx: Floats, displacement: Floats) -> tuple[Floats, float]:
+        """Step with the prescribed `displacement`, and its admissible fraction.
+
+        No line search bounds it, as E may rise. Where the projected Hessian is nearly singular, as in a slack sheet
+        without inertia, dx throws free vertices out by kilometres: one that follows to FARTHEST times the prescribed
+        displacement is taken in its place where its energy is lower. What contact clips is left alone: a blocked motion
+        would creep on.
+        """
+        fraction = self._finite_fraction(x, dx, self._limit(x, dx))
+        farthest, follows = FARTHEST * np.abs(displacement).max(), np.abs(dx - displacement).max()
+        if follows <= farthest or fraction < 1.0:
+            return dx, fraction
+        shorter = displacement + farthest / follows * (dx - displacement)
+        admissible = self._finite_fraction(x, shorter, self._limit(x, shorter))
+        if self.potential.value(x + admissible * shorter) < self.potential.value(x + fraction * dx):
+            return shorter, admissible
+        return dx, fraction
 
     def _last_piece_is_free(self, x: Floats, displacement: Floats, distance: float) -> bool:
         """True where the rest of a prescribed displacement is shorter than every gap, and free of collision."""
@@ -247,22 +266,20 @@ class Newton:
                 forces = self._force_balance(x, model)
                 return ended(_balanced_or_not(forces, x), count, 0.0, forces.relative)
             limit = self._limit(x, dx)
-            if limit < SMALLEST_FRACTION and cached.age:
-                cached = NO_FACTOR
-                continue
-            if limit < SMALLEST_FRACTION:
+            if limit < SMALLEST_FRACTION and not cached.age:
                 return ended(_at_fastest(Ending.NO_ROOM, x, dx, fraction=limit), count)
             with self.potential.timers.phase("line search"):
                 slope = dot(gradient, dx)
-                fraction = armijo(self.potential, x, dx, slope, limit) if slope < 0.0 else 0.0
+                fraction = (
+                    armijo(self.potential, x, dx, slope, limit) if slope < 0.0 and limit >= SMALLEST_FRACTION else 0.0
+                )
                 done = limit == 1.0 and self._may_be_last(x, direction, speed, (length, length_before), fraction)
             if cached.age and (done or fraction == 0.0):  # the cached factor is of an earlier x
                 done, cached = False, NO_FACTOR
                 if fraction == 0.0:
                     continue
-            if direction.negative_curvature and fraction == 1.0 and not done:
-                with self.potential.timers.phase("line search"):
-                    fraction = extended_fraction(self.potential, x, dx, MAX_EXTENSION)
+            if not done:
+                fraction = self._extended(x, direction, fraction)
             if done or fraction > 0.0:
                 x = x + fraction * dx
                 self.observe(Iterate(x, fraction, speed, residual))
@@ -288,6 +305,13 @@ class Newton:
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
         end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
         return ended(end, iterations + settings.max_iterations)
+
+    def _extended(self, x: Floats, direction: Direction, fraction: float) -> float:
+        """Extend a full step along negative curvature, whose length the quadratic model does not determine."""
+        if not direction.negative_curvature or fraction < 1.0:
+            return fraction
+        with self.potential.timers.phase("line search"):
+            return extended_fraction(self.potential, x, direction.dx, MAX_EXTENSION)
 
     def _may_be_last(
         self, x: Floats, direction: Direction, speed: float, lengths: tuple[float, float], fraction: float

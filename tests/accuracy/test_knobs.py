@@ -106,8 +106,8 @@ def test_a_preset_sets_what_its_table_gives(name):
     scene, output = with_preset(small_scene(), name)
     preset = PRESETS[name]
     assert scene.solver["dt"] == preset.dt
-    assert scene.solver["tolerance"] == preset.tolerance
-    assert scene.effects["bending"]["model"] == preset.bending
+    assert scene.solver["integrator"] == "bdf2"
+    assert scene.effects["bending"]["model"] == "midedge"
     assert scene.cloth["cells"] == [4 * preset.cells] * 2
     assert f"dt {preset.dt:g} s" in output
     build(scene)
@@ -121,18 +121,14 @@ def test_a_file_keeps_its_mesh_under_a_preset():
         with_preset(small_scene(), "drat")
 
 
-@pytest.mark.parametrize("name", PRESETS)
-@pytest.mark.parametrize(
-    "effect",
-    [
-        {"rest_angle": {"crease": [{"through": [[0, -0.5, 0], [0, 0.5, 0]], "angle_degrees": 30.0}]}},
-        {"plastic_bending": {"yield_angle_degrees": 5.0}},
-    ],
-)
-def test_a_preset_keeps_the_hinges_that_an_effect_needs(name, effect):
-    scene, output = with_preset(small_scene(effects={"membrane": {}, "inertia": {}, "bending": {}, **effect}), name)
-    assert set(effect) <= set(build(scene).energies)
-    assert f"bending as it is, for {next(iter(effect))}" in output
+def test_the_presets_refine_dt_cells_and_d_hat_together():
+    given = small_scene(effects={"membrane": {}, "body_contact": {"d_hat": 4e-3}}, solver={"tolerance": 1e-3})
+    chain = [with_preset(given, name)[0] for name in ("draft", "standard", "fine")]
+    assert [scene.effects["body_contact"]["d_hat"] for scene in chain] == [4e-3, 2e-3, 1e-3]
+    for coarse, fine in zip(chain, chain[1:], strict=False):
+        assert coarse.solver["dt"] == 2 * fine.solver["dt"]
+        assert [2 * count for count in coarse.cloth["cells"]] == fine.cloth["cells"]
+        assert "tolerance" not in fine.solver
 
 
 def test_selected_vertices_may_be_an_array():

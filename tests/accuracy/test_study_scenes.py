@@ -98,8 +98,8 @@ def test_a_study_that_goes_on_states_an_error_only_after_dt_and_cells(tmp_path):
     """Its sheet vibrates faster than dt follows: backward Euler seems to converge, to 1.2 mm beside the truth."""
     error = true_error(WIND, tmp_path)
     statuses = []
-    for _ in range(6):
-        result = study_accuracy(WIND, tmp_path, budget=1e6, workers=1, runners=InProcess(3)).result
+    for _ in range(4):
+        result = study_accuracy(WIND, tmp_path, budget=1e6, workers=1, runners=InProcess(4)).result
         ran, headline = {each["label"] for each in result["points"]}, result["headline"]
         statuses.append(headline["status"])
         assert result["chaotic"] in (None, False)

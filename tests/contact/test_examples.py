@@ -5,8 +5,10 @@ from importlib import import_module
 
 import pytest
 
+NAMES = ("body_contact", "flat_features", "friction_coefficients", "self_contact", "stiffness")
 
-@pytest.mark.parametrize("name", ["body_contact", "flat_features", "friction_coefficients", "self_contact", "stiffness"])
+
+@pytest.mark.parametrize("name", NAMES)
 def test_examples_of_the_docstrings(name):
     result = doctest.testmod(import_module(f"clothsim.contact.{name}"))
     assert result.attempted > 0

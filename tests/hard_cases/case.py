@@ -25,6 +25,10 @@ JITTER = 1e-3
 ENERGY_NOISE = 1e-9
 """Rise of an energy in a step, as a fraction of the largest energy, that is round-off."""
 
+INTEGRATOR = "backward_euler"
+"""Of the scenes that name none: the laws of energy and of sliding that the cases check are its own. BDF2 has none, and
+at an impact it gains energy (docs/howto/failures.md)."""
+
 MOST_NEWTON = 400
 """Newton iterations that a step may take, those of parts of the cloth too."""
 
@@ -49,8 +53,13 @@ def steps_descend(run: Run) -> str:
 
 
 def energy_falls(run: Run) -> str:
-    """The total energy does not rise either: asked for where nothing buckles, for there Psi is as good as convex."""
+    """The total energy does not rise either: asked for where nothing buckles, for there Psi is as good as convex.
+
+    BDF2 has no such law: there E(x) of each step must fall, and the rest is not asked.
+    """
     drift = run.summary["certificate"]["energy_drift"]
+    if isinstance(drift, str):
+        return steps_descend(run)
     return steps_descend(run) or ("" if drift <= ENERGY_NOISE else f"a step adds {drift:.2g} of the energy")
 
 
@@ -108,6 +117,7 @@ def run_case(case: Case, seed: int = 0, small: bool = True) -> Result:
     with tempfile.TemporaryDirectory() as folder:
         try:
             scene = case.scene(small)
+            scene = replace(scene, solver={"integrator": INTEGRATOR, **scene.solver})
             for name, text in case.files(small).items():
                 (Path(folder) / name).write_text(text, encoding="utf-8")
                 scene = replace(scene, directory=Path(folder))

@@ -64,7 +64,7 @@ def solution(scene: Scene) -> Solution:
         sessions: list[Any] = []
         run = simulate(scene, Path(folder) / "run", announce=sessions.append)
         seconds = process_time() - started
-        return solution_of(run, sessions[0].built.world, seconds)
+        return solution_of(run, sessions[-1].built.world, seconds)
 
 
 def solution_of(run: Run, world: Any, seconds: float) -> Solution:

@@ -1,8 +1,8 @@
 """Errors and their estimates beside a reference: `python -m tests.known_answers.error_table [--scenes wind,ramp]`.
 
-A row for each scene of `error_scenes` as it is given, and with --asked one with solver.error: the true error (RMS over
-the material points of the last frame, against `error_reference`), the estimate of the certificate and its ratio to the
-truth, CPU seconds. --study SECONDS adds the study's own statement.
+A row for each scene of `error_scenes` with solver.estimate, and with --asked one with solver.error: the true error (RMS
+over the material points of the last frame, against `error_reference`), the estimate of the certificate and its ratio to
+the truth, CPU seconds. --study SECONDS adds the study's own statement.
 """
 
 import argparse
@@ -14,6 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from clothsim import Scene
+from clothsim.build.presets import PRESETS, with_preset
 from clothsim.errors import ClothsimError
 from clothsim.scene.overrides import set_key
 from clothsim.text_table import text_table
@@ -60,7 +61,7 @@ def without_step(scene: Scene) -> Scene:
 def estimate_of(solution: Solution) -> float:
     """The certificate's estimate of the error of a run [m], nan where it says that it does not know."""
     estimate = solution.summary["certificate"]["error_estimate"]
-    value = estimate.get("total", estimate["temporal"])
+    value = estimate.get("total") if estimate.get("known") else None
     return value if isinstance(value, float) else float("nan")
 
 
@@ -82,15 +83,19 @@ def studied(name: str, scene: Scene, budget: float, reference: Solution, doubt: 
     return Compared(name, "study", distance(base, reference), doubt, estimate, result.get("seconds", 0.0))
 
 
-def rows(name: str, asked: float | None, budget: float | None) -> list[Compared]:
+def rows(name: str, asked: float | None, presets: bool, budget: float | None) -> list[Compared]:
     """The rows of a scene."""
     scene = ERROR_SCENES[name]
     reference = solution(reference_scene(scene))
     doubt = distance(solution(reference_scene(scene, COARSER)), reference)
-    found = [compared(name, "as given", scene, reference, doubt)]
+    found = [compared(name, "with estimate", set_key(scene, "solver.estimate", True), reference, doubt)]
     if asked is not None:
         on = set_key(without_step(scene), "solver.error", asked)
         found.append(compared(name, f"error {1e3 * asked:g} mm", on, reference, doubt))
+    if presets:
+        for preset in PRESETS:
+            on = set_key(with_preset(scene, preset)[0], "solver.estimate", True)
+            found.append(compared(name, f"preset {preset}", on, reference, doubt))
     if budget is not None:
         found.append(studied(name, scene, budget, reference, doubt))
     return found
@@ -101,6 +106,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.known_answers.error_table", description=__doc__)
     parser.add_argument("--scenes", default=",".join(ERROR_SCENES), help="names, with commas (default: all)")
     parser.add_argument("--asked", type=float, metavar="METRES", help="also a run with this solver.error")
+    parser.add_argument("--presets", action="store_true", help="also each preset")
     parser.add_argument("--study", type=float, metavar="SECONDS", help="also a study with that budget")
     arguments = parser.parse_args(argv)
     wanted = arguments.scenes.split(",")
@@ -110,7 +116,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     lines, failed = [], False
     for name in wanted:
         try:
-            lines += [row.cells for row in rows(name, arguments.asked, arguments.study)]
+            lines += [row.cells for row in rows(name, arguments.asked, arguments.presets, arguments.study)]
             print(lines[-1], file=sys.stderr, flush=True)
         except (ClothsimError, ValueError) as error:
             failed = True

@@ -169,3 +169,17 @@ def test_the_second_mode_is_left_for_the_first():
     x = last((integrator, state), 0.1)[-1].state.positions
     assert (x[:, 2] * x[len(x) // 2, 2] > -1e-9).all()
     assert np.abs(x[:, 2]).max() / LENGTH == pytest.approx(elastica_height(PRESSED), rel=0.01)
+
+
+def test_a_slow_cloth_far_from_equilibrium_is_not_displaced():
+    """A strip bent to a wrong height, under a damping that makes it creep: compressed, but with a way of its own."""
+    integrator, state = strip(True)
+    creeping = {**integrator.potential.energies, "damping": damping(integrator.world, rate=1e7)}
+    integrator = replace(integrator, potential=replace(integrator.potential, energies=creeping))
+    n = integrator.world.n_cloth
+    state.positions[:n, 2] = 0.05 * LENGTH * np.sin(np.pi * integrator.world.start()[:n, 0] / (PRESSED * LENGTH))
+    state.positions[np.abs(state.positions[:, 2]) < 1e-12, 2] = 0.0
+    reports = last((integrator, state), 0.5)
+    assert reports[-1].fastest < integrator.rest_speed
+    assert reports[-1].state.rest is Rest.DISTANT
+    assert not any(report.switches for report in reports)

@@ -29,7 +29,7 @@ def test_they_lead_from_the_step_before_to_the_step(tmp_path):
     assert (found["fraction"][1:] > 0).all()
     assert found["fraction"][-1] == 1
     assert found["speed"][-1] == entry["speed"] < 1e-3
-    assert found["residual"][-1] == entry["residual"]
+    assert entry["residual"] < found["residual"][-1]  # after the last step, and where it began
     assert (np.diff(found["energy"]) <= 0).all()
 
 

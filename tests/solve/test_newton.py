@@ -7,6 +7,7 @@ import pytest
 from meshes import cloth, deformed, grid, small_world
 from solving import NOTHING, equilibrium, held, newton_of, solve
 
+from clothsim import Scene, simulate
 from clothsim.contact.body_contact import body_contact
 from clothsim.energies.base import Energy
 from clothsim.energies.bending import bending
@@ -199,6 +200,22 @@ def test_a_fold_across_the_sheet_is_displaced_in_parts_when_it_would_invert():
     assert np.array_equal(result.x[pinned], goals)
 
 
+def test_free_vertices_of_a_slack_sheet_are_not_thrown_far_out(tmp_path):
+    """Little resists out of the plane without inertia: cotton went 20 m out, and came back in 94 iterations."""
+    pins = [{"select": "left", "motion": {"velocity": [0.5, 0, 0]}}, {"select": "right"}]
+    scene = Scene(
+        cloth={"mesh": "rectangle", "size": [0.4, 0.4], "cells": [8, 8]},
+        effects={"membrane": {}, "bending": {"model": "hinge"}, "gravity": {}, "pins": {"group": pins}},
+        solver={"dt": 0.1, "threads": 1, "tolerance": 1e-3},
+        run={"duration": 0.1, "frames_per_second": 10},
+    )
+    run = simulate(scene, tmp_path, dump_iterates=1)
+    with np.load(tmp_path / "iterates_1.npz") as log:
+        positions = log["positions"]
+    assert run.status == "completed"
+    assert np.abs(positions - positions[0]).max() < 1.0
+
+
 # --- endings --------------------------------------------------------------------------------------------------------
 
 
@@ -258,6 +275,13 @@ def singular():
     return solve(world, {"gravity": gravity(world)}, world.start())
 
 
+def unbalanced():
+    """A stiffness so far from the force that its steps are below the tolerance for ever."""
+    world = small_world()
+    energy = quadratic(curvature=lambda x: np.full_like(x, 1e6))
+    return replace(newton_of(world, {"toy": energy}), least_force=0.0).minimise(deformed(world), NOTHING)
+
+
 ENDS = [
     (iteration_limit, Ending.ITERATION_LIMIT, None, {"tolerance", "limit", "speed"}),
     (blocked, Ending.BLOCKED, {0, 2}, set()),
@@ -266,6 +290,7 @@ ENDS = [
     (line_search, Ending.LINE_SEARCH, None, {"speed"}),
     (not_finite, Ending.NOT_FINITE, None, set()),
     (singular, Ending.SINGULAR, {None}, set()),
+    (unbalanced, Ending.UNBALANCED, None, {"force", "percent"}),
 ]
 
 
@@ -294,7 +319,7 @@ def test_blocked_pins_stop_above_the_floor():
 
 @pytest.mark.parametrize("ending", Ending)
 def test_every_sentence_can_be_filled(ending):
-    numbers = {"tolerance": 1.0, "limit": 2, "speed": 3.0, "fraction": 0.5}
+    numbers = {"tolerance": 1.0, "limit": 2, "speed": 3.0, "fraction": 0.5, "force": 6.0, "percent": 70.0}
     filled = outcome(ending, np.arange(15.0).reshape(5, 3), 4, **numbers)
     assert "{" not in filled.sentence
     assert filled.sentence.endswith(".")

@@ -18,7 +18,7 @@ JOINT_ORDER = 1.4
 """Order of a joint refinement of which the parts are not known."""
 SURPRISE = 2.5
 """A refinement that moves the result by so many times what was expected: the error is not understood."""
-LEAST_CALIBRATION = 0.3
+LEAST_CALIBRATION = 0.1
 """Smallest factor by which a refinement that moved less than expected lowers the errors: chance may have helped."""
 
 

@@ -5,8 +5,9 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
+from clothsim.build.explicit_lengths import d_hats
 from clothsim.io.record import SUMMARY_NAME, write_summary
-from clothsim.run.error_control.resolution import D_HAT, Resolution, d_hats
+from clothsim.run.error_control.resolution import D_HAT, Resolution
 from clothsim.run.error_control.search import Found, Message, Search, searched
 from clothsim.run.error_control.trial import Trial, material
 from clothsim.run.results import Run, open_run
@@ -64,7 +65,7 @@ def _estimate(search: Search, found: Found, scene: Scene) -> dict[str, Any]:
     taken = {
         "dt": solver["dt"],
         "integrator": solver["integrator"],
-        "tolerance": solver["tolerance"],
+        **{key: solver[key] for key in ("tolerance", "newton_error_fraction") if key in solver},
         "cells": [keys["cells"] for keys in scene.cloths if "cells" in keys],
         D_HAT: d_hats(scene),
     }
@@ -92,12 +93,10 @@ def _why(search: Search, found: Found) -> str:
     left = ", ".join(
         f"{'dt, cells and d_hat together' if name == 'all' else name} {each}" for name, each in parts.items()
     )
-    text = [
-        f"solver.error took {search.resolvable.text(found.trial.resolution)}, tolerance {search.tolerance:.2g} m/s."
-    ]
+    text = [f"solver.error took {search.resolvable.text(found.trial.resolution)}."]
     text.append(f"What they leave [mm]: {left}.")
     if not found.known:
-        text.append("The last refinement moved the result by far more than expected: the error is not known.")
+        text.append("The last refinements moved the result by more than expected: the error is not known.")
     elif not found.met(search.asked):
         text.append("Nothing finer was within the bounds of the search or solver.budget.")
     last = found.trial.seconds

@@ -4,11 +4,10 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from clothsim.build.explicit_lengths import fixed
+from clothsim.build.explicit_lengths import d_hats, fixed
 from clothsim.build.refinement import cells_of, with_cells
 from clothsim.build.scene_world import build
 from clothsim.errors import InputError
-from clothsim.scene.effects import CONTACTS
 from clothsim.scene.overrides import set_key
 from clothsim.scene.scene import Scene
 from clothsim.sim.integrators import BDF2
@@ -101,12 +100,6 @@ class Resolvable:
         for name, d_hat in d_hats(self.scene).items():
             scene = set_key(scene, f"effects.{name}.d_hat", d_hat * float(resolution.d_hat))
         return scene if resolution.cells == 1 else with_cells(scene, resolution.cells)
-
-
-def d_hats(scene: Scene) -> dict[str, float]:
-    """The d_hat of each contact effect that gives a number [m]."""
-    values = {name: scene.effects[name].get("d_hat", "auto") for name in CONTACTS if name in scene.effects}
-    return {name: float(value) for name, value in values.items() if not isinstance(value, str)}
 
 
 def resolvable(given: Scene) -> Resolvable:

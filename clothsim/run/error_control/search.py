@@ -23,6 +23,8 @@ FINER = 0.25
 SLACK = 1.05
 """The request is met up to this factor."""
 MOST_ROUNDS = 5
+STALLED, MOST_STALLED = 0.8, 2
+"""The search ends where so many refinements in a row leave more than that fraction of the estimate."""
 MOST_RETRIES = 3
 """Failures of the coarsest pilot run, each followed by one with half the step."""
 PATH = (D_HAT, TIME, CELLS)
@@ -66,7 +68,7 @@ class Found:
 
 @dataclass
 class Search:
-    """State of a search: the runs so far and the fraction at which Newton's method stops; `message` receives a line before each run."""
+    """State of a search: the runs so far, and newton_error_fraction; `message` receives a line before each run."""
 
     resolvable: Resolvable
     asked: float
@@ -156,9 +158,12 @@ def _by_knob(search: Search, coarsest: Trial, first: Trial, distance: Distance) 
 
 def _refined(search: Search, found: Found, errors: KnobErrors, distance: Distance) -> Found:
     """Run finer resolutions until the request is met, the budget is spent or nothing finer is within the bounds."""
+    stalled = 0
     for _ in range(MOST_ROUNDS):
         if found.met(search.asked):
             return found
+        if stalled == MOST_STALLED:
+            return replace(found, known=False)
         if found.parts["newton"] > NEWTON_PART * search.asked:
             search.newton_error_fraction *= FINER
         vertices = sum(len(rest) for rest in search.trials[0].material.rest)
@@ -173,7 +178,8 @@ def _refined(search: Search, found: Found, errors: KnobErrors, distance: Distanc
         run, trial = search.run(following, expected)
         if run.status != "completed":
             return Found(run, trial, _parts(run, errors.errors), False)
-        errors = errors.after(sizes, distance(found.trial, trial))
+        before, errors = errors.total, errors.after(sizes, distance(found.trial, trial))
+        stalled = stalled + 1 if errors.total > STALLED * before else 0
         found = Found(run, trial, _parts(run, errors.errors), errors.understood)
     return found
 

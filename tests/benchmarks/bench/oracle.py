@@ -16,6 +16,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.build.scene_world import build
+from clothsim.contact import barrier_kernels as kernels
 from clothsim.contact.barrier import Barrier
 from clothsim.errors import ClothsimError
 from clothsim.run.session import Session, prepare
@@ -75,7 +76,8 @@ def compared(case: Case, states: Path, repeats: int, announce: Callable[[str], N
         for side in sides.values():
             taken(side, newton_steps[:1])  # compiles
         rounds = [{name: taken(side, newton_steps) for name, side in sides.items()} for _ in range(repeats)]
-    ours, theirs = (rounds[0][name][0] for name in sides)
+    theirs = rounds[0]["ipctk"][0]
+    ours = sum(energy_of_all_pairs(barrier, x) for x, _ in newton_steps for barrier in barriers)
     if abs(ours - theirs) > AGREE * abs(theirs):
         raise ClothsimError(f"{case.name}: contact finds {ours:.12g} J, and ipctk {theirs:.12g} J.")
     each = {
@@ -84,6 +86,14 @@ def compared(case: Case, states: Path, repeats: int, announce: Callable[[str], N
     }
     pairs, own_pairs = max(sum(map(len, found)) for found in active), max(len(found[-1]) for found in active)
     return Compared(n_cloth, len(newton_steps), pairs, own_pairs, ours, each["ours"], each["ipctk"])
+
+
+def energy_of_all_pairs(barrier: Barrier, x: Floats) -> float:
+    """Energy [J] for a stiffness of 1, each active pair counted, as ipctk does here (see `distinct_features`)."""
+    pairs = barrier.candidates.active(x)
+    records = np.empty((len(pairs), kernels.RECORD_SIZE))
+    arguments = pairs.elements, pairs.weights, pairs.thresholds, pairs.n_points, barrier.offset, barrier.d_hat
+    return float(kernels.evaluate(records, x, *arguments))
 
 
 def taken(side: Side, newton_steps: Sequence[NewtonStep]) -> tuple[float, Seconds]:

@@ -1,0 +1,94 @@
+"""Runs with solver.error and solver.estimate: what they take, their estimates against a finer run, their bounds."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from clothsim import Cloth, Scene, simulate
+from clothsim.run.error_control.choice import chosen, work
+from clothsim.run.error_control.knob_errors import KnobErrors
+from clothsim.run.error_control.resolution import Resolution, resolvable
+from clothsim.scene.overrides import set_key
+
+STRIP = {"mesh": "rectangle", "size": [0.3, 0.1], "cells": [6, 2], "density": 0.15, "thickness": 3e-4}
+STRIP |= {"youngs_modulus": 1e6, "poisson_ratio": 0.3, "bending_stiffness": 2e-4}
+EFFECTS = {"inertia": {}, "membrane": {}, "bending": {"model": "midedge"}, "gravity": {}, "pins": {"select": "left"}}
+RUN = {"duration": 0.08, "frames_per_second": 25}
+
+
+def strip(**solver):
+    return Scene(cloth=STRIP, effects=EFFECTS, solver={"threads": 1, "linear": "superlu", **solver}, run=RUN)
+
+
+def tip(run):
+    corner = np.argmax(run.positions(0)[:, 0] + run.positions(0)[:, 1])
+    return run.positions(-1)[corner]
+
+
+def test_a_requested_error_is_met_and_what_was_taken_is_reported(tmp_path):
+    lines, sessions = [], []
+    run = simulate(strip(error=5e-4), tmp_path, announce=sessions.append, message=lines.append)
+    estimate = run.summary["certificate"]["error_estimate"]
+    assert run.status == "completed"
+    assert estimate["known"]
+    assert estimate["met"]
+    assert estimate["total"] <= 1.05 * estimate["asked"] == pytest.approx(1.05 * 5e-4)
+    assert len(estimate["runs"]) == len(lines) >= 2
+    assert estimate["chosen"]["dt"] == sessions[-1].scene.solver["dt"]
+    assert estimate["chosen"]["integrator"] == "bdf2"
+    assert sum(each["seconds"] for each in estimate["runs"]) == pytest.approx(estimate["seconds"])
+    exact = simulate(strip(dt=0.04 / 64), tmp_path / "exact")
+    assert len(exact.positions(-1)) == 21
+    assert np.linalg.norm(tip(run) - tip(exact)) < 4 * 5e-4
+
+
+def test_an_estimate_is_the_distance_to_a_coarser_run(tmp_path):
+    finer = replace(strip(dt=0.01), cloth={**STRIP, "cells": [6, 4]})
+    plain, estimated = (simulate(set_key(finer, "solver.estimate", on), tmp_path / str(on)) for on in (False, True))
+    assert np.array_equal(plain.positions(-1), estimated.positions(-1))
+    estimate = estimated.summary["certificate"]["error_estimate"]
+    assert "total" not in plain.summary["certificate"]["error_estimate"]
+    assert estimate["known"]
+    assert estimate["parts"]["all"] == pytest.approx(estimate["coarser_run_moved"] / (2**1.4 - 1))
+    assert estimate["fixed"] == {}
+    exact = simulate(set_key(finer, "solver.dt", 0.04 / 64), tmp_path / "exact")
+    true = np.sqrt(((plain.positions(-1) - exact.positions(-1)) ** 2).sum(axis=1).mean())
+    assert 0.3 < estimate["total"] / true < 3
+
+
+def test_an_estimate_without_coarser_cells_is_not_known(tmp_path):
+    estimate = simulate(strip(dt=0.01, estimate=True), tmp_path).summary["certificate"]["error_estimate"]
+    assert estimate["known"] is False
+    assert estimate["fixed"] == {"cells": "the cells cannot be halved"}
+
+
+def test_an_error_out_of_reach_of_the_budget_is_missed_and_said_so(tmp_path):
+    run = simulate(strip(error=1e-7, budget=1e-6), tmp_path)
+    estimate = run.summary["certificate"]["error_estimate"]
+    assert run.status == "completed"
+    assert estimate["met"] is False
+    assert "solver.budget" in run.summary["notes"][-1]
+
+
+def test_meshes_without_cells_keep_theirs():
+    triangle = Cloth([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
+    scene = Scene(cloth=triangle, effects={"inertia": {}, "membrane": {}}, solver={"error": 1e-3}, run=RUN)
+    found = resolvable(scene)
+    assert found.knobs == ("dt",)
+    assert set(found.fixed) == {"cells"}
+
+
+def test_the_cheapest_sufficient_resolution_is_chosen():
+    ladder = resolvable(strip(error=1e-3))
+    assert ladder.coarsest == Resolution(4, Fraction(1))
+    first = ladder.refined(ladder.coarsest, ladder.knobs)
+    errors = KnobErrors(ladder.sizes(first), {"dt": 2e-3, "cells": 1e-5})
+    taken = chosen(ladder, errors, [ladder.coarsest, first], 1e-3, 21, np.inf)
+    assert taken.cells == 1
+    assert errors.at(ladder.sizes(taken)).total <= 1e-3
+    cheaper = Resolution(taken.steps * 3 // 4, taken.cells)
+    assert errors.at(ladder.sizes(cheaper)).total > 0.85e-3
+    assert chosen(ladder, errors, [ladder.coarsest, first], 1e-3, 21, 0.1) is None
+    assert work(ladder, first, 21) > work(ladder, ladder.coarsest, 21) == pytest.approx(1.0)

@@ -1,0 +1,50 @@
+"""[solver] newton_error_fraction and tolerance: which of them stops Newton's method."""
+
+import pytest
+from small_scenes import small_scene, without
+
+from clothsim import InputError, simulate
+from clothsim.build.scene_world import build
+from clothsim.run.session import prepare
+from clothsim.scene.overrides import override
+from clothsim.solve.convergence import LEAST_SPEED
+
+
+def settings(**solver):
+    scene = small_scene(solver={"dt": 0.02, "threads": 1, "linear": "superlu", **solver})
+    return prepare(scene, build(scene)).integrator.settings
+
+
+def test_the_time_error_stops_newton_where_no_tolerance_is_given():
+    balanced = settings()
+    assert balanced.error_fraction == 0.1
+    assert balanced.tolerance == pytest.approx(0.1 * LEAST_SPEED)
+    assert settings(newton_error_fraction=0.02).tolerance == pytest.approx(0.02 * LEAST_SPEED)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-2])
+def test_a_tolerance_takes_its_place(tolerance):
+    given = settings(tolerance=tolerance)
+    assert (given.error_fraction, given.tolerance) == (0.0, tolerance)
+
+
+def test_both_exclude_each_other():
+    with pytest.raises(InputError, match="newton_error_fraction and tolerance"):
+        settings(tolerance=1e-3, newton_error_fraction=0.1)
+    scene = override(small_scene(solver={"newton_error_fraction": 0.2}), "solver.tolerance=1e-2")
+    assert scene.solver == {"tolerance": 1e-2}
+
+
+@pytest.mark.parametrize("fraction", [0, -0.1, 1.5, "small"])
+def test_a_fraction_is_a_part_of_one(fraction):
+    with pytest.raises(InputError, match=r"solver\.newton_error_fraction must be"):
+        settings(newton_error_fraction=fraction)
+
+
+def test_without_inertia_the_stop_is_its_least_tolerance_to_the_bit(tmp_path):
+    effects = without("inertia", "body_contact", "damping") | {"pins": {"select": "left"}}
+    runs = [
+        simulate(small_scene(effects=effects, body=(), solver={"dt": 0.08, "threads": 1, **solver}), tmp_path / str(k))
+        for k, solver in enumerate([{}, {"tolerance": 0.1 * LEAST_SPEED}])
+    ]
+    assert (runs[0].positions(-1) == runs[1].positions(-1)).all()

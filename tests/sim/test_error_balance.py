@@ -1,0 +1,58 @@
+"""Balance of Newton's error against the time error, over a whole drape on a ball and a card that starts to slip."""
+
+import numpy as np
+import pytest
+from small_scenes import small_scene
+
+from clothsim import simulate
+
+PAPER = {"density": 0.12, "thickness": 2e-4, "youngs_modulus": 2e6, "poisson_ratio": 0.3, "bending_stiffness": 2e-4}
+ELASTIC = {"inertia": {}, "membrane": {}, "bending": {"model": "hinge"}, "gravity": {}}
+
+
+def drape():
+    """A sheet as stiff as paper that lies down over a ball, off its centre: one solution."""
+    return {
+        "cloth": {"mesh": "rectangle", "size": [0.24, 0.24], "cells": [6, 6], **PAPER},
+        "body": {
+            "name": "ball",
+            "mesh": "sphere",
+            "radius": 0.08,
+            "position": [0.01, 0.02, -0.0825],
+            "subdivisions": 2,
+        },
+        "effects": {**ELASTIC, "damping": {"rate": 4.0}, "body_contact": {"d_hat": 2e-3}},
+        "run": {"duration": 0.12, "frames_per_second": 25},
+    }
+
+
+def ramp():
+    """A card inside d_hat of a ramp, held by friction for the first steps of a solve."""
+    start = {"rotation_degrees": [0, 25, 0], "position": [0.0046, 0.0, 0.0099]}
+    return {
+        "cloth": {"mesh": "rectangle", "size": [0.2, 0.1], "cells": [4, 2], **PAPER, **start},
+        "body": {"name": "ramp", "mesh": "slab", "size": [1.0, 0.4, 0.02], "rotation_degrees": [0, 25, 0]},
+        "effects": {**ELASTIC, "body_contact": {"d_hat": 2e-3}, "friction": {"coefficient": 0.2}},
+        "run": {"duration": 0.12, "frames_per_second": 25},
+    }
+
+
+def end_of(sections, folder, **solver):
+    given = {"dt": 0.01, "threads": 1, "linear": "superlu", "integrator": "backward_euler", **solver}
+    run = simulate(small_scene(**sections, solver=given), folder)
+    assert run.status == "completed"
+    return run.positions(-1), run.summary["newton_iterations"]
+
+
+def distance(one, other):
+    return float(np.sqrt(((one - other) ** 2).sum(axis=1).mean()))
+
+
+@pytest.mark.parametrize("sections", [drape, ramp])
+def test_the_accumulated_error_stays_well_below_that_of_dt(tmp_path, sections):
+    tight, most = end_of(sections(), tmp_path / "tight", tolerance=1e-6)
+    half, _ = end_of(sections(), tmp_path / "half", tolerance=1e-5, dt=0.005)
+    balanced, iterations = end_of(sections(), tmp_path / "balanced")
+    assert iterations < 0.9 * most
+    assert distance(half, tight) > 1e-5
+    assert distance(balanced, tight) < 0.1 * distance(half, tight)
