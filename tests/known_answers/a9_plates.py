@@ -165,7 +165,7 @@ def ribbon_torque(cells: int, model: str) -> float:
     ends = np.flatnonzero((rest[:, 0] < 1e-9) | (rest[:, 0] > LENGTH - 1e-9))
     energies = those_on(membrane=membrane(world), bending=bending(world, model=model))
     x = equilibrium(world, energies, x, held(x, ends), tolerance=1e-9, max_iterations=200, linear="auto")
-    force = sum(energy.gradient(x) for energy in energies.values())
+    force = np.sum([energy.gradient(x) for energy in energies.values()], axis=0)
     end = ends[rest[ends, 0] > LENGTH / 2]
     return float((x[end, 1] * force[end, 2] - x[end, 2] * force[end, 1]).sum() / (2 * width))
 
