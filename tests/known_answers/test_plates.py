@@ -13,9 +13,16 @@ from tests.known_answers.a9_plates import (
     drum_modes,
     euler_load,
     plate_modes,
-    ribbon_torque,
 )
 from tests.known_answers.elastica import elastica_height
+from tests.known_answers.twisted_ribbon import (
+    MODULUS,
+    TWIST,
+    buckling_stretch,
+    critical_stretch,
+    helicoid_torque,
+    ribbon_torque,
+)
 
 
 def test_modes_of_plates_come_near_their_series_and_hinges_do_not():
@@ -45,7 +52,18 @@ def test_a_pressed_strip_rises_to_the_elastica():
 
 
 def test_a_twisted_ribbon_is_stiffer_by_its_stretch_and_by_hinges():
+    exact = helicoid_torque()
     coarse, fine = (ribbon_torque(cells, "midedge") for cells in (6, 12))
-    assert 0.890625 < fine < coarse
-    assert (coarse - 0.890625) / (fine - 0.890625) == pytest.approx(4, rel=0.2)
+    assert exact < fine < coarse
+    assert (coarse - exact) / (fine - exact) == pytest.approx(4, rel=0.2)
     assert ribbon_torque(12, "hinge") > 1.4 * fine
+
+
+def test_a_twisted_ribbon_buckles_where_the_equations_say():
+    stretch, k = critical_stretch(MODULUS, TWIST)
+    thinner, same_k = critical_stretch(10 * MODULUS, TWIST / np.sqrt(10))
+    assert (10 * thinner, same_k) == pytest.approx((stretch, k), rel=1e-4)
+    assert -(TWIST**2) / 24 < stretch < 0  # the whole is in tension, the middle is compressed
+    assert critical_stretch(MODULUS, 1e-9)[0] == pytest.approx(-(0.9**2) / MODULUS, rel=1e-3)  # a flat strip, k = .9
+    assert 2 * np.pi / k == pytest.approx(1.93, abs=0.01)
+    assert buckling_stretch(10, "midedge") == pytest.approx(stretch, rel=0.03)
