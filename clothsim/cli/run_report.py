@@ -76,6 +76,8 @@ def verdict(run: "Run", trouble: list[str]) -> str:
     files = sorted(path.name for path in run.directory.iterdir() if path.suffix in _ENDINGS and path.is_file())
     rejections = summary["rejected_steps"]
     rejected = f" ({rejections:,} rejected for their error)" if rejections else ""
+    restarts = summary.get("restarted_steps", 0)
+    rejected += f" ({restarts:,} by backward Euler at impacts)" if restarts else ""
     parts = summary.get("regional_iterations", 0)
     patch_iterations = f" and {parts:,} on patches" if parts else ""
     newton = f"{_many(summary['newton_iterations'], 'Newton iteration')}{patch_iterations}"

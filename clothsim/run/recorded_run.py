@@ -97,8 +97,7 @@ def recorded_run(
     surfaces = world_surfaces(session.built.world)
     scripted = _scripted(session.built)
     asked = session.scene.solver_settings.error
-    formula = session.integrator.formula
-    certificate = replace(certificate, moved_by_script=scripted, formula=formula, asked=asked)
+    certificate = replace(certificate, moved_by_script=scripted, asked=asked)
     check = intersection_check_of(surfaces, session.scene.effects, session.built.energies)
     arrays = [
         FrameArray(name, FIELDS[name].location, values.shape[1:])

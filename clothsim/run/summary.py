@@ -67,6 +67,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "error": None if report.error is None else report.error.rms,
         "largest_error": None if report.error is None else report.error.largest,
         "rejected": report.rejected,
+        "restarted": report.restarted,
         "unstable": [asdict(switch) for switch in report.switches],
     }
 
@@ -117,6 +118,7 @@ def summary_of(
         "newton_iterations": sum(entry["newton_iterations"] for entry in record),
         "regional_iterations": sum(entry.get("regional_iterations", 0) for entry in record),
         "rejected_steps": sum(entry.get("rejected", 0) for entry in record),
+        "restarted_steps": sum(entry.get("restarted", False) for entry in record),
         "linear_solves": potential.timers.linear_solves,
         "peak_memory_bytes": peak_memory(),
         "vertices": world.n_cloth,

@@ -7,13 +7,12 @@ from typing import Any, Self
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.energies.protocols import Storing
 from clothsim.kinematics.deformation_gradient import deformation_gradients
 from clothsim.kinematics.stretch import principal_stretches
 from clothsim.mesh.world import World
 from clothsim.sim.error_estimate import ErrorEstimate
-from clothsim.sim.integrators import BACKWARD_EULER
 from clothsim.sim.intersection_history import IntersectionHistory, history_from
+from clothsim.sim.mechanical_energy import mechanical_energy
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
 
@@ -57,7 +56,7 @@ class Certificate:
 
     E(x) falls in every step. In backward Euler that is |v(n+1) - v(n)|^2_M/2 + Psi(n+1) <= |v(n)|^2_M/2 + Psi(n), and
     the energy itself falls where Psi is convex: a sheet that buckles within a large step may gain some. BDF2 has no
-    such law of the energy, which may rise within its order: its drift is not checked.
+    such law: its energy may rise within its order, by a hundredth of the kinetic energy (`sim.mechanical_energy`).
 
     Parameters
     ----------
@@ -79,8 +78,6 @@ class Certificate:
         Largest part of the energy so far [J].
     moved_by_script : bool
         True where bodies, pins or wind do work on the cloth, so that a rise is no error.
-    formula : str
-        "backward_euler" or "bdf2".
     estimate : ErrorEstimate
         Estimated error of the result.
     asked : float
@@ -104,7 +101,6 @@ class Certificate:
     step_rise: float = 0.0
     energy_scale: float = 0.0
     moved_by_script: bool = False
-    formula: str = BACKWARD_EULER
     estimate: ErrorEstimate = field(default_factory=ErrorEstimate)
     asked: float = 0.0
     fastest_speed: float = np.nan
@@ -118,10 +114,12 @@ class Certificate:
         """
         x = report.state.positions
         stretches = world_stretches(world, x)
-        energy, incremental, scale = _energies(world, report, report.state)
+        end = mechanical_energy(world, report.potential, report.state)
+        incremental = end.incremental
         if report.switches:  # of the solve; the displacement after it is none of its steps
-            incremental = _energies(world, report, replace(report.state, positions=report.result.x))[1]
-        energy_before, incremental_before, _ = _energies(world, report, before)
+            solved = replace(report.state, positions=report.result.x)
+            incremental = mechanical_energy(world, report.potential, solved).incremental
+        start = mechanical_energy(world, report.potential, before)
         return replace(
             self,
             gap=min(self.gap, report.minimum_gap),
@@ -129,10 +127,10 @@ class Certificate:
             stretch_max=max(self.stretch_max, float(stretches[:, 0].max())),
             residual=report.result.residual,
             relative_residual=max(self.relative_residual, report.result.relative_residual),
-            energy=energy,
-            energy_rise=max(self.energy_rise, energy - energy_before),
-            step_rise=max(self.step_rise, incremental - incremental_before),
-            energy_scale=max(self.energy_scale, scale),
+            energy=end.total,
+            energy_rise=max(self.energy_rise, end.total - start.total),
+            step_rise=max(self.step_rise, incremental - start.incremental),
+            energy_scale=max(self.energy_scale, end.scale),
             estimate=self.estimate.after(report),
             fastest_speed=np.nan if report.error is None else report.fastest,
             at_rest=report.state.at_rest,
@@ -142,7 +140,6 @@ class Certificate:
     def as_dict(self, coverage: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
         """Return the entry of the summary. coverage: see `IntersectionCheck.coverage`; completed: the whole run."""
         scale, scripted = self.energy_scale or 1.0, "bodies, pins or wind do work"
-        drift: float | str = self.energy_rise / scale if self.formula == BACKWARD_EULER else "not checked (BDF2)"
         return {
             "intersection_free": self.intersections.intersection_free,
             **coverage,
@@ -156,7 +153,7 @@ class Certificate:
             "at_rest": self.at_rest,
             "fastest_speed": self.fastest_speed,
             "unstable_equilibria": asdict(self.unstable),
-            "energy_drift": scripted if self.moved_by_script else drift,
+            "energy_drift": scripted if self.moved_by_script else self.energy_rise / scale,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
             "error_estimate": self.estimate.as_dict(self.asked, completed),
         }
@@ -179,22 +176,12 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
         "intersections": history_from(fields.get("intersections", older)),
         "unstable": UnstableEquilibria(**fields.get("unstable", {})),
     }
-    return Certificate(**{**{name: fields[name] for name in fields if name != "intersecting_frames"}, **parts})
+    return Certificate(
+        **{**{name: fields[name] for name in fields if name in Certificate.__dataclass_fields__}, **parts}
+    )
 
 
 def world_stretches(world: World, x: Floats) -> Floats:
     """Return the principal stretches of all cloth triangles, (m, 2), the larger first."""
     F = deformation_gradients(x[: world.n_cloth], world.triangles, world.rest_shape_inverses)
     return np.asarray(principal_stretches(F), np.float64)
-
-
-def _energies(world: World, report: StepReport, state: State) -> tuple[float, float, float]:
-    """Kinetic energy and Psi of a state, the incremental potential at it, and the largest part [J]."""
-    energies = report.potential.acting
-    values = {name: energy.value(state.positions) for name, energy in energies.items()}
-    stored = [value for name, value in values.items() if not energies[name].incremental]
-    dynamic = len(stored) < len(values)
-    stored += [energy.stored(state.positions) for energy in energies.values() if isinstance(energy, Storing)]
-    speeds = (state.velocities[: world.n_cloth] ** 2).sum(axis=1)
-    kinetic = 0.5 * float(world.masses @ speeds) if dynamic else 0.0
-    return kinetic + sum(stored), sum(values.values()), max(abs(part) for part in (kinetic, *stored))

@@ -15,6 +15,7 @@ from clothsim.sim.error_balance import error_balance
 from clothsim.sim.failure import Failure, end_sentence, failure_of
 from clothsim.sim.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
 from clothsim.sim.local_error import StepError, step_error
+from clothsim.sim.mechanical_energy import gains_energy
 from clothsim.sim.prescribed import prescribed
 from clothsim.sim.state import Previous, State, Switch
 from clothsim.sim.step_size import ErrorControl
@@ -135,6 +136,8 @@ class StepReport:
         True where the error was too large and the step had the shortest length.
     switches : tuple of Switch
         Unstable equilibria at its end.
+    restarted : bool
+        True where BDF2 would have gained energy, and backward Euler took the step (`sim.mechanical_energy`).
     """
 
     state: State
@@ -150,6 +153,7 @@ class StepReport:
     rejected: int = 0
     at_floor: bool = False
     switches: tuple[Switch, ...] = ()
+    restarted: bool = False
 
     @property
     def converged(self) -> bool:
@@ -178,7 +182,7 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
     failures: list[str] = []
     dts: list[float] = []
     tried, dt = state, state.dt
-    smallest, rejected = integrator.shortest(dt), 0
+    smallest, rejected, restarted = integrator.shortest(dt), 0, False
     held = integrator.constraints.values()
     unbalanced: list[tuple[Potential, NewtonResult]] = []
     for _ in range(MOST_TRIES):
@@ -186,17 +190,20 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
         h = left / pieces
         end = until if pieces == 1 else state.time + h
         target = prescribed(integrator.world, held, end)
-        formula = formula_of(integrator.formula, state, h)
+        formula = formula_of(BACKWARD_EULER if restarted else integrator.formula, state, h)
         bound, result = _solve(integrator, state, formula, h, end, target)
         if result.outcome.converged:
             after, error = _after(integrator, tried, formula, result, h, end, target)
+            if formula.order == 2 and gains_energy(integrator.world, bound, state, after, _moves(state, target)):
+                restarted = True
+                continue
             shorter = _shorter(integrator, state, h, error)
             if shorter < h:
                 rejected, dt = rejected + 1, shorter
                 continue
             grown = _next_dt(integrator, after, formula, h, dt, error, bool(failures or rejected))
             report = _report(integrator, replace(after, dt=grown, memory=bound.memory()), h, result, bound, failures)
-            return replace(report, error=error, rejected=rejected, at_floor=shorter < np.inf)
+            return replace(report, error=error, rejected=rejected, at_floor=shorter < np.inf, restarted=restarted)
         if result.outcome.ending is Ending.UNBALANCED:
             unbalanced.append((bound, result))
         failures.append(f"dt {h:.3g} s: {end_sentence(integrator.world, held, result.outcome)}")
@@ -212,6 +219,11 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
         cause = unbalanced[0]  # shorter steps end at round-off, which only hides why
     failure = failure_of(integrator.world, held, cause[0], tried, cause[1], target, dts, infeasible)
     return replace(_report(integrator, state, h, result, bound, failures), failure=failure, rejected=rejected)
+
+
+def _moves(state: State, target: Prescribed) -> bool:
+    """True where a body or pin moves in the step from `state`."""
+    return not np.array_equal(state.positions[target.vertices], target.positions)
 
 
 def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -> State:

@@ -1,0 +1,34 @@
+"""Energy of BDF2 at impacts: steps that would gain are repeated with backward Euler, smooth motion is not."""
+
+from small_scenes import SHEET, small_scene, without
+
+from clothsim import simulate
+from clothsim.sim.mechanical_energy import ALLOWED
+
+PLATE = {"mesh": "slab", "size": [3.0, 3.0, 0.1], "name": "plate"}
+
+
+def thrown(**solver):
+    """Summary of a sheet that is thrown at a plate with 50 m/s."""
+    cloth = SHEET | {"position": [0.0, 0.0, 1.0], "rotation_degrees": [2.0, 1.0, 0.0], "velocity": [0.0, 0.0, -50.0]}
+    run = {"duration": 0.1, "frames_per_second": 50}
+    scene = small_scene(cloth, PLATE, without("damping"), {"dt": 0.01, "threads": 1, **solver}, run)
+    return simulate(scene).summary
+
+
+def test_an_impact_adds_no_energy():
+    summary = thrown()
+    assert summary["status"] == "completed", summary["reason"]
+    assert summary["restarted_steps"] > 0
+    assert summary["certificate"]["energy_drift"] <= ALLOWED
+    assert summary["certificate"]["intersections"]["cloth_body"]["pairs"] == 0
+
+
+def test_backward_euler_is_never_restarted():
+    assert thrown(integrator="backward_euler")["restarted_steps"] == 0
+
+
+def test_a_sheet_that_swings_without_contact_stays_with_bdf2():
+    effects = without("body_contact", "damping") | {"pins": {"select": "left"}}
+    scene = small_scene(body=(), effects=effects, run={"duration": 0.6, "frames_per_second": 25})
+    assert simulate(scene).summary["restarted_steps"] == 0
