@@ -73,12 +73,16 @@ def test_a_body_out_of_reach_is_absent_bit_for_bit(tmp_path):
     assert far.summary["effects"]["body_contact"]["hessian_nonzeros"] == 0
 
 
-def test_self_contact_without_a_pair_is_absent_bit_for_bit(tmp_path):
-    """The upper sheet is damped above the lower one: pairs are predicted in both steps, and none is active."""
+@pytest.mark.parametrize(("integrator", "above"), [("backward_euler", 0.053), ("bdf2", 0.06)])
+def test_self_contact_without_a_pair_is_absent_bit_for_bit(tmp_path, integrator, above):
+    """The upper sheet is damped above the lower one: pairs are predicted in both steps, and none is active.
+
+    In two steps it falls by 30 mm with backward Euler, and by 37 mm with BDF2.
+    """
     low = SHEET | {"name": "low", "cells": [6, 6]}
-    high = low | {"name": "high", "position": [0.1, 0.07, SHEET["position"][2] + 0.053], "velocity": [0, 0, -2.0]}
+    high = low | {"name": "high", "position": [0.1, 0.07, SHEET["position"][2] + above], "velocity": [0, 0, -2.0]}
     effects = without("body_contact") | {"damping": {"rate": 50.0}, "pins": {"select": [0, 6, 42, 48]}}
-    sections = {"cloth": (low, high), "body": (), "solver": SOLVER | {"linear": "auto"}}
+    sections = {"cloth": (low, high), "body": (), "solver": SOLVER | {"linear": "auto", "integrator": integrator}}
     sections["run"] = {"duration": 0.04, "frames_per_second": 50}
     runs = [run_of(tmp_path / str(k), effects=effects | more, **sections) for k, more in enumerate(({}, SELF))]
     assert np.array_equal(frames(runs[0]), frames(runs[1]))

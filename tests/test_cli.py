@@ -68,7 +68,9 @@ def test_run_prints_settings_progress_and_verdict(capsys, tmp_path):
     assert "0.01 s" in out
     assert re.search(r"; Newton [^;]*\d", out)
     assert re.search(r"completed.*0\.04 s", out)
-    assert re.search(r"smallest\s+gap 23 mm", out)
+    gap = read_summary(tmp_path / "sheet/summary.json")["certificate"]["minimum_gap"]
+    assert 0.01 < gap < 0.025
+    assert re.search(rf"smallest\s+gap {1000 * gap:.3g} mm", out)
     assert re.search(r"principal stretches 0\.\d+ to 1\.\d+", out)
     assert "0.040 of 0.04 s" in err.splitlines()[-1]
     assert "Newton, gap " in err

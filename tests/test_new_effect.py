@@ -95,19 +95,26 @@ def folder(tmp_path, monkeypatch):
     del EFFECTS["trampoline"]
 
 
-def test_it_runs_in_a_scene_and_oscillates_as_it_should(folder):
-    """Alone with inertia each vertex is an oscillator: backward Euler is (1 + k h^2) z = z_n + h v_n."""
+@pytest.mark.parametrize("integrator", ["backward_euler", "bdf2"])
+def test_it_runs_in_a_scene_and_oscillates_as_it_should(folder, integrator):
+    """Alone with inertia each vertex is an oscillator: (1 + (b h)^2 k) z = z~ + b h v~, v = (z - z~) / (b h).
+
+    Backward Euler: b = 1 and the values before; BDF2 after its first step: b = 2/3 and (4 before - the one before) / 3.
+    """
     effects = {"inertia": {}, "trampoline": {"strength": 40.0}}
-    run = simulate(
-        small_scene(body=(), effects=effects, run={"duration": 0.2, "frames_per_second": 50}), folder / "run"
-    )
+    solver = SOLVER | {"integrator": integrator, "tolerance": 1e-9}
+    scene = small_scene(body=(), effects=effects, solver=solver, run={"duration": 0.2, "frames_per_second": 50})
+    run = simulate(scene, folder / "run")
     assert run.status == "completed", run.reason
-    h, z, v = SOLVER["dt"], SHEET["position"][2], 0.0
+    h, states = SOLVER["dt"], [np.array([SHEET["position"][2], 0.0])]
     for frame in range(1, len(run.times)):
-        before, z = z, (z + h * v) / (1 + 40.0 * h**2)
-        v = (z - before) / h
-        assert np.abs(run.positions(frame)[:, 2] - z).max() < 1e-12
-    assert z < 0.2
+        second = integrator == "bdf2" and frame > 1
+        bh = (2 / 3 if second else 1) * h
+        z, v = (4 * states[-1] - states[-2]) / 3 if second else states[-1]
+        end = (z + bh * v) / (1 + 40.0 * bh**2)
+        states.append(np.array([end, (end - z) / bh]))
+        assert np.abs(run.positions(frame)[:, 2] - end).max() < 1e-12
+    assert end < 0.2
 
 
 def test_it_is_explained_with_its_price(folder, capsys):

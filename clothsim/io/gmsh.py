@@ -147,18 +147,26 @@ def _nodes_2(source: Source) -> tuple[Ints, Floats]:
 def _count_2(source: Source) -> int:
     """The count, which is text in a binary file, too."""
     if isinstance(source, _Words):
-        return int(source.take("size", 1)[0])
+        return _count(source)
     end = source.content.find(b"\n", source.offset)
     count, source.offset = int(source.content[source.offset : end]), end + 1
     return count
 
 
+def _count(source: Source, of_header: int = 1) -> int:
+    """The first of the next `of_header` counts."""
+    count = int(source.take("size", of_header)[0])
+    if count < 0:
+        raise ValueError(f"a count of {count}")
+    return count
+
+
 def _nodes_4(source: Source, latest: bool) -> tuple[Ints, Floats]:
-    blocks = int(source.take("size", 4 if latest else 2)[0])
+    blocks = _count(source, 4 if latest else 2)
     tags, points = [np.zeros(0, np.int64)], [np.zeros((0, 3))]
     for _ in range(blocks):
         dimension, other, parametric = source.take("int", 3).tolist()
-        count = int(source.take("size", 1)[0])
+        count = _count(source)
         width = 3 + ((dimension if latest else other) if parametric else 0)
         if not 3 <= width <= 6:
             raise ValueError(f"nodes of {width} numbers")
@@ -173,11 +181,11 @@ def _nodes_4(source: Source, latest: bool) -> tuple[Ints, Floats]:
 
 
 def _elements_4(source: Source, latest: bool) -> Elements:
-    count_of_blocks = int(source.take("size", 4 if latest else 2)[0])
+    count_of_blocks = _count(source, 4 if latest else 2)
     blocks = []
     for _ in range(count_of_blocks):
         kind = int(source.take("int", 3)[2])
-        count, width = int(source.take("size", 1)[0]), 1 + CORNERS[kind]
+        count, width = _count(source), 1 + CORNERS[kind]
         rows = source.take("size" if latest else "int", count * width).reshape(count, width)
         blocks.append((kind, rows[:, 1:]))
     return blocks

@@ -129,7 +129,7 @@ class TestNoStepPassesIt:
         dx = np.random.default_rng(seed).standard_normal(x.shape)
         fraction = energy.step_limit(x, dx)
         assert 0 < fraction < 1
-        loads = [energy._loads(x + fraction * fraction * dx, energy.triangles) for fraction in np.linspace(0, 1, 50)]
+        loads = [energy._loads(x + part * fraction * dx, energy.triangles) for part in np.linspace(0, 1, 50)]
         start = loads[0].max()
         assert max(load.max() for load in loads) < 1
         assert energy.value(x + fraction * dx) < np.inf
