@@ -45,6 +45,7 @@ def pulled(small: bool, speed: float) -> Scene:
         body={"name": "table", "mesh": "slab", "size": [6, 6, 0.1], "position": [0, 0, -0.05]},
         effects=ELASTIC
         | {"body_contact": {"d_hat": D_HAT}, "friction": {"coefficient": MU, "iterations": 4}}
+        | ({"self_contact": {"d_hat": D_HAT}} if speed > 4 else {})  # torn so fast, it folds behind the pins
         | {"pins": {"select": "right", "motion": {"velocity": [speed, 0, 0]}}},
         solver={"dt": dt, "tolerance": 1e-4, "integrator": "backward_euler"},
         run={"duration": duration, "frames_per_second": 1 / dt},
