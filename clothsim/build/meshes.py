@@ -23,7 +23,8 @@ from clothsim.scene.keys import table
 from clothsim.scene.mesh_arrays import MeshArrays
 
 THREADS = ("warp_stiffness", "weft_stiffness", "shear_stiffness", "thread_poisson_ratio")
-FABRIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness", *THREADS)
+EXTENSIONS = ("warp_extension", "weft_extension")
+FABRIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness", *THREADS, *EXTENSIONS)
 
 
 def cloth_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
@@ -151,7 +152,7 @@ def fabric_of(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
     name = keys.get("fabric", "cotton")
     named = fabric_named(f"{where}.fabric", name)
     own = {key: as_number(f"{where}.{key}", keys[key]) for key in FABRIC if key in keys}
-    ruled = dict.fromkeys(THREADS) if "youngs_modulus" in own else {}
+    ruled = dict.fromkeys((*THREADS, *EXTENSIONS)) if "youngs_modulus" in own else {}
     try:
         fabric = replace(named, **(ruled | own))  # type: ignore[arg-type]
     except InputError as error:

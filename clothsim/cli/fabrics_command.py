@@ -23,6 +23,8 @@ _VALUES = {
     "weft_stiffness": ("N/m", 1.0),
     "shear_stiffness": ("N/m", 1.0),
     "thread_poisson_ratio": ("", 1.0),
+    "warp_extension": ("%", 1e2),
+    "weft_extension": ("%", 1e2),
     "bending_warp": ("uN m", 1e6),
     "bending_weft": ("uN m", 1e6),
     "youngs_modulus": ("MPa", 1e-6),
@@ -72,7 +74,18 @@ def table(fabrics: Any) -> str:
     """The fabrics in lines: weight, thickness, stiffness along warp and weft and in shear, bending, source."""
     from clothsim.text_table import text_table
 
-    header = ("fabric", "g/m2", "mm", "warp N/m", "weft N/m", "shear N/m", "bending uN m", "measured by", "estimated")
+    header = (
+        "fabric",
+        "g/m2",
+        "mm",
+        "warp N/m",
+        "weft N/m",
+        "shear N/m",
+        "bending uN m",
+        "measured by",
+        "% at 490 N/m",
+        "estimated",
+    )
     rows = []
     for named in fabrics:
         fabric = named.fabric
@@ -84,9 +97,11 @@ def table(fabrics: Any) -> str:
             f"{fabric.stiffness_in_shear:,.0f}",
             f"{1e6 * fabric.bending_stiffness:.1f}",
         )
-        rows.append((fabric.name, *numbers, named.measured_by, ", ".join(named.estimated)))
+        extensions = f"{100 * fabric.extension_along_warp:.3g}, {100 * fabric.extension_along_weft:.3g}"
+        estimated = dict.fromkeys(key.split("_")[-1] for key in named.estimated)
+        rows.append((fabric.name, *numbers, named.measured_by, extensions, ", ".join(estimated)))
     lines = text_table(header, rows)
-    return f'{lines}\n\nwarp, weft and shear act with [effects.membrane] material = "orthotropic".'
+    return f"{lines}\n\nThe extensions along warp and weft act with [effects.strain_limit]."
 
 
 def sheet(named: "NamedFabric") -> str:

@@ -87,6 +87,7 @@ def membrane(
 
         return paired_membrane(world)
     if material == "neo_hookean":
+        _refuse_negative(world)
         from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
 
         return NeoHookeanMembrane.of(world)
@@ -97,6 +98,17 @@ def membrane(
     from clothsim.energies.measured_membrane import measured
 
     return measured(world, angles, **tables)
+
+
+def _refuse_negative(world: World) -> None:
+    """InputError for a cloth of negative Poisson ratio, whose isotropic energy falls without bound as it collapses."""
+    for cloth in world.cloths:
+        if cloth.fabric is not None and cloth.fabric.poisson_ratio < 0:
+            raise InputError(
+                f'effects.membrane.material = "neo_hookean" does not take the poisson_ratio '
+                f"{cloth.fabric.poisson_ratio:g} of {cloth.name!r}.",
+                'Take material = "orthotropic", or leave it out.',
+            )
 
 
 def _refuse_others(material: str, given: Mapping[str, bool]) -> None:

@@ -23,7 +23,13 @@ from clothsim.energies.example import Example, Idle
 from clothsim.energies.varying_values import over_cloth
 from clothsim.errors import InputError
 from clothsim.kinematics.warp_weft import thread_axes
+from clothsim.mesh.fabric import EXTENDED
 from clothsim.mesh.world import World
+
+FABRIC = "fabric"
+"""Limits from the extensions of the fabric."""
+WITHOUT_EXTENSION = 1.1
+"""Largest stretch of a fabric whose extension is not known."""
 
 if TYPE_CHECKING:
     from clothsim.energies.stretch_barrier import StrainLimit
@@ -32,7 +38,7 @@ if TYPE_CHECKING:
 def strain_limit(
     world: World,
     *,
-    limit: Any = 1.1,
+    limit: Any = FABRIC,
     limit_warp: Any = 0.0,
     limit_weft: Any = 0.0,
     begins: float = 0.5,
@@ -44,7 +50,9 @@ def strain_limit(
     Parameters
     ----------
     limit, limit_warp, limit_weft : numbers or values over the cloth
-        Largest stretch in every direction, and along the threads: 1.1 allows 10 %; 0: no limit.
+        Largest stretch in every direction, and along the threads: 1.1 allows 10 %; 0: no limit. limit = "fabric": those
+        along the threads at which the fabric has its measured extension under 490 N/m, and 1.1 in every direction for a
+        fabric without one.
     begins : float
         Activation of the barrier as fraction of the range from 1 to the limit.
     stiffness : number or values over the cloth
@@ -61,18 +69,25 @@ def strain_limit(
     InputError
         For a limit at or below 1, a missing stiffness, or a triangle that starts at its limit or beyond.
     """
-    asked = {"limit": limit, "limit_warp": limit_warp, "limit_weft": limit_weft}
+    of_fabric = isinstance(limit, str) and limit == FABRIC
+    asked = {"limit": 0.0 if of_fabric else limit, "limit_warp": limit_warp, "limit_weft": limit_weft}
     every, warp, weft = (_limits(f"effects.strain_limit.{key}", value, world) for key, value in asked.items())
     fraction = as_number("effects.strain_limit.begins", begins)
     if not 0 <= fraction < 1:
         raise InputError(f"effects.strain_limit.begins must be a fraction from 0 to below 1, not {begins!r}.")
+    stiff = over_cloth("effects.strain_limit.stiffness", stiffness, world, 0.0)
+    own = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft"))
+    stiff = np.where(stiff > 0, stiff, own)
+    if of_fabric:
+        own_warp, own_weft = (_of_fabric(world, along, stiff, fraction) for along in ("warp", "weft"))
+        unknown = ~np.isfinite(np.stack([own_warp, own_weft, warp, weft])).any(axis=0)
+        every = np.where(unknown, WITHOUT_EXTENSION, np.inf)
+        warp, weft = (np.where(np.isfinite(given), given, own) for given, own in ((warp, own_warp), (weft, own_weft)))
     limits = np.column_stack([every, every, warp, weft])
     chosen = np.flatnonzero(np.isfinite(limits).any(axis=1))
     if not len(chosen):
         return Off("every limit is 0, which means none")
-    stiff = over_cloth("effects.strain_limit.stiffness", stiffness, world, 0.0)
-    own = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft"))
-    stiff = np.where(stiff > 0, stiff, own)[chosen]
+    stiff = stiff[chosen]
     if not (stiff > 0).all():
         raise InputError("effects.strain_limit has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
     angles = np.radians(over_cloth("effects.strain_limit.angle_degrees", angle_degrees, world))
@@ -84,6 +99,55 @@ def strain_limit(
     energy = StrainLimit(world.triangles[chosen], inverses, world.rest_areas[chosen], begin, limits, stiff)
     _refuse_beyond(world, energy, chosen)
     return energy
+
+
+def _of_fabric(world: World, along: str, stiffness: Floats, begins: float) -> Floats:
+    """Limits (m,) of the threads at which the fabrics have their extensions, inf for a fabric without one."""
+    extensions, own = world.per_triangle(f"extension_along_{along}"), world.per_triangle(f"stiffness_along_{along}")
+    rows, inverse = np.unique(np.column_stack([extensions, own, stiffness]), axis=0, return_inverse=True)
+    limits = [limit_of_extension(float(row[0]), float(row[1]), float(row[2]), begins) for row in rows]
+    return np.asarray(limits, np.float64)[inverse.ravel()]
+
+
+def limit_of_extension(extension: float, own: float, stiffness: float, begins: float) -> float:
+    """The limit S with which a thread of stiffness `own` and the barrier bear EXTENDED at a strain of `extension`.
+
+    own e + k (S - s_hat) (y^2/(1 - y) - 2 y ln(1 - y)) = EXTENDED, with S - 1 = e/(begins + (1 - begins) y).
+
+    Parameters
+    ----------
+    extension : float
+        Strain e of the fabric under `EXTENDED`; 0: not known.
+    own : float
+        Stiffness of the thread [N/m].
+    stiffness : float
+        k of the barrier [N/m].
+    begins : float
+        Activation of the barrier as a fraction of the range from 1 to S.
+
+    Returns
+    -------
+    float
+        S; inf where the extension is not known or the thread bears the force alone.
+
+    Examples
+    --------
+    >>> round(limit_of_extension(0.05, 261.0, 261.0, 0.5), 4)
+    1.0504
+    """
+    from scipy.optimize import brentq
+
+    missing = EXTENDED - own * extension
+    if extension == 0.0 or stiffness == 0.0 or missing <= 0.0:
+        return float("inf")
+
+    def surplus(y: float) -> float:
+        width = (1 - begins) * extension / (begins + (1 - begins) * y)
+        return float(stiffness * width * (y * y / (1 - y) - 2 * y * np.log1p(-y)) - missing)
+
+    nearest = 1 - 1e-12
+    y = brentq(surplus, 0.0, nearest) if surplus(nearest) > 0 else nearest
+    return 1 + extension / (begins + (1 - begins) * y)
 
 
 def _limits(name: str, value: Any, world: World) -> Floats:

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 from clothsim.arrays import as_positive
 from clothsim.errors import InputError
 
+EXTENDED = 490.3325
+"""Force at which the extension of a fabric is given, 500 gf/cm, the largest of a KES tensile test [N/m]."""
+
 
 @dataclass(frozen=True)
 class Fabric:
@@ -26,6 +29,8 @@ class Fabric:
         Of the threads [N/m] (see `energies.orthotropic`); None: the isotropic ones.
     thread_poisson_ratio : float, optional
         Geometric mean of both Poisson ratios of the threads; None: poisson_ratio.
+    warp_extension, weft_extension : float, optional
+        Strain under `EXTENDED` of a strip cut along warp and weft (KES, EMT), for `strain_limit`.
     bending_warp, bending_weft, friction : float, optional
         Bending stiffnesses [N m] and friction coefficient for the user's information; None where no source gives them.
     """
@@ -41,6 +46,8 @@ class Fabric:
     weft_stiffness: float | None = None
     shear_stiffness: float | None = None
     thread_poisson_ratio: float | None = None
+    warp_extension: float | None = None
+    weft_extension: float | None = None
     bending_warp: float | None = None
     bending_weft: float | None = None
     friction: float | None = None
@@ -53,6 +60,9 @@ class Fabric:
         for name in ("warp_stiffness", "weft_stiffness", "shear_stiffness", "bending_warp", "bending_weft", "friction"):
             if getattr(self, name) is not None:
                 as_positive(name, getattr(self, name), zero=True)
+        for name in ("warp_extension", "weft_extension"):
+            if getattr(self, name) is not None:
+                as_positive(name, getattr(self, name))
         if not -1 < self.poisson_ratio <= 0.5:
             raise InputError(f"poisson_ratio must lie in (-1, 0.5], not {self.poisson_ratio!r}.")
 
@@ -71,9 +81,12 @@ class Fabric:
 
     @property
     def has_threads(self) -> bool:
-        """True where it has an orthotropic stiffness of its own."""
+        """True where the orthotropic sheet is its own: it has such a stiffness, or a negative Poisson ratio.
+
+        The isotropic energy is unbounded below for lam < 0: lam/2 (ln J)^2 as J -> 0.
+        """
         own = self.warp_stiffness, self.weft_stiffness, self.shear_stiffness, self.thread_poisson_ratio
-        return any(value is not None for value in own)
+        return self.poisson_ratio < 0 or any(value is not None for value in own)
 
     @property
     def stiffness_along_warp(self) -> float:
@@ -94,6 +107,16 @@ class Fabric:
     def poisson_ratio_of_threads(self) -> float:
         """Square root of nu12 nu21; poisson_ratio where the fabric gives none."""
         return self._own(self.thread_poisson_ratio, self.poisson_ratio)
+
+    @property
+    def extension_along_warp(self) -> float:
+        """Strain under `EXTENDED` along the warp; 0 where the fabric gives none."""
+        return self._own(self.warp_extension, 0.0)
+
+    @property
+    def extension_along_weft(self) -> float:
+        """Strain under `EXTENDED` along the weft; 0 where the fabric gives none."""
+        return self._own(self.weft_extension, 0.0)
 
     @staticmethod
     def _own(value: float | None, isotropic: float) -> float:

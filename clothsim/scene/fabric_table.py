@@ -15,17 +15,24 @@ PENAVA: Penava, Simic Penava, Knezic 2014, "Determination of the elastic constan
 test in various directions", Fibres & Textiles in Eastern Europe 22(2), tables 1 and 3, as C-IPC (Li, Kaufman, Jiang
 2021) uses them: density [kg/m2], thickness [m], Young's modulus [Pa], Poisson's ratio.
 
-KES numbers in gf cm2/cm are 9.80665e-5 N m.
+KES numbers in gf cm2/cm are 9.80665e-5 N m; a shear stiffness of 1 gf/(cm degree) is 56.19 N/m.
+
+ADJUSTED: a denim's shear stiffness and extension. The row of Wang 2011 has .48 gf/(cm degree), measured denims 1.5 to
+3.4 (Journal of Textiles 2016, 4614168, table 5, KES of six denims; sample A is taken).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from math import sqrt
+from math import pi, sqrt
+from typing import Any
 
 from clothsim.mesh.fabric import Fabric
 
 GRAM_FORCE_CM = 9.80665e-5
 """1 gf cm2/cm, the unit of KES bending rigidity [N m]."""
+
+SHEAR_UNIT = 98.0665 * 1e-2 * 180 / pi
+"""1 gf/(cm degree), the unit of KES shear stiffness [N/m]."""
 
 _Row = tuple[str, float, tuple[float, float, float, float], tuple[float, float, float]]
 
@@ -95,6 +102,33 @@ PENAVA: Mapping[str, tuple[str, float, float, float, float]] = {
 
 BULK = 520.0
 """Density over thickness of the four fabrics of PENAVA, in the mean [kg/m3]."""
+KNIT_BULK, FLEECE_BULK = 250.0, 90.0
+"""Density over thickness of double-faced knits (interlock of .19 kg/m2: .75 mm) and of a brushed blanket (2.5 mm)."""
+KNITS = ("interlock", "rib_knit", "ponte_roma", "swimwear")
+BULKS: Mapping[str, tuple[float, str]] = {
+    **dict.fromkeys(KNITS, (KNIT_BULK, "typical of knits: .7 to 1 mm at .19 kg/m2")),
+    "swimwear": (400.0, "typical of warp knits with elastane: about .5 mm at .2 kg/m2"),
+    "blanket": (FLEECE_BULK, "typical of brushed polyester: 2 to 4 mm at .23 kg/m2"),
+}
+"""Bulk densities [kg/m3] of fabrics that are no plain weave, and where they come from."""
+
+DENIMS = "KES of a cotton denim, Journal of Textiles 2016, 4614168, table 5, sample A"
+EXTENSIONS: Mapping[str, tuple[float, float, str]] = {
+    "denim": (0.05515, 0.05515, f"{DENIMS}: EMT, mean of warp and weft"),
+    "interlock": (0.3, 0.5, "estimated: typical of cotton interlocks, wider across the wales"),
+    "rib_knit": (0.35, 0.6, "estimated: typical of ribs with elastane, wider across the wales"),
+    "ponte_roma": (0.25, 0.35, "estimated: typical of double jerseys"),
+    "swimwear": (0.6, 0.8, "estimated: typical of warp knits with elastane"),
+    "jet_set": (0.05, 0.05, "estimated: typical of light woven polyester"),
+    "blanket": (0.2, 0.3, "estimated: typical of brushed knits"),
+    "tablecloth": (0.05, 0.05, "estimated: typical of plain weaves in KES tests"),
+    "trousers": (0.05, 0.07, "estimated: typical of woven trouserings in KES tests"),
+    "cotton": (0.05, 0.05, "estimated: typical of plain cotton in KES tests"),
+    "wool": (0.06, 0.08, "estimated: typical of plain wool suitings in KES tests"),
+    "wool_lycra": (0.08, 0.2, "estimated: typical of wool with elastane in the weft"),
+    "polyester": (0.04, 0.05, "estimated: typical of plain polyester in KES tests"),
+}
+"""Strains along warp and weft under 490 N/m, and their sources."""
 BENDING_LENGTH = 15e-3
 """Of a plain woven wool [m]: 15.0 along the warp and 14.5 mm along the weft in a SiroFAST-2 test."""
 
@@ -142,10 +176,11 @@ def _of_wang(name: str, row: _Row) -> NamedFabric:
     made_of, density, (c11, c12, c22, c33), (across, _, along) = row
     nu = c12 / sqrt(c11 * c22)
     weft, warp = (2 * c * (1 - nu**2) for c in (c11, c22))
-    thickness = density / BULK
+    bulk, bulk_rule = BULKS.get(name, (BULK, "the mean of the fabrics of Penava 2014"))
+    thickness = density / bulk
     sources = {
         "density": _WANG_IS,
-        "thickness": f"estimated: density over {BULK:g} kg/m3, the mean of the fabrics of Penava 2014",
+        "thickness": f"estimated: density over {bulk:g} kg/m3, {bulk_rule}",
         "warp_stiffness": f"{_WANG_IS}: the direction v at zero strain",
         "weft_stiffness": f"{_WANG_IS}: the direction u at zero strain",
         "shear_stiffness": f"{_WANG_IS}: c33/2",
@@ -153,7 +188,7 @@ def _of_wang(name: str, row: _Row) -> NamedFabric:
         "bending_warp": f"{_WANG_IS}: ke/4 along v",
         "bending_weft": f"{_WANG_IS}: ke/4 along u",
         "youngs_modulus": f"{_WANG_IS}: {_OF_WARP_AND_WEFT}, over the thickness",
-        "poisson_ratio": "that of the threads, but within 0 and .5",
+        "poisson_ratio": "that of the threads, but at least 0, for the isotropic sheet, and at most .5",
         "bending_stiffness": f"{_WANG_IS}: {_OF_WARP_AND_WEFT}",
     }
     fabric = Fabric(
@@ -198,16 +233,20 @@ FRICTION: Mapping[str, tuple[float, str]] = {
 """Coefficients of friction, where one is published."""
 
 
-def _with_friction(name: str, named: NamedFabric) -> NamedFabric:
-    friction, source = FRICTION[name]
-    return replace(
-        named, fabric=replace(named.fabric, friction=friction), sources={**named.sources, "friction": source}
-    )
+def _completed(name: str, named: NamedFabric) -> NamedFabric:
+    """The fabric with its extensions, and what other sources than its row have."""
+    warp, weft, source = EXTENSIONS[name]
+    values = {"warp_extension": (warp, source), "weft_extension": (weft, source)}
+    if name in FRICTION:
+        values["friction"] = FRICTION[name]
+    if name == "denim":
+        values["shear_stiffness"] = (2.180 * SHEAR_UNIT, f"{DENIMS}: 2.18 gf/(cm degree)")
+    numbers: dict[str, Any] = {key: value for key, (value, _) in values.items()}
+    fabric = replace(named.fabric, **numbers)
+    return replace(named, fabric=fabric, sources={**named.sources, **{key: text for key, (_, text) in values.items()}})
 
 
 _MEASURED = {name: _of_penava(name, row) for name, row in PENAVA.items()} | {
     name: _of_wang(name, row) for name, row in WANG.items()
 }
-TABLE: Mapping[str, NamedFabric] = {
-    name: _with_friction(name, named) if name in FRICTION else named for name, named in _MEASURED.items()
-}
+TABLE: Mapping[str, NamedFabric] = {name: _completed(name, named) for name, named in _MEASURED.items()}

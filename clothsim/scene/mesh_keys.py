@@ -54,6 +54,12 @@ class ClothKeys(PlacedKeys):
         float | None,
         Key("Geometric mean of both Poisson's ratios of the threads", "1", above=-1, below=1, shown="the fabric's"),
     ] = None  # fmt: skip
+    warp_extension: Annotated[
+        float | None, Key("Strain under 490 N/m along warp, for strain_limit", "1", above=0, shown="the fabric's")
+    ] = None
+    weft_extension: Annotated[
+        float | None, Key("Strain under 490 N/m along weft, for strain_limit", "1", above=0, shown="the fabric's")
+    ] = None
     weld: Annotated[float, Key("Border vertices closer than this are sewn; 0 is none", "m", least=0)] = 0.0
     sewn: Annotated[bool, Key("The mesh is sewn already: seams of three layers are no fault")] = False
 

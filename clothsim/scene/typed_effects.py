@@ -90,7 +90,15 @@ class StrainLimit(EffectKeys):
 
     section: ClassVar[str] = "effects.strain_limit"
 
-    limit: Annotated[OverCloth, Key("Largest principal stretch, 1.1 being 10 %; 0 is none", "1", least=0)] = 1.1
+    limit: Annotated[
+        OverCloth,
+        Key(
+            "Largest principal stretch, 1.1 being 10 %; 0 is none; fabric: the extension of the fabric along warp and"
+            " weft under 490 N/m, 1.1 where it has none",
+            "1",
+            least=0,
+        ),
+    ] = "fabric"
     limit_warp: Annotated[OverCloth, Key("Largest stretch along the warp; 0 is none", "1", least=0)] = 0.0
     limit_weft: Annotated[OverCloth, Key("Largest stretch along the weft; 0 is none", "1", least=0)] = 0.0
     begins: Annotated[float, Key("Fraction of the range from 1 to the limit at which the barrier starts", "1")] = 0.5

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from differences import dense_hessian, hessian_error
-from meshes import UNIT, cloth, deformed, irregular_grid, random_rotation, small_world
+from meshes import UNIT, cloth, deformed, grid, irregular_grid, random_rotation, small_world
 from scipy.optimize import brentq
 
 from clothsim.energies.base import Off
@@ -226,3 +226,15 @@ def test_only_triangles_with_a_stiffness_take_part():
 def test_an_unknown_material_is_refused_by_name():
     with pytest.raises(InputError, match=r"'silk'.*neo_hookean"):
         membrane(small_world(), material="silk")
+
+
+def test_a_negative_poisson_ratio_is_kept_by_the_sheet_that_can():
+    """lam < 0: the isotropic energy falls without bound as J -> 0."""
+    positions, triangles = grid(2, 2)
+    world = make_world([cloth(positions, triangles, replace(UNIT, poisson_ratio=-0.3))])
+    energy = membrane(world)
+    assert energy.value(world.start() * [1e-6, 1.0, 1.0]) > energy.value(world.start() * [0.5, 1.0, 1.0])
+    values = np.linalg.eigvalsh(energy.hessian(world.start(), project=False).blocks)
+    assert values.min() > -1e-9 * values.max()
+    with pytest.raises(InputError):
+        membrane(world, material="neo_hookean")

@@ -6,15 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from differences import dense_hessian, gradient_error, hessian_error
-from meshes import cloth, deformed, irregular_grid, random_rotation, small_world
+from meshes import cloth, deformed, grid, irregular_grid, random_rotation, small_world
 from small_scenes import SHEET, SOLVER
+from solving import equilibrium, held
 
 from clothsim import Scene, simulate
 from clothsim.energies.base import Off
-from clothsim.energies.strain_limit import strain_limit
+from clothsim.energies.membrane import membrane
+from clothsim.energies.strain_limit import limit_of_extension, strain_limit
 from clothsim.energies.stretch_barrier import SLACK
 from clothsim.errors import InputError
+from clothsim.mesh.fabric import EXTENDED
 from clothsim.mesh.world import make_world
+from clothsim.scene.fabrics import FABRICS
 
 STIFFNESS = 2.0
 KEYS = {
@@ -236,3 +240,40 @@ def test_a_pin_that_moves_past_the_limit_is_reported(tmp_path):
     run = simulate(scene, tmp_path)
     assert run.status == "failed"
     assert re.search(r"effects\.strain_limit .* 1\.05 of 1\.05", run.reason)
+
+
+def force_at(extension, fabric, along):
+    """Force at the end of a strip of the fabric with free sides, over its width [N/m]."""
+    positions, triangles = grid(6, 2)
+    world = make_world([cloth(positions * [1.0, 0.2, 1.0], triangles, fabric)])
+    angle = 0.0 if along == "warp" else 90.0
+    energies = {
+        "membrane": membrane(world, material="orthotropic", angle_degrees=angle),
+        "strain_limit": strain_limit(world, angle_degrees=angle),
+    }
+    pulled = world.start() * [1 + extension, 1.0, 1.0]
+    ends = np.flatnonzero(np.isin(world.start()[:, 0], [world.start()[:, 0].min(), world.start()[:, 0].max()]))
+    middle = 0.5 * (pulled[:, 0].min() + pulled[:, 0].max())
+    x = equilibrium(world, energies, pulled, held(pulled, ends))
+    right = ends[pulled[ends, 0] > middle]
+    return sum(energy.gradient(x)[right, 0].sum() for energy in energies.values()) / 0.2
+
+
+@pytest.mark.parametrize("name", ["cotton", "denim", "rib_knit", "tablecloth"])
+@pytest.mark.parametrize("along", ["warp", "weft"])
+def test_a_strip_under_490_newtons_a_metre_has_the_extension_of_its_fabric(name, along):
+    """Within a tenth: the force is less at .9 of it and more at 1.1, or just below the limit."""
+    fabric = FABRICS[name]
+    extension, own = getattr(fabric, f"{along}_extension"), getattr(fabric, f"stiffness_along_{along}")
+    stiffness = np.sqrt(fabric.stiffness_along_warp * fabric.stiffness_along_weft)
+    limit = limit_of_extension(extension, own, stiffness, 0.5)
+    most = min(1.1 * extension, limit - 1 - 1e-3 * extension)
+    assert force_at(0.9 * extension, fabric, along) < EXTENDED < force_at(most, fabric, along)
+
+
+def test_limits_are_beyond_the_extensions_and_absent_where_these_are_not_known():
+    for named in FABRICS.values():
+        limit = limit_of_extension(named.warp_extension, named.stiffness_along_warp, named.stiffness_along_warp, 0.5)
+        assert 1 + named.warp_extension < limit < 1 + 2 * named.warp_extension
+    assert limit_of_extension(0.0, 100.0, 100.0, 0.5) == np.inf
+    assert limit_of_extension(0.2, 1e4, 1e4, 0.5) == np.inf

@@ -16,8 +16,10 @@ SMALL = 1e-10
 """The fraction of E2 that the weight is: small enough for its stresses to be proportional to it."""
 
 
-def critical_weight(points: Floats, triangles: Ints, towards: tuple[float, float], nu: float = 0.0) -> float:
-    """rho_A g L^3/B, B = D (1 - nu^2), of a strip 0 <= x <= 1 with `midedge`, clamped at x = 0, at which it buckles.
+def critical_weight(
+    points: Floats, triangles: Ints, towards: tuple[float, float], nu: float = 0.0, model: str = "midedge"
+) -> float:
+    """rho_A g L^3/B, B = D (1 - nu^2), of a strip 0 <= x <= 1 that is clamped at x = 0, at which it buckles.
 
     The membrane's stresses under a weight along `towards` make its stiffness out of the plane, k per unit of weight;
     the lowest load with (bending + load k) w = 0.
@@ -36,7 +38,7 @@ def critical_weight(points: Floats, triangles: Ints, towards: tuple[float, float
     stiffness = second_derivatives(sheet, x)
     moved[in_plane] = spsolve(stiffness[in_plane][:, in_plane].tocsc(), weight.ravel()[in_plane])
     stressed = _across(second_derivatives(sheet, x + moved.reshape(-1, 3)), free) / SMALL
-    bent = _across(second_derivatives(bending(world, model="midedge"), x), free)
+    bent = _across(second_derivatives(bending(world, model=model), x), free)
     largest = eigsh(-stressed, k=1, M=bent, which="LA", return_eigenvectors=False)[0]
     return float(1 / (largest * (1 - nu**2)))
 

@@ -44,6 +44,18 @@ def rolled_up(turns: float) -> tuple[float, float]:
     return float(np.sin(angle) / angle), float((1 - np.cos(angle)) / angle)
 
 
+def elastica_height(chord: float) -> float:
+    """Height/L of a strip with hinged ends that are `chord` L apart, above its chord, in its first mode.
+
+    chord = 2 E(k)/K(k) - 1, height = k/K(k) (Timoshenko & Gere 1961, section 2.7).
+    """
+    from scipy.optimize import brentq
+    from scipy.special import ellipe, ellipk
+
+    k = brentq(lambda k: 2 * ellipe(k * k) / ellipk(k * k) - 1 - chord, 1e-9, 0.9, xtol=1e-14)
+    return float(k / ellipk(k * k))
+
+
 def loaded_ring(inner: float, outer: float, nu: float) -> float:
     """w D/(q b^4) at the outer border of a ring that is clamped inside and free outside, under an even load q.
 

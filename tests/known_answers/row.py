@@ -15,7 +15,8 @@ class Outcome:
 
     bar: the largest deviation that passes: a fraction of the exact value where unit is "", else in that unit; printed:
     exact value as docs/validation.md prints it, which the computed one must agree with in every digit; order: observed,
-    to lie in orders. A row that compares nothing with a known value (a spread, a largest error) has exact 0.
+    to lie in orders; hinges: the value with hinges in place of the default bending. A row that compares nothing with a
+    known value (a spread, a largest error) has exact 0.
     """
 
     value: float
@@ -25,11 +26,20 @@ class Outcome:
     printed: str = ""
     order: float | None = None
     orders: tuple[float, float] = ANY_ORDER
+    hinges: float | None = None
 
     @property
     def deviation(self) -> float:
         """Value less exact: as a fraction of the exact value, or in the unit."""
-        difference = self.value - self.exact
+        return self._from_exact(self.value)
+
+    @property
+    def deviation_of_hinges(self) -> float | None:
+        """That of the value with hinges."""
+        return None if self.hinges is None else self._from_exact(self.hinges)
+
+    def _from_exact(self, value: float) -> float:
+        difference = value - self.exact
         return difference if self.unit else difference / self.exact
 
     @property

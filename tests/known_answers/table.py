@@ -14,6 +14,7 @@ from tests.known_answers import (
     a6_inflation,
     a7_drape,
     a8_wrinkles,
+    a9_plates,
 )
 from tests.known_answers.row import Outcome, Row, Seen
 
@@ -26,9 +27,10 @@ ROWS: tuple[Row, ...] = (
     *a6_inflation.ROWS,
     *a7_drape.ROWS,
     *a8_wrinkles.ROWS,
+    *a9_plates.ROWS,
 )
 
-HEADER = ("row", "what", "ours", "exact", "off", "bar", "order", "CPU s", "passed")
+HEADER = ("row", "what", "ours", "exact", "off", "bar", "order", "hinges off", "CPU s", "passed")
 
 
 def chosen(names: Iterable[str], rows: Sequence[Row] = ROWS) -> list[Row]:
@@ -48,6 +50,7 @@ def entry(seen: Seen) -> dict[str, Any]:
     if outcome is not None:
         kept |= {"value": outcome.value, "exact": outcome.exact, "deviation": outcome.deviation, "bar": outcome.bar}
         kept |= {"unit": outcome.unit, "order": outcome.order, "orders": asked(outcome)}
+        kept["hinges"] = outcome.deviation_of_hinges
     return kept
 
 
@@ -56,8 +59,8 @@ def cells(row: Row, kept: dict[str, Any]) -> tuple[str, ...]:
     passed = f"no: {row.why or kept['wrong']}" if kept["wrong"] else "yes"
     seconds = f"{kept['seconds']:.1f}"
     if "value" not in kept:
-        return (row.name, row.what, "", "", "", "", "", seconds, passed)
-    unit, order = kept["unit"], kept["order"]
+        return (row.name, row.what, "", "", "", "", "", "", seconds, passed)
+    unit, order, hinges = kept["unit"], kept["order"], kept.get("hinges")
     return (
         row.name,
         row.what,
@@ -66,6 +69,7 @@ def cells(row: Row, kept: dict[str, Any]) -> tuple[str, ...]:
         off(kept["deviation"], unit),
         off(kept["bar"], unit),
         "" if order is None else f"{order:.2f} ({kept['orders']})",
+        "" if hinges is None else off(hinges, unit),
         seconds,
         passed,
     )

@@ -8,7 +8,7 @@ from clothsim.build.scene_world import build
 from clothsim.energies.membrane import membrane
 from clothsim.errors import InputError
 from clothsim.mesh.world import make_world
-from clothsim.scene.fabric_table import GRAM_FORCE_CM, PENAVA, TABLE, WANG
+from clothsim.scene.fabric_table import GRAM_FORCE_CM, KNITS, PENAVA, SHEAR_UNIT, TABLE, WANG
 from clothsim.scene.fabrics import FABRICS, fabric_named
 from clothsim.scene.scene import Scene
 
@@ -23,6 +23,8 @@ TOLD = (
     "weft_stiffness",
     "shear_stiffness",
     "thread_poisson_ratio",
+    "warp_extension",
+    "weft_extension",
     "bending_warp",
     "bending_weft",
     "friction",
@@ -49,8 +51,10 @@ class TestEveryFabric:
     def test_its_numbers_are_those_of_cloth(self, named):
         fabric = named.fabric
         assert 0.05 < fabric.density < 0.6
-        assert 0.1e-3 < fabric.thickness < 2e-3
-        assert 300 < fabric.density / fabric.thickness < 800
+        assert 0.1e-3 < fabric.thickness < 4e-3
+        least, most = (200, 500) if fabric.name in KNITS else (50, 100) if fabric.name == "blanket" else (300, 800)
+        assert least < fabric.density / fabric.thickness < most
+        assert 0.02 < fabric.warp_extension <= fabric.weft_extension < 1.0
         assert 10 < fabric.stiffness_along_weft <= fabric.stiffness_along_warp < 1e4
         assert 1 < fabric.stiffness_in_shear < 200
         assert 1e-6 < fabric.bending_stiffness < 5e-5
@@ -79,6 +83,8 @@ class TestConversions:
         energy = membrane(world, material="orthotropic", angle_degrees=90)
         e11, e22, e12 = 1e-5 * np.array([2.0, -1.0, 1.5])
         x = world.start() @ (np.eye(3) + np.array([[e11, e12, 0], [e12, e22, 0], [0, 0, 0]]))
+        if name == "denim":
+            c33 = 2 * fabric.shear_stiffness  # of another source
         expected = c11 * e11**2 + 2 * c12 * e11 * e22 + c22 * e22**2 + c33 * e12**2
         assert energy.value(x) == pytest.approx(expected * world.rest_areas.sum(), rel=1e-3)
         assert fabric.density == density
@@ -95,8 +101,13 @@ class TestConversions:
         assert FABRICS["cotton"].bending_stiffness == pytest.approx(0.05 * GRAM_FORCE_CM, rel=0.05)
 
     def test_what_no_source_gives_is_reported_as_estimated(self):
-        assert all(TABLE[name].estimated == ("bending_stiffness",) for name in PENAVA)
-        assert all(TABLE[name].estimated == ("thickness",) for name in WANG)
+        extensions = ("warp_extension", "weft_extension")
+        assert all(TABLE[name].estimated == ("bending_stiffness", *extensions) for name in PENAVA)
+        assert all(TABLE[name].estimated == ("thickness", *extensions) for name in WANG if name != "denim")
+        assert TABLE["denim"].estimated == ("thickness",)
+
+    def test_denim_shears_as_denims_are_measured(self):
+        assert 1.5 < FABRICS["denim"].shear_stiffness / SHEAR_UNIT < 3.4
 
 
 class TestInAScene:
