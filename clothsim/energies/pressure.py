@@ -17,7 +17,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example, Idle
 from clothsim.energies.hessians import ElementHessian
-from clothsim.energies.protocols import Idling
+from clothsim.energies.protocols import Idling, Nonconservative
 from clothsim.energies.step import Step
 from clothsim.energies.varying_values import Schedule, by_cloth
 from clothsim.linalg import cross_matrices
@@ -46,7 +46,7 @@ class Patch:
 
 
 @dataclass(frozen=True)
-class Pressure(Energy, Idling):
+class Pressure(Energy, Idling, Nonconservative):
     """E = -sum p (x0 - c).((x1 - c) x (x2 - c)) / 6 - sum f.(x - x_n), c the apex of the cone.
 
     Parameters
@@ -75,6 +75,11 @@ class Pressure(Energy, Idling):
     def idle(self) -> bool:
         """True where all pressures of the step are 0."""
         return not self.pressures.any()
+
+    @property
+    def rows_without_potential(self) -> Ints:
+        """The border vertices of cloths under pressure."""
+        return np.intersect1d(self.border, self.triangles[self.pressures != 0])
 
     def begin(self, step: Step) -> Self:
         """A copy with the pressure of the end of the step and the borders of its start.

@@ -49,6 +49,18 @@ def is_driven(energy: Energy) -> bool:
     return isinstance(energy, Driven) and energy.drives
 
 
+class Nonconservative(abc.ABC):
+    """An energy whose force has no potential at some rows, as a pressure on a free border.
+
+    Its Hessian there is not the derivative of the force, and tells nothing of stability.
+    """
+
+    @property
+    @abc.abstractmethod
+    def rows_without_potential(self) -> Ints:
+        """The rows of x, (k,); it has a potential where all of them are fixed."""
+
+
 class Anchored(abc.ABC):
     """An energy that ties vertices to fixed or moving places, so that a load on them has an equilibrium."""
 

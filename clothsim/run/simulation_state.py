@@ -7,6 +7,7 @@ from clothsim.arrays import Floats
 from clothsim.errors import ClothsimError
 from clothsim.mesh.world import World
 from clothsim.sim.failure import Failure
+from clothsim.sim.mechanical_energy import mechanical_energy
 from clothsim.sim.state import State, Switch
 from clothsim.sim.stepping import StepReport
 
@@ -54,6 +55,8 @@ class SimulationState:
     energies : dict of str to float
         Value of each energy of the step [J]; that of "inertia", "damping", "air" and "friction" belongs to the step
         and is no stored energy. Empty at the start.
+    mechanical_energy : float
+        Kinetic and stored energy [J], also that of the springs of static friction; 0 at the start.
     """
 
     time: float
@@ -69,6 +72,7 @@ class SimulationState:
     at_rest: bool = False
     unstable: tuple[Switch, ...] = ()
     energies: Mapping[str, float] = field(default_factory=dict)
+    mechanical_energy: float = 0.0
 
 
 def starting_state(world: World, state: State) -> SimulationState:
@@ -98,6 +102,7 @@ def state_after(world: World, report: StepReport) -> SimulationState:
         minimum_gap=report.minimum_gap,
         kinetic_energy=0.5 * float(world.masses @ speeds) if "inertia" in acting else 0.0,
         energies={name: energy.value(state.positions) for name, energy in acting.items()},
+        mechanical_energy=mechanical_energy(world, report.potential, state).total,
     )
 
 

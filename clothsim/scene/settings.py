@@ -32,7 +32,7 @@ class Solver(KeyTable):
     tolerance: Annotated[
         float,
         Key("In place of newton_error_fraction: Newton's method stops where |dx|_inf / dt is below it", "m/s", above=0,
-            shown="none: newton_error_fraction"),
+            shown="none: newton_error_fraction is taken"),
     ] = 0.0  # fmt: skip
     integrator: Annotated[
         Literal["bdf2", "backward_euler"], Key("Time integrator; backward Euler is of first order and damps more")

@@ -195,7 +195,9 @@ def _example(where: str, known: SceneKey) -> str:
         )
         return f"Write [[{where}]], each a table with {names}." if several else f"Its keys are {names}."
     if known.key.shown:
-        return f"{known.name}: {known.key.meaning}; where it is left out: {known.key.shown}."
+        none, _, instead = known.key.shown.partition(": ")
+        without = f"without it {instead or 'there is none'}" if none == "none" else f"the default is {known.key.shown}"
+        return f"{known.name}: {known.key.meaning}; {without}."
     if known.required or known.default == ():
         return f"{known.name}: {known.key.meaning}."
     return f"{known.name}: {known.key.meaning}; the default is {as_toml(known.default)}."

@@ -8,7 +8,8 @@ sides are equal to the one that the seed chooses. Looked for
 * where a cloth is slow (`sim.rest`);
 * where a cloth moves, but exactly in a plane, and is compressed there: nothing out of the plane is left to grow.
 
-Any other moving cloth leaves such states by itself.
+Any other moving cloth leaves such states by itself. Where a force has no potential (a pressure on a free border) the
+Hessian does not tell what is stable, and none is left.
 """
 
 from dataclasses import dataclass, replace
@@ -132,7 +133,7 @@ def unstable_side(
     amplitude, longest, along
         As of `way_down` and `lowest_mode`; without an amplitude one that grows as fast as `rest_speed`.
     """
-    if model.is_stable:
+    if not model.is_conservative or model.is_stable:
         return None
     mode = lowest_mode(model, integrator.perturbation_seed, along)
     if mode is None:

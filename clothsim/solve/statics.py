@@ -16,7 +16,7 @@ from clothsim.arrays import Floats
 from clothsim.energies.base import Energy
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex
 from clothsim.energies.hessians import Hessian, explicit, split
-from clothsim.energies.protocols import Lagged, is_idle
+from clothsim.energies.protocols import Lagged, Nonconservative, is_idle
 from clothsim.energies.step import Step
 from clothsim.indexing import taken
 from clothsim.solve.direct_solver import NotPositiveDefiniteError
@@ -84,6 +84,12 @@ class StaticModel:
                     at_rest = energy.begin(self.rest)
                     total = total if is_idle(at_rest) else total + at_rest.gradient(x)
         return total
+
+    @property
+    def is_conservative(self) -> bool:
+        """True where every static force on the free vertices has a potential: else K tells nothing of stability."""
+        parts = [e.rows_without_potential for e in self.potential.energies.values() if isinstance(e, Nonconservative)]
+        return all(self.fixed[rows].all() for rows in parts)
 
     @cached_property
     def is_stable(self) -> bool:

@@ -12,11 +12,13 @@ from clothsim.energies.gravity import gravity
 from clothsim.energies.hessians import ElementHessian
 from clothsim.energies.inertia import inertia
 from clothsim.energies.membrane import membrane
+from clothsim.energies.pins import pins
 from clothsim.energies.pressure import pressure
 from clothsim.linalg import project_psd
 from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import make_world
+from clothsim.sim.branch_switching import static_model
 from tests.known_answers.a6_inflation import (
     inflated_disc,
     inflated_height_and_volume,
@@ -180,8 +182,24 @@ def test_a_free_sheet_floats_on_the_pressure_that_supports_its_weight(formula):
     energies = {"inertia": inertia(world), "membrane": membrane(world), "gravity": gravity(world)}
     energies["pressure"] = pressure(world, value=9.81 * UNIT.density)
     integrator = integrator_of(world, energies, 0.05, tolerance=1e-9)
-    end = run_of(integrator, 0.5)[-1].state
-    assert np.abs(end.positions - world.start()).max() < 1e-9
+    reports = run_of(integrator, 0.5)
+    assert np.abs(reports[-1].state.positions - world.start()).max() < 1e-9
+    assert not any(report.switches for report in reports)
+
+
+@pytest.mark.parametrize("held", [False, True])
+def test_it_has_a_potential_where_its_border_is_held(held):
+    """Stability is looked for there alone."""
+    open_cloth, closed = small_world(), ball()
+    border = np.unique(border_vertices(open_cloth.triangles))
+    assert np.array_equal(bound(open_cloth, open_cloth.start()).rows_without_potential, border)
+    assert not len(bound(open_cloth, open_cloth.start(), value=0.0001, load=0.0).rows_without_potential)
+    assert not len(bound(closed, closed.start()).rows_without_potential)
+    energies = {"membrane": membrane(open_cloth), "pressure": pressure(open_cloth, value=0.01)}
+    constraints = {"pins": pins(open_cloth, select=border.tolist())[1]} if held else {}
+    integrator = integrator_of(open_cloth, {"inertia": inertia(open_cloth)} | energies, 0.01, constraints)
+    report = run_of(integrator, 0.01)[-1]
+    assert static_model(integrator, report).is_conservative == held
 
 
 # --- A6 -------------------------------------------------------------------------------------------------------------

@@ -3,6 +3,8 @@
 The exact starts are those of `python -m tests.hard_cases --small`, which a change must pass too.
 """
 
+from dataclasses import replace
+
 import pytest
 
 from tests.hard_cases.case import run_case
@@ -21,8 +23,14 @@ def test_it_stays_stable(case, request):
 
 
 def test_newton_gets_through_a_curved_valley():
-    """B17b from this start: 294 iterations; 959, after tries that were given up, with the trust radius held at 3."""
+    """B17b from this start, with a membrane that softens in compression.
+
+    267 iterations; 549 with the trust radius held at 3.
+    """
     case = next(case for case in CASES if case.name == "B17b")
-    result = run_case(case, 12)
+    usual = case.scene(True)
+    effects = usual.effects | {"membrane": {"material": "neo_hookean"}}
+    solver = usual.solver | {"integrator": "backward_euler", "tolerance": 1e-3}
+    result = run_case(replace(case, scene=lambda small: replace(usual, effects=effects, solver=solver)), 12)
     assert result.wrong == ""
-    assert result.newton_iterations < 600
+    assert result.newton_iterations < 400
