@@ -164,7 +164,7 @@ def poison(monkeypatch, name):
 
 
 def scene_without(name):
-    """All effects but one; where that is contact, no body either: the frames would be judged."""
+    """All effects but one; where that is contact, no body either: the frames would intersect."""
     effects = {key: keys for key, keys in (ALL if name != "body_contact" else EFFECTS | PINS).items() if key != name}
     return {"effects": effects} | ({"body": ()} if name == "body_contact" else {})
 

@@ -378,9 +378,8 @@ def test_bad_input_is_a_sentence_and_a_remedy(capsys, tmp_path, free, words, sen
     (tmp_path / "unknown.toml").write_text(FREE + "[effects.seems]\n")
     (tmp_path / "inside.toml").write_text(SHEET.replace("0.31]", "0.2]"))
     (tmp_path / "bad.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 5 5 5\nf 1 2 3\nf 1 2 3\nf 2 3 4\n")
-    (tmp_path / "faults.toml").write_text(
-        FREE.replace('mesh = "rectangle"\ncells = [4, 4]', 'mesh = "bad.obj"\nname = "bad"')
-    )
+    bad = FREE.replace('mesh = "rectangle"\ncells = [4, 4]', 'mesh = "bad.obj"\nname = "bad"')
+    (tmp_path / "faults.toml").write_text(bad)
     (tmp_path / "notes.txt").write_text("hello")
     lines = refused(capsys, *(str(free) if word == "RUN" else word for word in words))
     assert sentence in lines[0]
@@ -389,11 +388,9 @@ def test_bad_input_is_a_sentence_and_a_remedy(capsys, tmp_path, free, words, sen
 
 def test_many_faults_of_a_mesh_are_two_lines_that_name_where_all_are(capsys, tmp_path):
     (tmp_path / "bad.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nv 5 5 5\nf 1 2 3\nf 1 2 3\nf 2 3 4\n")
-    (tmp_path / "faults.toml").write_text(
-        FREE.replace('mesh = "rectangle"\ncells = [4, 4]', 'mesh = "bad.obj"\nname = "bad"')
-    )
-    first, _ = refused(capsys, "run", "faults.toml")
-    assert first.endswith("(2 more: `clothsim check` lists them)")
+    bad = FREE.replace('mesh = "rectangle"\ncells = [4, 4]', 'mesh = "bad.obj"\nname = "bad"')
+    (tmp_path / "faults.toml").write_text(bad)
+    assert refused(capsys, "run", "faults.toml")[0].endswith("(2 more: `clothsim check` lists them)")
 
 
 def test_a_key_is_changed_from_the_command_line(capsys, tmp_path):

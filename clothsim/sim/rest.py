@@ -29,7 +29,7 @@ ROUNDING = 1e-9
 """Relative change of a load or a position below which it is none."""
 
 
-def judged(integrator: Integrator, before: State, report: StepReport, until: float) -> StepReport:
+def with_rest(integrator: Integrator, before: State, report: StepReport, until: float) -> StepReport:
     """Return the report of a step with the `rest` of its state, which is displaced where it was found unstable.
 
     Parameters

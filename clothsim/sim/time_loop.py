@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from clothsim.sim.rest import judged
+from clothsim.sim.rest import with_rest
 from clothsim.sim.state import State
 from clothsim.sim.stepping import Integrator, StepReport, advance
 
@@ -49,7 +49,7 @@ def next_step(integrator: Integrator, state: State, duration: float, frames_per_
     report = advance(integrator, state, until)
     if report.converged and report.state.time == until:
         report = replace(report, frame_done=True, state=replace(report.state, frame=state.frame + 1))
-    return judged(integrator, state, report, duration)
+    return with_rest(integrator, state, report, duration)
 
 
 def finished(state: State, duration: float, frames_per_second: float, until: str = "time") -> bool:

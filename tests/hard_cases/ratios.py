@@ -83,8 +83,8 @@ def hung(density: float) -> Callable[[bool], Scene]:
 def balanced(run: Run) -> str:
     """At the end the pins carry all the weight, and no force is left on a cloth as a whole or, alone, on a vertex.
 
-    From the last positions and the scene: membrane, bending and gravity of each cloth are summed anew. A vertex is
-    judged where nothing touches it; what contact puts on the others shows in the sums.
+    From the last positions and the scene: membrane, bending and gravity of each cloth are summed again. A vertex is
+    measured where nothing touches it; what contact puts on the others shows in the sums.
     """
     built = build(scene_of(run))
     x = np.concatenate([run.positions(-1), built.world.start()[built.world.n_cloth :]])

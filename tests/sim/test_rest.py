@@ -20,7 +20,7 @@ from clothsim.mesh.body import make_body
 from clothsim.mesh.motion import frame_motion, rigid_motion
 from clothsim.mesh.world import make_world
 from clothsim.sim.branch_switching import static_model
-from clothsim.sim.rest import SLOW_STEPS, judged
+from clothsim.sim.rest import SLOW_STEPS, with_rest
 from clothsim.sim.state import Rest, first_state
 from clothsim.sim.stepping import advance
 from clothsim.solve.statics import HORIZON
@@ -40,7 +40,7 @@ def after_slow_steps(integrator, until=1.0, **changes):
     """The report of one step from a state that was slow for many, at the end of a frame."""
     state = replace(first_state(integrator.world, integrator.dt), slow_steps=SLOW_STEPS, **changes)
     report = replace(advance(integrator, state, state.time + integrator.dt), frame_done=True, fastest=0.0)
-    return judged(integrator, state, report, until)
+    return with_rest(integrator, state, report, until)
 
 
 def test_displacement_to_equilibrium_of_a_tied_weight():
@@ -87,7 +87,7 @@ def test_a_free_sheet_that_drifts_slowly_is_as_its_speed():
         state = first_state(world, 0.01)
         state = replace(state, velocities=np.full_like(state.positions, speed), slow_steps=SLOW_STEPS)
         report = replace(advance(integrator, state, 0.01), frame_done=True)
-        assert judged(integrator, state, report, 1.0).state.rest is wanted
+        assert with_rest(integrator, state, report, 1.0).state.rest is wanted
 
 
 # --- what still changes ---------------------------------------------------------------------------------------------
@@ -108,7 +108,7 @@ def test_a_body_that_moves_later_prevents_rest_and_one_that_has_stopped_does_not
     stood = replace(first_state(moving.world, 0.01), time=stops_at, slow_steps=SLOW_STEPS)
     stood.positions[moving.world.n_cloth :] += [0, 0, 1e-3]
     report = replace(advance(moving, stood, stops_at + 0.01), frame_done=True)
-    assert judged(moving, stood, report, 1.0).state.rest is Rest.REACHED
+    assert with_rest(moving, stood, report, 1.0).state.rest is Rest.REACHED
 
 
 def test_a_full_turn_a_frame_is_a_motion():
