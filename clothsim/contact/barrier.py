@@ -11,7 +11,7 @@ from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.candidates import Candidates
 from clothsim.contact.distinct_features import distinct
 from clothsim.contact.pair_list import Pairs
-from clothsim.contact.stiffness import barrier_stiffness
+from clothsim.contact.stiffness import barrier_stiffness, bounded_stiffness
 from clothsim.contact.subset import CandidateSubset
 from clothsim.energies.base import Energy
 from clothsim.energies.hessians import ByElement, ElementHessian
@@ -62,6 +62,8 @@ class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
         kappa [Pa].
     adaptive : bool
         Let `begin` choose the stiffness of each step.
+    name : str
+        Effect, for its stiffness in `Step.memory`.
     """
 
     candidates: Candidates
@@ -71,12 +73,16 @@ class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
     masses: Floats
     stiffness: float
     adaptive: bool
+    name: str = ""
     _cache: list[ActiveSet] = field(default_factory=list, init=False, repr=False, compare=False)
 
     begins_last = True
 
     def begin(self, step: Step) -> Self:
-        """Copy for the step, with a stiffness that balances the loads at about half of d_hat."""
+        """Copy for the step, with a stiffness that balances the loads at about half of d_hat.
+
+        Where pairs are active a rise adds energy: it is bounded by `bounded_stiffness`.
+        """
         if not self.adaptive:
             return self
         n = len(self.areas)
@@ -93,6 +99,11 @@ class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
             step.dt,
             step.contact_time_scale or step.dt,
         )
+        before = float(step.memory.get(self.name, stiffness))
+        if stiffness > before and "inertia" in step.bound:
+            kinetic = 0.5 * float(self.masses @ speeds**2)
+            energy = self.value(step.positions) / self.stiffness
+            stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt)
         return replace(self, stiffness=stiffness)
 
     def value(self, x: Floats) -> float:
