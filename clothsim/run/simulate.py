@@ -6,9 +6,9 @@ from pathlib import Path
 from time import perf_counter
 
 from clothsim.build.scene_world import build
-from clothsim.errors import InputError
 from clothsim.run.callbacks import refuse_uncallable
 from clothsim.run.checked_step import warn_of
+from clothsim.run.output_directory import new_output, refuse_earlier_run
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
 from clothsim.run.session import Session, prepare
@@ -25,6 +25,7 @@ def simulate(
     dump_iterates: int | None = None,
     on_step: StepListener | None = None,
     message: Callable[[str], None] | None = None,
+    overwrite: bool = False,
 ) -> Run:
     """Simulate a scene to its end.
 
@@ -45,6 +46,8 @@ def simulate(
     message : callable, optional
         Called with a line before each of the runs that solver.error takes. Each but the pilot runs is announced, shown
         and written to the directory; the last one stays there.
+    overwrite : bool
+        True: an earlier run in the directory is replaced.
 
     Returns
     -------
@@ -54,7 +57,8 @@ def simulate(
     Raises
     ------
     InputError
-        For a scene that cannot be built, or a directory that cannot be written.
+        For a scene that cannot be built, or a directory that cannot be written, that another run writes to, or that
+        holds an earlier run without `overwrite`.
 
     Warns
     -----
@@ -77,9 +81,14 @@ def simulate(
     """
     refuse_uncallable(progress=progress, announce=announce, on_step=on_step, message=message)
     directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
+    refuse_earlier_run(directory, overwrite)  # before minutes of building, and again under the lock
+    own: list[Scene] = []
 
     def run(some: Scene, sessions: list[Session]) -> Run:
-        return _simulated(some, directory, (progress, on_step), [sessions.append, announce], dump_iterates)
+        replace_it = overwrite or bool(own)  # solver.error takes several runs
+        own.append(some)
+        announced = [sessions.append, announce]
+        return _simulated(some, directory, (progress, on_step), announced, dump_iterates, replace_it)
 
     tell = message or (lambda line: None)
     if isinstance(scene, Scene) and scene.solver_settings.error:  # `build` refuses what is no scene
@@ -99,24 +108,16 @@ def _simulated(
     listeners: tuple[Listener | None, StepListener | None],
     announcements: Iterable[Announcement | None],
     dump_iterates: int | None,
+    overwrite: bool,
 ) -> Run:
     """Simulate a scene with fixed settings."""
     started = perf_counter()
     session, log = watched(prepare(scene, build(scene)), dump_iterates, 0)
-    _make_directory(directory)
-    for announce in announcements:
-        if announce is not None:
-            announce(session)
-    state = first_state(session.built.world, session.integrator.dt)
-    run = recorded_run(session, state, Certificate(), directory, started, listeners, log, resumed=False)
+    with new_output(directory, overwrite):
+        for announce in announcements:
+            if announce is not None:
+                announce(session)
+        state = first_state(session.built.world, session.integrator.dt)
+        run = recorded_run(session, state, Certificate(), directory, started, listeners, log, resumed=False)
     warn_of(run.intersections, session.built.energies)
     return run
-
-
-def _make_directory(directory: Path) -> None:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{directory} cannot be made a directory: {error.strerror}.", "Choose another with -o."
-        ) from error
