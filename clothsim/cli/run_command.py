@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from clothsim.run.session import Session
     from clothsim.scene.scene import Scene
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
+
 _RUN = """\
 Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture of the last frame; where it failed,
 failure.png too, a close view of the place.
@@ -82,17 +85,16 @@ def _run(arguments: argparse.Namespace) -> int:
     _dumped_step(arguments)
     refuse_earlier_run(directory, arguments.overwrite)
     compiler = precompile.start()
-    try:
-        return _execute(
-            arguments,
-            directory,
-            lambda **listeners: simulate(
-                scene, directory, message=_teller(arguments), overwrite=arguments.overwrite, **listeners
-            ),
-        )
-    finally:
-        if compiler is not None:
-            compiler.poll()  # the rest of its kernels serves the next run
+    code = _execute(
+        arguments,
+        directory,
+        lambda **listeners: simulate(
+            scene, directory, message=_teller(arguments), overwrite=arguments.overwrite, **listeners
+        ),
+    )
+    if compiler is not None and code != INTERRUPTED:
+        precompile.let_finish(compiler)  # the rest of its kernels serves the next run
+    return code
 
 
 def _teller(arguments: argparse.Namespace) -> "Callable[[str], None]":
@@ -160,7 +162,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
         trouble = _pictures(arguments, run, sessions[-1])
     except KeyboardInterrupt:
         print(run_report.stopped(directory), file=sys.stderr)
-        return 130
+        return INTERRUPTED
     if arguments.json:
         from clothsim.io.record import to_json
 

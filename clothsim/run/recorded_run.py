@@ -18,6 +18,7 @@ from clothsim.io.run_surfaces import world_surfaces
 from clothsim.io.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
 from clothsim.io.vtkhdf import STRETCHES, FrameArray
 from clothsim.run.fields import FIELDS, Configuration, field
+from clothsim.run.interruption import InterruptFlag, interruptible, interruption
 from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session
 from clothsim.run.simulation_state import SimulationState, state_after
@@ -126,7 +127,9 @@ def recorded_run(
             if on_step is not None:
                 on_step(state_after(session.built.world, report))
 
-        state, certificate, failure = _stepped(output, state, certificate, log, after_step)
+        with interruption() as flag:
+            output = replace(output, session=interruptible(session, flag))
+            state, certificate, failure = _stepped(output, state, certificate, log, after_step, flag)
     seconds = {"wall_seconds": perf_counter() - started, "warmup_seconds": warm}
     entries = read_record(directory / RECORD_NAME)
     write_summary(directory / SUMMARY_NAME, summary_of(session, state, certificate, check, failure, entries, seconds))
@@ -139,6 +142,7 @@ def _stepped(
     certificate: Certificate,
     log: IterateLog | None,
     after_step: Callable[[StepReport], None],
+    flag: InterruptFlag,
 ) -> tuple[State, Certificate, Failure | None]:
     """Take all steps from `state` to the end or to a failure: the last state, its certificate, the failure."""
     session, run = output.session, output.session.scene.run_settings
@@ -165,6 +169,7 @@ def _stepped(
         if report.frame_done:
             with timers.phase("output"):
                 output.save(state, certificate)
+        flag.check()
     return state, certificate, None
 
 
