@@ -51,7 +51,7 @@ def end_with_parent() -> None:
 
 
 def _wait() -> None:
-    if sys.stdin.buffer.raw.read(1) != _GO_ON:  # type: ignore[attr-defined]
+    if os.read(sys.stdin.fileno(), 1) != _GO_ON:
         os._exit(1)
 
 

@@ -28,9 +28,8 @@ def new_output(directory: Path, overwrite: bool) -> Iterator[None]:
         ) from error
     with locked(directory):
         refuse_earlier_run(directory, overwrite)
-        for file in (directory / name for name in RUN_FILES):
-            if file.is_symlink():
-                file.unlink()
+        for file in (directory / name for name in RUN_FILES):  # a checkpoint must not meet another run's trajectory
+            _remove(file)
         yield
 
 
@@ -48,12 +47,21 @@ def refuse_earlier_run(directory: Path, overwrite: bool) -> None:
     """InputError where the directory holds an earlier run that may not be overwritten."""
     if overwrite:
         return
-    if os.path.isfile(directory / SUMMARY_NAME):
+    unfinished = os.path.isfile(directory / CHECKPOINT_NAME) and not os.path.isfile(directory / SUMMARY_NAME)
+    if any(os.path.isfile(directory / name) for name in (SUMMARY_NAME, TRAJECTORY_NAME)) and not unfinished:
         raise InputError(
             f"{directory} holds an earlier run.", "Choose another directory with -o, or replace it: --overwrite."
         )
-    if os.path.isfile(directory / CHECKPOINT_NAME):
+    if unfinished:
         raise InputError(
             f"{directory} holds a run that was stopped before its end.",
             f"Continue it with `clothsim resume {directory}`, or replace it: --overwrite.",
         )
+
+
+def _remove(file: Path) -> None:
+    """Delete a file of an earlier run, or a link in its place."""
+    try:
+        file.unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{file} cannot be replaced: {error.strerror}.", "Choose another directory.") from error
