@@ -43,6 +43,7 @@ def add_to(commands: Any) -> None:
     run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm, 0.5mm, 2cm")
     run.add_argument("--estimate", action="store_true", help="estimate the error by another, coarser run")
     run.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
+    run.add_argument("--force", action="store_true", help="run whatever it is expected to cost")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", help="continue a stopped run", description=_RESUME)
     resume.add_argument("directory", type=Path, metavar="DIR|FILE", help="the output of `clothsim run` or `bundle`")
@@ -89,7 +90,12 @@ def _run(arguments: argparse.Namespace) -> int:
         arguments,
         directory,
         lambda **listeners: simulate(
-            scene, directory, message=_teller(arguments), overwrite=arguments.overwrite, **listeners
+            scene,
+            directory,
+            message=_teller(arguments),
+            overwrite=arguments.overwrite,
+            force=arguments.force,
+            **listeners,
         ),
     )
     if compiler is not None and code != INTERRUPTED:
