@@ -12,6 +12,7 @@ import numpy as np
 from clothsim.errors import InputError
 from clothsim.io.atomic import write_atomically
 from clothsim.io.disk_space import writing
+from clothsim.io.regular_file import read_regular_file
 
 RECORD_NAME = "record.jsonl"
 SUMMARY_NAME = "summary.json"
@@ -111,8 +112,8 @@ def _parse(text: bytes) -> dict[str, Any] | None:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
-    except OSError as error:
+        return read_regular_file(path)
+    except FileNotFoundError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}).") from error
 
 
