@@ -30,7 +30,6 @@ from clothsim.run.results import Run
 from clothsim.run.resume import FITTED
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.fabrics import fabric_named
-from transfer.signed_distance import body_surface
 
 LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY)
 """Files of a fit in its directory."""
@@ -269,7 +268,7 @@ class _Ended(NamedTuple):
 
 def _draped(task: Task, seeded_fit: Seeded, announce: Announcement | None) -> _Ended:
     """Drape; where it cannot start or complete, its start is the result, with status refined."""
-    body = body_surface(task.target.positions, task.target.triangles)
+    body = seeded_fit.body
     runs: list[Run] = []
 
     def make() -> tuple[Floats, str]:

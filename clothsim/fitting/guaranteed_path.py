@@ -13,7 +13,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.build.untangle import untangled
 from clothsim.errors import InputError
-from clothsim.fitting.deflate import deflated, half_thickness
+from clothsim.fitting.deflate import deflated, half_thickness, outward_normals
 from clothsim.fitting.unfold_creases import unfolding
 from clothsim.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.body import Body
@@ -61,8 +61,8 @@ def clearings(garment: Floats, triangles: Ints, body: BodySurface) -> Iterator[C
         return not surface.penetration(garment).count
 
     def thinner(of: BodySurface, depths: Sequence[float]) -> tuple[float, Floats] | None:
-        half = half_thickness(of)
-        thin = ((depth, deflated(of, depth, half)) for depth in depths)
+        half, normals = half_thickness(of), outward_normals(of)
+        thin = ((depth, deflated(of, depth, half, normals)) for depth in depths)
         return next((thinned for thinned in thin if clear_of(thinned[1])), None)
 
     if clear_of(body.positions):

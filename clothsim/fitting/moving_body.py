@@ -50,7 +50,13 @@ DRAPING: dict[str, Any] = {
         "body_contact": {},
         "friction": {"coefficient": 0.3},
     },
-    "solver": {"dt": 0.05, "tolerance": 0.02, "max_iterations": 200, "integrator": "backward_euler"},
+    "solver": {
+        "dt": 0.05,
+        "tolerance": 0.02,
+        "max_iterations": 200,
+        "integrator": "backward_euler",
+        "unstable_equilibrium": "keep",
+    },
     "run": {"duration": 1.0, "frames_per_second": 10, "until": "rest", "rest_speed": 0.01},
 }
 

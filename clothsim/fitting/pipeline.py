@@ -61,13 +61,15 @@ class Task:
 class Seeded:
     """Start of a simulation: the last of `stages` where failure is empty; worn: how the scenes wear it.
 
-    place (n, 3) [m]: where the garment was worn, on the target; on_target: the first stage that is counted there.
+    place (n, 3) [m]: where the garment was worn, on the target; on_target: the first stage that is counted there;
+    body: the target.
     """
 
     stages: tuple[Stage, ...]
     worn: Worn
     place: Floats
     on_target: int
+    body: BodySurface
     failure: str = ""
     notes: tuple[str, ...] = ()
 
@@ -98,13 +100,13 @@ def seeded(task: Task) -> Seeded:
             place = worn_positions(task.garment.positions, worn_by, carrier)
         if not stages[-1].counts.clean:
             shape = stages[-1].positions
-            stages.append(came("refine", body=body, make=partial(_refined, shape, task, along_normals=False)))
+            stages.append(came("refine", body=body, make=partial(_refined, shape, task, body, along_normals=False)))
             if not stages[-1].counts.on_body:  # thin limbs: the closest point may be on the wrong side
-                stages.append(came("refine", body=body, make=partial(_refined, shape, task, along_normals=True)))
+                stages.append(came("refine", body=body, make=partial(_refined, shape, task, body, along_normals=True)))
     except TransferError as error:
         raise InputError(error.sentence, error.remedy) from error
     worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
-    state = Seeded(tuple(stages), worn, place, on_target)
+    state = Seeded(tuple(stages), worn, place, on_target, body)
     return state if state.last.counts.clean else _guaranteed(state, task, body, carrier)
 
 
@@ -121,11 +123,10 @@ def _moved(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats,
     return moved[0].positions, moved[0].description
 
 
-def _refined(positions: Floats, task: Task, along_normals: bool) -> tuple[Floats, str]:
-    from transfer.refine import refine
+def _refined(positions: Floats, task: Task, body: BodySurface, along_normals: bool) -> tuple[Floats, str]:
+    from transfer.refine import refined_on
 
-    body = task.target
-    done = refine(positions, task.garment.triangles, body.positions, body.triangles, along_normals=along_normals)
+    done = refined_on(body, positions, task.garment.triangles, along_normals=along_normals)
     how = ", along the garment's normals" if along_normals else ""
     return done.positions, f"DRAPE, eps {1e3 * np.min(done.eps):.2g} to {1e3 * np.max(done.eps):.2g} mm{how}"
 

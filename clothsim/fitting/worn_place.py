@@ -36,9 +36,8 @@ def _rotations(source: BodySurface, moved: Floats) -> Floats:
     count = len(source.positions)
     of_vertex = np.zeros((count, 3, 3))
     np.add.at(of_vertex, source.triangles, gradients[:, None])
-    shape = of_vertex.reshape(count, 9)
-    shape = np.column_stack([smoothed(column, source.triangles) for column in shape.T])
-    left, _, right = np.linalg.svd(shape.reshape(count, 3, 3))
+    smooth = smoothed(of_vertex.reshape(count, 9), source.triangles)
+    left, _, right = np.linalg.svd(smooth.reshape(count, 3, 3))
     left[:, :, 2] *= np.sign(np.linalg.det(left @ right))[:, None]
     return left @ right
 

@@ -81,7 +81,7 @@ def _sorted_lines(lines: list[str]) -> _Sorted | None:
             found.faces.append(line[2:])
         elif line.startswith("vt "):
             found.texture.append(line[3:])
-        elif line.startswith(("g ", "o ")):
+        elif line.startswith(("g ", "o ")) or line in ("g", "o"):
             if "#" in line:
                 return None
             names = line[2:].split()
@@ -123,5 +123,8 @@ def _corners(lines: list[str]) -> tuple[Ints, Ints, Ints] | None:
 def _numbers(lines: list[str], kind: type) -> np.ndarray:
     """All numbers of `lines`; fewer where one cannot be read."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)
-        return np.fromstring(" ".join(lines), dtype=kind, sep=" ")
+        warnings.simplefilter("error", DeprecationWarning)
+        try:
+            return np.fromstring(" ".join(lines), dtype=kind, sep=" ")
+        except (ValueError, DeprecationWarning):
+            return np.zeros(0, kind)
