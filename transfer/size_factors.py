@@ -46,7 +46,9 @@ class SizeFactors:
 def size_factors(source: BodyParts, target: BodyParts) -> SizeFactors:
     """Size factors from one body to another, smoothed along each part and bounded by WIDEST about their mean."""
     trunk = profile(source.trunk, target.trunk, heights_onto(source, target, source.trunk.levels))
-    legs = np.mean([profile(a, b, heights_onto(source, target, a.levels)) for a, b in zip(*both_legs(source, target))], 0)
+    legs = np.mean(
+        [profile(a, b, heights_onto(source, target, a.levels)) for a, b in zip(*both_legs(source, target))], 0
+    )
     arms = np.mean([profile(a, b, a.levels) for a, b in zip(source.arms, target.arms, strict=True)], axis=0)
     marks = [parts.landmarks for parts in (source, target)]
     lengths = np.array(
@@ -112,7 +114,9 @@ def graded_metric(factors: SizeFactors, parts: BodyParts, body: Floats, points: 
     share /= share.sum(axis=1, keepdims=True)
     near = used[near]
     weights = PartWeights(
-        (own.trunk[near] * share).sum(axis=1), (own.legs[:, near] * share).sum(axis=2), (own.arms[:, near] * share).sum(2)
+        (own.trunk[near] * share).sum(axis=1),
+        (own.legs[:, near] * share).sum(axis=2),
+        (own.arms[:, near] * share).sum(2),
     )
     up = np.broadcast_to(np.array([0.0, 1.0, 0.0]), local.shape)
     trunk = tensor(np.interp(local[:, 1], parts.trunk.levels, factors.trunk), factors.lengths[0], up)
