@@ -126,7 +126,7 @@ def _run(scene: Scene, folder: Path, listener: Listener | None, announce: Announ
     """Run without Python warnings of intersections: the stages of a fit count them."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IntersectionWarning)
-        return simulate(scene, folder, listener, announce)
+        return simulate(scene, folder, listener, announce, overwrite=True)
 
 
 def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, Any], folder: Path) -> Scene:

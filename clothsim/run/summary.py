@@ -64,6 +64,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "residual": report.result.residual,
         "relative_residual": report.result.relative_residual,
         "energy": certificate.energy,
+        "stiffness_energy": certificate.stiffness.last,
         "minimum_gap": report.minimum_gap,
         "fastest": report.fastest,
         "failures": list(report.failures),
