@@ -177,9 +177,8 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
         """Energy of the springs of anchors [J]; 0 where contacts creep."""
         if not self.elastic_slip:
             return 0.0
-        slips = self.slips - self.turns + tangential(
-            relative_positions(x - self.contacts.start, self.elements, self.weights), self.normals
-        )
+        displacements = relative_positions(x - self.contacts.start, self.elements, self.weights)
+        slips = self.slips - self.turns + tangential(displacements, self.normals)
         fractions = np.minimum(np.linalg.norm(slips, axis=1) / self.elastic_slip, 1.0)
         return float(self.elastic_slip * (self.limits * fractions**2 * (1.0 - fractions / 3.0)).sum())
 

@@ -276,7 +276,9 @@ def test_threads_that_bear_the_force_alone_have_no_limit_in_any_direction():
     """Only a fabric whose extensions are not known is limited in every direction."""
     positions, triangles = grid(2, 2)
     stiff = replace(FABRICS["cotton"], youngs_modulus=1e3 * FABRICS["cotton"].youngs_modulus)
-    world = make_world([cloth(positions, triangles, stiff), make_cloth("soft", positions, triangles, FABRICS["cotton"])])
+    world = make_world(
+        [cloth(positions, triangles, stiff), make_cloth("soft", positions, triangles, FABRICS["cotton"])]
+    )
     limited = strain_limit(world)
     assert len(limited.triangles) == len(triangles)
     assert np.isinf(limited.limits[:, :2]).all()
