@@ -123,8 +123,9 @@ class Anchors:
 def anchors_from(numbers: object) -> Anchors:
     """Anchors of `Anchors.as_array`, which a file may hold as lists."""
     rows = np.asarray(numbers, np.float64).reshape(-1, COLUMNS[-1] + 1)
-    elements, *vectors, slides = np.split(rows, COLUMNS, axis=1)
-    return Anchors(elements.astype(np.int64), *vectors, slides[:, 0] > 0.0)
+    elements, weights, normals, slips, origins, directions, facings, slides = np.split(rows, COLUMNS, axis=1)
+    vectors = normals, slips, origins, directions, facings
+    return Anchors(elements.astype(np.int64), weights, *vectors, slides[:, 0] > 0.0)
 
 
 def anchors_at(

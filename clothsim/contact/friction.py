@@ -147,8 +147,8 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
         normals = differences / np.linalg.norm(differences, axis=1, keepdims=True)
         slips, turns, slides = self._inherited(elements, weights, normals)
         limits = np.where(slides, kinetic, static)
-        pairs = {"elements": elements, "weights": weights, "normals": normals, "slips": slips, "turns": turns}
-        return replace(self, **pairs, limits=limits, slides=slides)
+        geometry = {"elements": elements, "weights": weights, "normals": normals, "slips": slips, "turns": turns}
+        return replace(self, **geometry, limits=limits, slides=slides)
 
     def _inherited(self, elements: Ints, weights: Floats, normals: Floats) -> tuple[Floats, Floats, np.ndarray]:
         """Slips and turns (p, 3) [m] of contacts, and which slide (p,): a new one if its velocity takes it beyond e."""
