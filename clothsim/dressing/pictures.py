@@ -32,7 +32,7 @@ def draw_dress(done: "Dress") -> list[Path]:
     ]
 
 
-def _pair(file: Path, title: str, positions: Floats, triangles: np.ndarray, stretches: Floats, body: Figure) -> Path:
+def _pair(file: Path, title: str, state: SewingState, stretches: Floats, body: Figure) -> Path:
     """Write a picture from the front and from the back side by side."""
     from PIL import Image
 
