@@ -12,8 +12,9 @@ from clothsim.arrays import Floats
 from clothsim.dressing.closing import close, stretch_range
 from clothsim.dressing.draping import drape
 from clothsim.dressing.placing import placed_on
-from clothsim.dressing.separating import separated
+from clothsim.dressing.separating import crossing_panels, separated
 from clothsim.dressing.sewing_state import SewingState, as_placed
+from clothsim.dressing.sleeves import turned_to_arms
 from clothsim.dressing.written_files import GARMENT, write_results
 from clothsim.errors import InputError
 from clothsim.fitting.inputs import Figure, figure_of, read_figure
@@ -183,9 +184,10 @@ def dress(
     name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
     body = read_figure(on, scale=scale, group=body_group) if isinstance(on, str | Path) else figure_of(on)
     mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
+    mesh, turning_notes = turned_to_arms(mesh, body)
     surface = body_surface(body.positions, body.triangles)
     task = _Task(body, surface, fabric, directory, on_stage, progress, announce)
-    begun = _Progress(as_placed(mesh), (), notes=(*mesh.pattern.notes, *placing_notes, *body.notes))
+    begun = _Progress(as_placed(mesh), (), notes=(*mesh.pattern.notes, *placing_notes, *turning_notes, *body.notes))
     done = _sewn(task, begun)
     status = "failed" if done.failure else "completed"
     reason = done.failure or f"All {len(mesh.seams)} seams are closed and the garment rests on {body.name}."
@@ -216,6 +218,8 @@ def _placed(task: _Task, done: _Progress) -> _Progress:
     """Panels as placed; seams that touch are welded."""
     started, state = perf_counter(), done.state
     touching = [k for k in state.open_seams if state.gaps(state.mesh.seams[k]).max(initial=0.0) < TOUCHING]
+    crossing = crossing_panels(state.weld(touching))  # a weld would keep them from being moved apart
+    touching = [k for k in touching if not crossing & {side.panel for side in state.mesh.seams[k].stitch.sides}]
     state = state.weld(touching)
     panels, seams = len(state.mesh.pattern.panels), len(state.mesh.seams)
     size = f"{panels} panels, {seams} seams, {len(state.positions):,} vertices"

@@ -12,8 +12,8 @@ from clothsim.mesh.pattern.pattern_mesh import PatternMesh
 ORIGINS = ("auto", "floor", "waist")
 ORIGIN_HEIGHT = 0.677
 """Height of the origin of Garment-Pattern-Generator's body (the template of SMPL) as a fraction of its own height."""
-BELOW = 0.1
-"""Depth of a pattern below the floor [m] beyond which its origin cannot be the floor."""
+BELOW, LOW = 0.1, 0.6
+"""Depth of a pattern below y = 0 beyond which, and height below which its top makes the floor an unlikely origin [m]."""
 ASIDE = 0.2
 """Distance of a body from the vertical axis [m] beyond which the pattern follows it."""
 
@@ -29,7 +29,7 @@ def placed_on(mesh: PatternMesh, body: Figure, origin: str = "auto") -> tuple[Pa
         The body, y or z upward.
     origin : str
         Level y = 0 of the file: "floor", the lowest vertex of the body (GarmentCode), or "waist", the origin of SMPL's
-        template (Garment-Pattern-Generator); "auto": the floor, unless panels lie below it.
+        template (Garment-Pattern-Generator); "auto": the floor, unless the panels lie round y = 0.
 
     Raises
     ------
@@ -38,8 +38,8 @@ def placed_on(mesh: PatternMesh, body: Figure, origin: str = "auto") -> tuple[Pa
     """
     if origin not in ORIGINS:
         raise InputError(f"origin is {origin!r}.", f"Known: {', '.join(ORIGINS)}.")
-    lowest = float(mesh.positions[:, 1].min())
-    chosen = origin if origin != "auto" else ("waist" if lowest < -BELOW else "floor")
+    lowest, highest = float(mesh.positions[:, 1].min()), float(mesh.positions[:, 1].max())
+    chosen = origin if origin != "auto" else ("waist" if lowest < -BELOW and highest < LOW else "floor")
     notes = []
     if chosen == "waist" and origin == "auto":
         notes.append(f"panels lie {-lowest:.2f} m below y = 0: read as made round the waist (origin = waist)")

@@ -8,6 +8,7 @@ from clothsim.arrays import Floats
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.penetration import penetrations
+from clothsim.intersection.intersecting_pairs import intersecting_pairs
 from transfer.signed_distance import BodySurface
 
 STEP = 0.005
@@ -42,6 +43,15 @@ def separated(state: SewingState, body: Figure, surface: BodySurface) -> tuple[S
             positions = extended
     text = ", ".join(name for name, moved in zip(_names(state, of_panel), shift, strict=True) if moved > 0)
     return state.at(positions), f"moved outward by at most {1e3 * shift.max():.3g} mm: {text}"
+
+
+def crossing_panels(state: SewingState) -> set[str]:
+    """Names of the panels that intersect another one."""
+    pairs = intersecting_pairs(state.positions, state.triangles)
+    starts = np.array([rows.start for rows in state.mesh.faces.values()])
+    panels = np.searchsorted(starts, pairs, side="right") - 1
+    names = list(state.mesh.faces)
+    return {names[k] for k in np.unique(panels[panels[:, 0] != panels[:, 1]])}
 
 
 def _names(state: SewingState, of_panel: np.ndarray) -> list[str]:

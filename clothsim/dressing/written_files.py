@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.dressing.measurements import measurement_entries
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.io.atomic import write_atomically
 from clothsim.io.record import SUMMARY_NAME, read_summary, write_summary
@@ -35,6 +36,7 @@ def write_results(done: "Dress", name: str, size: float, seconds: float) -> None
         "reason": done.reason,
         "stages": [stage.as_dict() for stage in done.stages],
         "seams": seam_entries(done.state),
+        "measurements": measurement_entries(done.state, done.body),
         "vertices": len(done.state.positions),
         "spacing": size,
         "stretch_low": low,
