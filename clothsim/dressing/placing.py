@@ -13,7 +13,7 @@ ORIGINS = ("auto", "floor", "waist")
 ORIGIN_HEIGHT = 0.677
 """Height of the origin of Garment-Pattern-Generator's body (the template of SMPL) as a fraction of its own height."""
 BELOW, LOW = 0.1, 0.6
-"""Depth of a pattern below y = 0 beyond which, and height below which its top makes the floor an unlikely origin [m]."""
+"""Depth of a pattern below y = 0 and height of its top above it [m] that make the floor an unlikely origin."""
 ASIDE = 0.2
 """Distance of a body from the vertical axis [m] beyond which the pattern follows it."""
 

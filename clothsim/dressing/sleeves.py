@@ -29,8 +29,8 @@ class Arm:
 def turned_to_arms(mesh: PatternMesh, body: Figure) -> tuple[PatternMesh, tuple[str, ...]]:
     """Mesh whose sleeves lie along the arms, and a note for each that was turned.
 
-    The panels of an arm are those named so on one side of the body. Their axis leads from the middle of their seams with
-    other panels to the middle of their free edges.
+    The panels of an arm are those named so on one side of the body. Their axis leads from the middle of their seams
+    with other panels to the middle of their free edges.
     """
     right = np.cross(body.up, _front(body))
     middle = _middle(body)
@@ -87,7 +87,7 @@ def _ends(mesh: PatternMesh, names: list[str]) -> tuple[Floats, Floats] | None:
 
 
 def _arm(body: Figure, outward: Floats, middle: Floats) -> Arm | None:
-    """Line through the vertices of a body beyond its torso on the side `outward`; None where the arm hangs beside it."""
+    """Line through the vertices of a body beyond its torso on the side `outward`; None where the arm hangs down."""
     reach = (body.positions - middle) @ outward
     chosen = body.positions[reach > BEYOND * reach.max()]
     centre = chosen.mean(axis=0)
