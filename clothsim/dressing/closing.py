@@ -1,8 +1,8 @@
 """Closing of seams under contact: strings that shorten draw the panels round the body; nothing ever intersects.
 
-There is neither gravity nor friction, and strong damping: what counts is the end. All seams close at one time, so that
-the panels approach the body as they were placed (closed one after the other, the first drag the rest aside), and no gap
-faster than SPEED. Darts are closed before. Whether a seam is closed is measured; rounds with stiffer strings follow.
+There is neither gravity nor friction, and strong damping: what counts is the end. Darts close first, then at one time
+all seams of the torso and those of each sleeve, so that the panels approach the body as they were placed; then sleeves
+and collars are sewn to the torso, which is held. Whether a seam is closed is measured; stiffer rounds follow.
 """
 
 import warnings
@@ -14,30 +14,19 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.build.scene_world import build
+from clothsim.dressing.closing_rounds import Round, Strings, further_turns, turns
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.energies.protocols import ContactGap
 from clothsim.errors import IntersectionWarning
 from clothsim.fitting.inputs import Figure
-from clothsim.mesh.pattern.pattern_mesh import Seam
 from clothsim.run.recorded_run import Listener
 from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.scene import Scene
 
-SPEED = 0.5
-"""Largest speed at which a gap closes [m/s]."""
-SHORTEST = 0.4
-"""Shortest time of closing [s]."""
-DARTS = 0.3
-"""Time in which the darts close, first of all [s]."""
 HOLD = 0.3
 """Time for which the closed seams come to rest [s]."""
-ROUNDS = 4
-"""Bound on the number of rounds."""
-STIFFNESS, STIFFER = 100.0, 5.0
-"""Stiffness of a string in the first round [N/m] and its growth in each further one: stiffer strings pull the fabric
-into folds and take twice the iterations."""
 THICKNESS = 0.1
 """Distance at which contact begins, as a fraction of the mean edge."""
 CLOSED = 1.5
@@ -78,22 +67,21 @@ class Closing:
 def close(state: SewingState, body: Figure, fabric: str, folder: Path, listener: Listener | None) -> Closing:
     """Draw all open seams together. InputError for a start that cannot be simulated."""
     runs: list[Run] = []
-    seconds = 0.0
-    for number in range(ROUNDS):
-        seam_tables, end = _schedule(state, first=not runs)
-        scene = _scene(state, body, fabric, seam_tables, end + HOLD, STIFFNESS * STIFFER**number)
+    planned = turns(state)
+    for number, turn in enumerate([*planned, *further_turns(state)]):
+        scene = _scene(state, body, fabric, turn.made(state))
         limit = CLOSED * contact_gap(scene)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IntersectionWarning)
             run = simulate(scene, folder / f"close{number}", listener)
         runs.append(run)
-        seconds += float(run.times[-1])
         state = state.at(run.positions(-1))
         if run.status != "completed":
             return Closing(state, f"While the seams were closed: {run.reason}", "", tuple(runs))
         largest, name = worst_gap(state)
-        if largest <= limit:
+        if largest <= limit and number >= len(planned) - 1:
             break
+    seconds = sum(float(run.times[-1]) for run in runs)
     description = f"{len(runs)} rounds, {seconds:.2g} s; largest gap {1e3 * largest:.2g} mm"
     failure = ""
     if largest > limit:
@@ -114,62 +102,33 @@ def contact_gap(scene: Scene) -> float:
     return float(contact.activation_distance)
 
 
-def is_dart(seam: Seam) -> bool:
-    """True where both sides are on one panel."""
-    first, second = seam.stitch.sides
-    return first.panel == second.panel
-
-
-def _schedule(state: SewingState, first: bool) -> tuple[list[dict[str, Any]], float]:
-    """Tables of the open seams, and the time at which the last is closed [s]; darts go first in the first round."""
-    tables: list[dict[str, Any]] = []
-    seams = [state.mesh.seams[k] for k in state.open_seams]
-    darts = first and any(is_dart(seam) for seam in seams) and not all(is_dart(seam) for seam in seams)
-    largest = max(float(state.gaps(seam).max(initial=0)) for seam in seams if not (darts and is_dart(seam)))
-    start = DARTS if darts else 0.0
-    last = start + max(SHORTEST, largest / SPEED)
-    single = []
-    for seam in seams:
-        pairs, early = state.pairs(seam), darts and is_dart(seam)
-        if len(pairs) > 1:
-            tables.append({"pairs": pairs, "start": 0.0 if early else start, "end": DARTS if early else last})
-        else:
-            single.append(pairs)
-    latest = max(tables, key=lambda table: table["end"])
-    latest["pairs"] = np.concatenate([latest["pairs"], *single])  # a line needs two vertices
-    return tables, last
-
-
-def _scene(
-    state: SewingState,
-    body: Figure,
-    fabric: str,
-    seam_tables: list[dict[str, Any]],
-    duration: float,
-    stiffness: float,
-) -> Scene:
+def _scene(state: SewingState, body: Figure, fabric: str, turn: Round) -> Scene:
+    """Scene of a round."""
     cloth = ClothArrays(
         state.positions, state.triangles, rest=state.mesh.material_coordinates, name="garment", fabric=fabric, sewn=True
     )
     contact = {"d_hat": THICKNESS * mean_edge(state)}
+    effects = {
+        **SETTINGS["effects"],
+        "body_contact": contact,
+        "self_contact": contact,
+        "seams": {"seam": [_seam_table(strings, turn.stiffness) for strings in turn.strings]},
+    }
+    if len(turn.held):
+        effects["pins"] = {"select": turn.held.tolist()}
     return Scene(
         cloth=cloth,
         body=BodyArrays(body.positions, body.triangles, name="body"),
-        effects={
-            **SETTINGS["effects"],
-            "body_contact": contact,
-            "self_contact": contact,
-            "seams": {"seam": [_seam_table(table, stiffness) for table in seam_tables]},
-        },
+        effects=effects,
         solver=SETTINGS["solver"],
-        run={"duration": duration, "frames_per_second": 10},
+        run={"duration": turn.duration + HOLD, "frames_per_second": 10},
     )
 
 
-def _seam_table(table: dict[str, Any], stiffness: float) -> dict[str, Any]:
-    first, second = table["pairs"].T
+def _seam_table(strings: Strings, stiffness: float) -> dict[str, Any]:
+    first, second = strings.pairs.T
     lines = {"from": {"vertices": first.tolist()}, "to": {"vertices": second.tolist()}, "match": "vertices"}
-    return {**lines, "start": table["start"], "end": table["end"], "stiffness": stiffness}
+    return {**lines, "start": strings.start, "end": strings.end, "stiffness": stiffness}
 
 
 def mean_edge(state: SewingState) -> float:

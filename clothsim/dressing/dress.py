@@ -11,6 +11,7 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.dressing.closing import close, stretch_range
 from clothsim.dressing.draping import drape
+from clothsim.dressing.lifting import lifted
 from clothsim.dressing.placing import placed_on
 from clothsim.dressing.separating import crossing_panels, separated
 from clothsim.dressing.sewing_state import SewingState, as_placed
@@ -221,6 +222,8 @@ def _placed(task: _Task, done: _Progress) -> _Progress:
     crossing = crossing_panels(state.weld(touching))  # a weld would keep them from being moved apart
     touching = [k for k in touching if not crossing & {side.panel for side in state.mesh.seams[k].stitch.sides}]
     state = state.weld(touching)
+    state, lift_note = lifted(state, task.body, task.surface)
+    done = replace(done, notes=(*done.notes, *([lift_note] if lift_note else [])))
     panels, seams = len(state.mesh.pattern.panels), len(state.mesh.seams)
     size = f"{panels} panels, {seams} seams, {len(state.positions):,} vertices"
     return _after(task, done, "place", state, f"{size}, {len(touching)} seams touch" if touching else size, started)

@@ -32,8 +32,8 @@ def turned_to_arms(mesh: PatternMesh, body: Figure) -> tuple[PatternMesh, tuple[
     The panels of an arm are those named so on one side of the body. Their axis leads from the middle of their seams
     with other panels to the middle of their free edges.
     """
-    right = np.cross(body.up, _front(body))
-    middle = _middle(body)
+    right = np.cross(body.up, front_of(body))
+    middle = middle_of(body)
     positions, notes = mesh.positions.copy(), []
     for side in (1.0, -1.0):
         names = [
@@ -96,11 +96,11 @@ def _arm(body: Figure, outward: Floats, middle: Floats) -> Arm | None:
     return Arm(centre, direction) if direction @ outward > np.cos(np.radians(75)) else None
 
 
-def _middle(body: Figure) -> Floats:
+def middle_of(body: Figure) -> Floats:
     """Middle of the bounding box of a body, (3,) [m]."""
     return np.asarray((body.positions.min(axis=0) + body.positions.max(axis=0)) / 2, np.float64)
 
 
-def _front(body: Figure) -> Floats:
+def front_of(body: Figure) -> Floats:
     """Direction that a body faces in the axes of the pattern, (3,): z of a body with y upward, -y of one with z."""
     return np.array([0.0, 0.0, 1.0]) if body.up[1] else np.array([0.0, -1.0, 0.0])
