@@ -1,6 +1,6 @@
 """Closing of seams under contact: strings that shorten draw the panels round the body; nothing ever intersects.
 
-There is neither gravity nor friction, and strong damping: what counts is the end. Darts close first, then at one time
+There is no gravity, and strong damping: what counts is the end. Darts close first, then at one time
 all seams of the torso and those of each sleeve, so that the panels approach the body as they were placed; then sleeves
 and collars are sewn to the torso, which is held. Whether a seam is closed is measured; stiffer rounds follow.
 """
@@ -29,6 +29,8 @@ HOLD = 0.3
 """Time for which the closed seams come to rest [s]."""
 THICKNESS = 0.1
 """Distance at which contact begins, as a fraction of the mean edge."""
+FRICTION = 0.5
+"""Friction with the body once all seams were drawn together: stiffer strings would pull the garment off."""
 CLOSED = 1.5
 """Gap of a closed seam, as a multiple of the distance at which contact begins."""
 SETTINGS: dict[str, Any] = {
@@ -114,6 +116,8 @@ def _scene(state: SewingState, body: Figure, fabric: str, turn: Round) -> Scene:
         "self_contact": contact,
         "seams": {"seam": [_seam_table(strings, turn.stiffness) for strings in turn.strings]},
     }
+    if turn.free:
+        effects["friction"] = {"coefficient": FRICTION}
     if len(turn.held):
         effects["pins"] = {"select": turn.held.tolist()}
     return Scene(

@@ -56,12 +56,15 @@ class Round:
         Vertices that do not move.
     duration : float
         Time until the last seam is closed [s].
+    free : bool
+        True where all seams were drawn together before, and nothing is held.
     """
 
     strings: tuple[Strings, ...]
     stiffness: float
     held: Ints
     duration: float
+    free: bool
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,7 @@ class Turn:
                 time += span
         parts += [Strings(state.pairs(seam), 0.0, SHORTEST) for seam in self.closed]
         held = torso(state) if self.closed else np.zeros(0, np.int64)
-        return Round(joined_singles(parts), self.factor * STIFFNESS, held, time)
+        return Round(joined_singles(parts), self.factor * STIFFNESS, held, time, self.factor > 1)
 
 
 def turns(state: SewingState) -> list[Turn]:
