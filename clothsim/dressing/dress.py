@@ -13,7 +13,7 @@ from clothsim.dressing.closing import close, stretch_range
 from clothsim.dressing.draping import drape
 from clothsim.dressing.lifting import lifted
 from clothsim.dressing.placing import placed_on
-from clothsim.dressing.separating import crossing_panels, separated
+from clothsim.dressing.separating import crossing_panels, panels_in_contact, separated
 from clothsim.dressing.sewing_state import SewingState, as_placed
 from clothsim.dressing.sleeves import turned_to_arms
 from clothsim.dressing.written_files import GARMENT, write_results
@@ -237,8 +237,10 @@ def _separated(task: _Task, done: _Progress) -> _Progress:
     state, description = separated(done.state, task.body, task.surface)
     done = _after(task, done, "separate", state, description, started)
     counts = done.stages[-1].counts
-    failure = "" if counts.clean else f"The panels cannot be placed free of intersections: {counts}, {counts.where}."
-    return replace(done, failure=failure)
+    if counts.clean:
+        return done
+    names = ", ".join(panels_in_contact(state, task.surface))
+    return replace(done, failure=f"Placed panels intersect, and no way out was found: {names} ({counts}).")
 
 
 def _closed(task: _Task, done: _Progress) -> _Progress:

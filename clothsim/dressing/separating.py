@@ -45,6 +45,15 @@ def separated(state: SewingState, body: Figure, surface: BodySurface) -> tuple[S
     return state.at(positions), f"moved outward by at most {1e3 * shift.max():.3g} mm: {text}"
 
 
+def panels_in_contact(state: SewingState, surface: BodySurface) -> list[str]:
+    """Names of the panels that intersect the body, and of those that intersect another one."""
+    _, with_body, _ = penetrations(state.positions, state.triangles, surface)
+    starts = np.array([rows.start for rows in state.mesh.faces.values()])
+    names = list(state.mesh.faces)
+    hit = {names[k] for k in np.searchsorted(starts, with_body[:, 0], side="right") - 1}
+    return sorted(hit | crossing_panels(state), key=names.index)
+
+
 def crossing_panels(state: SewingState) -> set[str]:
     """Names of the panels that intersect another one."""
     pairs = intersecting_pairs(state.positions, state.triangles)
