@@ -16,6 +16,7 @@ Sew a pattern (specification.json of GarmentCode and others) on a body under con
 Leaves what a run leaves, garment.obj with the pattern as texture, and pictures.
 
   clothsim dress shirt_specification.json --on body.obj -o worn
+  clothsim dress tunic --on shirt -o worn            (a pattern and a body that come with the package)
 """
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
@@ -23,7 +24,9 @@ LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     dress = commands.add_parser("dress", help="sew a pattern on a body", description=_DESCRIPTION)
-    dress.add_argument("pattern", type=Path, metavar="PATTERN", help="a specification.json")
+    dress.add_argument(
+        "pattern", type=Path, metavar="PATTERN", help="a specification.json, or the name of one that is installed"
+    )
     dress.add_argument("--on", required=True, type=Path, metavar="BODY", help="the body: a mesh file or a scene")
     dress.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the pattern's name)"
@@ -51,7 +54,7 @@ def _dress(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
     from clothsim.cli import progress
     from clothsim.dressing.dress import dress
-    from clothsim.run.example_scenes import installed_scene
+    from clothsim.run.example_scenes import installed_pattern, installed_scene
 
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     directory = arguments.output or Path(arguments.pattern.stem)
@@ -61,10 +64,12 @@ def _dress(arguments: argparse.Namespace) -> int:
             print(text, file=talk, flush=True)
 
     report(f"clothsim {__version__}: dress {arguments.pattern}")
+    pattern = arguments.pattern
+    pattern = pattern if pattern.exists() else installed_pattern(pattern) or pattern
     body = arguments.on if arguments.on.exists() else installed_scene(arguments.on) or arguments.on
     with progress.shown(arguments.quiet) as listener:
         done = dress(
-            arguments.pattern,
+            pattern,
             body,
             directory,
             size=as_length("--size", arguments.size),
