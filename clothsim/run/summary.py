@@ -37,6 +37,8 @@ class Progress:
         ended in an unstable equilibrium.
     seconds : float
         Wall time since the start [s].
+    stage : str
+        Of a fit the stage that the run is.
     """
 
     time: float
@@ -47,6 +49,7 @@ class Progress:
     fastest: float
     verdict: str
     seconds: float
+    stage: str = ""
 
 
 def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
