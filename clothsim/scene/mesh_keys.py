@@ -46,7 +46,19 @@ class ClothKeys(PlacedKeys):
     poisson_ratio: Annotated[
         float | None, Key("Poisson's ratio", "1", above=-1, most=0.5, shown="the fabric's")
     ] = None  # fmt: skip
-    bending_stiffness: Annotated[float | None, Key("Bending stiffness", "N m", least=0, shown="the fabric's")] = None
+    bending_stiffness: Annotated[
+        float | None, Key("Bending stiffness; it replaces those along warp, weft and bias", "N m", least=0,
+                          shown="the fabric's")
+    ] = None  # fmt: skip
+    bending_warp: Annotated[float | None, Key("Bending stiffness along warp", "N m", least=0, shown="the fabric's")] = (
+        None
+    )
+    bending_weft: Annotated[float | None, Key("Bending stiffness along weft", "N m", least=0, shown="the fabric's")] = (
+        None
+    )
+    bending_bias: Annotated[
+        float | None, Key("Bending stiffness at 45 degrees to warp and weft", "N m", above=0, shown="the fabric's")
+    ] = None
     warp_stiffness: Annotated[float | None, Key("Stiffness along warp", "N/m", least=0, shown="the fabric's")] = None
     weft_stiffness: Annotated[float | None, Key("Stiffness along weft", "N/m", least=0, shown="the fabric's")] = None
     shear_stiffness: Annotated[float | None, Key("Stiffness in shear", "N/m", least=0, shown="the fabric's")] = None
