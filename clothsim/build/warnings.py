@@ -8,11 +8,10 @@ from clothsim.arrays import Floats
 from clothsim.energies.base import Energy
 from clothsim.energies.protocols import ContactGap
 from clothsim.mesh.motion import FrameMotion
-from clothsim.mesh.topology import components
-from clothsim.mesh.winding_number import is_inside
 from clothsim.mesh.world import World
 from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.scene import Scene
+from clothsim.sim.held_inside import held_inside
 
 LARGEST, SMALLEST = 10.0, 0.01
 """Longest extents of a mesh [m] beyond which its unit is doubted."""
@@ -131,16 +130,8 @@ def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
     """Pieces of cloth that start inside a body without intersecting it: contact keeps them there."""
     if "body_contact" not in energies:
         return []
-    sentences = []
-    for cloth in world.cloths:
-        firsts = np.unique(components(cloth.triangles, len(cloth.positions)), return_index=True)[1]
-        for body in world.bodies:
-            inside = [row for row in firsts if is_inside(cloth.positions[row], body.positions, body.triangles)]
-            if inside:
-                pieces = "all of it" if len(firsts) == 1 else f"{len(inside)} of its {len(firsts)} pieces"
-                where = f"{pieces}, such as vertex {inside[0]}"
-                sentences.append(f"{cloth.name} starts inside {body.name}, {where}: contact keeps it in.")
-    return sentences
+    found = held_inside(world, world.start())
+    return [f"{each.cloth} starts inside {each.body}, {each.where}: contact keeps it in." for each in found]
 
 
 def _wide_activation(world: World, energies: dict[str, Energy]) -> list[str]:

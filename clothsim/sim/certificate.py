@@ -13,6 +13,7 @@ from clothsim.mesh.world import World
 from clothsim.sim.error_estimate import ErrorEstimate
 from clothsim.sim.intersection_history import IntersectionHistory, history_from
 from clothsim.sim.mechanical_energy import mechanical_energy
+from clothsim.sim.pinching import Pinches
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
 
@@ -88,6 +89,8 @@ class Certificate:
         True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
     unstable : UnstableEquilibria
         Those that were found (see `sim.branch_switching`).
+    pinched : Pinches
+        Vertices that bodies pressed from opposite sides, in the frames so far.
     """
 
     intersections: IntersectionHistory = field(default_factory=IntersectionHistory)
@@ -106,6 +109,7 @@ class Certificate:
     fastest_speed: float = np.nan
     at_rest: bool = False
     unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
+    pinched: Pinches = field(default_factory=Pinches)
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
         """Return the certificate after one more step, which started at `before`.
@@ -153,6 +157,7 @@ class Certificate:
             "at_rest": self.at_rest,
             "fastest_speed": self.fastest_speed,
             "unstable_equilibria": asdict(self.unstable),
+            "pinched": asdict(self.pinched),
             "energy_drift": scripted if self.moved_by_script else self.energy_rise / scale,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
             "error_estimate": self.estimate.as_dict(self.asked, completed),
@@ -164,6 +169,7 @@ class Certificate:
             "estimate": asdict(self.estimate),
             "intersections": self.intersections.as_json(),
             "unstable": asdict(self.unstable),
+            "pinched": asdict(self.pinched),
         }
         return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
 
@@ -175,6 +181,7 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
         "estimate": ErrorEstimate(**fields.get("estimate", {})),
         "intersections": history_from(fields.get("intersections", older)),
         "unstable": UnstableEquilibria(**fields.get("unstable", {})),
+        "pinched": Pinches(**fields.get("pinched", {})),
     }
     return Certificate(
         **{**{name: fields[name] for name in fields if name in Certificate.__dataclass_fields__}, **parts}
