@@ -11,6 +11,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
+from clothsim.io.obj_columns import polygons_by_columns
 from clothsim.io.polygons import Polygons
 
 SILENT = {"vn", "vp", "s", "usemtl", "mtllib", "l", "p", "#"}
@@ -21,8 +22,11 @@ MOST_GROUPS = 64
 
 def read_obj(path: Path, text: str) -> Polygons:
     """The polygons of `text`. InputError names `path` and the line that cannot be read."""
+    alike = polygons_by_columns(text)
+    if alike is not None:
+        return alike
     lines = _Lines(path)
-    for number, line in enumerate(_joined(text), start=1):
+    for number, line in enumerate(joined_lines(text), start=1):
         words = line.split("#", 1)[0].split() if "#" in line else line.split()
         if not words:
             continue
@@ -122,7 +126,7 @@ class _Lines:
             )
 
 
-def _joined(text: str) -> list[str]:
+def joined_lines(text: str) -> list[str]:
     """The lines, continued ones joined; empty lines keep the line numbers."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if "\\\n" not in text.replace("\r", "\n"):

@@ -16,6 +16,7 @@ from clothsim.sim.mechanical_energy import mechanical_energy
 from clothsim.sim.pinching import Pinches
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
+from clothsim.sim.stiffness_changes import StiffnessChanges
 
 
 @dataclass(frozen=True)
@@ -91,6 +92,8 @@ class Certificate:
         Those that were found (see `sim.branch_switching`).
     pinched : Pinches
         Vertices that bodies pressed from opposite sides, in the frames so far.
+    stiffness : StiffnessChanges
+        Energy of the changes of the contact stiffness.
     """
 
     intersections: IntersectionHistory = field(default_factory=IntersectionHistory)
@@ -110,11 +113,13 @@ class Certificate:
     at_rest: bool = False
     unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
     pinched: Pinches = field(default_factory=Pinches)
+    stiffness: StiffnessChanges = field(default_factory=StiffnessChanges)
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
         """Return the certificate after one more step, which started at `before`.
 
-        Both energies are of the potential of this step: a barrier made stiffer between two steps is no rise.
+        Both energies are of the potential of this step: what a barrier made stiffer between two steps adds is no rise,
+        but stands in `stiffness`.
         """
         x = report.state.positions
         stretches = world_stretches(world, x)
@@ -139,6 +144,7 @@ class Certificate:
             fastest_speed=np.nan if report.error is None else report.fastest,
             at_rest=report.state.at_rest,
             unstable=self.unstable.after(report),
+            stiffness=self.stiffness.after(report.potential, before),
         )
 
     def as_dict(self, coverage: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
@@ -160,6 +166,7 @@ class Certificate:
             "pinched": asdict(self.pinched),
             "energy_drift": scripted if self.moved_by_script else self.energy_rise / scale,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
+            "stiffness_changes": {"added": self.stiffness.added, "removed": self.stiffness.removed},
             "error_estimate": self.estimate.as_dict(self.asked, completed),
         }
 
@@ -170,6 +177,7 @@ class Certificate:
             "intersections": self.intersections.as_json(),
             "unstable": asdict(self.unstable),
             "pinched": asdict(self.pinched),
+            "stiffness": asdict(self.stiffness),
         }
         return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
 
@@ -182,6 +190,7 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
         "intersections": history_from(fields.get("intersections", older)),
         "unstable": UnstableEquilibria(**fields.get("unstable", {})),
         "pinched": Pinches(**fields.get("pinched", {})),
+        "stiffness": StiffnessChanges(**fields.get("stiffness", {})),
     }
     return Certificate(
         **{**{name: fields[name] for name in fields if name in Certificate.__dataclass_fields__}, **parts}
