@@ -8,8 +8,9 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.fitting.inputs import Figure
+from clothsim.mesh.topology import border_edges, components
 
-LEVELS = {"chest": 0.72, "waist": 0.62, "hip": 0.52}
+LEVELS = {"chest": 0.70, "waist": 0.62, "hip": 0.52}
 """Levels as fractions of the body's height, of an adult (ISO 8559-1 measures them at the body; these are means)."""
 TORSO = 0.32
 """Largest distance of the torso from the axis of the body, as a fraction of its height: arms lie beyond."""
@@ -45,7 +46,6 @@ def girths(state: SewingState, body: Figure) -> list[Girth]:
     low, high = _span(body.positions @ body.up)
     garment_low, garment_high = _span(state.positions @ body.up)
     levels = {name: low + share * (high - low) for name, share in LEVELS.items()}
-    levels["hem"] = garment_low + 0.01 * (garment_high - garment_low)
     reach = TORSO / 2 * (high - low)
     found = []
     for name, level in levels.items():
@@ -55,7 +55,19 @@ def girths(state: SewingState, body: Figure) -> list[Girth]:
                 for positions, triangles in ((body.positions, body.triangles), (state.positions, state.triangles))
             ]
             found.append(Girth(name, level - low, *both))
-    return found
+    hem, level = hem_of(state, body)
+    return [*found, Girth("hem", level - low, _hull_girth(body.positions, body.triangles, level, body, reach), hem)]
+
+
+def hem_of(state: SewingState, body: Figure) -> tuple[float, float]:
+    """Length of the lowest border loop of the garment [m], and its mean level [m]."""
+    edges = border_edges(state.triangles)[0]
+    loop = components(np.column_stack([edges, edges[:, 1]]), len(state.positions))[edges[:, 0]]
+    levels = (state.positions @ body.up)[edges].mean(axis=1)
+    lengths = np.linalg.norm(np.diff(state.positions[edges], axis=1)[:, 0], axis=1)
+    mean = {name: float(np.average(levels[loop == name], weights=lengths[loop == name])) for name in np.unique(loop)}
+    lowest = min(mean, key=lambda name: mean[name])
+    return float(lengths[loop == lowest].sum()), mean[lowest]
 
 
 def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> Floats:
