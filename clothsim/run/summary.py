@@ -69,6 +69,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "rejected": report.rejected,
         "restarted": report.restarted,
         "unstable": [asdict(switch) for switch in report.switches],
+        **({} if certificate.pinch is None else {"carried": certificate.pinch.now}),
     }
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -15,6 +15,9 @@ from clothsim.sim.intersection_history import IntersectionHistory, history_from
 from clothsim.sim.mechanical_energy import mechanical_energy
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
+
+if TYPE_CHECKING:
+    from clothsim.sim.pinch_record import PinchRecord
 
 
 @dataclass(frozen=True)
@@ -88,6 +91,8 @@ class Certificate:
         True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
     unstable : UnstableEquilibria
         Those that were found (see `sim.branch_switching`).
+    pinch : PinchRecord or None
+        Vertices that were carried through a pinch; None without that policy.
     """
 
     intersections: IntersectionHistory = field(default_factory=IntersectionHistory)
@@ -106,6 +111,7 @@ class Certificate:
     fastest_speed: float = np.nan
     at_rest: bool = False
     unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
+    pinch: "PinchRecord | None" = None
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
         """Return the certificate after one more step, which started at `before`.
@@ -143,6 +149,7 @@ class Certificate:
         return {
             "intersection_free": self.intersections.intersection_free,
             **coverage,
+            **({} if self.pinch is None else {"pinch": self.pinch.as_dict()}),
             "intersections": self.intersections.as_dict(),
             "intersecting_frames": list(self.intersections.frames),
             "minimum_gap": self.gap,
@@ -164,6 +171,7 @@ class Certificate:
             "estimate": asdict(self.estimate),
             "intersections": self.intersections.as_json(),
             "unstable": asdict(self.unstable),
+            **({} if self.pinch is None else {"pinch": asdict(self.pinch)}),
         }
         return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
 
@@ -175,10 +183,19 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
         "estimate": ErrorEstimate(**fields.get("estimate", {})),
         "intersections": history_from(fields.get("intersections", older)),
         "unstable": UnstableEquilibria(**fields.get("unstable", {})),
+        "pinch": _pinch_from(fields.get("pinch")),
     }
     return Certificate(
         **{**{name: fields[name] for name in fields if name in Certificate.__dataclass_fields__}, **parts}
     )
+
+
+def _pinch_from(fields: Mapping[str, Any] | None) -> "PinchRecord | None":
+    if fields is None:
+        return None
+    from clothsim.sim.pinch_record import record_from  # runs without the policy do not import it
+
+    return record_from(fields)
 
 
 def world_stretches(world: World, x: Floats) -> Floats:
