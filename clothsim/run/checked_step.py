@@ -40,7 +40,7 @@ def checked_step(
 
 
 def warn_of(intersections: Mapping[str, Mapping[str, Any]], on: Collection[str] = (), stacklevel: int = 3) -> None:
-    """Give a Python warning for each kind of intersection that occurred, but for pairs that the scene excludes or lets cross.
+    """Give a Python warning for each kind of intersection that occurred, but for pairs that the scene lets cross.
 
     Parameters
     ----------

@@ -30,12 +30,18 @@ class Carried:
         Weights of its corners, at the point to which the offset belongs.
     offsets : (k, 3) array
         From that point to the vertex, in the frame of the triangle: two tangents and the normal [m].
+    far : (k, 3) int array
+        Rows of x of the body triangle that closed on the vertex from the other side.
+    far_weights : (k, 3) array
+        Weights of its corners, at the point that did.
     """
 
     vertices: Ints
     triangles: Ints
     weights: Floats
     offsets: Floats
+    far: Ints
+    far_weights: Floats
 
     def __len__(self) -> int:
         return len(self.vertices)
@@ -47,6 +53,11 @@ class Carried:
     def positions(self, x: Floats) -> Floats:
         """Positions of the vertices where the bodies are as in x (N, 3), (k, 3) [m]."""
         return self.points(x) + np.einsum("kc,kcd->kd", self.offsets, frames(x, self.triangles))
+
+    def far_heights(self, x: Floats) -> Floats:
+        """Heights of the far points above the triangles at x (N, 3), (k,) [m]; negative where the parts crossed."""
+        far = np.einsum("kc,kcd->kd", self.far_weights, x[self.far])
+        return np.asarray(np.einsum("kd,kd->k", far - self.points(x), normals(x, self.triangles)))
 
     def only(self, chosen: np.ndarray) -> Self:
         """Those of a mask or of indices."""
@@ -70,28 +81,33 @@ class Carried:
         return replace(self, offsets=offsets)
 
     def as_array(self) -> Floats:
-        """One row a vertex, (k, 10), as a checkpoint keeps it."""
-        return np.column_stack([self.vertices, self.triangles, self.weights, self.offsets]).astype(np.float64)
+        """One row a vertex, (k, 16), as a checkpoint keeps it."""
+        return np.column_stack(self._parts).astype(np.float64)
 
     @property
     def _parts(self) -> tuple[Any, ...]:
-        return self.vertices, self.triangles, self.weights, self.offsets
-
-
-NONE_CARRIED = Carried(np.zeros(0, np.int64), np.zeros((0, 3), np.int64), np.zeros((0, 3)), np.zeros((0, 3)))
+        return self.vertices, self.triangles, self.weights, self.offsets, self.far, self.far_weights
 
 
 def carried_in(memory: Mapping[str, Any]) -> Carried:
     """Return the carried vertices that a state remembers."""
-    rows = np.asarray(memory.get(MEMORY, ()), np.float64).reshape(-1, 10)
-    return Carried(rows[:, 0].astype(np.int64), rows[:, 1:4].astype(np.int64), rows[:, 4:7], rows[:, 7:])
+    rows = np.asarray(memory.get(MEMORY, ()), np.float64).reshape(-1, 16)
+    whole = rows.astype(np.int64)
+    return Carried(whole[:, 0], whole[:, 1:4], rows[:, 4:7], rows[:, 7:10], whole[:, 10:13], rows[:, 13:])
 
 
-def attached(x: Floats, vertices: Ints, triangles: Ints, weights: Floats) -> Carried:
-    """Return the vertices carried from where they are in x (N, 3) [m], by points of triangles (k, 3)."""
+NONE_CARRIED = carried_in({})
+
+
+def attached(x: Floats, vertices: Ints, near: tuple[Ints, Floats], far: tuple[Ints, Floats]) -> Carried:
+    """Return the vertices carried from where they are in x (N, 3) [m].
+
+    near, far: triangles (k, 3) that carry them and that close on them, and the weights (k, 3) of a point of each.
+    """
+    triangles, weights = near
     points = np.einsum("kc,kcd->kd", weights, x[triangles])
     offsets = np.einsum("kd,kcd->kc", x[vertices] - points, frames(x, triangles))
-    return Carried(vertices, triangles, weights, offsets)
+    return Carried(vertices, triangles, weights, offsets, *far)
 
 
 def frames(x: Floats, triangles: Ints) -> Floats:

@@ -35,6 +35,8 @@ from clothsim.sim.stepping import Integrator, StepReport, advance
 
 ATTEMPTS = 3
 """Largest number of tries of a step, each but the first with twice the limit, and more vertices carried."""
+WIDER = 4.0
+"""Factor on the limit within which the opposing surface of a squeezed vertex is looked for."""
 NONE = np.zeros(0, np.int64)
 
 
@@ -103,6 +105,11 @@ def _carried(integrator: Integrator, state: State, end: float, attempt: _Attempt
     fixed = _fixed(integrator, state)
     found = pinched(near, x, after, limit).without(np.concatenate([known.vertices, fixed]))
     carried = with_carriers(world, x, found, known)
+    if not len(attempt.rows):
+        return carried
+    others = np.setdiff1d(np.arange(world.n_cloth), attempt.rows)
+    wider = pinched(near, x, after, WIDER * limit).without(np.concatenate([carried.vertices, fixed, others]))
+    carried = with_carriers(world, x, wider, carried)
     more = np.setdiff1d(attempt.rows, np.concatenate([carried.vertices, fixed]))
     return carried.joined(_by_closest(x, near, more))
 
@@ -111,7 +118,8 @@ def _by_closest(x: Floats, near: Neighbours, rows: Ints) -> Carried:
     """Carry rows of x by the closest body triangle; those with none near are left out."""
     closest = near.closest()
     closest = closest[np.isin(near.vertices[closest], rows)]
-    return attached(x, near.vertices[closest], near.triangles[closest], near.weights[closest])
+    part = near.triangles[closest], near.weights[closest]
+    return attached(x, near.vertices[closest], part, part)
 
 
 def _fixed(integrator: Integrator, state: State) -> Ints:

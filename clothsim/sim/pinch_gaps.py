@@ -112,8 +112,8 @@ def _lies_between(near: Neighbours, own: Ints, start: Floats, gaps: Floats, limi
 def gaps_of(carried: Carried, near: Neighbours, world: World, x: Floats, limit: float) -> Floats:
     """Gaps in front of the triangles that carry vertices, at x (N, 3), (k,) [m].
 
-    -inf where the triangle is inside another part of the bodies; inf where nothing is in front of it within the
-    distance of `near`.
+    -inf where the parts have crossed, or the triangle is inside another part of the bodies; inf where nothing is in
+    front of it within the distance of `near`.
     """
     place = np.full(len(x), -1)
     place[carried.vertices] = np.arange(len(carried))
@@ -129,4 +129,5 @@ def gaps_of(carried: Carried, near: Neighbours, world: World, x: Floats, limit: 
     wide = np.flatnonzero(gaps >= limit)
     inside = sides(x, points[wide], along[wide], world.body_triangles, LEAST * limit) == INSIDE
     gaps[wide[inside]] = -np.inf
+    gaps[carried.far_heights(x) < -LEAST * limit] = -np.inf
     return gaps

@@ -51,9 +51,13 @@ def with_carriers(world: World, x: Floats, found: Sides, known: Carried) -> Carr
             np.where(closer < distance, closer, distance),
             np.where((closer < distance)[:, None], carrier, along),
         )
-    triangles = np.where(takes_near[:, None], found.near, found.far)
-    weights = np.where(takes_near[:, None], found.near_weights, found.far_weights)
-    return known.joined(attached(x, found.vertices, triangles, weights))
+    first, second = (found.near, found.near_weights), (found.far, found.far_weights)
+    chosen = [
+        (np.where(takes_near[:, None], a, b), np.where(takes_near[:, None], b, a))
+        for a, b in zip(first, second, strict=True)
+    ]
+    (triangles, far), (weights, far_weights) = chosen
+    return known.joined(attached(x, found.vertices, (triangles, weights), (far, far_weights)))
 
 
 def own_rows(world: World, x: Floats, carried: Carried) -> Ints:

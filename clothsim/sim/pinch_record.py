@@ -80,7 +80,8 @@ class PinchRecord:
 
 def record_from(fields: Mapping[str, Any]) -> PinchRecord:
     """Return the record that a checkpoint kept."""
-    return PinchRecord(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
+    plain: dict[str, Any] = {name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()}
+    return PinchRecord(**plain)
 
 
 def exempted(found: "Sequence[Crossing]", surfaces: Sequence[Surface], state: State) -> "tuple[Crossing, ...]":
