@@ -104,12 +104,14 @@ def _carried(integrator: Integrator, state: State, end: float, attempt: _Attempt
         known = still_carried(known, Opening(world, barriers, x, near, np.minimum(*gaps), limit))
     fixed = _fixed(integrator, state)
     found = pinched(near, x, after, limit).without(np.concatenate([known.vertices, fixed]))
-    carried = with_carriers(world, x, found, known)
+    ahead = after.copy()
+    ahead[: world.n_cloth] += (end - state.time) * state.velocities[: world.n_cloth]
+    carried = with_carriers(world, x, ahead, found, known)
     if not len(attempt.rows):
         return carried
     others = np.setdiff1d(np.arange(world.n_cloth), attempt.rows)
     wider = pinched(near, x, after, WIDER * limit).without(np.concatenate([carried.vertices, fixed, others]))
-    carried = with_carriers(world, x, wider, carried)
+    carried = with_carriers(world, x, ahead, wider, carried)
     more = np.setdiff1d(attempt.rows, np.concatenate([carried.vertices, fixed]))
     return carried.joined(_by_closest(x, near, more))
 

@@ -10,6 +10,8 @@ from clothsim.sim.pinch_gaps import Sides
 
 SAME_PINCH = 4.0
 """Distance within which a vertex is carried by the part that carries its neighbour, in median cloth edges."""
+MUCH_MORE = 1.5
+"""Ratio of the displacements of two parts in a step from which on they are not alike."""
 OWN_PATCH = 2.5
 """Radius of the patch about a carrier with which contact goes on, in longest cloth edges."""
 FACES_AWAY = -0.3
@@ -22,11 +24,23 @@ def median_and_longest_edge(world: World, x: Floats) -> tuple[float, float]:
     return float(np.median(lengths)), float(lengths.max())
 
 
-def with_carriers(world: World, x: Floats, found: Sides, known: Carried) -> Carried:
+def with_carriers(world: World, x: Floats, end: Floats, found: Sides, known: Carried) -> Carried:
     """Carry the vertices of a pinch from where they are.
 
-    The vertex in the narrowest gap is carried by the part that it is closer to, and those about it by the same part:
-    cloth that two parts carried would be torn where they slide along one another.
+    The vertex in the narrowest gap is carried by the part that moves less against the whole cloth, of two alike by the
+    one that it is closer to, and those about it by the same part: cloth that two parts carried would be torn where they
+    slide along one another.
+
+    Parameters
+    ----------
+    world : World
+        Meshes.
+    x, end : (N, 3) array
+        At the start of the step, and as it would end: the bodies there, the cloth with its velocity [m].
+    found : Sides
+        The pinch, without vertices of `known`.
+    known : Carried
+        Carried already.
     """
     if not len(found.vertices):
         return known
@@ -36,7 +50,7 @@ def with_carriers(world: World, x: Floats, found: Sides, known: Carried) -> Carr
     if len(known):
         distance, nearest = cKDTree(x[known.vertices]).query(at)
         along = normals(x, known.triangles)[nearest]
-    takes_near, left = np.ones(len(at), bool), np.ones(len(at), bool)
+    takes_near, left = _moves_less(world, end - x, found), np.ones(len(at), bool)
     for _ in range(len(at)):
         rank = np.where(left, distance, np.inf)
         k = int(rank.argmin())
@@ -58,6 +72,14 @@ def with_carriers(world: World, x: Floats, found: Sides, known: Carried) -> Carr
     ]
     (triangles, far), (weights, far_weights) = chosen
     return known.joined(attached(x, found.vertices, (triangles, weights), (far, far_weights)))
+
+
+def _moves_less(world: World, moves: Floats, found: Sides) -> np.ndarray:
+    """Mask (k,) of the vertices whose nearer part moves less against the cloth than the other, or about as much."""
+    common = moves[: world.n_cloth].mean(axis=0)
+    parts = (found.near, found.near_weights), (found.far, found.far_weights)
+    near, far = (np.linalg.norm(np.einsum("kc,kcd->kd", w, moves[rows]) - common, axis=1) for rows, w in parts)
+    return np.asarray(near <= MUCH_MORE * far)
 
 
 def own_rows(world: World, x: Floats, carried: Carried) -> Ints:
