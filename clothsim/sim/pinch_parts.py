@@ -59,19 +59,16 @@ def with_carriers(world: World, x: Floats, end: Floats, found: Sides, known: Car
         else:
             takes_near[k] = near[k] @ along[k] >= far[k] @ along[k]
         left[k] = False
-        carrier = near[k] if takes_near[k] else far[k]
+        normal = near[k] if takes_near[k] else far[k]
         closer = np.linalg.norm(at - at[k], axis=1)
         distance, along = (
             np.where(closer < distance, closer, distance),
-            np.where((closer < distance)[:, None], carrier, along),
+            np.where((closer < distance)[:, None], normal, along),
         )
-    first, second = (found.near, found.near_weights), (found.far, found.far_weights)
-    chosen = [
-        (np.where(takes_near[:, None], a, b), np.where(takes_near[:, None], b, a))
-        for a, b in zip(first, second, strict=True)
-    ]
-    (triangles, far), (weights, far_weights) = chosen
-    return known.joined(attached(x, found.vertices, (triangles, weights), (far, far_weights)))
+    takes = takes_near[:, None]
+    carrier = np.where(takes, found.near, found.far), np.where(takes, found.near_weights, found.far_weights)
+    other = np.where(takes, found.far, found.near), np.where(takes, found.far_weights, found.near_weights)
+    return known.joined(attached(x, found.vertices, carrier, other))
 
 
 def _moves_less(world: World, moves: Floats, found: Sides) -> np.ndarray:
