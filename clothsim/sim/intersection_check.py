@@ -56,9 +56,10 @@ class IntersectionCheck:
         found = self.crossings(state.positions, origin)
         if not found or "contact.pinch" not in state.memory:
             return found
-        from clothsim.sim.pinch_record import exempted  # runs without the policy do not import it
+        from clothsim.sim.carried import carried_in  # runs without the policy do not import it
+        from clothsim.sim.pinch_record import exempted
 
-        return exempted(found, self.surfaces, state)
+        return exempted(found, self.surfaces, carried_in(state.memory).vertices)
 
     def kind(self, crossing: "Crossing") -> str:
         """Return the kind of a crossing: "cloth_body", "cloth_cloth", "excluded" by the scene, "carried" in a pinch."""

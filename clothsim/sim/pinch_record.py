@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from clothsim.arrays import Ints
 from clothsim.io.run_surfaces import Surface
 from clothsim.mesh.world import World
 from clothsim.sim.carried import carried_in
@@ -84,12 +85,11 @@ def record_from(fields: Mapping[str, Any]) -> PinchRecord:
     return PinchRecord(**plain)
 
 
-def exempted(found: "Sequence[Crossing]", surfaces: Sequence[Surface], state: State) -> "tuple[Crossing, ...]":
-    """Separate the intersections of carried vertices: their role is "carried".
+def exempted(found: "Sequence[Crossing]", surfaces: Sequence[Surface], vertices: Ints) -> "tuple[Crossing, ...]":
+    """Separate the intersections of carried vertices (k,), rows of x: their role is "carried".
 
     With a body, those of triangles with a carried vertex; among cloth, those of two such triangles.
     """
-    vertices = carried_in(state.memory).vertices
     by_name = {s.name: np.asarray(np.isin(s.triangles, vertices).any(axis=1)) for s in surfaces}
     separated = []
     for crossing in found:

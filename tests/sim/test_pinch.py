@@ -5,6 +5,8 @@ import pytest
 from import_graph import FILES, reached
 
 import clothsim
+from clothsim.cli import main
+from clothsim.cli.run_report import verdict
 from clothsim.contact.opposing import INSIDE, OUTSIDE, line_hits, sides
 from clothsim.contact.suspended import Suspension
 from clothsim.errors import InputError
@@ -144,6 +146,14 @@ def test_a_run_without_the_policy_imports_nothing_of_it():
     policy = {module for module in FILES if "pinch" in module} | {"clothsim.sim.carried", "clothsim.contact.suspended"}
     assert policy <= reached(*roots, within_functions=True)
     assert not policy & reached(*roots, within_functions=False)
+
+
+def test_the_command_line_names_the_carried_vertices(carried, capsys):
+    assert main(["check", str(carried.directory)]) == 0
+    assert "contact.pinch" in capsys.readouterr().out
+    record = carried.summary["certificate"]["pinch"]
+    line = next(line for line in verdict(carried, []).splitlines() if line.strip().startswith("pinch"))
+    assert f"{record['vertices']} vertices" in line
 
 
 # --- parts ----------------------------------------------------------------------------------------------------------
