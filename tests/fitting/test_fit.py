@@ -155,7 +155,7 @@ def test_a_garment_that_still_meets_itself_after_its_drape_is_not_called_complet
     assert done.counts.self_pairs > 0
     assert done.status == "failed"
     assert done.stages[-1].name == "simulate"
-    assert str(done.counts) in done.reason
+    assert str(done.stages[-1].counts) in done.reason
     assert len(read_summary(tmp_path / "out" / "summary.json")["failure"]["position"]) == 3
 
 
