@@ -25,16 +25,23 @@ class Suspension:
         Carried rows of x.
     own : (k,) int array
         Sorted keys v N + q: q is a body row of the part that carries the row v.
+    layers : bool
+        Suspend also the pairs of two cloth primitives each of which has a carried vertex: layers that would block one
+        another at the border of a pinch.
     """
 
     carried: np.ndarray
     own: Ints
+    layers: bool = False
 
     def mask(self, elements: Ints, n_points: int, is_self: bool) -> np.ndarray:
         """Mask of the suspended pairs (p,) among `elements` (p, 4), the first n_points of a point and a triangle."""
         carried = self.carried[elements]
-        if is_self:
+        if is_self and not self.layers:
             return np.asarray(carried.all(axis=1))
+        if is_self:
+            first = np.arange(4) < np.where(np.arange(len(elements)) < n_points, 1, 2)[:, None]
+            return np.asarray((carried & first).any(axis=1) & (carried & ~first).any(axis=1))
         suspended = np.zeros(len(elements), bool)
         some = np.flatnonzero(carried.any(axis=1))
         rows, held = elements[some], carried[some]

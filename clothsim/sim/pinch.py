@@ -15,6 +15,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.contact.barrier import Barrier
 from clothsim.contact.suspended import SuspendedCandidates, Suspension, with_suspension
+from clothsim.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.world import World
 from clothsim.sim.carried import (
     MEMORY,
@@ -33,7 +34,7 @@ from clothsim.sim.pinch_squeezed import squeezed
 from clothsim.sim.state import State
 from clothsim.sim.stepping import Integrator, StepReport, advance
 
-ATTEMPTS = 3
+ATTEMPTS = 4
 """Largest number of tries of a step, each but the first with twice the limit, and more vertices carried."""
 WIDER = 4.0
 """Factor on the limit within which the opposing surface of a squeezed vertex is looked for."""
@@ -42,7 +43,7 @@ NONE = np.zeros(0, np.int64)
 
 @dataclass(frozen=True)
 class _Attempt:
-    """A try of a step: factor on the limit, further rows to carry, and whether own patches keep their contact."""
+    """A try of a step: factor on the limit, further rows to carry, and whether own patches and layers keep contact."""
 
     widening: float
     rows: Ints
@@ -61,7 +62,8 @@ def advance_carrying(integrator: Integrator, state: State, until: float) -> tupl
     """
     left = until - state.time
     end = state.time + left / max(1, int(np.ceil(left / state.dt - 1e-9)))
-    attempt = _Attempt(float(state.memory.get(WIDENING, 1.0)), NONE, own=True)
+    widening = float(state.memory.get(WIDENING, 1.0))
+    attempt = _Attempt(widening, NONE, own=widening == 1.0)
     before = None
     for _ in range(ATTEMPTS):
         carried = _carried(integrator, state, end, attempt)
@@ -70,13 +72,17 @@ def advance_carrying(integrator: Integrator, state: State, until: float) -> tupl
         bound = _carrying(integrator, state, carried, attempt.own)
         report = advance(bound, state, until)
         _count(integrator, bound)
+        held = carried.mask(len(state.positions))
         if report.converged:
-            break
-        rows = squeezed(integrator.world, report.potential.energies, report.result.x)
+            rows = _crossing(integrator, report.state.positions, held)
+            if not len(rows):
+                break
+        else:
+            rows = squeezed(integrator.world, report.potential.energies, report.result.x, held)
         if not len(rows) and not len(carried):
             break
         before, attempt = carried, _Attempt(2.0 * attempt.widening, np.union1d(attempt.rows, rows), own=False)
-    if report.converged and (len(carried) or attempt.widening > 1.0):
+    if report.converged and len(carried):
         memory = {**report.state.memory, MEMORY: carried.as_array(), WIDENING: attempt.widening}
         report = replace(report, state=replace(report.state, memory=memory))
     return report, bound
@@ -136,11 +142,28 @@ def _carrying(integrator: Integrator, state: State, carried: Carried, own: bool)
         return integrator
     world, x = integrator.world, state.positions
     patch = own_rows(world, x, carried) if own else NONE
-    suspension = Suspension(carried.mask(len(x)), patch)
+    suspension = Suspension(carried.mask(len(x)), patch, layers=not own)
     energies = dict(integrator.potential.energies)
     energies |= {name: with_suspension(each, suspension) for name, each in _barriers(integrator).items()}
     constraints = {**integrator.constraints, "contact.pinch": CarriedVertices(world, carried)}
     return replace(integrator, potential=replace(integrator.potential, energies=energies), constraints=constraints)
+
+
+def _crossing(integrator: Integrator, x: Floats, held: np.ndarray) -> Ints:
+    """Free cloth rows of triangles that intersect at x without being exempt: carried layers may force them through.
+
+    Exempt are triangles with a carried vertex against bodies, and two such triangles.
+    """
+    if not held.any():
+        return NONE
+    world, barriers = integrator.world, _barriers(integrator)
+    some = held[world.triangles].any(axis=1)
+    pairs = intersecting_pairs(x, world.triangles[~some], world.body_triangles)
+    rows = [world.triangles[~some][pairs[:, 0]].ravel()]
+    if "self_contact" in barriers:
+        pairs = intersecting_pairs(x, world.triangles)
+        rows.append(world.triangles[pairs[~some[pairs].all(axis=1)]].ravel())
+    return np.setdiff1d(np.concatenate(rows), np.flatnonzero(held))
 
 
 def _count(integrator: Integrator, bound: Integrator) -> None:

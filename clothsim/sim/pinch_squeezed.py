@@ -18,8 +18,10 @@ RADIUS = 2.0
 """Distance within which they belong to one pinch, in median cloth edges."""
 
 
-def squeezed(world: World, energies: Mapping[str, Energy], x: Floats) -> Ints:
-    """Rows of x of cloth vertices at contacts that oppose one another, one of them with a body, and their neighbours.
+def squeezed(world: World, energies: Mapping[str, Energy], x: Floats, carried: np.ndarray) -> Ints:
+    """Rows of x of cloth vertices at contacts that oppose one another, and their neighbours.
+
+    One of the two is with a body, or with cloth that a body carries.
 
     Parameters
     ----------
@@ -29,16 +31,18 @@ def squeezed(world: World, energies: Mapping[str, Energy], x: Floats) -> Ints:
         Energies bound to the step.
     x : (N, 3) array
         Where the step ended [m].
+    carried : (N,) bool array
+        Carried rows of x.
     """
     rows, places, directions, bodies = [], [], [], []
     for name in ("body_contact", "self_contact"):
         energy = energies.get(name)
         if isinstance(energy, Barrier):
-            for each, place, direction in _contacts(energy, x, world.n_cloth):
+            for each, place, direction, partners in _contacts(energy, x, world.n_cloth):
                 rows.append(each)
                 places.append(place)
                 directions.append(direction)
-                bodies.append(np.full(len(each), name == "body_contact"))
+                bodies.append((name == "body_contact") | (carried[partners] & (partners >= 0)).any(axis=1))
     if not sum(len(each) for each in rows):
         return np.zeros(0, np.int64)
     of_pair, at, along, with_body = (np.concatenate(each) for each in (rows, places, directions, bodies))
@@ -51,8 +55,11 @@ def squeezed(world: World, energies: Mapping[str, Energy], x: Floats) -> Ints:
     return np.unique(world.edges[np.isin(world.edges, found).any(axis=1)])
 
 
-def _contacts(barrier: Barrier, x: Floats, n_cloth: int) -> list[tuple[Ints, Floats, Floats]]:
-    """Cloth rows (p, 4) of tight contacts, -1 for others, their places (p, 3) [m] and directions of contact (p, 3)."""
+def _contacts(barrier: Barrier, x: Floats, n_cloth: int) -> list[tuple[Ints, Floats, Floats, Ints]]:
+    """Cloth rows (p, 4) of tight contacts, their places and directions (p, 3), and rows (p, 4) of their partners.
+
+    -1 in the place of rows of the other side.
+    """
     elements, weights, lines, _ = barrier.normal_forces(x, barrier.stiffness)
     gaps = np.linalg.norm(lines, axis=1)
     tight = gaps - barrier.offset < TIGHT * barrier.d_hat
@@ -62,5 +69,6 @@ def _contacts(barrier: Barrier, x: Floats, n_cloth: int) -> list[tuple[Ints, Flo
         on_side = (sign * weights > 0.0) & (elements < n_cloth)
         some = on_side.any(axis=1)
         place = np.einsum("pk,pkd->pd", np.where(on_side, np.abs(weights), 0.0), x[elements])
-        contacts.append((np.where(on_side, elements, -1)[some], place[some], sign * lines[some]))
+        partners = np.where(sign * weights < 0.0, elements, -1)
+        contacts.append((np.where(on_side, elements, -1)[some], place[some], sign * lines[some], partners[some]))
     return contacts
