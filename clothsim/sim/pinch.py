@@ -157,7 +157,7 @@ def _crossing(integrator: Integrator, x: Floats, held: np.ndarray) -> Ints:
     if not held.any():
         return NONE
     world, barriers = integrator.world, _barriers(integrator)
-    some = held[world.triangles].any(axis=1)
+    some = np.asarray(held[world.triangles].any(axis=1))
     pairs = intersecting_pairs(x, world.triangles[~some], world.body_triangles)
     rows = [world.triangles[~some][pairs[:, 0]].ravel()]
     if "self_contact" in barriers:

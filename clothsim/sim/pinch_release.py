@@ -70,7 +70,7 @@ def _tangled(remaining: Carried, released: Ints, opening: Opening) -> Ints:
     for name, barrier in opening.barriers.items():
         if name == "self_contact":
             both = intersecting_pairs(x, world.triangles)
-            partly = held[world.triangles].any(axis=1)[both].all(axis=1)
+            partly = np.asarray(held[world.triangles].any(axis=1))[both].all(axis=1)
             rows.append(world.triangles[both[~partly]].ravel())
         pairs, distances = barrier.candidates.search.pairs(x, x, barrier.offset + LEAST_GAP * barrier.d_hat)
         taken_up = ~suspension.mask(pairs.elements, pairs.n_points, name == "self_contact")
