@@ -100,10 +100,10 @@ def recorded_run(
     scripted = _scripted(session.built)
     asked = session.scene.solver_settings.error
     certificate = replace(certificate, moved_by_script=scripted, asked=asked)
-    if session.integrator.carries_pinched and certificate.pinch is None:
+    if session.integrator.carries_pinched and certificate.carried is None:
         from clothsim.sim.pinch_record import PinchRecord  # runs without the policy do not import it
 
-        certificate = replace(certificate, pinch=PinchRecord())
+        certificate = replace(certificate, carried=PinchRecord())
     check = intersection_check_of(surfaces, session.scene.effects, session.built.energies)
     arrays = [
         FrameArray(name, _LOCATIONS.get(name) or FIELDS[name].location, values.shape[1:])
@@ -161,9 +161,13 @@ def _stepped(
         with timers.phase("certificate"):
             certificate = certificate.after(world, report, before)
             certificate, found = output.checked(state, certificate, report.frame_done)
-            if certificate.pinch is not None:
-                record = certificate.pinch.after(world, before, state, found)
-                certificate = replace(certificate, pinch=record)
+            if certificate.carried is not None:
+                record = certificate.carried.after(world, before, state, found)
+                certificate = replace(certificate, carried=record)
+            if report.frame_done and world.bodies:
+                energies = report.potential.energies.values()
+                pinched = certificate.pinched.after(world, energies, state.positions, state.time)
+                certificate = replace(certificate, pinched=pinched)
         with timers.phase("output"):
             output.record.append(entry_of(report, certificate))
         after_step(report)

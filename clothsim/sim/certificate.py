@@ -13,6 +13,7 @@ from clothsim.mesh.world import World
 from clothsim.sim.error_estimate import ErrorEstimate
 from clothsim.sim.intersection_history import IntersectionHistory, history_from
 from clothsim.sim.mechanical_energy import mechanical_energy
+from clothsim.sim.pinching import Pinches
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
 from clothsim.sim.stiffness_changes import StiffnessChanges
@@ -92,8 +93,10 @@ class Certificate:
         True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
     unstable : UnstableEquilibria
         Those that were found (see `sim.branch_switching`).
-    pinch : PinchRecord or None
+    carried : PinchRecord or None
         Vertices that were carried through a pinch; None without that policy.
+    pinched : Pinches
+        Vertices that bodies pressed from opposite sides, in the frames so far.
     stiffness : StiffnessChanges
         Energy of the changes of the contact stiffness.
     """
@@ -114,7 +117,8 @@ class Certificate:
     fastest_speed: float = np.nan
     at_rest: bool = False
     unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
-    pinch: "PinchRecord | None" = None
+    carried: "PinchRecord | None" = None
+    pinched: Pinches = field(default_factory=Pinches)
     stiffness: StiffnessChanges = field(default_factory=StiffnessChanges)
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
@@ -155,7 +159,7 @@ class Certificate:
         return {
             "intersection_free": self.intersections.intersection_free,
             **coverage,
-            **({} if self.pinch is None else {"pinch": self.pinch.as_dict()}),
+            **({} if self.carried is None else {"carried": self.carried.as_dict()}),
             "intersections": self.intersections.as_dict(),
             "intersecting_frames": list(self.intersections.frames),
             "minimum_gap": self.gap,
@@ -166,6 +170,7 @@ class Certificate:
             "at_rest": self.at_rest,
             "fastest_speed": self.fastest_speed,
             "unstable_equilibria": asdict(self.unstable),
+            "pinched": asdict(self.pinched),
             "energy_drift": scripted if self.moved_by_script else self.energy_rise / scale,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
             "stiffness_changes": {"added": self.stiffness.added, "removed": self.stiffness.removed},
@@ -178,7 +183,8 @@ class Certificate:
             "estimate": asdict(self.estimate),
             "intersections": self.intersections.as_json(),
             "unstable": asdict(self.unstable),
-            **({} if self.pinch is None else {"pinch": asdict(self.pinch)}),
+            **({} if self.carried is None else {"carried": asdict(self.carried)}),
+            "pinched": asdict(self.pinched),
             "stiffness": asdict(self.stiffness),
         }
         return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
@@ -191,7 +197,8 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
         "estimate": ErrorEstimate(**fields.get("estimate", {})),
         "intersections": history_from(fields.get("intersections", older)),
         "unstable": UnstableEquilibria(**fields.get("unstable", {})),
-        "pinch": _pinch_from(fields.get("pinch")),
+        "carried": _carried_from(fields.get("carried")),
+        "pinched": Pinches(**fields.get("pinched", {})),
         "stiffness": StiffnessChanges(**fields.get("stiffness", {})),
     }
     return Certificate(
@@ -199,7 +206,7 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
     )
 
 
-def _pinch_from(fields: Mapping[str, Any] | None) -> "PinchRecord | None":
+def _carried_from(fields: Mapping[str, Any] | None) -> "PinchRecord | None":
     if fields is None:
         return None
     from clothsim.sim.pinch_record import record_from  # runs without the policy do not import it
