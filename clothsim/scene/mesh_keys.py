@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from clothsim.errors import InputError
 from clothsim.scene.effect_tables import Motion
@@ -27,6 +27,9 @@ class PlacedKeys(KeyTable):
         Vector, Key("Rotation about x, then y, then z, before the displacement", "degrees", length=3)
     ] = (0.0, 0.0, 0.0)
     scale: Annotated[float, Key("Metres per unit of the mesh", "m", above=0)] = 1.0
+    up: Annotated[Literal["z", "y"], Key("Axis of the mesh that points up; y is turned onto z before the rotation")] = (
+        "z"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
