@@ -30,7 +30,10 @@ class ContactSurface:
     first, second : Primitives
         The groups.
     rest_positions : (N, 3) array
-        Positions that the areas of the pairs are computed from [m].
+        Rest positions [m].
+    rest_corners : (m, 3, 3) array
+        Corners of each of `triangles` at rest [m], from which areas and lengths of pairs are computed: of a cloth
+        with a flat pattern in the pattern's plane, else rest positions.
     labels : (N,) int array
         Object of each row of x.
     allowed : (L, L) bool array
@@ -42,6 +45,7 @@ class ContactSurface:
     first: Primitives
     second: Primitives
     rest_positions: Floats
+    rest_corners: Floats
     labels: Ints
     allowed: np.ndarray
     flat: FlatFeatures = NO_FLAT_FEATURES
@@ -77,26 +81,34 @@ class ContactSurface:
 
     def edge_areas(self, edges: Ints) -> Floats:
         """A third of the incident rest triangles of each of `edges (e, 2)`, (e,) [m2]."""
-        size = len(self.rest_positions)
-        edge_rows = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-        keys, inverse = np.unique(edge_rows[:, 0] * size + edge_rows[:, 1], return_inverse=True)
-        totals = np.bincount(inverse.ravel(), weights=np.repeat(self._areas / 3, 3)).astype(np.float64)
-        return totals[np.searchsorted(keys, edges[:, 0] * size + edges[:, 1])]
+        keys, of_side = self._sides
+        totals = np.bincount(of_side, weights=np.repeat(self._areas / 3, 3)).astype(np.float64)
+        return totals[np.searchsorted(keys, self._edge_keys(edges))]
 
     def are_flat(self, edges: Ints) -> np.ndarray:
         """Mask (e,) of `edges (e, 2)` that lie inside a flat face."""
-        size = len(self.rest_positions)
-        keys = self.flat.edges[:, 0] * size + self.flat.edges[:, 1]
-        return np.isin(edges[:, 0] * size + edges[:, 1], keys)
+        return np.isin(self._edge_keys(edges), self._edge_keys(self.flat.edges))
 
     def rest_lengths(self, edges: Ints) -> Floats:
-        """Rest lengths of `edges (e, 2)`, (e,) [m]."""
-        ends = self.rest_positions[edges]
-        return np.asarray(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), np.float64)
+        """Rest lengths of `edges (e, 2)`, (e,) [m]; beside a seam of two lengths their mean."""
+        keys, of_side = self._sides
+        sides = self.rest_corners[:, [1, 2, 0]] - self.rest_corners
+        totals = np.bincount(of_side, weights=np.linalg.norm(sides, axis=2).ravel()).astype(np.float64)
+        return (totals / np.bincount(of_side))[np.searchsorted(keys, self._edge_keys(edges))]
+
+    @cached_property
+    def _sides(self) -> tuple[Ints, Ints]:
+        """Keys of all edges, ascending, and the number there of each side of each triangle, (3 m,)."""
+        sides = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        keys, of_side = np.unique(self._edge_keys(sides), return_inverse=True)
+        return keys, of_side.ravel()
+
+    def _edge_keys(self, edges: Ints) -> Ints:
+        return edges[:, 0] * len(self.rest_positions) + edges[:, 1]
 
     @cached_property
     def _areas(self) -> Floats:
-        return triangle_areas(self.rest_positions, self.triangles)
+        return triangle_areas(self.rest_corners)
 
 
 def cloth_body_surface(world: World, excluded: np.ndarray | None = None) -> ContactSurface:
@@ -112,14 +124,17 @@ def cloth_body_surface(world: World, excluded: np.ndarray | None = None) -> Cont
     rest = _rest_positions(world)
     cloth_area = world.rest_areas.mean()
     for body, rows in zip(world.bodies, world.body_slices, strict=True):
-        area = triangle_areas(body.positions, body.triangles)
+        area = triangle_areas(body.positions[body.triangles])
         rest[rows] = body.positions * np.sqrt(min(1.0, cloth_area / area.mean()))
+    corners = np.concatenate([_cloth_corners(world), rest[world.body_triangles]])
     bodies = Primitives(
         np.arange(world.n_cloth, world.n_vertices - len(world.ghosts)),
         unique_edges(world.body_triangles),
         world.body_triangles,
     )
-    return ContactSurface(_cloths(world), bodies, rest, world.labels, _excluding(allowed, excluded), _flat(world))
+    return ContactSurface(
+        _cloths(world), bodies, rest, corners, world.labels, _excluding(allowed, excluded), _flat(world)
+    )
 
 
 def cloth_surface(world: World, excluded: np.ndarray | None = None) -> ContactSurface:
@@ -128,12 +143,12 @@ def cloth_surface(world: World, excluded: np.ndarray | None = None) -> ContactSu
     allowed = np.zeros((n + len(world.bodies),) * 2, bool)
     allowed[:n, :n] = True
     cloths = _cloths(world)
-    return ContactSurface(cloths, cloths, _rest_positions(world), world.labels, _excluding(allowed, excluded))
+    rest, corners = _rest_positions(world), _cloth_corners(world)
+    return ContactSurface(cloths, cloths, rest, corners, world.labels, _excluding(allowed, excluded))
 
 
-def triangle_areas(positions: Floats, triangles: Ints) -> Floats:
-    """Area of each triangle, (m,) [m2]."""
-    corners = positions[triangles]
+def triangle_areas(corners: Floats) -> Floats:
+    """Area of each triangle with the corners (m, 3, 3), (m,) [m2]."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     return np.asarray(0.5 * np.linalg.norm(normals, axis=1), np.float64)
 
@@ -159,6 +174,20 @@ def _rest_positions(world: World) -> Floats:
     for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True):
         rest[rows] = cloth.rest_positions
     return rest
+
+
+def _cloth_corners(world: World) -> Floats:
+    """Corners of the cloth triangles at rest, (m, 3, 3) [m].
+
+    A sewn pattern has no flat or curved shape in space in which all of its triangles are at rest: only their own plane
+    tells their areas.
+    """
+    corners = []
+    for cloth in world.cloths:
+        in_plane = np.zeros((len(cloth.triangles), 3, 3))
+        in_plane[:, :, :2] = cloth.material_coordinates
+        corners.append(in_plane if cloth.flat else cloth.rest_positions[cloth.triangles])
+    return np.concatenate(corners)
 
 
 def _excluding(allowed: np.ndarray, excluded: np.ndarray | None) -> np.ndarray:

@@ -65,3 +65,23 @@ def test_areas_of_a_coarse_body_are_scaled_to_the_cloth():
     fine = make_world([sheet(1.0)], [ball(radius=0.05)])
     areas = cloth_body_surface(fine).vertex_areas
     assert areas[fine.n_cloth :].sum() == pytest.approx(4 * np.pi * 0.05**2, rel=0.15)
+
+
+def test_areas_and_lengths_of_a_flat_pattern_come_from_its_material_coordinates():
+    """A sheet stretched in space by sewing weighs its contacts by the pattern, not by the stretched shape."""
+    flat = sheet(1.0)
+    corners = flat.rest_positions[flat.triangles][:, :, :2]
+    sewn = replace(flat, rest_positions=flat.rest_positions * [3.0, 1, 1], material_coordinates=corners, flat=True)
+    expected, found = cloth_surface(make_world([flat])), cloth_surface(make_world([sewn]))
+    edges = found.first.edges
+    assert np.allclose(found.vertex_areas, expected.vertex_areas, rtol=1e-12)
+    assert np.allclose(found.edge_areas(edges), expected.edge_areas(edges), rtol=1e-12)
+    assert np.allclose(found.rest_lengths(edges), expected.rest_lengths(edges), rtol=1e-12)
+
+
+def test_rest_length_beside_a_seam_of_two_lengths_is_their_mean():
+    corners = np.array([[[0.0, 0], [1, 0], [0, 1]], [[0.0, 0], [2, 0], [0, 1]]])
+    rest = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, -1, 0]])
+    sewn = replace(sheet(1.0), positions=rest, rest_positions=rest, triangles=np.array([[0, 1, 2], [1, 0, 3]]))
+    surface = cloth_surface(make_world([replace(sewn, material_coordinates=corners, flat=True)]))
+    assert surface.rest_lengths(np.array([[0, 1]])) == 1.5

@@ -1,0 +1,1 @@
+"""Sewing patterns: panels of curved edges, their seams, and their meshes."""

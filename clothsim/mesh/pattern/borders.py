@@ -1,0 +1,67 @@
+"""Borders of panels: samples of their edges by arc length, equally many on both sides of a seam."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.mesh.pattern.pattern import Panel, Pattern, Side
+
+
+@dataclass(frozen=True)
+class Border:
+    """Sampled loop of a panel.
+
+    Attributes
+    ----------
+    points : (k, 2) array
+        Samples in the order of the loop [m].
+    starts : (e + 1,) int array
+        Sample at which each edge starts; the last entry is k.
+    """
+
+    points: Floats
+    starts: Ints
+
+    def along(self, edge: int) -> Ints:
+        """Samples of an edge from its start to its end."""
+        return np.arange(self.starts[edge], self.starts[edge + 1] + 1) % len(self.points)
+
+    @property
+    def counter_clockwise(self) -> bool:
+        """True where the loop encloses a positive area."""
+        return enclosed_area(self.points) > 0
+
+
+def enclosed_area(points: Floats) -> float:
+    """Area inside a closed polygon (k, 2) [m2], positive counter-clockwise."""
+    following = np.roll(points, -1, axis=0)
+    return float((points[:, 0] * following[:, 1] - points[:, 1] * following[:, 0]).sum() / 2)
+
+
+def segments(pattern: Pattern, spacing: float) -> dict[Side, int]:
+    """Number of segments of each edge: segments of a length of at most `spacing` [m] on the longer side of a seam."""
+    counts = {
+        Side(name, number): max(1, int(np.ceil(panel.edge_length(number) / spacing - 1e-9)))
+        for name, panel in pattern.panels.items()
+        for number in range(len(panel.edges))
+    }
+    for stitch in pattern.stitches:
+        counts[stitch.first] = counts[stitch.second] = max(counts[side] for side in stitch.sides)
+    return counts
+
+
+def borders(pattern: Pattern, spacing: float) -> dict[str, Border]:
+    """Border of each panel, with the segments of `segments`."""
+    counts = segments(pattern, spacing)
+    return {name: _border(panel, counts) for name, panel in pattern.panels.items()}
+
+
+def _border(panel: Panel, counts: Mapping[Side, int]) -> Border:
+    points, starts = [], [0]
+    for number in range(len(panel.edges)):
+        count = counts[Side(panel.name, number)]
+        points.append(panel.edge_points(number, np.arange(count) / count))
+        starts.append(starts[-1] + count)
+    return Border(np.concatenate(points), np.array(starts))

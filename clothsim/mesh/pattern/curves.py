@@ -1,0 +1,137 @@
+"""Plane curves between two points: straight lines, Bezier curves and circular arcs, sampled by arc length."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from clothsim.arrays import Floats
+
+TABLE = 512
+"""Cells of the parameter interval in which arc length is tabulated (interpolation errs by less than 1e-6 of it)."""
+
+
+@dataclass(frozen=True)
+class Straight:
+    """Straight line from start to end."""
+
+    def at(self, start: Floats, end: Floats, t: Floats) -> Floats:
+        """Points (k, 2) [m] at the parameters t (k,) in [0, 1]."""
+        return start + t[:, None] * (end - start)
+
+    def length(self, start: Floats, end: Floats) -> float:
+        """Arc length [m]."""
+        return float(np.linalg.norm(end - start))
+
+    def by_length(self, start: Floats, end: Floats, share: Floats) -> Floats:
+        """Points (k, 2) [m] at the fractions `share (k,)` of the arc length."""
+        return self.at(start, end, share)
+
+
+@dataclass(frozen=True)
+class Bezier:
+    """Bezier curve with one (quadratic) or two (cubic) control points.
+
+    Attributes
+    ----------
+    controls : tuple of (float, float)
+        Control points relative to the chord e = end - start: start + x e + y (-e_y, e_x).
+    """
+
+    controls: tuple[tuple[float, float], ...]
+
+    def points(self, start: Floats, end: Floats) -> Floats:
+        """All control points with both ends, (3 or 4, 2) [m]."""
+        chord = end - start
+        across = np.array([-chord[1], chord[0]])
+        return np.array([start, *(start + x * chord + y * across for x, y in self.controls), end])
+
+    def at(self, start: Floats, end: Floats, t: Floats) -> Floats:
+        """Points (k, 2) [m] at the parameters t (k,), evaluated by de Casteljau's algorithm."""
+        return _de_casteljau(self.points(start, end), t)
+
+    def length(self, start: Floats, end: Floats) -> float:
+        """Arc length [m]."""
+        return float(self._lengths(start, end)[-1])
+
+    def by_length(self, start: Floats, end: Floats, share: Floats) -> Floats:
+        """Points (k, 2) [m] at the fractions `share (k,)` of the arc length; 0 and 1 give the ends exactly."""
+        lengths = self._lengths(start, end)
+        found = self.at(start, end, np.interp(share * lengths[-1], lengths, np.linspace(0, 1, TABLE + 1)))
+        found[share == 0], found[share == 1] = start, end
+        return found
+
+    def _lengths(self, start: Floats, end: Floats) -> Floats:
+        """Arc length up to each of the TABLE + 1 parameters, by Gauss quadrature of the speed in each cell [m]."""
+        nodes, weights = _gauss()
+        control = self.points(start, end)
+        t = ((np.arange(TABLE)[:, None] + nodes) / TABLE).ravel()
+        speeds = np.linalg.norm(_de_casteljau((len(control) - 1) * np.diff(control, axis=0), t), axis=1)
+        return np.concatenate([[0.0], np.cumsum(speeds.reshape(TABLE, -1) @ weights) / TABLE])
+
+
+@dataclass(frozen=True)
+class Arc:
+    """Circular arc.
+
+    Attributes
+    ----------
+    radius : float
+        Radius [m]; half of the chord where it is less.
+    large : bool
+        True for the longer of the two arcs.
+    right : bool
+        True where it bulges to the right of the direction of travel.
+    """
+
+    radius: float
+    large: bool
+    right: bool
+
+    def circle(self, start: Floats, end: Floats) -> tuple[Floats, float, float, float]:
+        """Centre (2,) and radius [m], angle of the start and sweep [rad], counter-clockwise if positive."""
+        chord = end - start
+        half = float(np.linalg.norm(chord)) / 2
+        radius = max(self.radius, half)
+        left = np.array([-chord[1], chord[0]]) / (2 * half)
+        side = (1 if self.right else -1) * (-1 if self.large else 1)
+        centre = (start + end) / 2 + side * np.sqrt(max(radius**2 - half**2, 0.0)) * left
+        first = start - centre
+        sweep = 2 * np.arcsin(min(half / radius, 1.0))
+        sweep = 2 * np.pi - sweep if self.large else sweep
+        return centre, radius, float(np.arctan2(first[1], first[0])), float(sweep if self.right else -sweep)
+
+    def at(self, start: Floats, end: Floats, t: Floats) -> Floats:
+        """Points (k, 2) [m] at the parameters t (k,): equal angles; 0 and 1 give the ends exactly."""
+        centre, radius, angle, sweep = self.circle(start, end)
+        angles = angle + t * sweep
+        found = np.asarray(centre + radius * np.column_stack([np.cos(angles), np.sin(angles)]), np.float64)
+        found[t == 0], found[t == 1] = start, end
+        return found
+
+    def length(self, start: Floats, end: Floats) -> float:
+        """Arc length [m]."""
+        _, radius, _, sweep = self.circle(start, end)
+        return radius * abs(sweep)
+
+    def by_length(self, start: Floats, end: Floats, share: Floats) -> Floats:
+        """Points (k, 2) [m] at the fractions `share (k,)` of the arc length."""
+        return self.at(start, end, share)
+
+
+Curve = Straight | Bezier | Arc
+
+
+def _de_casteljau(points: Floats, t: Floats) -> Floats:
+    """Value (k, 2) of the Bezier polynomial with the coefficients (p, 2) at t (k,)."""
+    levels = np.repeat(points[:, None, :], len(t), axis=1)
+    while len(levels) > 1:
+        levels = (1 - t)[:, None] * levels[:-1] + t[:, None] * levels[1:]
+    return np.asarray(levels[0], np.float64)
+
+
+@lru_cache(maxsize=1)
+def _gauss() -> tuple[Floats, Floats]:
+    """Nodes in [0, 1] and weights of Gauss's rule of three points."""
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    return (nodes + 1) / 2, weights / 2

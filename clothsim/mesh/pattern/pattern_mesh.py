@@ -1,0 +1,144 @@
+"""Mesh of a sewing pattern: triangles of all panels, placed in space, and the vertices that its seams join."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.errors import InputError
+from clothsim.mesh.pattern.borders import borders
+from clothsim.mesh.pattern.orientation import turned_panels
+from clothsim.mesh.pattern.panel_mesh import mesh_panel
+from clothsim.mesh.pattern.pattern import Pattern, Side, Stitch
+from clothsim.mesh.pattern.self_crossing import refuse_self_crossing
+from clothsim.mesh.pattern.slivers import without_slivers
+
+
+@dataclass(frozen=True)
+class Seam:
+    """Vertices that a stitch joins, one of either side in a row.
+
+    Attributes
+    ----------
+    stitch : Stitch
+        Stitch of the pattern.
+    pairs : (k, 2) int array
+        Vertices; a vertex is never joined to itself.
+    """
+
+    stitch: Stitch
+    pairs: Ints
+
+    @property
+    def name(self) -> str:
+        """Both edges."""
+        first, second = self.stitch.sides
+        return f"{first.panel}.{first.edge} to {second.panel}.{second.edge}"
+
+
+@dataclass(frozen=True)
+class PatternMesh:
+    """Panels as triangles.
+
+    Attributes
+    ----------
+    pattern : Pattern
+        Pattern that was meshed: without edges far below the spacing.
+    positions : (n, 3) array
+        Vertices of the placed panels [m].
+    triangles : (m, 3) int array
+        Wound so that sewn panels have one front.
+    material_coordinates : (m, 3, 2) array
+        Corners of each triangle at rest [m]: first axis along the warp (y of the panel), second along the weft.
+    panel_coordinates : (n, 2) array
+        Vertices in the planes of their panels [m].
+    vertices, faces : mapping of str to slice
+        Rows of each panel in the vertices and in the triangles.
+    edges : mapping of Side to (k,) int array
+        Vertices of each edge of a panel from its start to its end.
+    seams : tuple of Seam
+        Seams in the order of the stitches.
+    """
+
+    pattern: Pattern
+    positions: Floats
+    triangles: Ints
+    material_coordinates: Floats
+    panel_coordinates: Floats
+    vertices: Mapping[str, slice]
+    faces: Mapping[str, slice]
+    edges: Mapping[Side, Ints]
+    seams: tuple[Seam, ...]
+
+    def labelled(self) -> dict[str, Ints]:
+        """Vertices of the edges of each label."""
+        found: dict[str, list[Ints]] = {}
+        for name, panel in self.pattern.panels.items():
+            for number, edge in enumerate(panel.edges):
+                if edge.label:
+                    found.setdefault(edge.label, []).append(self.edges[Side(name, number)])
+        return {label: np.unique(np.concatenate(rows)) for label, rows in found.items()}
+
+
+def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
+    """Mesh the panels of a pattern.
+
+    Parameters
+    ----------
+    pattern : Pattern
+        Panels and stitches.
+    spacing : float
+        Distance of neighbouring vertices [m].
+
+    Returns
+    -------
+    PatternMesh
+
+    Raises
+    ------
+    InputError
+        A panel that crosses itself; stitches that give the garment one side only; a seam whose two sides share a
+        triangle.
+    """
+    if not spacing > 0:
+        raise InputError(f"The spacing of the mesh is {spacing:g} m.", "Give a positive length.")
+    turned = turned_panels(pattern)
+    pattern = without_slivers(pattern, spacing)
+    sampled = borders(pattern, spacing)
+    for panel in pattern.panels.values():
+        refuse_self_crossing(panel, sampled[panel.name])
+    parts, n, m = [], 0, 0
+    vertices: dict[str, slice] = {}
+    faces: dict[str, slice] = {}
+    edges: dict[Side, Ints] = {}
+    for name, panel in pattern.panels.items():
+        border = sampled[name]
+        mesh = mesh_panel(border.points, spacing)
+        follows = border.counter_clockwise != turned[name]
+        triangles, corners = wound(mesh.points, mesh.triangles, follows)
+        parts.append((panel.placed(mesh.points), triangles + n, corners, mesh.points))
+        edges |= {Side(name, number): border.along(number) + n for number in range(len(panel.edges))}
+        vertices[name], faces[name] = slice(n, n + len(mesh.points)), slice(m, m + len(triangles))
+        n, m = vertices[name].stop, faces[name].stop
+    positions, triangles, corners, plane = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    seams = tuple(Seam(stitch, seam_pairs(stitch, edges)) for stitch in pattern.stitches)
+    return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams)
+
+
+def wound(points: Floats, triangles: Ints, follows: bool) -> tuple[Ints, Floats]:
+    """Triangles wound for the front of the garment, and their corners in the material plane, (m, 3, 2) [m].
+
+    follows: True where the front of the sewn garment is the side from which the panel's x, y are right-handed; else the
+    triangles are reversed, and the material is seen from its other side: x is mirrored, the warp stays along y.
+    """
+    across = -points[:, 0] if follows else points[:, 0]
+    rows = triangles if follows else triangles[:, ::-1]
+    return rows, np.stack([points[:, 1], across], axis=1)[rows]
+
+
+def seam_pairs(stitch: Stitch, edges: Mapping[Side, Ints]) -> Ints:
+    """Vertices that a stitch joins, (k, 2): start to end, or start to start for right on wrong; none to itself."""
+    first, second = (edges[side] for side in stitch.sides)
+    pairs = np.column_stack([first, second if stitch.right_wrong else second[::-1]])
+    return pairs[pairs[:, 0] != pairs[:, 1]]

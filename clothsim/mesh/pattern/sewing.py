@@ -1,0 +1,48 @@
+"""Sewn topology: vertices that stitches join, merged."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from clothsim.arrays import Floats, Ints
+from clothsim.errors import InputError
+from clothsim.mesh.pattern.pattern_mesh import PatternMesh, Seam
+
+
+def sewn_vertices(mesh: PatternMesh, seams: Sequence[Seam]) -> Ints:
+    """Number of each vertex after `seams` are closed, (n,): ascending in the order of the first of each group.
+
+    InputError for seams that join two corners of one triangle.
+    """
+    n = len(mesh.positions)
+    number = _merged(n, (seam.pairs for seam in seams))
+    corners = number[mesh.triangles]
+    collapsed = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
+    if collapsed.any():
+        face = int(np.flatnonzero(collapsed)[0])
+        panel = next(name for name, rows in mesh.faces.items() if rows.start <= face < rows.stop)
+        raise InputError(
+            f"The seams of {panel} join two corners of one triangle ({int(collapsed.sum())} such triangles).",
+            "Mesh it finer: --size.",
+        )
+    return number
+
+
+def _merged(n: int, pairs: Iterable[Ints]) -> Ints:
+    joined = np.concatenate([np.zeros((0, 2), np.int64), *pairs])
+    graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(n, n))
+    labels = connected_components(graph, directed=False)[1]
+    _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)
+    rank = np.empty(len(first), np.int64)
+    rank[np.argsort(first)] = np.arange(len(first))
+    return rank[inverse.ravel()]
+
+
+def largest_gap(positions: Floats, seam: Seam) -> float:
+    """Largest distance of the two sides of a seam [m]; 0 where they are one vertex throughout."""
+    if not len(seam.pairs):
+        return 0.0
+    ends = positions[seam.pairs]
+    return float(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max())

@@ -1,0 +1,65 @@
+"""Curves of pattern edges: closed forms, and svgpathtools where it is installed."""
+
+import numpy as np
+import pytest
+
+from clothsim.mesh.pattern.curves import Arc, Bezier, Straight
+
+START, END = np.array([0.2, -0.1]), np.array([1.1, 0.5])
+CHORD = float(np.linalg.norm(END - START))
+CURVES = [
+    Straight(),
+    Bezier(((0.3, 0.4),)),
+    Bezier(((0.2, -0.5), (0.9, 0.6))),
+    *(Arc(1.3 * CHORD, large, right) for large in (False, True) for right in (False, True)),
+]
+
+
+@pytest.mark.parametrize("curve", CURVES, ids=str)
+def test_samples_by_length_are_equally_long_and_end_at_the_ends(curve):
+    points = curve.by_length(START, END, np.linspace(0, 1, 4001))
+    assert np.array_equal(points[0], START)
+    assert np.array_equal(points[-1], END)
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    assert np.abs(np.cumsum(steps) / steps.sum() - np.linspace(0, 1, 4001)[1:]).max() < 5e-6
+    assert abs(steps.sum() / curve.length(START, END) - 1) < 1e-6
+
+
+def test_quadratic_is_the_polynomial_of_its_control_point():
+    curve, t = CURVES[1], np.linspace(0, 1, 7)
+    control = START + 0.3 * (END - START) + 0.4 * np.array([-(END - START)[1], (END - START)[0]])
+    expected = np.outer((1 - t) ** 2, START) + np.outer(2 * t * (1 - t), control) + np.outer(t**2, END)
+    assert np.abs(curve.at(START, END, t) - expected).max() < 1e-15
+
+
+@pytest.mark.parametrize(("large", "right"), [(a, b) for a in (False, True) for b in (False, True)])
+def test_arc_lies_on_its_circle_on_the_side_that_it_names(large, right):
+    radius = 0.7 * CHORD
+    curve = Arc(radius, large, right)
+    centre, found, _, sweep = curve.circle(START, END)
+    points = curve.at(START, END, np.linspace(0, 1, 9))
+    assert np.abs(np.linalg.norm(points - centre, axis=1) - radius).max() < 1e-14
+    assert found == radius
+    assert (abs(sweep) > np.pi) is large
+    middle, chord = points[4] - (START + END) / 2, END - START
+    assert bool(chord[0] * middle[1] - chord[1] * middle[0] < 0) is right
+
+
+def test_arc_of_too_small_a_radius_is_a_half_circle():
+    curve = Arc(0.1 * CHORD, False, True)
+    assert np.isclose(curve.length(START, END), np.pi * CHORD / 2, rtol=1e-12)
+
+
+def test_against_svgpathtools():
+    svg = pytest.importorskip("svgpathtools")
+    a, b = complex(*START), complex(*END)
+    for curve in CURVES[1:]:
+        if isinstance(curve, Bezier):
+            made = [complex(*point) for point in curve.points(START, END)]
+            other = (svg.QuadraticBezier if len(made) == 3 else svg.CubicBezier)(*made)
+        else:
+            other = svg.Arc(a, complex(curve.radius, curve.radius), 0, curve.large, curve.right, b)
+        assert abs(other.length(error=1e-9) / curve.length(START, END) - 1) < 1e-6
+        t = np.linspace(0, 1, 11)
+        theirs = np.array([[other.point(s).real, other.point(s).imag] for s in t])
+        assert np.abs(curve.at(START, END, t) - theirs).max() < 1e-7 * CHORD

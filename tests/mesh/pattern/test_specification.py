@@ -1,0 +1,171 @@
+"""Pattern files: units, curves, round trip, and faults with their names."""
+
+import copy
+import json
+
+import numpy as np
+import pytest
+from real_data import DATA, needs_data
+from sewing_patterns import PATTERN_FILES, SQUARE, panel, skirt, specification, stitch
+
+from clothsim.errors import InputError
+from clothsim.mesh.pattern.curves import Arc, Bezier, Straight
+from clothsim.mesh.pattern.orientation import turned_panels
+from clothsim.mesh.pattern.pattern import Pattern
+from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
+from clothsim.mesh.pattern.specification import entries_of, pattern_of, read_specification, write_specification
+
+
+def apart(first: Pattern, second: Pattern) -> float:
+    """Largest difference of two patterns of the same panels and edges."""
+    pairs = [(first.panels[name], second.panels[name]) for name in first.panels]
+    return max(
+        np.abs(getattr(a, key) - getattr(b, key)).max()
+        for a, b in pairs
+        for key in ("vertices", "translation", "rotation")
+    )
+
+
+def test_lengths_are_metres():
+    pattern = pattern_of(skirt())
+    assert np.array_equal(pattern.panels["front"].vertices, np.array(SQUARE) / 100)
+    assert pattern.panels["front"].edge_length(1) == 0.2
+    assert pattern.notes == ()
+
+
+def test_a_file_without_units_is_read_as_centimetres_with_a_note():
+    pattern = pattern_of(specification({"front": panel()}, units=None))
+    assert pattern.panels["front"].edge_length(0) == 0.1
+    assert len(pattern.notes) == 1
+
+
+@pytest.mark.parametrize(
+    ("curvature", "kind"),
+    [
+        ([0.5, 0.2], Bezier),
+        ({"type": "quadratic", "params": [[0.5, 0.2]]}, Bezier),
+        ({"type": "cubic", "params": [[0.3, 0.2], [0.6, -0.1]]}, Bezier),
+        ({"type": "circle", "params": [8, 0, 1]}, Arc),
+        (None, Straight),
+    ],
+)
+def test_kinds_of_edges(curvature, kind):
+    entries = specification({"front": panel()})
+    entries["pattern"]["panels"]["front"]["edges"][0]["curvature"] = curvature
+    curve = pattern_of(entries).panels["front"].edges[0].curve
+    assert isinstance(curve, kind)
+    if kind is Arc:
+        assert curve.radius == 0.08
+
+
+def test_absolute_control_points_are_made_relative():
+    entries = specification({"front": panel()})
+    entries["properties"]["curvature_coords"] = "absolute"
+    entries["pattern"]["panels"]["front"]["edges"][1]["curvature"] = {"type": "quadratic", "params": [[12.0, 5.0]]}
+    read = pattern_of(entries).panels["front"]
+    assert np.allclose(read.edges[1].curve.points(*read.vertices[1:3])[1], [0.12, 0.05], atol=1e-15)
+
+
+def test_rotation_orders():
+    """Rz Ry Rx of (90, 90, 0) degrees takes x to -z, as by hand; the other order is named in a note."""
+    entries = specification({"front": panel(rotation=[90, 90, 0])})
+    read = pattern_of(entries)
+    assert np.allclose(read.panels["front"].matrix @ [1, 0, 0], [0, 0, -1], atol=1e-15)
+    assert len(read.notes) == 1
+    other = pattern_of(entries, "xyz").panels["front"].matrix
+    about_x, about_y = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]]), np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    assert np.allclose(other, about_x @ about_y, atol=1e-14)
+
+
+@needs_data
+@pytest.mark.parametrize("name", PATTERN_FILES)
+def test_read_written_read(name, tmp_path):
+    pattern = read_specification(DATA / "patterns" / name)
+    write_specification(tmp_path / "again.json", pattern)
+    again = read_specification(tmp_path / "again.json")
+    assert apart(pattern, again) < 1e-12
+    assert pattern.stitches == again.stitches
+    assert [p.edges for p in pattern.panels.values()] == [p.edges for p in again.panels.values()]
+    assert set(json.loads((tmp_path / "again.json").read_text())) >= {"pattern", "properties", "parameters"}
+
+
+def _spoilt(change):
+    entries = skirt()
+    change(entries["pattern"])
+    return entries
+
+
+def _set(path, value):
+    def change(pattern):
+        *parents, last = path
+        for key in parents:
+            pattern = pattern[key]
+        pattern[last] = copy.deepcopy(value)
+
+    return change
+
+
+FRONT = ("panels", "front")
+FAULTS = {
+    "open loop": (_set((*FRONT, "edges", 1, "endpoints"), [1, 3]), ("front", "edge 1")),
+    "no length": (_set((*FRONT, "vertices", 1), [0, 0]), ("Edge 0", "front")),
+    "missing edge": (_set(("stitches", 0, 1, "edge"), 99), ("Stitch 0", "edge 99")),
+    "missing panel": (_set(("stitches", 0, 1, "panel"), "sleeve"), ("Stitch 0", "sleeve")),
+    "sewn twice": (_set(("stitches", 1, 0), {"panel": "front", "edge": 1}), ("edge 1 of front", "0 and 1")),
+    "sewn to itself": (_set(("stitches", 1, 1), {"panel": "front", "edge": 3}), ("edge 3 of front", "1 and 1")),
+    "missing vertex": (_set((*FRONT, "edges", 1, "endpoints"), [1, 7]), ("Edge 1", "vertex 7 of 4")),
+    "not finite": (_set((*FRONT, "vertices", 1), [float("nan"), 0]), ("front", "vertices")),
+    "no vertices": (_set((*FRONT, "vertices"), []), ("front", "vertices")),
+    "no edges": (_set((*FRONT, "edges"), []), ("front",)),
+    "words": (_set((*FRONT, "translation"), ["a", 0, 0]), ("front", "translation")),
+    "unknown curve": (_set((*FRONT, "edges", 2, "curvature"), {"type": "spline", "params": []}), ("Edge 2", "spline")),
+    "no pair": (_set(("stitches", 0), [1]), ("Stitch 0",)),
+    "no panels": (_set(("panels",), {}), ("panel",)),
+    "panel is a list": (_set(FRONT, []), ("front",)),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS)
+def test_faults_are_named(fault):
+    change, words = FAULTS[fault]
+    with pytest.raises(InputError) as caught:
+        pattern_of(_spoilt(change))
+    assert all(word in str(caught.value) for word in words)
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2", '"pattern"', "{}", '{"pattern": 3}', "[" * 100_000])
+def test_files_that_are_no_patterns(tmp_path, text):
+    (tmp_path / "bad.json").write_text(text)
+    with pytest.raises(InputError):
+        read_specification(tmp_path / "bad.json")
+    with pytest.raises(InputError):
+        read_specification(tmp_path)
+
+
+def test_a_moebius_band_is_refused_by_its_stitch():
+    panels = {"a": panel(), "b": panel()}
+    loop = [stitch(("a", 1), ("b", 3)), stitch(("b", 1), ("a", 3), "right_wrong")]
+    with pytest.raises(InputError) as caught:
+        turned_panels(pattern_of(specification(panels, loop)))
+    assert "Stitch 1" in str(caught.value)
+
+
+def test_a_panel_sewn_right_on_wrong_is_turned():
+    panels = {"a": panel(), "b": panel(), "collar": panel()}
+    sewn = [stitch(("a", 1), ("b", 3)), stitch(("b", 0), ("collar", 0), "right_wrong")]
+    assert turned_panels(pattern_of(specification(panels, sewn))) == {"a": False, "b": False, "collar": True}
+
+
+def test_a_self_crossing_panel_is_refused_by_both_edges():
+    bow_tie = panel([[0, 0], [10, 0], [0, 20], [10, 20]])
+    with pytest.raises(InputError) as caught:
+        mesh_pattern(pattern_of(specification({"front": bow_tie})), 0.02)
+    assert "edges 1 and 3" in str(caught.value)
+
+
+def test_entries_keep_what_is_not_read():
+    entries = {**skirt(), "parameters": {"length": 3}}
+    entries["pattern"]["panel_order"] = ["back", "front"]
+    written = entries_of(pattern_of(entries))
+    assert written["parameters"] == {"length": 3}
+    assert written["pattern"]["panel_order"] == ["back", "front"]
