@@ -9,14 +9,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from clothsim.arrays import Floats, Ints
-from clothsim.build.untangle import untangled
-from clothsim.errors import InputError
 from clothsim.fitting.deflate import deflated, half_thickness
 from clothsim.fitting.penetration import counted
 from clothsim.fitting.unfold_creases import unfolding
-from clothsim.mesh.body import Body
-from clothsim.mesh.cloth import Cloth
-from clothsim.mesh.world import make_world
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 
@@ -72,15 +67,3 @@ def clearings(garment: Floats, triangles: Ints, body: BodySurface) -> Iterator[C
             description = f"without folds and {1e3 * thinned[0]:.3g} mm thinner"
             yield Clearing((thinned[1], opened, body.positions), description)
             return
-
-
-def untangled_from_itself(cloth: Cloth, bodies: Sequence[Body]) -> tuple[Floats, str] | None:
-    """Start (n, 3) [m] without intersections of the cloth with itself and the bodies, and a description.
-
-    None where untangling fails.
-    """
-    try:
-        freed, description = untangled(make_world([cloth], bodies))
-    except InputError:
-        return None
-    return freed.cloths[0].positions, description

@@ -15,15 +15,13 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
-from clothsim.fitting.guaranteed_path import Clearing, clearings, untangled_from_itself
+from clothsim.fitting.guaranteed_path import Clearing, clearings
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.markers import NO_MARKERS
 from clothsim.fitting.moving_body import Worn, moved_with_body
 from clothsim.fitting.stage import Garment, Stage, StageCallback, staged
 from clothsim.fitting.transfer_seed import Transferred, transferred
-from clothsim.mesh.body import make_body
-from clothsim.mesh.cloth import make_cloth
-from clothsim.scene.fabrics import FABRICS
+from clothsim.untangling.untangle import untangle
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 
@@ -77,6 +75,9 @@ def seeded(task: Task) -> Seeded:
         worn_by = body if task.same_body else body_surface(task.source.positions, task.source.triangles)
         stages = _as_it_came(task, worn_by)
         carrier, rest = task.target.positions, task.garment.positions
+        if stages[-1].counts.self_pairs:  # nothing later parts what cannot be parted on its own body
+            worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
+            return Seeded(tuple(stages), worn, _meets_itself(stages[-1]))
         came = partial(staged, triangles=task.garment.triangles, on_stage=task.on_stage)
         if not task.same_body:
             moved: list[Transferred] = []
@@ -156,19 +157,18 @@ def _freed(state: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
             state = replace(state, notes=(*state.notes, f"Tried {start.description or 'as it is'}: {grown.failure}"))
     if not clear:
         return None
-    return _meeting_itself(state, clear, failed, task, body)
-
-
-def _meeting_itself(
-    state: Seeded, clear: Sequence[tuple[Stage, Clearing]], failed: Seeded | None, task: Task, body: BodySurface
-) -> Seeded:
-    """The garment that could not be untangled, worn as it is; where all that failed was its growth, that failure."""
-    stage, start = min(clear, key=lambda one: len(one[1].frames))
-    if failed is not None and len(start.frames) > 1:
+    if failed is not None:
         return failed
-    note = "The garment intersects itself and could not be untangled: self_contact is switched off."
-    meeting = replace(state, worn=replace(state.worn, self_contact=False), notes=(*state.notes, note))
-    return _grown(meeting, stage, start, stage.positions, task, body)
+    stage = min((stage for stage, _ in clear), key=lambda one: one.counts.self_pairs)
+    return replace(state, failure=_meets_itself(stage))
+
+
+def _meets_itself(stage: Stage) -> str:
+    """Sentence for a garment that cannot be untangled: a drape would end as it began."""
+    return (
+        f"The garment intersects itself in {stage.counts.self_pairs:,} triangle pairs after the stage {stage.name}, "
+        f"{stage.counts.where}, and could not be untangled."
+    )
 
 
 def _untangled(
@@ -176,10 +176,13 @@ def _untangled(
 ) -> Stage | None:
     """The shape of a stage freed of intersections with itself and with the body `beside`; None where that fails."""
     started, triangles = perf_counter(), task.garment.triangles
-    cloth = make_cloth("garment", rest, triangles, FABRICS[task.fabric], positions=stage.positions)
-    bodies = [] if beside is None else [make_body("body", beside.positions, beside.triangles)]
-    freed = untangled_from_itself(cloth, bodies)
-    return None if freed is None else staged("untangle", triangles, counted_on, lambda: freed, task.on_stage, started)
+    body = None if beside is None else (beside.positions, beside.triangles)
+    done = untangle(stage.positions, triangles, rest, body=body)
+    if not done.free:
+        return None
+    most = 1e3 * float(np.linalg.norm(done.positions - stage.positions, axis=1).max())
+    said = f"{done.pairs_before} pairs parted in {done.rounds} rounds, by {most:.2g} mm at most"
+    return staged("untangle", triangles, counted_on, lambda: (done.positions, said), task.on_stage, started)
 
 
 def _grown(state: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface) -> Seeded:
@@ -198,7 +201,7 @@ def _own(state: Seeded) -> Stage:
 def _morphed(state: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
     """The source body becomes the target, with the garment on it."""
     start = _own(state)
-    worn = replace(state.worn, body_triangles=task.source.triangles, self_contact=not start.counts.self_pairs)
+    worn = replace(state.worn, body_triangles=task.source.triangles)
     description = f"{task.source.name} became {task.target.name} under IPC"
     frames = [task.source.positions, carrier]
     done = _after_motion(replace(state, worn=worn), "morph", start.positions, frames, task, body, description)

@@ -3,7 +3,7 @@
 An attempt ends where the intersecting pairs do not fall; the next starts again with shorter steps.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,12 +13,14 @@ from clothsim.untangling.motion import NO_WISHES, Sheet
 from clothsim.untangling.regions import Flags, Mesh
 from clothsim.untangling.wishes import wishes_of
 
-REACHES = (0.4, 0.2, 0.1, 0.05)
-"""Longest wished displacement of a round, over the median edge, of each attempt."""
+ATTEMPTS = ((0.4, 2.5), (0.2, 1.5), (0.2, 2.5), (0.1, 1.5), (0.1, 2.5))
+"""Of each attempt: the longest wished displacement, over the mean edge, and the largest factor of its spread."""
 PATIENCE = 25
 """Rounds without fewer pairs, after which an attempt ends."""
 GROWTH, FEW = 1.5, 20
 """Growth of the number of pairs, as a factor and a number, at which an attempt ends."""
+WIDENING = 5
+"""Rounds in which the spread of the motion grows by its first value: what takes long is no local matter."""
 RELAXATIONS, SHORTEST = 30, 0.04
 """Largest number of steps that relieve strain at the end, and the smallest fraction of one."""
 
@@ -71,7 +73,10 @@ class State:
 
 @dataclass(frozen=True)
 class Search:
-    """Rounds from positions x: sheet, mesh, body (positions, triangles behind those of the cloth), layers, gap [m]."""
+    """Rounds from positions x: sheet, mesh, body (positions, triangles behind those of the cloth), layers, gap [m].
+
+    relieves: True where strain beyond the limits is relieved also where nothing intersects.
+    """
 
     x: Floats
     sheet: Sheet
@@ -80,17 +85,18 @@ class Search:
     solid: Ints
     layers: Ints | None
     gap: float
+    relieves: bool
 
     def run(self, edge: float, rounds: int) -> Untangled:
         """Rounds until nothing intersects; where the pairs do not fall, again from the start with shorter steps."""
         start = best = self.at(self.x, np.zeros(len(self.x), bool))
         if not start.count:
-            return Untangled(self.x, 0, 0, 0, "free", None)
+            return Untangled(self.relaxed(self.x) if self.relieves else self.x, 0, 0, 0, "free", None)
         done = 0
-        for reach in REACHES:
+        for reach, widest in ATTEMPTS:
             state, fewest, since = start, start.count, 0
             while done < rounds and since < PATIENCE and state.count <= GROWTH * fewest + FEW:
-                state, done = self.moved(state, reach * edge), done + 1
+                state, done = self.moved(state, reach * edge, min(1 + done / WIDENING, widest)), done + 1
                 since = 0 if state.count < fewest else since + 1
                 fewest = min(fewest, state.count)
                 best = state if state.count < best.count else best
@@ -105,11 +111,13 @@ class Search:
         with_body = intersecting_pairs(everything, faces, self.solid)
         return State(x, intersecting_pairs(everything, faces), with_body, inside)
 
-    def moved(self, state: State, step: float) -> State:
-        """The state after a round whose wishes are at most `step` long [m]."""
+    def moved(self, state: State, step: float, wider: float) -> State:
+        """The state after a round whose wishes are at most `step` long [m]; wider: factor of their spread."""
         everything, pairs = np.concatenate([state.x, self.obstacle]), (state.own, state.with_body)
         wishes, inside = wishes_of(everything, self.mesh, self.solid, pairs, state.inside, self.layers, self.gap, step)
-        return self.at(state.x + self.sheet.displacement(state.x, wishes), inside)
+        return self.at(
+            state.x + self.sheet.displacement(state.x, replace(wishes, spread=wider * wishes.spread)), inside
+        )
 
     def relaxed(self, x: Floats) -> Floats:
         """Positions with less strain beyond the limits that are free too."""

@@ -29,6 +29,7 @@ def untangle(
     fixed: Flags | None = None,
     layers: Ints | None = None,
     gap: float | None = None,
+    limits: tuple[float, float] | None = None,
     rounds: int = ROUNDS,
 ) -> Untangled:
     """Free cloth of intersections with itself and with a body.
@@ -52,6 +53,9 @@ def untangle(
         Triangles are then wound outwards.
     gap : float, optional
         Distance to which what pierces is drawn beyond what it pierced [m]; None: a tenth of the median edge.
+    limits : (float, float), optional
+        Principal stretches to which triangles are brought back, also where nothing intersects; None: .6 to 1.3, wider
+        where the start is.
     rounds : int
         Largest number of rounds.
 
@@ -72,11 +76,11 @@ def untangle(
     x, faces, fixed, obstacle, solid = _checked(positions, triangles, fixed, layers, body)
     rest = x if rest_positions is None else as_points("rest_positions", rest_positions)
     shape = triangle_planes(rest, faces) if material is None else np.asarray(material, np.float64)
-    sheet = Sheet(faces, shape, fixed)
+    sheet = Sheet(x, faces, shape, fixed, limits)
     mesh = make_mesh(faces, sheet.areas, len(x))
-    edges = x[mesh.edges[:, 0]] - x[mesh.edges[:, 1]]
-    step = float(np.median(np.linalg.norm(edges, axis=1)))
-    search = Search(x, sheet, mesh, obstacle, solid, layers, 0.1 * step if gap is None else float(gap))
+    step = float(np.median(np.linalg.norm(shape - np.roll(shape, 1, axis=1), axis=2)))
+    apart = 0.1 * step if gap is None else float(gap)
+    search = Search(x, sheet, mesh, obstacle, solid, layers, apart, limits is not None)
     return search.run(step, rounds)
 
 

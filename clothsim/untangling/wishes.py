@@ -5,9 +5,17 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.untangling.contour_gradient import contour_gradients, slides
 from clothsim.untangling.contours import contours
-from clothsim.untangling.motion import Wishes
+from clothsim.untangling.motion import LEAST_SPREAD, Wishes
 from clothsim.untangling.piercings import Piercings, piercings
 from clothsim.untangling.regions import Flags, Mesh, sides
+
+SPREAD = 0.7
+"""Edges by which the motion spreads farther, over the square root of the number of vertices inside and of wishes."""
+COPLANAR = 0.99
+"""Cosine of the angle of two planes above which triangles count as coplanar."""
+JITTER = 1e-4
+"""Random displacement, over the longest wish, that takes vertices off the planes of triangles that they lie in."""
+Part = tuple[Ints, Floats, Floats]
 
 
 def wishes_of(
@@ -32,16 +40,15 @@ def wishes_of(
         parts += _of_body(x, mesh.triangles, solid, with_body, gap, step, n)
     rows, weights, shifts = (np.concatenate([part[k] for part in parts]) for k in range(3))
     held = rows >= n
-    return Wishes(np.where(held, 0, rows), np.where(held, 0.0, weights), shifts), inside
-
-
-Part = tuple[Ints, Floats, Floats]
+    spread = LEAST_SPREAD + SPREAD * np.sqrt(np.count_nonzero(inside) + len(rows))
+    return Wishes(np.where(held, 0, rows), np.where(held, 0.0, weights), shifts, float(spread)), inside
 
 
 def _of_cloth(
     x: Floats, mesh: Mesh, own: Ints, inside_before: Flags, layers: Ints | None, gap: float, step: float
 ) -> tuple[list[Part], Flags]:
     """Wishes for the contours of cloth with cloth, and the vertices inside."""
+    x = _off_planes(x, mesh.triangles, own, JITTER * step)
     found = piercings(x, mesh.triangles, own)
     graph = contours(found, len(own))
     chosen = sides(mesh, found, graph, inside_before)
@@ -63,6 +70,21 @@ def _of_cloth(
     pierced[found.of_pair[:, 1]] = True
     parts.append(_of_touching(x, mesh, own[~pierced], gap))
     return parts, chosen.inside
+
+
+def _off_planes(x: Floats, triangles: Ints, pairs: Ints, distance: float) -> Floats:
+    """Positions in which the corners of pairs that are not nearly coplanar are displaced at random by `distance` [m].
+
+    A vertex that lies in a triangle, or an edge in its plane, is on neither side of it.
+    """
+    corners = x[triangles[pairs]]
+    normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    cosine = np.abs(np.einsum("ij,ij->i", normals[:, 0], normals[:, 1]))
+    steep = cosine < COPLANAR * np.linalg.norm(normals, axis=2).prod(axis=1)
+    vertices = np.unique(triangles[pairs[steep]])
+    moved = x.copy()
+    moved[vertices] += distance * np.random.default_rng(0).standard_normal((len(vertices), 3))
+    return moved
 
 
 def _through(triangles: Ints, found: Piercings, inner: Ints, gap: float, step: float) -> Part:

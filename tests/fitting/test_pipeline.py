@@ -13,6 +13,7 @@ from clothsim.fitting.inputs import Figure
 from clothsim.fitting.pipeline import seeded
 from clothsim.fitting.stage import Garment
 from clothsim.mesh.generators.sheets import rectangle
+from clothsim.untangling import search
 
 FIGURE = capsule_figure()
 COARSE = capsule_figure(segments=8)
@@ -89,19 +90,30 @@ def test_a_garment_that_meets_itself_is_untangled_first(tmp_path):
     assert found.stages[0].counts.on_body
     assert found.last.counts.clean
     assert found.worn.rest is garment.positions
-    assert "vertices were moved" in found.last.description
+    assert re.search(r"\d+ pairs parted in \d+ rounds", found.last.description)
 
 
-def test_a_garment_that_no_one_can_untangle_is_worn_without_self_contact(tmp_path):
+def crossing_sheets():
+    """Two sheets through one another beside the body."""
     positions, triangles = rectangle(size=(0.3, 0.3), cells=(3, 3))
     upright = positions[:, [0, 2, 1]] + np.array([0.03, 0.02, 0.01])
-    two = np.concatenate([positions, upright]) + np.array([0.35, 0.0, 0.0])
-    both = np.concatenate([triangles, triangles + len(positions)])
-    found = seeded(task(Garment("two", two, both), FIGURE, FIGURE, tmp_path))
-    assert not found.failure
-    assert found.last.counts.on_body
-    assert not found.worn.self_contact
-    assert any("self_contact" in note for note in found.notes)
+    two = np.concatenate([positions, upright]) + np.array([0.5, 0.0, 0.0])
+    return Garment("two", two, np.concatenate([triangles, triangles + len(positions)]))
+
+
+def test_crossing_sheets_are_parted_first(tmp_path):
+    found = seeded(task(crossing_sheets(), FIGURE, FIGURE, tmp_path))
+    assert names(found) == ["garment", "untangle"]
+    assert found.last.counts.clean
+
+
+@pytest.mark.parametrize("to", [FIGURE, wider(FIGURE, 1.2)])
+def test_a_garment_that_cannot_be_untangled_fails_at_once_with_a_place(tmp_path, monkeypatch, to):
+    monkeypatch.setattr(search, "ATTEMPTS", ())
+    found = seeded(task(crossing_sheets(), FIGURE, to, tmp_path))
+    assert names(found) == ["garment"]
+    assert re.search(rf"\b{found.last.counts.self_pairs} triangle pairs.*garment, near \(.*\) m", found.failure)
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_nothing_frees_fails_with_a_sentence_and_a_place(tmp_path):

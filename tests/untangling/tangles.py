@@ -30,7 +30,7 @@ def poking_pocket():
     """A patch above a sheet that pokes through it in the middle."""
     patch, triangles = rectangle(size=(0.4, 0.4), cells=(9, 9))
     dent = np.exp(-((patch[:, 0] - 0.05) ** 2 + (patch[:, 1] + 0.03) ** 2) / 0.1**2)
-    patch = patch + [0.013, 0.021, 0.01] - 0.05 * dent[:, None] * [0, 0, 1]
+    patch = patch + np.array([0.013, 0.021, 0.01]) - 0.05 * dent[:, None] * [0, 0, 1]
     return same_at_rest(rectangle(size=(1.0, 1.0), cells=(20, 20)), (patch, triangles))
 
 
@@ -42,7 +42,7 @@ def crossing_sheets(offset=(0.03, 0.02, 0.01)):
 
 def sleeve_through_sheet():
     x, triangles = tube(radius=0.15, height=0.5, cells=(16, 10))
-    return same_at_rest(rectangle(size=(1.0, 1.0), cells=(20, 20)), (x + [0.013, 0.021, 0.18], triangles))
+    return same_at_rest(rectangle(size=(1.0, 1.0), cells=(20, 20)), (x + np.array([0.013, 0.021, 0.18]), triangles))
 
 
 def crossed_skirts():
@@ -50,7 +50,7 @@ def crossed_skirts():
     x, triangles = tube(radius=0.3, height=0.5, cells=(30, 12))
     cone = x * [1.03, 1.03, 1.0]
     cone[:, :2] *= 1 - 0.25 * x[:, 2:]
-    return same_at_rest((x, triangles), (cone + [0, 0, 0.007], triangles))
+    return same_at_rest((x, triangles), (cone + np.array([0, 0, 0.007]), triangles))
 
 
 def tube_into_tube():
@@ -68,7 +68,7 @@ def random_layers(seed):
         for _ in range(4):
             centre, width, height = rng.uniform(-0.4, 0.4, 2), rng.uniform(0.08, 0.2), rng.normal(0, 0.06)
             x[:, 2] += height * np.exp(-((x[:, :2] - centre) ** 2).sum(axis=1) / width**2)
-        sheets.append((x + [0, 0, 0.02 * k] + rng.normal(0, 0.01, 3), triangles))
+        sheets.append((x + np.array([0, 0, 0.02 * k]) + rng.normal(0, 0.01, 3), triangles))
     return same_at_rest(*sheets)
 
 

@@ -61,7 +61,7 @@ def test_random_layers_end_free(seed):
     result = untangle(x, triangles, rest)
     assert result.pairs_before > 0
     assert result.free
-    assert np.linalg.norm(result.positions - x, axis=1).max() < 0.15
+    assert np.linalg.norm(result.positions - x, axis=1).max() < 0.2
 
 
 def test_what_does_not_intersect_keeps_its_bits():
@@ -74,7 +74,7 @@ def test_what_does_not_intersect_keeps_its_bits():
 def test_cloth_far_from_the_tangle_stays():
     x, triangles, _ = poking_pocket()
     far, more = rectangle(size=(1.0, 1.0), cells=(5, 5))
-    both, faces = joined((x, triangles), (far + [3, 0, 0], more))
+    both, faces = joined((x, triangles), (far + np.array([3, 0, 0]), more))
     result = untangle(both, faces)
     assert result.free
     assert np.array_equal(result.positions[len(x) :], both[len(x) :])
