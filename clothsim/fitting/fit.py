@@ -186,7 +186,7 @@ def fit(
     else:
         source = _figure(base, scale, body_group)
         file = base if isinstance(base, str | Path) else None
-        worn = read_garment(garment, file, source.scale, part=part, weld=weld)
+        worn = read_garment(garment, file, source.scale, part=part, weld=weld, body=source.positions)
     target = source if _same(base, to) else _figure(to, None, body_group)
     if not of_scene:
         _refuse_a_body(worn, source, target)

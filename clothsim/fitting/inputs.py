@@ -11,6 +11,7 @@ from clothsim.build.meshes import body_of, cloth_of, cloth_shape
 from clothsim.build.placement import Shape
 from clothsim.build.scene_world import build
 from clothsim.build.welding import sewn
+from clothsim.build.winding import wound_alike
 from clothsim.errors import InputError
 from clothsim.fitting.stage import Garment
 from clothsim.io.mesh_file import read_mesh
@@ -102,10 +103,12 @@ def read_garment(
     *,
     part: tuple[int, int] | None = None,
     weld: float = 0.0,
+    body: Floats | None = None,
 ) -> Garment:
     """The garment in a mesh file, or in MakeHuman clothes (.mhclo) on the base mesh `made_for`.
 
-    scale: metres per unit; part: (lo, hi) vertices of the file; weld: borders closer than that are sewn [m].
+    scale: metres per unit; part: (lo, hi) vertices of the file; weld: borders closer than that are sewn [m];
+    body: positions (k, 3) [m] of what it is worn by, from which a garment of inconsistent winding is turned away.
     InputError for a mesh that is no cloth.
     """
     file = Path(path)
@@ -122,9 +125,10 @@ def read_garment(
         mesh = replace(mesh, positions=on_base)
     else:
         mesh = read_mesh(file, vertices=part)
-    shape = Shape(scale * mesh.positions, mesh.triangles, np.zeros((0, 3, 2)), mesh.messages)
+    shape = wound_alike(Shape(scale * mesh.positions, mesh.triangles, np.zeros((0, 3, 2)), mesh.messages), body)
     if weld:
         shape, _ = sewn(file.name, shape, None, weld, at_start=False)
+        shape = wound_alike(shape, body)
     report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
     refuse(report)
     farthest = float(np.abs(shape.positions).max())

@@ -14,8 +14,8 @@ from clothsim.fitting.before_after import draw_fit
 from clothsim.io.mesh_file import read_mesh
 from clothsim.io.record import read_summary
 from clothsim.mesh.generators.sheets import rectangle
-from clothsim.untangling import search
 from clothsim.run.archive import unpack_bundle, write_bundle
+from clothsim.untangling import search
 
 BODY = capsule_figure(segments=10)
 SMALL = tube_garment(0.125, height=0.12, cells=(10, 3))
