@@ -84,8 +84,13 @@ class Fit:
 
     @property
     def positions(self) -> Floats:
-        """Positions of the fitted garment, (n, 3) [m]."""
+        """Positions of the fitted garment, (n, 3) [m]: of its simulated pieces (`garment`)."""
         return self.stages[-1].positions
+
+    @property
+    def complete_positions(self) -> Floats:
+        """Positions of all vertices of the garment's file, also of pieces that follow others [m]."""
+        return self.garment.division.complete(self.positions)
 
     @property
     def counts(self) -> Counts:
@@ -282,7 +287,9 @@ def _fallen(run: Run, body: str) -> str:
 
 def _write(done: Fit, seconds: float) -> None:
     """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
-    write_obj(done.directory / FITTED, done.positions, done.garment.triangles)
+    division = done.garment.division
+    whole = division.whole if division.followers else done.garment.triangles
+    write_obj(done.directory / FITTED, division.complete(done.positions), whole)
     file = done.directory / SUMMARY_NAME
     previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
     fitted: dict[str, Any] = {
@@ -291,6 +298,7 @@ def _write(done: Fit, seconds: float) -> None:
         "stages": [stage.as_dict() for stage in done.stages],
         "cost": done.cost.as_dict(),
         "notes": [*done.notes, *previous["notes"]],
+        "pieces": division.as_dict(),
         "fit_seconds": seconds,
     }
     if done.status == "failed":

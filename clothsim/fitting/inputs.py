@@ -13,6 +13,7 @@ from clothsim.build.scene_world import build
 from clothsim.build.welding import sewn
 from clothsim.build.winding import wound_alike
 from clothsim.errors import InputError
+from clothsim.fitting.pieces import UNDIVIDED, divided
 from clothsim.fitting.stage import Garment
 from clothsim.io.mesh_file import read_mesh
 from clothsim.io.mesh_part import MeshFile
@@ -129,14 +130,19 @@ def read_garment(
     if weld:
         shape, _ = sewn(file.name, shape, None, weld, at_start=False)
         shape = wound_alike(shape, body)
-    report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
-    refuse(report)
+    refuse(examine(file.name, shape.positions, shape.triangles, "body"))
     farthest = float(np.abs(shape.positions).max())
     if farthest > FARTHEST:
         raise InputError(f"{file.name} has a vertex {farthest:.3g} m from the origin.", "Give its unit with --scale.")
-    remarks = (*shape.notes, *(finding.sentence for finding in report.warnings))
+    every = len(np.unique(shape.triangles)) == len(shape.positions)
+    division = divided(shape.positions, shape.triangles) if every else UNDIVIDED
+    if division.followers:
+        shape = replace(shape, positions=shape.positions[division.vertices], triangles=division.triangles)
+    report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
+    refuse(report)
+    remarks = (*shape.notes, *division.notes, *(finding.sentence for finding in report.warnings))
     notes = tuple(f"{file.name}: {note}" for note in remarks)
-    return Garment(file.name, shape.positions, shape.triangles, notes, sewn=bool(weld))
+    return Garment(file.name, shape.positions, shape.triangles, notes, sewn=bool(weld), division=division)
 
 
 def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:

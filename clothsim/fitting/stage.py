@@ -7,6 +7,7 @@ from typing import Any
 
 from clothsim.arrays import Floats, Ints
 from clothsim.fitting.penetration import Counts, counted
+from clothsim.fitting.pieces import UNDIVIDED, Division
 from transfer.signed_distance import BodySurface
 
 
@@ -14,7 +15,7 @@ from transfer.signed_distance import BodySurface
 class Garment:
     """Garment: positions (n, 3) [m] on its source body; triangles (m, 3); notes: defaults used in reading.
 
-    sewn: its panels were welded, so that three may meet in a seam.
+    sewn: its panels were welded, so that three may meet in a seam; division: pieces that follow it, or are stitched.
     """
 
     name: str
@@ -22,6 +23,7 @@ class Garment:
     triangles: Ints
     notes: tuple[str, ...] = ()
     sewn: bool = False
+    division: Division = UNDIVIDED
 
 
 @dataclass(frozen=True)
