@@ -1,6 +1,7 @@
-"""Stages of a fit before its drape: transfer, DRAPE refinement, guaranteed path; each checked exactly.
+"""Stages of a fit before its drape: transfer, untangling, DRAPE refinement, guaranteed path; each checked exactly.
 
-Deformation transfer seeds; where its shape is not clear of the body, DRAPE refines it; where that is not either, the
+Deformation transfer seeds; where its shape crosses the body, their intersection contours are shrunk to nothing, with
+those of the garment; where that fails, or all of it is inside, DRAPE refines it; where that is not clear either, the
 body is deflated until the better of the two is clear of it, and grows back under IPC; where no depth frees it, the body
 that the garment was made for deforms into the other one under IPC and moves the garment by contact.
 """
@@ -84,6 +85,10 @@ def seeded(task: Task) -> Seeded:
             stages.append(came("transfer", body=body, make=partial(_moved, stages[-1].positions, task, moved)))
             carrier = moved[0].body
             rest = moved[0].positions if task.resize else rest
+        if stages[-1].counts.body_pairs:
+            cleared = _untangled(rest, stages[-1], body, body, task, "clear")
+            if cleared is not None:
+                stages.append(cleared)
         if not stages[-1].counts.clean:
             shape = stages[-1].positions
             stages.append(came("refine", body=body, make=partial(_refined, shape, task, along_normals=False)))
@@ -172,7 +177,12 @@ def _meets_itself(stage: Stage) -> str:
 
 
 def _untangled(
-    rest: Floats, stage: Stage, beside: BodySurface | None, counted_on: BodySurface, task: Task
+    rest: Floats,
+    stage: Stage,
+    beside: BodySurface | None,
+    counted_on: BodySurface,
+    task: Task,
+    name: str = "untangle",
 ) -> Stage | None:
     """The shape of a stage freed of intersections with itself and with the body `beside`; None where that fails."""
     started, triangles = perf_counter(), task.garment.triangles
@@ -182,7 +192,7 @@ def _untangled(
         return None
     most = 1e3 * float(np.linalg.norm(done.positions - stage.positions, axis=1).max())
     said = f"{done.pairs_before} pairs parted in {done.rounds} rounds, by {most:.2g} mm at most"
-    return staged("untangle", triangles, counted_on, lambda: (done.positions, said), task.on_stage, started)
+    return staged(name, triangles, counted_on, lambda: (done.positions, said), task.on_stage, started)
 
 
 def _grown(state: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface) -> Seeded:

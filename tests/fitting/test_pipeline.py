@@ -19,6 +19,18 @@ FIGURE = capsule_figure()
 COARSE = capsule_figure(segments=8)
 
 
+@pytest.fixture
+def without_clear(monkeypatch):
+    """The garment cannot be untangled from the body."""
+    real = pipeline.untangle
+
+    def untangle(*arguments, body=None):
+        done = real(*arguments, body=body)
+        return done if body is None else replace(done, end="stalled")
+
+    monkeypatch.setattr(pipeline, "untangle", untangle)
+
+
 def names(found):
     return [stage.name for stage in found.stages]
 
@@ -43,7 +55,9 @@ def test_a_tube_five_millimetres_inside_is_refined(tmp_path):
     assert found.worn.rest is garment.positions
 
 
-def test_where_the_first_refinement_leaves_something_inside_the_second_goes_along_the_normals(tmp_path, monkeypatch):
+def test_where_the_first_refinement_leaves_something_inside_the_second_goes_along_the_normals(
+    tmp_path, monkeypatch, without_clear
+):
     garment, asked = tube_garment(0.095), []
     freed = tube_garment(0.11).positions
 
@@ -59,7 +73,7 @@ def test_where_the_first_refinement_leaves_something_inside_the_second_goes_alon
     assert found.last.positions is freed
 
 
-def test_a_tube_that_no_formula_frees_is_grown_out(tmp_path, monkeypatch):
+def test_a_tube_that_no_formula_frees_is_grown_out(tmp_path, monkeypatch, without_clear):
     """Refinement is taken away: growth alone has to bring the tube from 3 mm inside to the outside."""
     monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
     garment = tube_garment(0.097, height=0.12, cells=(10, 3))
@@ -177,7 +191,7 @@ def test_a_growth_that_cannot_begin_is_a_failure_with_its_reason(tmp_path, monke
     assert re.search(r"grow.*body.*triangle 3\b", found.failure)
 
 
-def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, monkeypatch):
+def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, monkeypatch, without_clear):
     """Without deflation and refinement: the garment is clean on its body and moves with the body to the wider one."""
     monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
     monkeypatch.setattr(pipeline, "clearings", lambda *_: iter(()))
@@ -217,3 +231,13 @@ def test_a_growth_that_fails_with_friction_is_tried_without(tmp_path, monkeypatc
     assert named == [True, False]
     assert found.last.counts.clean
     assert found.last.description.endswith("grown back under IPC, without friction")
+
+
+def test_a_garment_that_crosses_the_body_is_cleared(tmp_path):
+    positions, triangles = tube_garment(0.105).positions, tube_garment(0.105).triangles
+    dented = positions - 0.01 * np.cos(np.arctan2(positions[:, 1], positions[:, 0]))[:, None] * [1, 0, 0]
+    found = seeded(task(Garment("tube", dented, triangles), FIGURE, FIGURE, tmp_path))
+    assert names(found) == ["garment", "clear"]
+    assert found.stages[0].counts.body_pairs > 0
+    assert found.last.counts.clean
+    assert np.linalg.norm(found.last.positions - dented, axis=1).max() < 0.02
