@@ -8,20 +8,22 @@ that the garment was made for deforms into the other one under IPC and moves the
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 from clothsim.fitting.guaranteed_path import Clearing, clearings
 from clothsim.fitting.inputs import Figure
+from clothsim.fitting.layers import layers_of
 from clothsim.fitting.markers import NO_MARKERS
 from clothsim.fitting.moving_body import Worn, moved_with_body
 from clothsim.fitting.stage import Garment, Stage, StageCallback, staged
 from clothsim.fitting.transfer_seed import Transferred, transferred
+from clothsim.mesh.winding import facing_away
 from clothsim.untangling.untangle import untangle
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
@@ -43,6 +45,12 @@ class Task:
     folder: Path
     on_stage: StageCallback
     markers: Floats = field(default_factory=lambda: NO_MARKERS)
+
+    @cached_property
+    def layers(self) -> Ints:
+        """Layer of each vertex of the garment on its own body, (n,)."""
+        worn_by, garment = body_surface(self.source.positions, self.source.triangles), self.garment
+        return layers_of(garment.positions, garment.triangles, worn_by.closest(garment.positions).signed_distance)
 
     @property
     def same_body(self) -> bool:
@@ -187,11 +195,14 @@ def _untangled(
     """The shape of a stage freed of intersections with itself and with the body `beside`; None where that fails."""
     started, triangles = perf_counter(), task.garment.triangles
     body = None if beside is None else (beside.positions, beside.triangles)
-    done = untangle(stage.positions, triangles, rest, body=body)
+    faces = facing_away(task.garment.positions, triangles, task.source.positions, np.ones(len(triangles), bool))
+    done = untangle(stage.positions, faces, rest, body=body, layers=task.layers)
     if not done.free:
         return None
     most = 1e3 * float(np.linalg.norm(done.positions - stage.positions, axis=1).max())
     said = f"{done.pairs_before} pairs parted in {done.rounds} rounds, by {most:.2g} mm at most"
+    if task.layers.any():
+        said += f"; {int(task.layers.max()) + 1} layers in their order"
     return staged(name, triangles, counted_on, lambda: (done.positions, said), task.on_stage, started)
 
 

@@ -24,8 +24,8 @@ def without_clear(monkeypatch):
     """The garment cannot be untangled from the body."""
     real = pipeline.untangle
 
-    def untangle(*arguments, body=None):
-        done = real(*arguments, body=body)
+    def untangle(*arguments, body=None, **keys):
+        done = real(*arguments, body=body, **keys)
         return done if body is None else replace(done, end="stalled")
 
     monkeypatch.setattr(pipeline, "untangle", untangle)
