@@ -19,6 +19,7 @@ from clothsim.io.mesh_file import read_mesh
 from clothsim.io.mesh_part import MeshFile
 from clothsim.io.mhclo import read_clothes
 from clothsim.mesh.checks import examine, refuse
+from clothsim.mesh.degenerate import duplicates
 from clothsim.mesh.topology import components, half_edges
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.mesh_keys import check_body, check_cloth
@@ -29,6 +30,8 @@ SMALLEST, LARGEST = 0.5, 3.0
 """The largest extent of a body [m]: beyond, its file is in another unit."""
 FARTHEST = 1e6
 """No coordinate of a garment is larger [m]: distances to a body would lose all their digits, or overflow."""
+TWO_SIDED = 0.8
+"""Least fraction of triangles that are given twice, with opposite windings, in a two-sided mesh."""
 LONG = 0.5
 """Least extent of a body candidate as a fraction of the file's extent."""
 
@@ -126,7 +129,8 @@ def read_garment(
         mesh = replace(mesh, positions=on_base)
     else:
         mesh = read_mesh(file, vertices=part)
-    shape = wound_alike(Shape(scale * mesh.positions, mesh.triangles, np.zeros((0, 3, 2)), mesh.messages), body)
+    shape = one_sided(Shape(scale * mesh.positions, mesh.triangles, np.zeros((0, 3, 2)), mesh.messages))
+    shape = wound_alike(shape, body)
     if weld:
         shape, _ = sewn(file.name, shape, None, weld, at_start=False)
         shape = wound_alike(shape, body)
@@ -143,6 +147,17 @@ def read_garment(
     remarks = (*shape.notes, *division.notes, *(finding.sentence for finding in report.warnings))
     notes = tuple(f"{file.name}: {note}" for note in remarks)
     return Garment(file.name, shape.positions, shape.triangles, notes, sewn=bool(weld), division=division)
+
+
+def one_sided(shape: Shape) -> Shape:
+    """A shape without the second side of a mesh most of whose triangles are given twice, with opposite windings."""
+    if ((shape.triangles < 0) | (shape.triangles >= len(shape.positions))).any():
+        return shape  # the mesh check names them
+    flipped = duplicates(shape.triangles)[1]
+    if 2 * len(flipped) < TWO_SIDED * len(shape.triangles):
+        return shape
+    note = f"a two-sided mesh: {len(flipped)} triangles given again with opposite winding are left out"
+    return replace(shape, triangles=np.delete(shape.triangles, flipped, axis=0), notes=(*shape.notes, note))
 
 
 def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:

@@ -28,6 +28,9 @@ from clothsim.untangling.untangle import untangle
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 
+MARGIN = 0.002
+"""Distance from the body to which a garment that crosses it is cleared, where that can be [m]: contact pushes below."""
+
 
 @dataclass(frozen=True)
 class Task:
@@ -94,9 +97,10 @@ def seeded(task: Task) -> Seeded:
             carrier = moved[0].body
             rest = moved[0].positions if task.resize else rest
         if stages[-1].counts.body_pairs:
-            cleared = _untangled(rest, stages[-1], body, body, task, "clear")
-            if cleared is not None:
-                stages.append(cleared)
+            wider = replace(body, positions=body.positions + MARGIN * body.vertex_normals)
+            tries = (_untangled(rest, stages[-1], beside, body, task, "clear") for beside in (wider, body))
+            cleared = next((stage for stage in tries if stage is not None), None)
+            stages += [] if cleared is None else [cleared]
         if not stages[-1].counts.clean:
             shape = stages[-1].positions
             stages.append(came("refine", body=body, make=partial(_refined, shape, task, along_normals=False)))
@@ -155,7 +159,7 @@ def _freed(state: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
     """
     clear: list[tuple[Stage, Clearing]] = []
     failed = None
-    for stage in sorted(tried, key=lambda stage: (stage.counts.self_pairs, -tried.index(stage))):
+    for stage in sorted(reversed(tried), key=lambda stage: stage.counts.self_pairs):  # of equals the last
         for start in clearings(stage.positions, task.garment.triangles, body):
             clear.append((stage, start))
             thin = body_surface(start.body, body.triangles)

@@ -148,6 +148,16 @@ def test_a_mesh_that_is_no_cloth_is_refused(tmp_path, bad):
         read_garment(in_file(tmp_path, "garment.obj", x, triangles), "body.obj", 1.0)
 
 
+def test_of_a_two_sided_mesh_one_side_is_read(tmp_path):
+    own = tube_garment(0.11, cells=(8, 4))
+    both = np.concatenate([own.triangles, own.triangles[:, ::-1]])
+    garment = read_garment(in_file(tmp_path, "g.obj", own.positions, both), "b.obj", 1.0)
+    assert np.array_equal(garment.triangles, own.triangles)
+    assert any(re.search(r"two-sided.*\b64\b", note) for note in garment.notes)
+    with pytest.raises(InputError, match="opposite winding"):
+        read_garment(in_file(tmp_path, "few.obj", own.positions, both[:70]), "b.obj", 1.0)
+
+
 def test_a_moebius_strip_is_named_with_an_edge(tmp_path):
     with pytest.raises(InputError, match=r"strip\.obj: .*edge \d+-\d+: triangles "):
         read_garment(in_file(tmp_path, "strip.obj", *moebius_strip()), "body.obj", 1.0)
