@@ -159,7 +159,7 @@ def _freed(state: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
     """
     clear: list[tuple[Stage, Clearing]] = []
     failed = None
-    for stage in sorted(reversed(tried), key=lambda stage: stage.counts.self_pairs):  # of equals the last
+    for stage in sorted(tried[::-1], key=lambda stage: stage.counts.self_pairs):  # of equals the last
         for start in clearings(stage.positions, task.garment.triangles, body):
             clear.append((stage, start))
             thin = body_surface(start.body, body.triangles)
