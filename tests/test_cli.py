@@ -133,7 +133,8 @@ def test_an_earlier_run_is_replaced_and_other_files_stay(capsys, tmp_path):
     main(["run", "free.toml", "--no-picture"])
     assert "free holds other files. They stay" in capsys.readouterr().out
     assert not (tmp_path / "free/picture.png").exists()
-    main(["run", "free.toml", "--no-picture", "--frames-per-second", "25"])
+    assert "--overwrite" in refused(capsys, "run", "free.toml", "--no-picture")[1]
+    main(["run", "free.toml", "--no-picture", "--frames-per-second", "25", "--overwrite"])
     assert "free holds an earlier run, which is replaced." in capsys.readouterr().out
     assert len(open_run(tmp_path / "free").times) == 2
     assert (tmp_path / "free/thesis.txt").read_text() == "all my work"

@@ -4,7 +4,10 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
+
+import pytest
 
 from clothsim.cli import precompile
 
@@ -48,3 +51,50 @@ def test_the_second_process_compiles_energies_matrix_and_contact():
     kernels = {".".join(name.split(".")[-2:]) for name in json.loads(output(THE_REST).splitlines()[-1])}
     assert {"membrane_kernels.fill", "hinge_kernels.fill", "sparsity._times"} <= kernels
     assert {"barrier_hessian.rank_one_factors", "psd_projection.positive_factors", "assembly.add_low_rank"} <= kernels
+
+
+WAITER = """
+import sys, time
+from clothsim.cli import precompile
+precompile.end_with_parent()
+print("ready", flush=True)
+time.sleep(0.3 if sys.argv[1:] else 60)
+"""
+PARENT = """
+import subprocess, sys
+child = subprocess.Popen([sys.executable, "-c", {waiter!r}], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+child.stdout.readline()
+print(child.pid, flush=True)
+sys.stdin.read()
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").is_file(), reason="reads the state of a process from /proc")
+def test_the_second_process_ends_with_a_first_one_that_is_killed():
+    command = [sys.executable, "-c", PARENT.format(waiter=WAITER)]
+    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as parent:
+        child = int(parent.stdout.readline())
+        parent.kill()
+        for _ in range(200):
+            if not is_running(child):
+                break
+            time.sleep(0.05)
+    assert not is_running(child)
+
+
+def test_the_second_process_outlives_a_first_one_that_lets_it_finish():
+    command = [sys.executable, "-c", WAITER, "short"]
+    with subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as child:
+        child.stdout.readline()
+        precompile.let_finish(child)
+        child.stdin.close()
+        assert child.wait(60) == 0
+
+
+def is_running(pid):
+    """False where the process has ended, or waits as a zombie to be collected."""
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (FileNotFoundError, ProcessLookupError):
+        return False
+    return state not in "ZX"

@@ -1,5 +1,6 @@
 """Body models from arrays and from .npz files with the keys of SMPL; pickled data is never read."""
 
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Mapping
@@ -15,7 +16,10 @@ from transfer.triangle_surface import Floats, Ints, as_surface
 KEYS = ("v_template", "shapedirs", "posedirs", "J_regressor", "weights", "kintree_table", "f")
 NO_PARENT = 2**32 - 1
 """The root's parent in a table of unsigned integers: -1."""
-UNREADABLE = (OSError, ValueError, EOFError, MemoryError, RuntimeError, zipfile.BadZipFile, zlib.error)
+UNREADABLE = (
+    OSError, ValueError, EOFError, MemoryError, RuntimeError, OverflowError, SyntaxError, tokenize.TokenError,
+    zipfile.BadZipFile, zlib.error, NotImplementedError,
+)  # fmt: skip
 """Exceptions that numpy raises for a broken or a pickled file."""
 SUM_ERROR = 1e-3
 """Largest deviation of a row sum from 1, as single precision and rounded files leave; rows are then normalised."""
@@ -47,6 +51,8 @@ def read_body_model(path: str | Path) -> BodyModel:
     transfer.errors.TransferError: There is no file missing.npz.
     """
     name = Path(path).name
+    if Path(path).exists() and not Path(path).is_file():
+        raise TransferError(f"{name} is no regular file.")
     try:
         file = np.load(path, allow_pickle=False)
     except FileNotFoundError as error:

@@ -132,12 +132,33 @@ def refine(
     >>> done.inside[0], done.inside[-1], bool((done.positions[:, 2] > 1).all())
     (3, 0, True)
     """
+    return refined_on(
+        body_surface(body_positions, body_triangles),
+        garment_positions,
+        garment_triangles,
+        eps=eps,
+        passes=passes,
+        samples=samples,
+        along_normals=along_normals,
+    )
+
+
+def refined_on(
+    body: BodySurface,
+    garment_positions: ArrayLike,
+    garment_triangles: ArrayLike,
+    *,
+    eps: float | None = None,
+    passes: int = PASSES,
+    samples: bool = True,
+    along_normals: bool = False,
+) -> Refined:
+    """`refine` on a body that is prepared already."""
     x, triangles = as_surface("garment", garment_positions, garment_triangles)
     if eps is not None and not 0 < eps < np.inf:
         raise TransferError(f"eps is {eps!r}.", "Give a positive distance in metres.")
     if passes < 1:
         raise TransferError(f"passes is {passes!r}.", "Give at least 1.")
-    body = body_surface(body_positions, body_triangles)
     edges = edges_of(triangles)
     weights = sample_weights(triangles, edges, len(x)) if samples else _identity(len(x))
     aims = clearance(x, edges, body) if eps is None else None

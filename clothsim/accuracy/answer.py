@@ -15,8 +15,8 @@ def answer(result: Mapping[str, Any]) -> list[str]:
     """What is known of the error of the scene as it is, and the cost of half of it, as sentences."""
     headline = result["headline"]
     if headline["status"] == UNFINISHED:
-        return [*_unfinished(result), *_so_far(headline), *_chaos(result)]
-    lines = [_statement(result), *_half(result), *_sources(result), *_chaos(result)]
+        return [*_unfinished(result), *_so_far(headline), *_chaos(result), *_searched(result)]
+    lines = [_statement(result), *_half(result), *_sources(result), *_chaos(result), *_searched(result)]
     if headline["status"] == RANGE:
         lines += _more(headline)
     reference = result["reference"]
@@ -66,6 +66,16 @@ def _unfinished(result: Mapping[str, Any]) -> list[str]:
     missing += [words[name] for name in headline["missing"] if name in words]
     why = "before the study was stopped" if result["stopped"] else f"within {_budget(result['budget'])}"
     return [f"How wrong this scene is, is not known {why}: {'; '.join(missing)}.", *_more(headline)]
+
+
+def _searched(result: Mapping[str, Any]) -> list[str]:
+    """What the search of solver.error stated, whose settings are the scene of the study."""
+    searched = result.get("searched")
+    if searched is None:
+        return []
+    estimate = in_mm(searched["total"] / MM) if searched["known"] else "an unknown error"
+    asked, seconds = in_mm(searched["asked"] / MM), in_seconds(searched["seconds"])
+    return [f"Its settings are those that solver.error took for {asked}, with {estimate} estimated, in {seconds}."]
 
 
 def _more(headline: Mapping[str, Any]) -> list[str]:

@@ -91,7 +91,7 @@ def headline(seen: Observations, findings: Findings | None, seconds: float | Non
         return Headline(UNFINISHED, None, None, None, tuple(missing), seconds, so_far, certificate)
     error, doubt = findings.errors[BASE] / MM, findings.reference.error / MM
     bounds = max(0.0, error - doubt), error + doubt
-    absent = tuple(name for name in ("dt", "cells") if name not in limits and not (name == "dt" and "error" in limits))
+    absent = tuple(name for name in ("dt", "cells") if name not in limits)
     if absent:
         return Headline(PARTIAL, None, *bounds, absent, None, so_far, certificate)
     if doubt <= TRUSTED * error:

@@ -42,20 +42,11 @@ class Knob:
 
 
 def _dt(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
-    if "error" in base.solver:
-        raise InputError("the steps are chosen by solver.error")
     pieces, frame = steps_per_frame(base)
     steps = pieces * Fraction(2) ** level
     if steps.denominator != 1:
         raise InputError(f"a frame of {frame:g} s has {pieces} steps at the base, and each frame ends a step")
     return frame / int(steps), set_key(scene, "solver.dt", frame / int(steps))
-
-
-def _error(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
-    if "error" not in base.solver:
-        raise InputError("the scene gives dt, not solver.error")
-    value = base.solver["error"] / 4.0**level
-    return value, set_key(scene, "solver.error", value)
 
 
 def _cells(base: Scene, scene: Scene, level: int) -> tuple[Any, Scene]:
@@ -117,7 +108,6 @@ KNOBS = {
     knob.name: knob
     for knob in (
         Knob("dt", "s", 2, _in_time, _dt, 1.8),
-        Knob("error", "m", 4, lambda scene: 1.0, _error, 2.5),
         Knob("cells", "", 2, lambda scene: 2.0, _cells, 6.0),
         Knob("tolerance", "m/s", 4, lambda scene: None, _tolerance, 1.1),
         Knob("newton_error_fraction", "", 4, lambda scene: None, _newton_error_fraction, 1.2),
@@ -141,8 +131,8 @@ def _integrator(base: Scene, scene: Scene, level: int) -> tuple[str, Scene]:
 INTEGRATOR = "integrator"
 SWITCH = Knob(INTEGRATOR, "", 1, lambda scene: None, _integrator, 1.2)
 """The other difference formula, level 1: not finer, but another path to the same limit in dt."""
-IN_TIME = ("dt", "error")
-"""The knobs that refine the time steps, of which a scene has one."""
+IN_TIME = "dt"
+"""The knob that refines the time steps."""
 
 
 def any_knob(name: str) -> Knob:

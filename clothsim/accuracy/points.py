@@ -82,7 +82,7 @@ class Bench:
     @property
     def in_time(self) -> str:
         """The knob of the time steps; empty where the study has none."""
-        return next((name for name in IN_TIME if name in self.knobs), "")
+        return IN_TIME if IN_TIME in self.knobs else ""
 
     def scene(self, where: Point) -> Scene:
         """The scene of a point, without its jitter. InputError where there is none.
@@ -137,5 +137,5 @@ def written(name: str, value: Any) -> str:
         return f"{name} {'x'.join(str(count) for count in value)}"
     if name == "d_hat":
         return f"d_hat {1e3 * value:.3g} mm"
-    unit = {"tolerance": " m/s", "eps_v": " m/s", "error": " m"}.get(name, "")
+    unit = {"tolerance": " m/s", "eps_v": " m/s"}.get(name, "")
     return f"{name} {value:.3g}{unit}" if isinstance(value, float) else f"{name} {value}"

@@ -20,6 +20,7 @@ from clothsim.accuracy.points import BASE, Bench, Point, point
 from clothsim.accuracy.pool import Runner, cores, worker_processes
 from clothsim.accuracy.report import StudyData, document
 from clothsim.accuracy.report_text import markdown
+from clothsim.accuracy.searched_settings import searched_settings
 from clothsim.arrays import as_positive
 from clothsim.build.explicit_lengths import fixed
 from clothsim.build.scene_world import build
@@ -75,6 +76,8 @@ def study_accuracy(
 ) -> Study:
     """Estimate the error of a scene's last frame, its sources, and the cost of a smaller one.
 
+    A scene with solver.error is searched once; its settings are then the base.
+
     The error is the area-weighted RMS distance of the base mesh's material points at the last frame to the reference;
     for a chaotic scene that of its histogram of heights.
 
@@ -122,11 +125,14 @@ def study_accuracy(
     deadline = started + seconds - min(FOR_FILES[0] * seconds, FOR_FILES[1])
     directory = Path(tempfile.mkdtemp(prefix="clothsim-study-") if output is None else output)
     built = build(scene)
+    _make_folder(directory / FOLDER)
+    scene, found = searched_settings(scene, directory, seconds)
+    if found is not None:
+        built = build(scene)
     base = fixed(scene, built)
     knobs_used, missing = usable(base, None if knobs is None else list(knobs))
     bench = Bench(scene, base, knobs_used)
     count = workers or cores()
-    _make_folder(directory / FOLDER)
     material = material_of([c.rest_positions for c in built.world.cloths], [c.triangles for c in built.world.cloths])
     fingerprint = _fingerprint(base, built.world)
 
@@ -151,7 +157,7 @@ def study_accuracy(
         seen = gathered(gatherer)
     _refuse_failed_base(gatherer)
     spent = {"budget": seconds, "seconds": monotonic() - started, "workers": count, "stopped": stopped()}
-    return _written(StudyData(name, bench, gatherer, seen, missing), spent)
+    return _written(StudyData(name, bench, gatherer, seen, missing), {**spent, "searched": found})
 
 
 def _coarsest(bench: Bench) -> Point:

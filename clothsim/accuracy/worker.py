@@ -68,7 +68,7 @@ def _run(job: dict[str, Any]) -> dict[str, Any]:
         timed: list[tuple[float, float]] = []
         for _ in range(TIMES):
             started, processor = perf_counter(), process_time()
-            run = simulate(scene, Path(folder) / "run", announce=session.append)
+            run = simulate(scene, Path(folder) / "run", announce=session.append, overwrite=True)
             timed.append((process_time() - processor, perf_counter() - started))
             if timed[0][0] >= SHORT or run.status != "completed":
                 break

@@ -4,9 +4,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from clothsim.errors import InputError
+from clothsim.io.numpy_file import read_numbers
 
 ENDING = ".npy"
 
@@ -51,15 +50,10 @@ def _read(where: str, path: Path) -> Any:
     if not path.name.isprintable():
         raise InputError(f"{where} is {path.name!r}, which names no file.", "Name a .npy file.")
     try:
-        numbers = np.load(path, allow_pickle=False)
+        return read_numbers(path)
     except FileNotFoundError as error:
         raise InputError(
             f"{where}: there is no file {path}.", f"Its path starts at {path.parent}/: correct {where}."
         ) from error
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(
-            f"{where}: {path} is no NumPy file of numbers ({error}).", "Write it with numpy.save."
-        ) from error
-    if not isinstance(numbers, np.ndarray) or numbers.dtype.kind not in "iuf":
-        raise InputError(f"{where}: {path} holds no real numbers.", "Save an array of floats or integers.")
-    return numbers
+    except InputError as error:
+        raise InputError(f"{where}: {error.sentence}", error.remedy) from error

@@ -36,6 +36,8 @@ class Shape:
         Initial positions, where they are not the rest positions.
     flat : bool
         True where the material is at rest in `texture`.
+    sewn : (k,) ndarray
+        Of a sewn shape the vertex that each vertex before became, -1 where it is in no triangle; else (0,).
     """
 
     positions: Floats
@@ -45,6 +47,7 @@ class Shape:
     groups: Mapping[str, Ints] = field(default_factory=dict)
     start: Floats | None = None
     flat: bool = False
+    sewn: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 def name_of(keys: Mapping[str, Any], where: str) -> str:

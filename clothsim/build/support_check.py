@@ -60,8 +60,9 @@ def refuse_unsupported(world: World, energies: Mapping[str, Energy], constraints
             own = of_piece[0] - world.cloth_slices[label].start
             part = f"the piece of {world.names[label]} with vertex {own}" if own else world.names[label]
             raise InputError(
-                f"Nothing supports {part} against its load of {load:.3g} N: no pin, no body_contact and no inertia.",
-                "Add effects.pins, a body and effects.body_contact, or effects.inertia.",
+                f"Nothing supports {part} against its load of {load:.3g} N: no pin of its own, no body_contact, no "
+                "inertia.",
+                "Pin some of its vertices, put a body under it (with effects.body_contact), or add effects.inertia.",
             )
 
 

@@ -50,4 +50,7 @@ def sewn(label: str, shape: Shape, start: Floats | None, gap: float, at_start: b
     texture = shape.texture[remaining] if len(shape.texture) else shape.texture
     joined = None if start is None else mean_of_parts(start, number)[used]
     groups = renumbered_groups(shape.groups, remaining)
-    return Shape(positions[used], faces.reshape(-1, 3).astype(np.int64), texture, tuple(notes), groups), joined
+    became = np.full(len(positions), -1)
+    became[used] = np.arange(len(used))
+    faces = faces.reshape(-1, 3).astype(np.int64)
+    return Shape(positions[used], faces, texture, tuple(notes), groups, sewn=became[number]), joined

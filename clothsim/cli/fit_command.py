@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_positive_number, as_range
+from clothsim.cli.progress import length
 
 if TYPE_CHECKING:
     from clothsim.fitting.fit import Fit
@@ -23,7 +24,8 @@ leaves, fitted.obj, and before and after in fit.png.
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    fit = commands.add_parser("fit", help="fit a garment onto a body", description=_DESCRIPTION)
+    usage = "clothsim fit GARMENT [--from BODY] --to BODY [-o DIR] [options]"
+    fit = commands.add_parser("fit", help="fit a garment onto a body", description=_DESCRIPTION, usage=usage)
     fit.add_argument(
         "garment",
         type=Path,
@@ -34,6 +36,7 @@ def add_to(commands: Any) -> None:
     fit.add_argument("--to", required=True, type=Path, metavar="BODY", help="the body to wear it")
     fit.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the garment's name)")
     fit.add_argument("--scale", metavar="S", help="metres per unit of garment and body (default: by height)")
+    fit.add_argument("--scale-to", metavar="S", help="metres per unit of the body of --to (default: by height)")
     fit.add_argument("--body-group", metavar="NAME", help="this group of the bodies (default: the largest)")
     fit.add_argument("--part", metavar="LO:HI", help="only these vertices of the garment's file")
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
@@ -72,6 +75,7 @@ def _fit(arguments: argparse.Namespace) -> int:
             named(arguments.made_for),
             directory,
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
+            scale_to=None if arguments.scale_to is None else as_positive_number("--scale-to", arguments.scale_to),
             body_group=arguments.body_group,
             part=None if arguments.part is None else as_range("--part", arguments.part),
             weld=0.0 if arguments.weld is None else as_positive_number("--weld", arguments.weld),
@@ -100,11 +104,18 @@ def _verdict(done: "Fit") -> list[str]:
     return [
         f"{done.status}: {done.reason}",
         *(f"  note      {note}" for note in done.notes),
-        f"  fitted    {done.counts}",
+        f"  fitted    {_answer(done)}{done.counts}",
         f"  stretch   {cost.low:.3f} to {cost.high:.3f} (1st to 99th percentile, against the garment as given)",
-        f"  moved     at most {1e3 * cost.displacement:.3g} mm",
+        f"  moved     at most {length(cost.displacement)} from where it was worn",
         f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
     ]
+
+
+def _answer(done: "Fit") -> str:
+    """The stage that is the result, where it is not the last one."""
+    if done.status != "failed":
+        return ""
+    return f"stage {done.answer_number + 1} of {len(done.stages)}, {done.answer.name}: "
 
 
 def _picture(done: "Fit") -> list[str]:

@@ -3,19 +3,24 @@
 What a run needs is compiled in the order in which it comes, the search for intersections and contact first. This
 process drapes a cloth of four cells without contact, derives the energy of two pairs that touch, and draws the cloth:
 the energies, the Newton matrix, the derivatives of contact and the picture are then in the cache of compiled kernels
-when the run comes to them. It ends by itself.
+when the run comes to them. It ends by itself, and at once with a run that is stopped or killed: a pipe between them
+closes. A run that comes to its end first lets it finish, for the next one.
 """
 
 import os
 import subprocess
 import sys
+from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from threading import Thread
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from clothsim.arrays import Floats
     from clothsim.contact.pair_list import Pairs
+
+_GO_ON = b"."
 
 CORES = 2
 """Fewer cores gain nothing."""
@@ -27,8 +32,27 @@ def start() -> "subprocess.Popen[bytes] | None":
         return None
     command = [sys.executable, "-P", "-m", "clothsim.cli.precompile"]  # -P: not one of the cwd
     here = os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH")]))
-    silent = subprocess.DEVNULL
-    return subprocess.Popen(command, stdin=silent, stdout=silent, stderr=silent, env={**os.environ, "PYTHONPATH": here})
+    silent, environment = subprocess.DEVNULL, {**os.environ, "PYTHONPATH": here}
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=silent, stderr=silent, env=environment)
+
+
+def let_finish(process: "subprocess.Popen[bytes]") -> None:
+    """Let the process outlive this one."""
+    if process.stdin is not None:
+        with suppress(OSError):  # it has ended
+            process.stdin.write(_GO_ON)
+            process.stdin.flush()
+    process.poll()
+
+
+def end_with_parent() -> None:
+    """End this process as soon as the one that started it has ended, unless that one lets it finish."""
+    Thread(target=_wait, daemon=True).start()
+
+
+def _wait() -> None:
+    if os.read(sys.stdin.fileno(), 1) != _GO_ON:
+        os._exit(1)
 
 
 def _compiled() -> bool:
@@ -100,4 +124,5 @@ def evaluate_contact() -> None:
 
 
 if __name__ == "__main__":
+    end_with_parent()
     compile_remaining_kernels()

@@ -40,10 +40,14 @@ class Lines:
     def __init__(self) -> None:
         self._last = -SECONDS_BETWEEN_LINES
         self._start: tuple[float, float] | None = None
+        self._before: tuple[str, int] = ("", 0)
 
     def __call__(self, progress: "Progress") -> None:
         """Print the step where it is the first, the last, or some seconds after the one before."""
         now = perf_counter()
+        if another_run(self._before, progress):
+            self._last, self._start = -SECONDS_BETWEEN_LINES, None
+        self._before = progress.stage, progress.step
         self._start = self._start or (now, progress.time)
         if progress.time < progress.duration and now - self._last < SECONDS_BETWEEN_LINES:
             return
@@ -72,7 +76,13 @@ def _bar() -> "Iterator[Callable[[Progress], None]]":
     bar = Bar(*columns, console=Console(stderr=True), redirect_stdout=False)
     task = bar.add_task("", total=None, where="", state="")
 
+    before = ("", 0)
+
     def listener(progress: "Progress") -> None:
+        nonlocal before
+        if another_run(before, progress):
+            bar.reset(task)
+        before = progress.stage, progress.step
         completed, total = progress.time, progress.duration
         bar.update(task, completed=completed, total=total, where=where(progress), state=state(progress))
         bar.start()  # with the first step, as the settings are printed before it
@@ -83,9 +93,16 @@ def _bar() -> "Iterator[Callable[[Progress], None]]":
         bar.stop()
 
 
+def another_run(before: tuple[str, int], progress: "Progress") -> bool:
+    """True for the first step of another run than that of `before`, a stage and a step: a fit has several."""
+    stage, step = before
+    return progress.stage != stage or progress.step < step
+
+
 def where(progress: "Progress") -> str:
-    """Simulated time and duration."""
-    return f"{progress.time:.3f} of {progress.duration:g} s"
+    """Stage, simulated time and duration."""
+    stage = f"{progress.stage}: " if progress.stage else ""
+    return f"{stage}{progress.time:.3f} of {progress.duration:g} s"
 
 
 def state(progress: "Progress") -> str:

@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from clothsim.run.session import Session
     from clothsim.scene.scene import Scene
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
+
 _RUN = """\
 Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture of the last frame; where it failed,
 failure.png too, a close view of the place.
@@ -39,6 +42,8 @@ def add_to(commands: Any) -> None:
     run.add_argument("--preset", metavar="NAME", help="draft, standard or fine, with the error of this run")
     run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm, 0.5mm, 2cm")
     run.add_argument("--estimate", action="store_true", help="estimate the error by another, coarser run")
+    run.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
+    run.add_argument("--force", action="store_true", help="run whatever it is expected to cost")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", help="continue a stopped run", description=_RESUME)
     resume.add_argument("directory", type=Path, metavar="DIR|FILE", help="the output of `clothsim run` or `bundle`")
@@ -58,6 +63,7 @@ def add_to(commands: Any) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from clothsim.cli import precompile
     from clothsim.run.example_scenes import scene_file
+    from clothsim.run.output_directory import refuse_earlier_run
     from clothsim.run.simulate import simulate
     from clothsim.scene.overrides import override
     from clothsim.scene.toml_file import load_scene
@@ -77,16 +83,24 @@ def _run(arguments: argparse.Namespace) -> int:
         rate = as_positive_number("--frames-per-second", arguments.frames_per_second)
         scene = replace(scene, run={**scene.run, "frames_per_second": rate})
     directory = arguments.output or Path(arguments.scene.stem)
+    _dumped_step(arguments)
+    refuse_earlier_run(directory, arguments.overwrite)
     compiler = precompile.start()
-    try:
-        return _execute(
-            arguments,
+    code = _execute(
+        arguments,
+        directory,
+        lambda **listeners: simulate(
+            scene,
             directory,
-            lambda **listeners: simulate(scene, directory, message=_teller(arguments), **listeners),
-        )
-    finally:
-        if compiler is not None:
-            compiler.poll()  # the rest of its kernels serves the next run
+            message=_teller(arguments),
+            overwrite=arguments.overwrite,
+            force=arguments.force,
+            **listeners,
+        ),
+    )
+    if compiler is not None and code != INTERRUPTED:
+        precompile.let_finish(compiler)  # the rest of its kernels serves the next run
+    return code
 
 
 def _teller(arguments: argparse.Namespace) -> "Callable[[str], None]":
@@ -121,6 +135,10 @@ def _resume(arguments: argparse.Namespace) -> int:
     return _execute(arguments, directory, lambda **listeners: resume(directory, **listeners))
 
 
+def _dumped_step(arguments: argparse.Namespace) -> int | None:
+    return None if arguments.dump_iterates is None else as_count("--dump-iterates", arguments.dump_iterates)
+
+
 def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[..., Run]") -> int:
     """Run `job` with its callbacks, draw the pictures, print the result."""
     from clothsim import __version__
@@ -128,7 +146,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     from clothsim.sim.iterate_log import iterates_name
 
     subject = arguments.scene if arguments.command == "run" else directory
-    step = None if arguments.dump_iterates is None else as_count("--dump-iterates", arguments.dump_iterates)
+    step = _dumped_step(arguments)
     if step is not None:
         (directory / iterates_name(step)).unlink(missing_ok=True)  # of an earlier run
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
@@ -150,7 +168,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
         trouble = _pictures(arguments, run, sessions[-1])
     except KeyboardInterrupt:
         print(run_report.stopped(directory), file=sys.stderr)
-        return 130
+        return INTERRUPTED
     if arguments.json:
         from clothsim.io.record import to_json
 

@@ -147,6 +147,11 @@ def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, 
         parts.append(f"smallest gap {length(gap)}" if gap is not None else "never closer than d_hat")
     drift = certificate["energy_drift"]
     energy = f"energy: {drift}" if isinstance(drift, str) else f"largest rise of energy in a step {100 * drift:.2g} %"
+    changes = certificate.get("stiffness_changes", {"added": 0.0})  # a summary of an earlier version has none
+    if changes["added"]:
+        energy += (
+            f", changes of the contact stiffness added {changes['added']:.2g} J, removed {changes['removed']:.2g} J"
+        )
     stretches = "none measured"
     if certificate["stretch_min"] is not None:
         stretches = f"{certificate['stretch_min']:.4f} to {certificate['stretch_max']:.4f}"

@@ -11,11 +11,11 @@ from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.candidates import Candidates
 from clothsim.contact.distinct_features import distinct
 from clothsim.contact.pair_list import Pairs
-from clothsim.contact.stiffness import barrier_stiffness
+from clothsim.contact.stiffness import barrier_stiffness, bounded_stiffness
 from clothsim.contact.subset import CandidateSubset
 from clothsim.energies.base import Energy
 from clothsim.energies.hessians import ByElement, ElementHessian
-from clothsim.energies.protocols import ContactGap, Coupling, History, Report, Restrictable
+from clothsim.energies.protocols import AdaptiveStiffness, ContactGap, Coupling, Report, Restrictable
 from clothsim.energies.step import Step
 from clothsim.indexing import equal
 
@@ -42,7 +42,7 @@ EMPTY_HESSIAN = ElementHessian(np.zeros((0, 4), np.int64), np.zeros((0, 12, 12))
 
 
 @dataclass(frozen=True)
-class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
+class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Report):
     """Barrier energy E = kappa sum w m b(d) over the pairs closer than offset + d_hat.
 
     Li et al. 2020 (IPC); area weights, and distinct features of a surface: Li et al. 2023 (`distinct_features`). w is
@@ -62,6 +62,8 @@ class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
         kappa [Pa].
     adaptive : bool
         Let `begin` choose the stiffness of each step.
+    name : str
+        Effect, for its stiffness in `Step.memory`.
     """
 
     candidates: Candidates
@@ -71,12 +73,16 @@ class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
     masses: Floats
     stiffness: float
     adaptive: bool
+    name: str = ""
     _cache: list[ActiveSet] = field(default_factory=list, init=False, repr=False, compare=False)
 
     begins_last = True
 
     def begin(self, step: Step) -> Self:
-        """Copy for the step, with a stiffness that balances the loads at about half of d_hat."""
+        """Copy for the step, with a stiffness that balances the loads at about half of d_hat.
+
+        Where pairs are active a rise adds energy: it is bounded by `bounded_stiffness`.
+        """
         if not self.adaptive:
             return self
         n = len(self.areas)
@@ -93,6 +99,11 @@ class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
             step.dt,
             step.contact_time_scale or step.dt,
         )
+        before = float(step.memory.get(self.name, stiffness))
+        if stiffness > before and "inertia" in step.bound:
+            kinetic = 0.5 * float(self.masses @ speeds**2)
+            energy = self.value(step.positions) / self.stiffness
+            stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt)
         return replace(self, stiffness=stiffness)
 
     def value(self, x: Floats) -> float:
@@ -139,8 +150,12 @@ class Barrier(Energy, ContactGap, Coupling, History, Restrictable, Report):
 
     @property
     def carry_over(self) -> float:
-        """Stiffness [Pa], which the friction of the next step needs."""
+        """Stiffness [Pa], which bounds that of the next step, and which its friction needs."""
         return self.stiffness
+
+    def stiffness_energy(self, x: Floats, before: float) -> float:
+        """E(x) less that with the stiffness `before` [J]."""
+        return (self.stiffness - before) * (self.value(x) / self.stiffness) if self.stiffness != before else 0.0
 
     def normal_forces(self, x: Floats, stiffness: float, least_gap: float = 0.0) -> tuple[Ints, Floats, Floats, Floats]:
         """Distinct pairs: rows (p, 4), weights g (p, 4) and difference r (p, 3) [m] of closest points, force (p,) [N].

@@ -74,8 +74,8 @@ def contact_energy(
             key = "offset" if offset else "exclude"
             raise InputError(f"effects.{name}.{key} does not work with ipctk.", 'Use contact.backend = "numba".')
         candidates = IpctkCandidates(surface, d_hat, skin=d_hat)
-        return IpctkBarrier(candidates, d_hat, 0.0, world.vertex_areas, world.masses, kappa, adaptive)
-    return Barrier(candidates, d_hat, offset, world.vertex_areas, world.masses, kappa, adaptive)
+        return IpctkBarrier(candidates, d_hat, 0.0, world.vertex_areas, world.masses, kappa, adaptive, name)
+    return Barrier(candidates, d_hat, offset, world.vertex_areas, world.masses, kappa, adaptive, name)
 
 
 def _resolved_d_hat(name: str, world: World, d_hat: float | str) -> float:

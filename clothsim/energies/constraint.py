@@ -1,6 +1,7 @@
 """Constraints: effects without an energy, which prescribe positions exactly."""
 
 import abc
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from clothsim.arrays import Floats, Ints
@@ -29,3 +30,7 @@ class Constraint(abc.ABC):
     def holder(self, row: int) -> str:
         """The scene's name of the group that prescribes a row of x ("pins.group[1]"), empty if none does."""
         return ""
+
+    def angular_velocities(self) -> Mapping[str, Floats]:
+        """The angular velocity (3,) [rad/s] of each group that turns as a rigid body, by its name."""
+        return {}

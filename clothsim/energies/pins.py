@@ -62,6 +62,14 @@ class Pins(Constraint):
         """The name of the group that prescribes a row of x, empty if none does."""
         return next((group.name for group in self.groups if row in group.vertices), "")
 
+    def angular_velocities(self) -> Mapping[str, Floats]:
+        """Of each group, also one that was set by hand."""
+        motions = {group.name: group.motion for group in self.groups}
+        return {
+            name: (each.motion if isinstance(each, LaterMotion) else each).angular_velocity
+            for name, each in motions.items()
+        }
+
 
 def pins(
     world: World,

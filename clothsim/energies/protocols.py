@@ -138,6 +138,14 @@ class History(abc.ABC):
         """The number or array that the next step finds in `Step.memory` (contact: stiffness; plasticity: angles)."""
 
 
+class AdaptiveStiffness(History):
+    """An energy with a stiffness for each step: what it stores at the same positions changes from step to step."""
+
+    @abc.abstractmethod
+    def stiffness_energy(self, x: Floats, before: float) -> float:
+        """E(x) less that with the stiffness `before` [J]."""
+
+
 class Restrictable(abc.ABC):
     """An energy that can leave out its terms at vertices that stand."""
 

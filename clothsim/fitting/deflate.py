@@ -5,6 +5,7 @@ body below it. It returns along the same straight line: a moving obstacle that o
 """
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from clothsim.arrays import Floats, Ints
 from clothsim.mesh.topology import vertex_rings
@@ -27,20 +28,30 @@ def half_thickness(body: BodySurface) -> Floats:
     return smoothed(0.5 * np.median(thicknesses, axis=0), body.triangles)
 
 
-def deflated(body: BodySurface, depth: float, half: Floats) -> Floats:
-    """Body vertices moved inward by `depth` [m], (n, 3) [m]; half (n,): its `half_thickness` [m]."""
-    normals = np.column_stack([smoothed(body.vertex_normals[:, axis], body.triangles) for axis in range(3)])
-    return body.positions - np.minimum(depth, LARGEST_FRACTION * half)[:, None] * _unit(normals)
+def outward_normals(body: BodySurface) -> Floats:
+    """Smoothed unit normals of the body, (n, 3), along which it is deflated."""
+    return _unit(smoothed(body.vertex_normals, body.triangles))
+
+
+def deflated(body: BodySurface, depth: float, half: Floats, normals: Floats) -> Floats:
+    """Body vertices moved inward by `depth` [m], (n, 3) [m].
+
+    half (n,): its `half_thickness` [m]; normals (n, 3): its `outward_normals`.
+    """
+    return np.asarray(body.positions - np.minimum(depth, LARGEST_FRACTION * half)[:, None] * normals, np.float64)
 
 
 def smoothed(values: Floats, triangles: Ints) -> Floats:
-    """Values (n,) after SMOOTHINGS averages with the mean of their neighbours."""
+    """Values (n,) or (n, k) after SMOOTHINGS averages with the mean of their neighbours."""
     starts, neighbours = vertex_rings(triangles, len(values))
     count = np.diff(starts)
     owner = np.repeat(np.arange(len(values)), count)
+    weights = csr_array((1.0 / count[owner], (owner, neighbours)), shape=(len(values), len(values)))
+    alone = count == 0
     for _ in range(SMOOTHINGS):
-        mean = np.bincount(owner, values[neighbours], minlength=len(values)) / np.maximum(count, 1)
-        values = np.where(count > 0, 0.5 * (values + mean), values)
+        means = weights @ values
+        means[alone] = values[alone]
+        values = 0.5 * (values + means)
     return values
 
 

@@ -25,7 +25,7 @@ class Cost:
     low, high : float
         Their 1st and 99th percentile.
     displacement : float
-        Largest displacement of a vertex [m].
+        Largest distance of a vertex from where it was worn [m] (see `worn_place`).
     """
 
     stretches: Floats
@@ -38,12 +38,12 @@ class Cost:
         return {"stretch_low": self.low, "stretch_high": self.high, "displacement": self.displacement}
 
 
-def cost_of(garment: Garment, positions: Floats) -> Cost:
-    """Distortion of the garment at `positions` (n, 3) [m]."""
+def cost_of(garment: Garment, positions: Floats, worn: Floats | None = None) -> Cost:
+    """Distortion of the garment at `positions` (n, 3) [m]; worn (n, 3) [m]: its place on that body; None: as given."""
     planes = triangle_planes(garment.positions, garment.triangles)
     edges = np.stack([planes[:, 1] - planes[:, 0], planes[:, 2] - planes[:, 0]], axis=2)
     F = deformation_gradients(positions, garment.triangles, np.linalg.inv(edges))
     stretches = np.asarray(principal_stretches(np.asarray(F)), np.float64)
     low, high = np.percentile(stretches, PERCENTILES)
-    moved = np.linalg.norm(positions - garment.positions, axis=1)
+    moved = np.linalg.norm(positions - (garment.positions if worn is None else worn), axis=1)
     return Cost(stretches, float(low), float(high), float(moved.max()))

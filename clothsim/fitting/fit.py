@@ -14,12 +14,14 @@ from clothsim.errors import InputError
 from clothsim.fitting.distortion import Cost, cost_of
 from clothsim.fitting.inputs import Figure, figure_of, garment_of, read_figure, read_garment, worn_in_scene
 from clothsim.fitting.markers import NO_MARKERS, read_markers
-from clothsim.fitting.moving_body import BODY, REST, START, draped
+from clothsim.fitting.moving_body import BODY, REST, START, draped, named_stage
+from clothsim.fitting.original_file import fitted_text
 from clothsim.fitting.penetration import Counts
 from clothsim.fitting.pipeline import Seeded, Task, seeded
-from clothsim.fitting.stage import Garment, Stage, StageCallback, staged
+from clothsim.fitting.stage import Garment, Stage, StageCallback, best_stage, staged
+from clothsim.io.atomic import write_atomically
 from clothsim.io.checkpoint import CHECKPOINT_NAME
-from clothsim.io.obj_writer import write_obj
+from clothsim.io.obj_writer import obj_text
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.io.trajectory import TRAJECTORY_NAME
 from clothsim.run.callbacks import refuse_uncallable
@@ -28,7 +30,6 @@ from clothsim.run.results import Run
 from clothsim.run.resume import FITTED
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.fabrics import fabric_named
-from transfer.signed_distance import body_surface
 
 LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY)
 """Files of a fit in its directory."""
@@ -56,6 +57,8 @@ class Fit:
         Body that the garment was made for, and body that it is fitted to.
     stages : tuple of Stage
         Stages in order, each with positions and penetration counts.
+    answer : Stage
+        The one that is the result: the last; of a failed fit the one with the fewest intersections on the target.
     run : Run or None
         Drape; None where none was started.
     cost : Cost
@@ -78,14 +81,20 @@ class Fit:
     source: Figure
     target: Figure
     stages: tuple[Stage, ...]
+    answer: Stage
     run: Run | None
     cost: Cost
     notes: tuple[str, ...]
 
     @property
+    def answer_number(self) -> int:
+        """Number of the stage that is the result, from 0."""
+        return next(number for number, stage in enumerate(self.stages) if stage is self.answer)
+
+    @property
     def positions(self) -> Floats:
         """Positions of the fitted garment, (n, 3) [m]: of its simulated pieces (`garment`)."""
-        return self.stages[-1].positions
+        return self.answer.positions
 
     @property
     def complete_positions(self) -> Floats:
@@ -95,7 +104,7 @@ class Fit:
     @property
     def counts(self) -> Counts:
         """Penetration counts of the fitted garment by the exact check; clean unless the fit failed."""
-        return self.stages[-1].counts
+        return self.answer.counts
 
 
 def fit(
@@ -105,6 +114,7 @@ def fit(
     output: str | Path | None = None,
     *,
     scale: float | None = None,
+    scale_to: float | None = None,
     body_group: str | None = None,
     part: tuple[int, int] | None = None,
     weld: float = 0.0,
@@ -133,6 +143,8 @@ def fit(
         of an earlier fit there are removed.
     scale : float, optional
         Metres per unit of the files of garment and body; None: from the height of the body.
+    scale_to : float, optional
+        Metres per unit of the file of the body to wear it; None: from its height, or `scale` where both bodies are one.
     body_group : str, optional
         Group of the body files.
     part : (lo, hi), optional
@@ -147,8 +159,10 @@ def fit(
         File of corresponding points, six numbers a line; None: derived where the meshes of the bodies differ.
     on_stage : callable
         Called with each `Stage` as it ends.
-    progress, announce : callable, optional
-        Callbacks of the drape, as in `simulate`.
+    progress : callable, optional
+        Called after each step of a stage that is a run (grow, morph, simulate), with its name in `Progress.stage`.
+    announce : callable, optional
+        Callback of the drape, as in `simulate`.
 
     Returns
     -------
@@ -192,14 +206,13 @@ def fit(
         source = _figure(base, scale, body_group)
         file = base if isinstance(base, str | Path) else None
         worn = read_garment(garment, file, source.scale, part=part, weld=weld, body=source.positions)
-    target = source if _same(base, to) else _figure(to, None, body_group)
+    target = source if _same(base, to) and scale_to in (None, scale) else _target(to, scale_to, body_group)
     if not of_scene:
         _refuse_a_body(worn, source, target)
     placed_markers = NO_MARKERS if markers is None else read_markers(markers)
     _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
-    task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers)
-    seeded_fit = seeded(task)
-    return _simulated(task, seeded_fit, started, progress, announce)
+    task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress)
+    return _simulated(task, seeded(task), started, announce)
 
 
 def _figure(body: Any, scale: float | None, group: str | None) -> Figure:
@@ -207,21 +220,31 @@ def _figure(body: Any, scale: float | None, group: str | None) -> Figure:
     return read_figure(body, scale=scale, group=group) if isinstance(body, str | Path) else figure_of(body)
 
 
+def _target(body: Any, scale: float | None, group: str | None) -> Figure:
+    """The body that shall wear the garment. InputError for a unit of what has its own."""
+    in_file = isinstance(body, str | Path)
+    if scale is not None and (not in_file or Path(body).suffix.lower() == ".toml"):
+        raise InputError(
+            "scale_to is for the mesh file of a body: a scene and a mesh in memory are in metres.",
+            "Leave --scale-to (scale_to) out.",
+        )
+    return read_figure(body, scale=scale, group=group, option="--scale-to") if in_file else figure_of(body)
+
+
 def _refuse_file_options(scale: float | None, part: tuple[int, int] | None) -> None:
     if scale is not None or part is not None:
         raise InputError("scale and part are for the file of a garment.", "Give clothsim.Cloth(..., scale=...).")
 
 
-def _simulated(
-    task: Task, seeded_fit: Seeded, started: float, progress: Listener | None, announce: Announcement | None
-) -> Fit:
+def _simulated(task: Task, seeded_fit: Seeded, started: float, announce: Announcement | None) -> Fit:
     """Drape the garment and write the results."""
     ended = _Ended("failed", seeded_fit.failure, None, seeded_fit.stages)
     if not seeded_fit.failure:
-        ended = _draped(task, seeded_fit, progress, announce)
+        ended = _draped(task, seeded_fit, announce)
     status, reason, run, stages = ended
     if not stages[-1].counts.clean:  # self_contact was off, or nothing freed it
         status = "failed"
+    answer = stages[-1] if status != "failed" else stages[best_stage(stages, seeded_fit.on_target)]
     done = Fit(
         task.folder,
         status,
@@ -230,8 +253,9 @@ def _simulated(
         task.source,
         task.target,
         stages,
+        answer,
         run,
-        cost_of(task.garment, stages[-1].positions),
+        cost_of(task.garment, answer.positions, seeded_fit.place),
         (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *seeded_fit.notes),
     )
     _write(done, perf_counter() - started)
@@ -247,13 +271,14 @@ class _Ended(NamedTuple):
     stages: tuple[Stage, ...]
 
 
-def _draped(task: Task, seeded_fit: Seeded, progress: Listener | None, announce: Announcement | None) -> _Ended:
+def _draped(task: Task, seeded_fit: Seeded, announce: Announcement | None) -> _Ended:
     """Drape; where it cannot start or complete, its start is the result, with status refined."""
-    body = body_surface(task.target.positions, task.target.triangles)
+    body = seeded_fit.body
     runs: list[Run] = []
 
     def make() -> tuple[Floats, str]:
         start, up = seeded_fit.last.positions, task.target.up
+        progress = named_stage("simulate", task.progress)
         runs.append(draped(seeded_fit.worn, start, body.positions, up, task.folder, progress, announce))
         return runs[0].positions(-1), f"draped for {runs[0].times[-1]:g} s"
 
@@ -287,15 +312,17 @@ def _fallen(run: Run, body: str) -> str:
 
 def _write(done: Fit, seconds: float) -> None:
     """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
-    division = done.garment.division
+    division, positions = done.garment.division, done.complete_positions
     whole = division.whole if division.followers else done.garment.triangles
-    write_obj(done.directory / FITTED, division.complete(done.positions), whole)
+    text = fitted_text(done.garment.original, positions) or obj_text(positions, whole)
+    write_atomically(done.directory / FITTED, text.encode())
     file = done.directory / SUMMARY_NAME
     previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
     fitted: dict[str, Any] = {
         "status": done.status,
         "reason": done.reason,
         "stages": [stage.as_dict() for stage in done.stages],
+        "fitted_stage": done.answer_number,
         "cost": done.cost.as_dict(),
         "notes": [*done.notes, *previous["notes"]],
         "pieces": division.as_dict(),

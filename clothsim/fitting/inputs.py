@@ -13,6 +13,7 @@ from clothsim.build.scene_world import build
 from clothsim.build.welding import sewn
 from clothsim.build.winding import wound_alike
 from clothsim.errors import InputError
+from clothsim.fitting.original_file import original_of, original_of_scene
 from clothsim.fitting.pieces import UNDIVIDED, divided
 from clothsim.fitting.stage import Garment
 from clothsim.io.mesh_file import read_mesh
@@ -53,10 +54,13 @@ class Figure:
         return np.eye(3)[1 if extent[1] >= extent[2] else 2]
 
 
-def read_figure(path: str | Path, *, scale: float | None = None, group: str | None = None) -> Figure:
+def read_figure(
+    path: str | Path, *, scale: float | None = None, group: str | None = None, option: str = "--scale"
+) -> Figure:
     """The body in a file: its `group`, else its largest closed piece, else its largest; or the first body of a scene.
 
-    scale: metres per unit; None: what makes its largest extent that of a person. InputError where none does.
+    scale: metres per unit; None: what makes its largest extent that of a person. InputError where none does, with the
+    option that gives it.
     """
     file = Path(path)
     if file.suffix.lower() == ".toml":
@@ -67,7 +71,7 @@ def read_figure(path: str | Path, *, scale: float | None = None, group: str | No
     else:
         mesh, remarks = _largest(file, read_mesh(file))
     extent = float(np.ptp(mesh.positions, axis=0).max())
-    factor, unit = (scale, ()) if scale is not None else _unit(file, extent)
+    factor, unit = (scale, ()) if scale is not None else _unit(file, extent, option)
     notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *remarks, *unit))
     return Figure(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
 
@@ -115,12 +119,13 @@ def read_garment(
     body: positions (k, 3) [m] of what it is worn by, from which a garment of inconsistent winding is turned away.
     InputError for a mesh that is no cloth.
     """
-    file = Path(path)
+    file = source = Path(path)
     if file.suffix.lower() == ".mhclo":
         if made_for is None:
             raise InputError(f"{file} lies on the base mesh of MakeHuman.", "Give the file of that body.")
         clothes = read_clothes(file)
-        mesh = read_mesh(clothes.obj_file)
+        source = clothes.obj_file
+        mesh = read_mesh(source)
         on_base = clothes.on(read_mesh(made_for).positions)
         if len(on_base) != len(mesh.positions):
             raise InputError(
@@ -138,6 +143,7 @@ def read_garment(
     farthest = float(np.abs(shape.positions).max())
     if farthest > FARTHEST:
         raise InputError(f"{file.name} has a vertex {farthest:.3g} m from the origin.", "Give its unit with --scale.")
+    original = original_of(source, mesh, shape)
     every = len(np.unique(shape.triangles)) == len(shape.positions)
     division = divided(shape.positions, shape.triangles) if every else UNDIVIDED
     if division.followers:
@@ -146,7 +152,7 @@ def read_garment(
     refuse(report)
     remarks = (*shape.notes, *division.notes, *(finding.sentence for finding in report.warnings))
     notes = tuple(f"{file.name}: {note}" for note in remarks)
-    return Garment(file.name, shape.positions, shape.triangles, notes, sewn=bool(weld), division=division)
+    return Garment(file.name, shape.positions, shape.triangles, notes, bool(weld), original, division)
 
 
 def one_sided(shape: Shape) -> Shape:
@@ -166,14 +172,17 @@ def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
     InputError for a scene without a body, or one that cannot be built.
     """
     file = Path(path)
-    built = build(load_scene(file))
+    scene = load_scene(file)
+    built = build(scene)
     if not built.world.bodies:
         raise InputError(f"{file} has no body.", "A scene to fit from holds the garment and the body that it lies on.")
     cloth, body = built.world.cloths[0], built.world.bodies[0]
     origin = built.world.origin
     several = ((len(built.world.cloths), "cloths"), (len(built.world.bodies), "bodies"))
     remarks = tuple(f"{file.name}: only the first of {count} {what} is fitted" for count, what in several if count > 1)
-    garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, (*built.notes, *remarks), sewn=True)
+    original = original_of_scene(scene.cloths[0], scene.directory, len(cloth.positions))
+    notes = (*built.notes, *remarks)
+    garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, notes, sewn=True, original=original)
     return garment, Figure(body.name, body.positions + origin, body.triangles, 1.0, ())
 
 
@@ -211,7 +220,7 @@ def is_closed(triangles: Ints) -> bool:
     return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
 
 
-def _unit(file: Path, extent: float) -> tuple[float, tuple[str, ...]]:
+def _unit(file: Path, extent: float, option: str) -> tuple[float, tuple[str, ...]]:
     """The metres per unit that make `extent` that of a person, and the guess in words where it is not the metre."""
     for unit, factor in UNITS.items():
         if SMALLEST <= factor * extent <= LARGEST:
@@ -219,5 +228,5 @@ def _unit(file: Path, extent: float) -> tuple[float, tuple[str, ...]]:
             return factor, () if unit == "m" else (guess,)
     raise InputError(
         f"{file} is {extent:.3g} units tall, which is a person in no unit of {', '.join(UNITS)}.",
-        "Give its unit with --scale METRES_PER_UNIT.",
+        f"Give its unit with {option} METRES_PER_UNIT, which may be anything.",
     )

@@ -7,6 +7,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 from clothsim.fitting.inputs import Figure
+from clothsim.io.regular_file import read_regular_file
 
 NO_MARKERS = np.zeros((0, 6))
 """No markers: they are derived from the shapes of the bodies."""
@@ -19,8 +20,8 @@ def read_markers(path: str | Path) -> Floats:
     """The lines of a text file, (k, 6), k > 0: six numbers each; # begins a comment. InputError names the line."""
     rows = []
     try:
-        lines = Path(path).read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
+        lines = read_regular_file(path).decode("utf-8").splitlines()
+    except (FileNotFoundError, UnicodeDecodeError) as error:
         raise InputError(f"The markers in {path} cannot be read: {error}.", HOW) from error
     for number, line in enumerate(lines, start=1):
         words = line.split("#")[0].replace(",", " ").split()

@@ -42,6 +42,11 @@ class Counts:
         return self.on_body and not self.self_pairs
 
     @property
+    def rank(self) -> tuple[int, int]:
+        """Number of penetrations of the body, then of intersections with itself: the smaller, the better."""
+        return self.penetrating_vertices + self.body_pairs, self.self_pairs
+
+    @property
     def where(self) -> str:
         """Position of the worst penetration as text."""
         return (

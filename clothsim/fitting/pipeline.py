@@ -20,10 +20,14 @@ from clothsim.fitting.guaranteed_path import Clearing, clearings
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.layers import layers_of
 from clothsim.fitting.markers import NO_MARKERS
-from clothsim.fitting.moving_body import Worn, moved_with_body
+from clothsim.fitting.moving_body import Worn, moved_with_body, named_stage
+from clothsim.fitting.near_body import near_body
+from clothsim.fitting.penetration import counted
 from clothsim.fitting.stage import Garment, Stage, StageCallback, staged
 from clothsim.fitting.transfer_seed import Transferred, transferred
+from clothsim.fitting.worn_place import worn_positions
 from clothsim.mesh.winding import facing_away
+from clothsim.run.recorded_run import Listener
 from clothsim.untangling.untangle import untangle
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
@@ -37,7 +41,8 @@ class Task:
     """A fit: garment, the body that it was made for, the one that it shall be worn by (the same: it is only repaired).
 
     resize: True where the rest shape is the transferred one, False where it is the given one;
-    folder: where the guaranteed path leaves its runs; on_stage: called after each stage; markers (k, 6): see `markers`.
+    folder: where the guaranteed path leaves its runs; on_stage: called after each stage; markers (k, 6): see `markers`;
+    progress: called after each step of a run.
     """
 
     garment: Garment
@@ -48,6 +53,7 @@ class Task:
     folder: Path
     on_stage: StageCallback
     markers: Floats = field(default_factory=lambda: NO_MARKERS)
+    progress: Listener | None = None
 
     @cached_property
     def layers(self) -> Ints:
@@ -63,10 +69,17 @@ class Task:
 
 @dataclass(frozen=True)
 class Seeded:
-    """Start of a simulation: the last of `stages` where failure is empty; worn: how the scenes wear it."""
+    """Start of a simulation: the last of `stages` where failure is empty; worn: how the scenes wear it.
+
+    place (n, 3) [m]: where the garment was worn, on the target; on_target: the first stage that is counted there;
+    body: the target.
+    """
 
     stages: tuple[Stage, ...]
     worn: Worn
+    place: Floats
+    on_target: int
+    body: BodySurface
     failure: str = ""
     notes: tuple[str, ...] = ()
 
@@ -86,16 +99,18 @@ def seeded(task: Task) -> Seeded:
         body = body_surface(task.target.positions, task.target.triangles)
         worn_by = body if task.same_body else body_surface(task.source.positions, task.source.triangles)
         stages = _as_it_came(task, worn_by)
-        carrier, rest = task.target.positions, task.garment.positions
+        on_target = 0 if task.same_body else len(stages)
+        carrier, rest, place = task.target.positions, task.garment.positions, task.garment.positions
         if stages[-1].counts.self_pairs:  # nothing later parts what cannot be parted on its own body
             worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
-            return Seeded(tuple(stages), worn, _meets_itself(stages[-1]))
+            return Seeded(tuple(stages), worn, place, 0, body, _meets_itself(stages[-1]))
         came = partial(staged, triangles=task.garment.triangles, on_stage=task.on_stage)
         if not task.same_body:
             moved: list[Transferred] = []
             stages.append(came("transfer", body=body, make=partial(_moved, stages[-1].positions, task, moved)))
             carrier = moved[0].body
             rest = moved[0].positions if task.resize else rest
+            place = worn_positions(task.garment.positions, worn_by, carrier)
         if stages[-1].counts.body_pairs:
             wider = replace(body, positions=body.positions + MARGIN * body.vertex_normals)
             tries = (_untangled(rest, stages[-1], beside, body, task, "clear") for beside in (wider, body))
@@ -103,13 +118,13 @@ def seeded(task: Task) -> Seeded:
             stages += [] if cleared is None else [cleared]
         if not stages[-1].counts.clean:
             shape = stages[-1].positions
-            stages.append(came("refine", body=body, make=partial(_refined, shape, task, along_normals=False)))
+            stages.append(came("refine", body=body, make=partial(_refined, shape, task, body, along_normals=False)))
             if not stages[-1].counts.on_body:  # thin limbs: the closest point may be on the wrong side
-                stages.append(came("refine", body=body, make=partial(_refined, shape, task, along_normals=True)))
+                stages.append(came("refine", body=body, make=partial(_refined, shape, task, body, along_normals=True)))
     except TransferError as error:
         raise InputError(error.sentence, error.remedy) from error
     worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
-    state = Seeded(tuple(stages), worn)
+    state = Seeded(tuple(stages), worn, place, on_target, body)
     return state if state.last.counts.clean else _guaranteed(state, task, body, carrier)
 
 
@@ -126,21 +141,22 @@ def _moved(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats,
     return moved[0].positions, moved[0].description
 
 
-def _refined(positions: Floats, task: Task, along_normals: bool) -> tuple[Floats, str]:
-    from transfer.refine import refine
+def _refined(positions: Floats, task: Task, body: BodySurface, along_normals: bool) -> tuple[Floats, str]:
+    from transfer.refine import refined_on
 
-    body = task.target
-    done = refine(positions, task.garment.triangles, body.positions, body.triangles, along_normals=along_normals)
+    done = refined_on(body, positions, task.garment.triangles, along_normals=along_normals)
     how = ", along the garment's normals" if along_normals else ""
     return done.positions, f"DRAPE, eps {1e3 * np.min(done.eps):.2g} to {1e3 * np.max(done.eps):.2g} mm{how}"
 
 
 def _guaranteed(state: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
     """Deflate and grow; where no depth frees any shape, morph the one body into the other first."""
-    tried = [stage for stage in state.stages if task.same_body or stage.name in ("transfer", "refine")]
-    done = _freed(state, tried, task, body)
-    if (done is None or done.failure) and not task.same_body and _own(state).counts.on_body:
-        state = _morphed(state, task, body, carrier)
+    own = state.stages[state.on_target - 1]
+    done = _freed(state, state.stages[state.on_target :], task, body)
+    if (done is None or done.failure) and not task.same_body and own.counts.on_body:
+        if done is not None:
+            state = replace(state, stages=done.stages, notes=(*done.notes, done.failure))
+        state = _morphed(state, own, task, body, carrier)
         if state.failure or state.last.counts.clean:
             return state
         done = _freed(state, [state.last], task, body)
@@ -159,11 +175,14 @@ def _freed(state: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
     """
     clear: list[tuple[Stage, Clearing]] = []
     failed = None
-    for stage in sorted(tried[::-1], key=lambda stage: stage.counts.self_pairs):  # of equals the last
+    latest_first = list(reversed(tried))  # of equals the latest
+    for stage in sorted(latest_first, key=lambda stage: stage.counts.self_pairs):
         for start in clearings(stage.positions, task.garment.triangles, body):
             clear.append((stage, start))
-            thin = body_surface(start.body, body.triangles)
-            freed = stage if not stage.counts.self_pairs else _untangled(state.worn.rest, stage, thin, thin, task)
+            freed: Stage | None = stage
+            if stage.counts.self_pairs:
+                thin = body_surface(start.body, body.triangles)
+                freed = _untangled(state.worn.rest, stage, thin, thin, task)
             if freed is None:
                 continue
             before = state if freed is stage else state.after(freed)
@@ -171,7 +190,8 @@ def _freed(state: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
             if not grown.failure:
                 return grown
             failed = grown
-            state = replace(state, notes=(*state.notes, f"Tried {start.description or 'as it is'}: {grown.failure}"))
+            note = f"Tried {start.description or 'as it is'}: {grown.failure}"
+            state = replace(grown, failure="", notes=(*state.notes, note))
     if not clear:
         return None
     if failed is not None:
@@ -218,14 +238,8 @@ def _grown(state: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Ta
     return _after_motion(state, "grow", shape, start.frames, task, body, description)
 
 
-def _own(state: Seeded) -> Stage:
-    """The stage of the garment on its own body."""
-    return [stage for stage in state.stages if stage.name in ("garment", "untangle")][-1]
-
-
-def _morphed(state: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
-    """The source body becomes the target, with the garment on it."""
-    start = _own(state)
+def _morphed(state: Seeded, start: Stage, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
+    """The source body becomes the target, with the garment of the stage `start` on it."""
     worn = replace(state.worn, body_triangles=task.source.triangles)
     description = f"{task.source.name} became {task.target.name} under IPC"
     frames = [task.source.positions, carrier]
@@ -239,13 +253,9 @@ def _after_motion(
     folder, ended = task.folder / name, []
 
     def make() -> tuple[Floats, str]:
-        run = moved_with_body(state.worn, shape, frames, folder, None)
-        how = ""
-        if run.status != "completed":
-            run = moved_with_body(state.worn, shape, frames, folder, None, slips=True)
-            how = ", without friction"
-        ended.append("" if run.status == "completed" else run.reason)
-        return run.positions(-1), f"{description}{how}"
+        positions, how, failure = _carried(state.worn, shape, frames, folder, named_stage(name, task.progress), body)
+        ended.append(failure)
+        return positions, f"{description}{how}"
 
     try:
         stage = staged(name, task.garment.triangles, body, make, task.on_stage)
@@ -253,3 +263,26 @@ def _after_motion(
         return replace(state, failure=f"The stage {name} could not start: {error.sentence}")
     failure = ended[0] and f"In the stage {name}: {ended[0]}"
     return replace(state.after(stage), failure=failure)
+
+
+def _carried(
+    worn: Worn, shape: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None, body: BodySurface
+) -> tuple[Floats, str, str]:
+    """The shape after the motion of a body, what was changed for it, and the failure of the run.
+
+    First with the part of the body near the garment: the check of the stage has the whole one. Where the garment is not
+    clear of that, as it left the part, the whole body moves. What fails with friction is tried without.
+    """
+    whole = (tuple(frames), worn.body_triangles)
+    near = near_body(shape, frames, worn.body_triangles)
+    bodies = [near, whole] if len(near[1]) < len(worn.body_triangles) else [whole]
+    for moved, triangles in bodies:
+        run = moved_with_body(replace(worn, body_triangles=triangles), shape, moved, folder, listener)
+        how = ""
+        if run.status != "completed":
+            run = moved_with_body(replace(worn, body_triangles=triangles), shape, moved, folder, listener, slips=True)
+            how = ", without friction"
+        positions = run.positions(-1)
+        if run.status != "completed" or counted(positions, worn.garment.triangles, body).on_body:
+            break
+    return positions, how, "" if run.status == "completed" else run.reason

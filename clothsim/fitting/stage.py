@@ -1,11 +1,12 @@
 """Stages of a fit: shape of the garment, seconds, and penetration counts after each."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
 from clothsim.arrays import Floats, Ints
+from clothsim.fitting.original_file import NO_ORIGINAL, Original
 from clothsim.fitting.penetration import Counts, counted
 from clothsim.fitting.pieces import UNDIVIDED, Division
 from transfer.signed_distance import BodySurface
@@ -15,7 +16,8 @@ from transfer.signed_distance import BodySurface
 class Garment:
     """Garment: positions (n, 3) [m] on its source body; triangles (m, 3); notes: defaults used in reading.
 
-    sewn: its panels were welded, so that three may meet in a seam; division: pieces that follow it, or are stitched.
+    sewn: its panels were welded, so that three may meet in a seam; original: the file that it came in; division: pieces
+    that follow it, or are stitched.
     """
 
     name: str
@@ -23,6 +25,7 @@ class Garment:
     triangles: Ints
     notes: tuple[str, ...] = ()
     sewn: bool = False
+    original: Original = NO_ORIGINAL
     division: Division = UNDIVIDED
 
 
@@ -47,6 +50,14 @@ class Stage:
             "self_pairs": self.counts.self_pairs,
             "said": self.description,
         }
+
+
+def best_stage(stages: Sequence[Stage], on_target: int) -> int:
+    """Number of the stage, from `on_target` on, with the fewest intersections; the first of equals.
+
+    Those with the body count first: vertices inside, and pairs of triangles; then those of the garment with itself.
+    """
+    return min(range(on_target, len(stages)), key=lambda number: stages[number].counts.rank)
 
 
 StageCallback = Callable[[Stage], None]

@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 
-from clothsim.errors import InputError
+from clothsim.io.disk_space import full_or_forbidden
 
 
 def write_atomically(path: Path, content: bytes) -> None:
@@ -22,4 +22,4 @@ def write_atomically(path: Path, content: bytes) -> None:
         finally:
             beside.unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(f"{path} cannot be written ({error.strerror}).") from error
+        raise full_or_forbidden(path, error) from error

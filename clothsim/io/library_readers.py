@@ -13,11 +13,14 @@ import numpy as np
 
 from clothsim.arrays import Ints
 from clothsim.errors import InputError
+from clothsim.io.decompression import bounded_decompression
 from clothsim.io.polygons import Polygons
 from clothsim.mesh.weld import merge_coincident
 
 MOST_SHARED = 64
 """Largest number of elements per byte of a file, on average: accessors of a glb may overlap."""
+LEAST_UNPACKED, MOST_UNPACKED = 1 << 26, 64
+"""Bound on the bytes that a compressed file may unpack to: the first, or so many for each of its own."""
 SURFACES = ("triangle", "quad", "polygon")
 """The cell types of meshio that are straight faces."""
 
@@ -39,7 +42,8 @@ def read_vtu(path: Path, content: bytes) -> Polygons:
     """A VTK XML unstructured grid."""
     import meshio.vtu
 
-    return _of_meshio(path, meshio.vtu.read(str(path)))
+    with bounded_decompression(meshio.vtu._vtu, str(path), max(LEAST_UNPACKED, MOST_UNPACKED * len(content))):
+        return _of_meshio(path, meshio.vtu.read(str(path)))
 
 
 def read_stl(path: Path, content: bytes) -> Polygons:

@@ -15,6 +15,7 @@ from clothsim.io.mesh_part import MeshFile, Part, choose
 from clothsim.io.obj import read_obj
 from clothsim.io.off import read_off
 from clothsim.io.polygons import Polygons, cut_polygons
+from clothsim.io.regular_file import read_regular_file
 from clothsim.io.vtk_legacy import read_vtk
 
 TEXT_READERS = {".obj": read_obj, ".off": read_off}
@@ -85,9 +86,9 @@ def _read(file: Path) -> Polygons:
     if ending not in ENDINGS:
         raise InputError(f"{file} has an unknown ending {ending!r}.", f"Known are {', '.join(ENDINGS)}.")
     try:
-        content = file.read_bytes()
-    except (OSError, ValueError) as error:
-        raise InputError(f"{file} cannot be opened ({getattr(error, 'strerror', None) or error}).") from error
+        content = read_regular_file(file)
+    except FileNotFoundError as error:
+        raise InputError(f"{file} cannot be opened ({error.strerror}).") from error
     if not content.strip():
         raise InputError(f"{file} is empty.")
     if ending in TEXT_READERS:
@@ -116,7 +117,8 @@ def _read_with_library(file: Path, ending: str, content: bytes) -> Polygons:
 def _checked(file: Path, polygons: Polygons) -> Polygons:
     """The polygons. InputError for a vertex that is not finite and for a face of vertices that are not there."""
     points, corners = polygons.positions, polygons.corners
-    notes = "".join(f", {message}" for message in polygons.messages)
+    # Of a file that is no mesh nothing is repeated: it may be anything.
+    notes = "".join(f", {message}" for message in polygons.messages if len(points))
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"{file} has vertices of shape {points.shape}, not (n, 3).")
     if not len(corners):

@@ -30,6 +30,8 @@ class MeshFile:
         Faces that were cut or ignored, vertices that were merged, the scale.
     groups : dict of str to (k,) ndarray
         Triangles of each group or object that the file names.
+    used : (n,) ndarray
+        Vertex of the file of each vertex of a part; (0,) for the whole file, whose vertices are all there.
     """
 
     positions: Floats
@@ -37,6 +39,7 @@ class MeshFile:
     texture: Floats
     messages: tuple[str, ...]
     groups: Mapping[str, Ints] = field(default_factory=dict)
+    used: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True)
@@ -121,6 +124,7 @@ def _part(whole: MeshFile, keep: np.ndarray, what: str) -> MeshFile:
         whole.texture[keep] if len(whole.texture) else whole.texture,
         (*whole.messages, f"{what}: {counts}"),
         renumbered_groups(whole.groups, np.flatnonzero(keep)),
+        used,
     )
 
 

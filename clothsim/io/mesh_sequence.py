@@ -3,7 +3,8 @@
 import re
 from collections.abc import Sequence
 from dataclasses import replace
-from glob import glob
+from glob import iglob
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +15,9 @@ from clothsim.io.mesh_file import read_polygons
 from clothsim.io.mesh_part import MeshFile, Part, choose
 from clothsim.io.polygons import Polygons, cut_polygons
 
+MOST_FRAMES, MOST_BYTES = 20_000, 8 << 30
+"""Largest number of frames, and largest memory of their positions [bytes]."""
+
 
 def frame_files(directory: Path, pattern: str) -> list[Path]:
     """The files that match `pattern` ("kick/shell*.obj") in `directory`, in natural order: shell2 before shell10.
@@ -21,9 +25,13 @@ def frame_files(directory: Path, pattern: str) -> list[Path]:
     InputError where there is none.
     """
     try:
-        names = glob(pattern, root_dir=directory)
+        names = list(islice(iglob(pattern, root_dir=directory), MOST_FRAMES + 1))
     except (ValueError, re.error) as error:
         raise InputError(f"frames = {pattern!r} is no pattern of file names ({error}).") from error
+    if len(names) > MOST_FRAMES:
+        raise InputError(
+            f"frames = {pattern!r} matches more than {MOST_FRAMES:,} files.", "Name the frames more closely."
+        )
     if not names:
         raise InputError(
             f"No file matches frames = {pattern!r}.", f"It starts from {directory}; * stands for any characters."
@@ -56,6 +64,12 @@ def read_frames(files: Sequence[Path], part: Part) -> tuple[MeshFile, Floats]:
     first = read_polygons(files[0])
     cut = cut_polygons(first)
     mesh = choose(files[0], first, cut, part)
+    size = len(files) * mesh.positions.nbytes
+    if size > MOST_BYTES:
+        raise InputError(
+            f"{len(files):,} frames of {len(mesh.positions):,} vertices take {size / 1e9:.2g} GB.",
+            "Name fewer frames, or a part of the mesh.",
+        )
     frames = [mesh.positions]
     for file in files[1:]:
         polygons = read_polygons(file)

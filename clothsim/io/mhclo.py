@@ -11,6 +11,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
+from clothsim.io.regular_file import read_regular_file
 
 _SCALES = ("x_scale", "y_scale", "z_scale")
 
@@ -49,8 +50,8 @@ class Clothes:
 def read_clothes(path: Path) -> Clothes:
     """The clothes in a .mhclo file. InputError with the line that cannot be read."""
     try:
-        lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
-    except OSError as error:
+        lines = read_regular_file(path).decode("utf-8", errors="replace").splitlines()
+    except FileNotFoundError as error:
         raise InputError(f"{path} cannot be opened ({error.strerror}).") from error
     scales: list[tuple[int, int, float] | None] = [None, None, None]
     obj_file, rows, in_vertices = None, [], False

@@ -3,6 +3,7 @@
 Material files are never opened. Positive indices count from 1 over the whole file, negative ones back from the line.
 """
 
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -10,16 +11,22 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
+from clothsim.io.obj_columns import polygons_by_columns
 from clothsim.io.polygons import Polygons
 
 SILENT = {"vn", "vp", "s", "usemtl", "mtllib", "l", "p", "#"}
 MOST_INDEX = 2**31
+MOST_GROUPS = 64
+"""Largest number of groups that a face is in: each repeats its faces."""
 
 
 def read_obj(path: Path, text: str) -> Polygons:
     """The polygons of `text`. InputError names `path` and the line that cannot be read."""
+    alike = polygons_by_columns(text)
+    if alike is not None:
+        return alike
     lines = _Lines(path)
-    for number, line in enumerate(_joined(text), start=1):
+    for number, line in enumerate(joined_lines(text), start=1):
         words = line.split("#", 1)[0].split() if "#" in line else line.split()
         if not words:
             continue
@@ -61,11 +68,13 @@ class _Lines:
             self.texture_points.append(_numbers([*words, "0"] if len(words) == 1 else words, 2))
             self.texture_lines.append(line)
         elif keyword == "g":
+            if len(words) > MOST_GROUPS:
+                raise ValueError(f"{len(words)} groups at a time, more than {MOST_GROUPS}")
             self.group = tuple(words)
         elif keyword == "o":
             self.objects = (" ".join(words),)
         elif keyword not in SILENT:
-            self.ignored[keyword] += 1
+            self.ignored[keyword if re.fullmatch(r"[a-z_]{1,12}", keyword) else ""] += 1
 
     def _take_face(self, words: list[str], line: int) -> None:
         if len(words) < 3:
@@ -88,7 +97,10 @@ class _Lines:
         corners, texture_corners = np.array(self.corners, np.int64), np.array(self.texture_corners, np.int64)
         self._in_range(corners, starts, len(points), "vertices")
         self._in_range(texture_corners, starts, len(texture_points), "texture coordinates")
-        messages = [f"{count} lines {word!r} ignored" for word, count in self.ignored.most_common(5)]
+        messages = [
+            f"{count} {f'lines {word!r}' if word else 'unknown lines'} ignored"
+            for word, count in self.ignored.most_common(5)
+        ]
         texture = np.zeros((0, 2))
         with_texture = texture_corners >= 0
         if with_texture.all() and len(texture_corners):
@@ -114,7 +126,7 @@ class _Lines:
             )
 
 
-def _joined(text: str) -> list[str]:
+def joined_lines(text: str) -> list[str]:
     """The lines, continued ones joined; empty lines keep the line numbers."""
     lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     if "\\\n" not in text.replace("\r", "\n"):

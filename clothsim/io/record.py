@@ -11,6 +11,8 @@ import numpy as np
 
 from clothsim.errors import InputError
 from clothsim.io.atomic import write_atomically
+from clothsim.io.disk_space import writing
+from clothsim.io.regular_file import read_regular_file
 
 RECORD_NAME = "record.jsonl"
 SUMMARY_NAME = "summary.json"
@@ -26,7 +28,8 @@ class RecordWriter:
         """
         earlier = b"" if resume_at is None else _first_lines(Path(path), resume_at)
         write_atomically(Path(path), earlier)
-        self._file = Path(path).open("ab")  # noqa: SIM115  closed by `close`
+        self._path = Path(path)
+        self._file = self._path.open("ab", buffering=0)  # closed by `close`
 
     def __enter__(self) -> "RecordWriter":
         """The writer itself, closed at the end of the `with` block."""
@@ -40,12 +43,15 @@ class RecordWriter:
 
     def close(self) -> None:
         """Close the file."""
-        self._file.close()
+        with writing(self._path):
+            self._file.close()
 
     def append(self, entry: Mapping[str, Any]) -> None:
-        """Write `entry` as one line (numbers as in `to_json`)."""
-        self._file.write(to_json(entry).encode() + b"\n")
-        self._file.flush()
+        """Write `entry` as one line (numbers as in `to_json`). InputError where the disk is full."""
+        with writing(self._path):
+            line = to_json(entry).encode() + b"\n"
+            while line:  # the last write before a full disk takes a part
+                line = line[self._file.write(line) :]
 
 
 def read_record(path: str | Path) -> list[dict[str, Any]]:
@@ -106,8 +112,8 @@ def _parse(text: bytes) -> dict[str, Any] | None:
 
 def _read(path: Path) -> bytes:
     try:
-        return path.read_bytes()
-    except OSError as error:
+        return read_regular_file(path)
+    except FileNotFoundError as error:
         raise InputError(f"{path} cannot be read ({error.strerror}).") from error
 
 

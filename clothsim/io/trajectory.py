@@ -1,7 +1,7 @@
 """Trajectory of a run: `trajectory.vtkhdf`, every cloth and body at every frame."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from clothsim.arrays import Floats, Ints, as_points
 from clothsim.errors import InputError
+from clothsim.io.disk_space import require_space, writing
 from clothsim.io.run_surfaces import Surface, check_surfaces, same_surfaces
 from clothsim.io.vtkhdf import (
     STRETCHES,
@@ -20,8 +21,10 @@ from clothsim.io.vtkhdf import (
     arrays_of,
     blocks,
     cut,
+    frame_bytes,
     grow_tables,
     lay_out,
+    layout_bytes,
     rows_of,
     set_frame_count,
     write_frame,
@@ -65,7 +68,8 @@ class TrajectoryWriter:
         self.surfaces = tuple(surfaces)
         self.arrays = (*([STRETCHES] if stretches else []), *fields)
         start = _create if resume_at is None else _resume
-        self._file = start(Path(path), self.surfaces, self.arrays, resume_at or 0)
+        self._path = Path(path)
+        self._file = start(self._path, self.surfaces, self.arrays, resume_at or 0)
 
     def __enter__(self) -> "TrajectoryWriter":
         """The writer itself, closed at the end of the `with` block."""
@@ -79,7 +83,8 @@ class TrajectoryWriter:
 
     def close(self) -> None:
         """Close the file, which holds all frames already."""
-        self._file.close()
+        with writing(self._path):
+            self._file.close()
 
     @property
     def n_frames(self) -> int:
@@ -109,7 +114,8 @@ class TrajectoryWriter:
         Raises
         ------
         InputError
-            A position is not finite, or an array has another shape.
+            A position is not finite, an array has another shape, or the disk is full; the file then ends with the frame
+            before.
         """
         x = as_points("positions", positions)
         if len(x) < self.surfaces[-1].rows.stop:
@@ -119,6 +125,11 @@ class TrajectoryWriter:
             raise InputError(f"Frame {frame} is at {time!r} s, which is not later than the frame before it.")
         stretches = {} if principal_stretches is None else {STRETCHES.name: principal_stretches}
         parts = self._per_cloth({**stretches, **(fields or {})})
+        require_space(self._path, frame_bytes(self.surfaces, self.arrays))
+        with writing(self._path):
+            self._write(frame, float(time), x, parts)
+
+    def _write(self, frame: int, time: float, x: Floats, parts: Mapping[tuple[str, str], NDArray[np.float32]]) -> None:
         grow_tables(self._file, frame)
         for surface, block in zip(self.surfaces, blocks(self._file), strict=True):
             if surface.moving or frame == 0:
@@ -127,7 +138,7 @@ class TrajectoryWriter:
                 write_frame(block, array.dataset, frame, parts[surface.name, array.name])
         # First the frame, then the number of frames: readers never see an incomplete one.
         self._file.flush()
-        set_frame_count(self._file, frame + 1, float(time))
+        set_frame_count(self._file, frame + 1, time)
         self._file.flush()
 
     def _per_cloth(self, values: Mapping[str, ArrayLike]) -> dict[tuple[str, str], NDArray[np.float32]]:
@@ -256,8 +267,16 @@ def _create(path: Path, surfaces: tuple[Surface, ...], arrays: tuple[FrameArray,
         file = h5py.File(path, "w", locking=False)
     except OSError as error:
         raise InputError(f"{path} cannot be written ({error}).") from error
-    lay_out(file, surfaces, arrays)
-    file.flush()
+    try:
+        require_space(path, layout_bytes(surfaces, arrays))
+        with writing(path):
+            lay_out(file, surfaces, arrays)
+            file.flush()
+    except InputError:
+        with suppress(OSError, RuntimeError):
+            file.close()
+        path.unlink(missing_ok=True)  # a run that goes on without a trajectory begins another one
+        raise
     return file
 
 
@@ -269,8 +288,10 @@ def _resume(path: Path, surfaces: tuple[Surface, ...], arrays: tuple[FrameArray,
         stored = {array for block in blocks(file) for array in arrays_of(block)}
     if stored != set(arrays) or not same_surfaces(trajectory.surfaces, surfaces):
         raise InputError(f"{path} holds other surfaces or fields than this run.", "Write to another directory.")
-    file = h5py.File(path, "r+", locking=False)
-    cut(file, frames)
+    require_space(path, frame_bytes(surfaces, arrays))
+    with writing(path):
+        file = h5py.File(path, "r+", locking=False)
+        cut(file, frames)
     return file
 
 

@@ -27,6 +27,8 @@ from clothsim.arrays import Ints
 from clothsim.io.run_surfaces import Surface
 
 _TABLE_ROWS = 256
+_INDEX_BYTES = 6_144
+"""Bound on what a dataset adds to its index, and a table of four columns to itself, at a time."""
 _GROUPS = {"triangle": "CellData", "vertex": "PointData"}
 
 
@@ -102,6 +104,23 @@ def grow_tables(file: h5py.File, frame: int) -> None:
             _count_by(block["Steps/PointOffsets"], rows, block["NumberOfPoints"][0])
         for array in arrays_of(block):
             _count_by(block[array.offsets], rows, rows_of(block, array))
+
+
+def frame_bytes(surfaces: Sequence[Surface], arrays: Sequence[FrameArray]) -> int:
+    """Upper bound on the bytes that a frame adds, uncompressed, with the pieces of index and tables that it may add."""
+    size = _INDEX_BYTES * (3 + len(surfaces) * (3 + 2 * len(arrays)))
+    for surface in surfaces:
+        size += 24 * surface.n_vertices
+        for array in arrays if surface.role == "cloth" else ():
+            rows = surface.n_vertices if array.location == "vertex" else len(surface.triangles)
+            size += 4 * rows * int(np.prod(array.components))
+    return size + size // 100  # gzip adds up to that to what it cannot compress
+
+
+def layout_bytes(surfaces: Sequence[Surface], arrays: Sequence[FrameArray]) -> int:
+    """Upper bound on the bytes of `lay_out`."""
+    blocks_size = _INDEX_BYTES * (3 + len(surfaces) * (10 + 2 * len(arrays)))
+    return blocks_size + sum(40 * len(surface.triangles) for surface in surfaces)
 
 
 def cut(file: h5py.File, frames: int) -> None:

@@ -136,6 +136,8 @@ def _unpack(archive: zipfile.ZipFile, name: str, target: Path) -> None:
 def _opened(file: Path) -> Iterator[zipfile.ZipFile]:
     """The archive, opened. InputError for a file that is none, or is damaged."""
     try:
+        if not file.is_file():
+            raise FileNotFoundError("there is no such file")
         with zipfile.ZipFile(file) as archive:
             yield archive
     except (OSError, zipfile.BadZipFile, zlib.error, NotImplementedError, EOFError, RuntimeError) as error:

@@ -10,6 +10,7 @@ from clothsim.build.scene_world import build
 from clothsim.errors import InputError
 from clothsim.io.run_surfaces import world_surfaces
 from clothsim.mesh.checks import Finding, Role, examine
+from clothsim.run.cost import expected_cost
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.mesh_objects import surface_of
 from clothsim.scene.scene import Scene
@@ -77,7 +78,23 @@ def _mesh_of(what: Any) -> tuple[str, Any, Any, Role]:
 
 
 def _of_scene(scene: Scene) -> list[Finding]:
-    """The errors of building it, one a line; else what intersects at the start, which only contact makes an error."""
+    """The errors of building it, one a line; else what intersects at the start, which only contact makes an error.
+
+    One that is too large to be run is not built.
+    """
+    cost = expected_cost(scene)
+    costly = [
+        Finding(
+            "error" if cost.too_much else "warning",
+            "cost",
+            f"Expected: {cost}.",
+            "Take fewer cells or a larger dt.",
+            NO_INDICES,
+        )
+        for _ in range(cost.notable)
+    ]
+    if cost.too_much:
+        return costly
     try:
         built = build(scene)
     except InputError as error:
@@ -97,4 +114,4 @@ def _of_scene(scene: Scene) -> list[Finding]:
         )
         for crossing in crossings
     ]
-    return sorted(selected, key=lambda finding: finding.severity)
+    return sorted([*selected, *costly], key=lambda finding: finding.severity)

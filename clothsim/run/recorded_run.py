@@ -18,6 +18,7 @@ from clothsim.io.run_surfaces import world_surfaces
 from clothsim.io.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
 from clothsim.io.vtkhdf import STRETCHES, FrameArray
 from clothsim.run.fields import FIELDS, Configuration, field
+from clothsim.run.interruption import InterruptFlag, interruptible, interruption
 from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session
 from clothsim.run.simulation_state import SimulationState, state_after
@@ -74,13 +75,11 @@ class _Output:
         self, state: State, certificate: Certificate, is_frame: bool
     ) -> "tuple[Certificate, tuple[Crossing, ...]]":
         """The certificate with the intersections of the state by the exact check, and those."""
-        found = self.check.crossings(state.positions, self.session.built.world.origin)
-        history = certificate.intersections.after(self.check, found, state, is_frame)
-        return replace(certificate, intersections=history), found
+        return _checked(self.check, self.session, state, certificate, is_frame)
 
     def save(self, state: State, certificate: Certificate) -> None:
         """Write the checkpoint."""
-        write_checkpoint(self.directory / CHECKPOINT_NAME, checkpoint_of(self.session, state, certificate))
+        _save(self.directory, self.session, state, certificate)
 
 
 def recorded_run(
@@ -105,18 +104,17 @@ def recorded_run(
     ]
     resume_frame = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
     if not resumed:
-        _remove(directory / SUMMARY_NAME)
+        # The checkpoint first: where the disk is full before the first frame is written, the run can still go on.
+        certificate, _ = _checked(check, session, state, certificate, is_frame=True)
+        _save(directory, session, state, certificate)
     with (
         TrajectoryWriter(directory / TRAJECTORY_NAME, surfaces, resume_at=resume_frame, fields=arrays) as trajectory,
-        RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed else None) as record,
+        RecordWriter(directory / RECORD_NAME, resume_at=state.step if resumed and state.step else None) as record,
     ):
-        _remove(directory / SUMMARY_NAME)  # of a resumed run only here: one that cannot continue keeps its summary
+        (directory / SUMMARY_NAME).unlink(missing_ok=True)  # not before: one that cannot continue keeps it
         output = _Output(session, directory, trajectory, record, check)
-        if resume_frame is None:
+        if not resume_frame:
             output.frame(state)
-        if not resumed:
-            certificate, _ = output.checked(state, certificate, is_frame=True)
-            output.save(state, certificate)
         warm = perf_counter() - started
 
         def after_step(report: StepReport) -> None:
@@ -126,7 +124,9 @@ def recorded_run(
             if on_step is not None:
                 on_step(state_after(session.built.world, report))
 
-        state, certificate, failure = _stepped(output, state, certificate, log, after_step)
+        with interruption() as flag:
+            output = replace(output, session=interruptible(session, flag))
+            state, certificate, failure = _stepped(output, state, certificate, log, after_step, flag)
     seconds = {"wall_seconds": perf_counter() - started, "warmup_seconds": warm}
     entries = read_record(directory / RECORD_NAME)
     write_summary(directory / SUMMARY_NAME, summary_of(session, state, certificate, check, failure, entries, seconds))
@@ -139,6 +139,7 @@ def _stepped(
     certificate: Certificate,
     log: IterateLog | None,
     after_step: Callable[[StepReport], None],
+    flag: InterruptFlag,
 ) -> tuple[State, Certificate, Failure | None]:
     """Take all steps from `state` to the end or to a failure: the last state, its certificate, the failure."""
     session, run = output.session, output.session.scene.run_settings
@@ -165,6 +166,7 @@ def _stepped(
         if report.frame_done:
             with timers.phase("output"):
                 output.save(state, certificate)
+        flag.check()
     return state, certificate, None
 
 
@@ -195,9 +197,14 @@ def _scripted(built: Built) -> bool:
     return not still or any(is_driven(energy) for energy in built.energies.values())
 
 
-def _remove(file: Path) -> None:
-    """Delete the summary of an earlier run."""
-    try:
-        file.unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"{file} cannot be replaced: {error.strerror}.", "Choose another directory.") from error
+def _checked(
+    check: IntersectionCheck, session: Session, state: State, certificate: Certificate, is_frame: bool
+) -> "tuple[Certificate, tuple[Crossing, ...]]":
+    """The certificate with the intersections of a state, and those."""
+    found = check.crossings(state.positions, session.built.world.origin)
+    history = certificate.intersections.after(check, found, state, is_frame)
+    return replace(certificate, intersections=history), found
+
+
+def _save(directory: Path, session: Session, state: State, certificate: Certificate) -> None:
+    write_checkpoint(directory / CHECKPOINT_NAME, checkpoint_of(session, state, certificate))

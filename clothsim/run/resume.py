@@ -9,6 +9,7 @@ from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.io.record import SUMMARY_NAME
 from clothsim.run.callbacks import refuse_uncallable
 from clothsim.run.checked_step import warn_of
+from clothsim.run.output_directory import continued_output
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
 from clothsim.run.session import prepare
@@ -47,12 +48,24 @@ def resume(
     Raises
     ------
     InputError
-        The directory has no checkpoint, its mesh files have changed, or it is a finished fit, which is more than its
-        drape.
+        The directory has no checkpoint, another run writes to it, a file of it is a link, its mesh files have changed,
+        or it is a finished fit, which is more than its drape.
     """
     refuse_uncallable(progress=progress, announce=announce, on_step=on_step)
     folder = Path(directory)
     _refuse_a_fit(folder)
+    read_checkpoint(folder / CHECKPOINT_NAME)  # a directory without one gets no lock file either
+    with continued_output(folder):
+        return _continued(folder, (progress, on_step), announce, dump_iterates)
+
+
+def _continued(
+    folder: Path,
+    listeners: tuple[Listener | None, StepListener | None],
+    announce: Announcement | None,
+    dump_iterates: int | None,
+) -> Run:
+    """Continue the run of a locked directory."""
     started = perf_counter()
     saved = read_checkpoint(folder / CHECKPOINT_NAME)
     scene = scene_from_text(saved.scene_text, folder)
@@ -61,10 +74,10 @@ def resume(
         raise InputError(f"{folder} has another mesh than its checkpoint.", "Restore the mesh files of the scene.")
     state = state_of(saved)
     restore(session.integrator.potential.timers, saved.counters)
+    certificate = certificate_from(saved.counters["certificate"])
     if announce is not None:
         announce(session)
-    certificate = certificate_from(saved.counters["certificate"])
-    run = recorded_run(session, state, certificate, folder, started, (progress, on_step), log, resumed=True)
+    run = recorded_run(session, state, certificate, folder, started, listeners, log, resumed=True)
     warn_of(run.intersections, session.built.energies)
     return run
 

@@ -9,8 +9,8 @@ import numpy as np
 from clothsim.build.scene_world import Built
 from clothsim.energies.hessians import ByElement
 from clothsim.errors import InputError
-from clothsim.mesh.motion import LaterMotion, RigidMotion
-from clothsim.mesh.world import World
+from clothsim.mesh.motion import RigidMotion
+from clothsim.run.step_lengths import LARGEST_TURN, refuse_leaps, turns
 from clothsim.scene.scene import Scene
 from clothsim.sim.integrators import BACKWARD_EULER
 from clothsim.sim.step_size import ErrorControl
@@ -26,9 +26,6 @@ from clothsim.solve.timers import EffectCounters, Timers
 
 FINER = 0.1
 """Newton's tolerance as a fraction of the requested error over the duration."""
-
-LARGEST_TURN = 45.0
-"""Largest rotation of a body in a step [degrees]: a straight path then leaves the arc by 8 % of the radius."""
 
 
 @dataclass(frozen=True)
@@ -74,17 +71,6 @@ def rebuilt(session: Session, scene: Scene, built: Built) -> Session:
     return Session(scene, built, integrator, session.notes)
 
 
-def refuse_leaps(world: World, dt: float) -> None:
-    """InputError for a body that turns so far in a step that the straight path of a vertex is far from its arc."""
-    for name, speed in _turns(world).items():
-        turn = speed * dt
-        if turn > LARGEST_TURN:
-            raise InputError(
-                f"{name} turns {turn:.4g} degrees in a step, and contact follows it on straight paths.",
-                f"Take solver.dt below {dt * LARGEST_TURN / turn:.2g} s.",
-            )
-
-
 def _pattern(built: Built) -> Pattern:
     """The blocks that the mesh and the energies couple at the start."""
     start = built.world.start()
@@ -111,10 +97,11 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
     settings, run = scene.solver_settings, scene.run_settings
     dynamic = "inertia" in built.energies
     dt = min(settings.longest_step, run.duration, 1 / run.frames_per_second)
-    if "body_contact" in built.energies:
-        if settings.error:
-            dt = min([dt, *(0.999 * LARGEST_TURN / turn for turn in _turns(built.world).values() if turn)])
-        refuse_leaps(built.world, dt)
+    bodies = built.world if "body_contact" in built.energies else replace(built.world, bodies=())
+    held = built.constraints.values()
+    if settings.error:
+        dt = min([dt, *(0.999 * LARGEST_TURN / turn for turn in turns(bodies, held).values() if turn)])
+    refuse_leaps(bodies, held, dt)
     if settings.error:
         _refuse_error(built)
     control = ErrorControl(settings.error, run.duration, dt) if settings.error else None
@@ -159,14 +146,6 @@ def _refuse_error(built: Built) -> None:
     else:
         return
     raise InputError(why, "Give solver.dt.")
-
-
-def _turns(world: World) -> dict[str, float]:
-    """The speed of rotation of each rigid body [degrees/s]; animated ones move straight between their frames."""
-    motions = {body.name: body.motion for body in world.bodies}
-    motions = {name: each.motion if isinstance(each, LaterMotion) else each for name, each in motions.items()}
-    rigid = ((name, motion) for name, motion in motions.items() if isinstance(motion, RigidMotion))
-    return {name: float(np.degrees(np.linalg.norm(motion.angular_velocity))) for name, motion in rigid}
 
 
 def _newton_settings(scene: Scene) -> tuple[NewtonSettings, str]:

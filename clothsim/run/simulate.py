@@ -6,12 +6,15 @@ from pathlib import Path
 from time import perf_counter
 
 from clothsim.build.scene_world import build
-from clothsim.errors import InputError
+from clothsim.energies.protocols import ContactGap
 from clothsim.run.callbacks import refuse_uncallable
 from clothsim.run.checked_step import warn_of
+from clothsim.run.cost import expected_cost, refuse_costly
+from clothsim.run.output_directory import new_output, refuse_earlier_run
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
 from clothsim.run.session import Session, prepare
+from clothsim.run.step_lengths import refuse_flights
 from clothsim.scene.scene import Scene
 from clothsim.sim.certificate import Certificate
 from clothsim.sim.state import first_state
@@ -25,6 +28,8 @@ def simulate(
     dump_iterates: int | None = None,
     on_step: StepListener | None = None,
     message: Callable[[str], None] | None = None,
+    overwrite: bool = False,
+    force: bool = False,
 ) -> Run:
     """Simulate a scene to its end.
 
@@ -43,8 +48,12 @@ def simulate(
     on_step : callable, optional
         Called with the `clothsim.SimulationState` after each step.
     message : callable, optional
-        Called with a line before each of the runs that solver.error takes. Each but the pilot runs is announced, shown
-        and written to the directory; the last one stays there.
+        Called with a line where the run is expected to take long or much, and before each of the runs that solver.error
+        takes. Each but the pilot runs is announced, shown and written to the directory; the last one stays there.
+    overwrite : bool
+        True: an earlier run in the directory is replaced.
+    force : bool
+        True: a run is begun whatever it is expected to cost, and however far something moves in a step.
 
     Returns
     -------
@@ -54,7 +63,8 @@ def simulate(
     Raises
     ------
     InputError
-        For a scene that cannot be built, or a directory that cannot be written.
+        For a scene that cannot be built, or a directory that cannot be written, that another run writes to, or that
+        holds an earlier run without `overwrite`; for a cost beyond what a machine can do without `force`.
 
     Warns
     -----
@@ -77,9 +87,16 @@ def simulate(
     """
     refuse_uncallable(progress=progress, announce=announce, on_step=on_step, message=message)
     directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
+    refuse_earlier_run(directory, overwrite)  # before minutes of building, and again under the lock
+    if isinstance(scene, Scene):
+        _tell_cost(scene, message, force)
+    own: list[Scene] = []
 
     def run(some: Scene, sessions: list[Session]) -> Run:
-        return _simulated(some, directory, (progress, on_step), [sessions.append, announce], dump_iterates)
+        replace_it = overwrite or bool(own)  # solver.error takes several runs
+        own.append(some)
+        announced = [sessions.append, announce]
+        return _simulated(some, directory, (progress, on_step), announced, dump_iterates, (replace_it, force))
 
     tell = message or (lambda line: None)
     if isinstance(scene, Scene) and scene.solver_settings.error:  # `build` refuses what is no scene
@@ -99,24 +116,30 @@ def _simulated(
     listeners: tuple[Listener | None, StepListener | None],
     announcements: Iterable[Announcement | None],
     dump_iterates: int | None,
+    permissions: tuple[bool, bool],
 ) -> Run:
-    """Simulate a scene with fixed settings."""
+    """Simulate a scene with fixed settings; permissions: overwrite and force of `simulate`."""
     started = perf_counter()
+    overwrite, force = permissions
     session, log = watched(prepare(scene, build(scene)), dump_iterates, 0)
-    _make_directory(directory)
-    for announce in announcements:
-        if announce is not None:
-            announce(session)
-    state = first_state(session.built.world, session.integrator.dt)
-    run = recorded_run(session, state, Certificate(), directory, started, listeners, log, resumed=False)
+    if not force:
+        built, dt = session.built, session.integrator.dt
+        contact = any(isinstance(energy, ContactGap) for energy in built.energies.values())
+        refuse_flights(built.world, built.constraints.values(), dt, contact)
+    with new_output(directory, overwrite):
+        for announce in announcements:
+            if announce is not None:
+                announce(session)
+        state = first_state(session.built.world, session.integrator.dt)
+        run = recorded_run(session, state, Certificate(), directory, started, listeners, log, resumed=False)
     warn_of(run.intersections, session.built.energies)
     return run
 
 
-def _make_directory(directory: Path) -> None:
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{directory} cannot be made a directory: {error.strerror}.", "Choose another with -o."
-        ) from error
+def _tell_cost(scene: Scene, message: Callable[[str], None] | None, force: bool) -> None:
+    """Report a cost that is notable. InputError where it is too much, without `force`."""
+    if not force:
+        refuse_costly(scene)
+    cost = expected_cost(scene)
+    if message is not None and cost.notable:
+        message(f"expected: {cost}")

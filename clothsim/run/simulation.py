@@ -28,8 +28,9 @@ from clothsim.run.checked_step import checked_step
 from clothsim.run.fields import Configuration, field
 from clothsim.run.hand_motions import HandMotions, pin_groups
 from clothsim.run.saved_simulation import restored_simulation, saved_simulation
-from clothsim.run.session import Session, prepare, refuse_leaps
+from clothsim.run.session import Session, prepare
 from clothsim.run.simulation_state import SimulationError, SimulationState, starting_state, state_after
+from clothsim.run.step_lengths import refuse_leaps
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.keys import refuse_absent
 from clothsim.scene.scene import Scene
@@ -341,8 +342,8 @@ class Simulation:
     def _set_motions(self, by_hand: HandMotions) -> None:
         session = self._session
         built = by_hand.applied(session.built)
-        if "body_contact" in built.energies:
-            refuse_leaps(built.world, session.integrator.dt)
+        bodies = built.world if "body_contact" in built.energies else replace(built.world, bodies=())
+        refuse_leaps(bodies, built.constraints.values(), session.integrator.dt)
         integrator = replace(session.integrator, world=built.world, constraints=built.constraints)
         previous = self._state.previous if by_hand.pins is self._by_hand.pins else None  # BDF2 restarts at a jump
         self._by_hand, self._state = by_hand, replace(self._state, blocked_at=nan, blocked=0, previous=previous)

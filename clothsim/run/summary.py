@@ -37,6 +37,8 @@ class Progress:
         ended in an unstable equilibrium.
     seconds : float
         Wall time since the start [s].
+    stage : str
+        Of a fit the stage that the run is.
     """
 
     time: float
@@ -47,6 +49,7 @@ class Progress:
     fastest: float
     verdict: str
     seconds: float
+    stage: str = ""
 
 
 def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
@@ -61,6 +64,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "residual": report.result.residual,
         "relative_residual": report.result.relative_residual,
         "energy": certificate.energy,
+        "stiffness_energy": certificate.stiffness.last,
         "minimum_gap": report.minimum_gap,
         "fastest": report.fastest,
         "failures": list(report.failures),

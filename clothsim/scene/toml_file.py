@@ -4,8 +4,11 @@ import tomllib
 from pathlib import Path
 
 from clothsim.errors import InputError
+from clothsim.io.regular_file import read_regular_file
 from clothsim.scene.keys import nearest
 from clothsim.scene.scene import Scene, make_scene
+
+MOST_BYTES = 1 << 28
 
 
 def load_scene(path: str | Path) -> Scene:
@@ -27,10 +30,11 @@ def load_scene(path: str | Path) -> Scene:
     """
     file = Path(path)
     try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
+        text = read_regular_file(file, MOST_BYTES).decode("utf-8")
+        data = tomllib.loads(text.replace("\r\n", "\n").replace("\r", "\n"))
     except FileNotFoundError as error:
         raise InputError(f"There is no scene file {file}.", _near(file)) from error
-    except (OSError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
         raise InputError(f"{file} cannot be read as a scene: {error}.", "Name a TOML file of text in UTF-8.") from error
     except (ValueError, RecursionError) as error:  # TOMLDecodeError, and a number of too many digits
         raise InputError(

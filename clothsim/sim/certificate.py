@@ -15,6 +15,7 @@ from clothsim.sim.intersection_history import IntersectionHistory, history_from
 from clothsim.sim.mechanical_energy import mechanical_energy
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
+from clothsim.sim.stiffness_changes import StiffnessChanges
 
 
 @dataclass(frozen=True)
@@ -88,6 +89,8 @@ class Certificate:
         True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
     unstable : UnstableEquilibria
         Those that were found (see `sim.branch_switching`).
+    stiffness : StiffnessChanges
+        Energy of the changes of the contact stiffness.
     """
 
     intersections: IntersectionHistory = field(default_factory=IntersectionHistory)
@@ -106,11 +109,13 @@ class Certificate:
     fastest_speed: float = np.nan
     at_rest: bool = False
     unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
+    stiffness: StiffnessChanges = field(default_factory=StiffnessChanges)
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
         """Return the certificate after one more step, which started at `before`.
 
-        Both energies are of the potential of this step: a barrier made stiffer between two steps is no rise.
+        Both energies are of the potential of this step: what a barrier made stiffer between two steps adds is no rise,
+        but stands in `stiffness`.
         """
         x = report.state.positions
         stretches = world_stretches(world, x)
@@ -135,6 +140,7 @@ class Certificate:
             fastest_speed=np.nan if report.error is None else report.fastest,
             at_rest=report.state.at_rest,
             unstable=self.unstable.after(report),
+            stiffness=self.stiffness.after(report.potential, before),
         )
 
     def as_dict(self, coverage: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
@@ -155,6 +161,7 @@ class Certificate:
             "unstable_equilibria": asdict(self.unstable),
             "energy_drift": scripted if self.moved_by_script else self.energy_rise / scale,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
+            "stiffness_changes": {"added": self.stiffness.added, "removed": self.stiffness.removed},
             "error_estimate": self.estimate.as_dict(self.asked, completed),
         }
 
@@ -164,6 +171,7 @@ class Certificate:
             "estimate": asdict(self.estimate),
             "intersections": self.intersections.as_json(),
             "unstable": asdict(self.unstable),
+            "stiffness": asdict(self.stiffness),
         }
         return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
 
@@ -175,6 +183,7 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
         "estimate": ErrorEstimate(**fields.get("estimate", {})),
         "intersections": history_from(fields.get("intersections", older)),
         "unstable": UnstableEquilibria(**fields.get("unstable", {})),
+        "stiffness": StiffnessChanges(**fields.get("stiffness", {})),
     }
     return Certificate(
         **{**{name: fields[name] for name in fields if name in Certificate.__dataclass_fields__}, **parts}

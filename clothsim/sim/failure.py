@@ -129,7 +129,7 @@ def failure_of(
     if end.ending is Ending.BLOCKED:
         remedy = _unblock(world, _movers(world, constraints, result.x, target), pair)
     else:
-        remedy = _remedy(world, end, pair, inertia=_resisted(potential))
+        remedy = _remedy(world, end, pair, potential, constraints)
     return Failure(
         Cause[end.ending.name], sentence, element, position, remedy, state.step + 1, state.time, dts[-1], tries
     )
@@ -171,13 +171,34 @@ def _sentence(world: World, constraints: Collection[Constraint], end: Outcome, p
     return f"{start.removesuffix('.')}; {clause}."
 
 
-def _remedy(world: World, end: Outcome, pair: ContactPair | None, inertia: bool) -> str:
-    """Remedy where no prescribed motion is the cause."""
+def _remedy(
+    world: World,
+    end: Outcome,
+    pair: ContactPair | None,
+    potential: Potential,
+    constraints: Collection[Constraint],
+) -> str:
+    """Remedy where no prescribed motion is the cause; it names no effect that the scene has."""
     if end.ending is Ending.NO_ROOM and pair is not None:
         one, other, third = _objects(world, pair)
         return f"Leave a larger gap for {one} between {other} and {third or one}, or let them approach more slowly."
+    inertia = _resisted(potential)
+    if end.ending is Ending.SINGULAR:
+        return _resist(potential, constraints, inertia)
     held = "" if inertia else " Without effects.inertia every cloth must be held, by pins or by a body under it."
     return f"{_REMEDIES[end.ending]}{held}"
+
+
+def _resist(potential: Potential, constraints: Collection[Constraint], inertia: bool) -> str:
+    """Remedy for a singular Newton matrix: what the scene lacks; where it lacks nothing, its numbers are the cause."""
+    if inertia:
+        return (
+            "Look for a load or a stiffness that is many powers of ten from the others; else set a smaller solver.dt."
+        )
+    lacking = [] if constraints else ["pins"]
+    lacking += [] if "membrane" in potential.energies else ["membrane"]
+    alternative = f", or {' and '.join(f'effects.{name}' for name in lacking)}" if lacking else ""
+    return f"Add an effect that resists every motion of the cloth: effects.inertia{alternative}."
 
 
 _REMEDIES = {
@@ -189,7 +210,6 @@ _REMEDIES = {
     Ending.LINE_SEARCH: "Set a larger solver.tolerance or a smaller solver.dt: the decrease of E is below round-off.",
     Ending.NOT_FINITE: "Run `clothsim check` on the scene to find degenerate triangles; else set a smaller solver.dt.",
     Ending.ITERATION_LIMIT: "Set a smaller solver.dt, a larger solver.tolerance or a larger solver.max_iterations.",
-    Ending.SINGULAR: "Add an effect that resists every motion of the cloth: effects.inertia, or pins and a membrane.",
 }
 
 

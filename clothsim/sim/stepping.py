@@ -185,7 +185,7 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
     smallest, rejected, restarted = integrator.shortest(dt), 0, False
     held = integrator.constraints.values()
     unbalanced: list[tuple[Potential, NewtonResult]] = []
-    for _ in range(MOST_TRIES):
+    for attempt in range(1, MOST_TRIES + 1):
         pieces = max(1, int(np.ceil(left / dt - 1e-9)))
         h = left / pieces
         end = until if pieces == 1 else state.time + h
@@ -194,11 +194,16 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
         bound, result = _solve(integrator, state, formula, h, end, target)
         if result.outcome.converged:
             after, error = _after(integrator, tried, formula, result, h, end, target)
-            if formula.order == 2 and gains_energy(integrator.world, bound, state, after, _moves(state, target)):
+            last = attempt == MOST_TRIES
+            if (
+                not last
+                and formula.order == 2
+                and gains_energy(integrator.world, bound, state, after, _moves(state, target))
+            ):
                 restarted = True
                 continue
             shorter = _shorter(integrator, state, h, error)
-            if shorter < h:
+            if shorter < h and not last:
                 rejected, dt = rejected + 1, shorter
                 continue
             grown = _next_dt(integrator, after, formula, h, dt, error, bool(failures or rejected))
@@ -310,7 +315,7 @@ def _shorter(integrator: Integrator, state: State, h: float, error: StepError | 
     """dt to try after a step of h [s] whose error is too large; h at the floor, inf where the error is admissible."""
     if integrator.control is None or error is None or not integrator.control.exceeds(state, h, error.rms):
         return np.inf
-    return integrator.control.retry(state, h, error.rms) if h > integrator.control.shortest else h
+    return integrator.control.retry(state, h, error.rms) if h > (1 + 1e-6) * integrator.control.shortest else h
 
 
 def _next_dt(

@@ -15,6 +15,8 @@ BALANCED = 0.3
 """Largest residual, relative to the force scale, of a balanced state. Of converged steps of a drape it was up to 5e-4
 at a tolerance of 1e-3 m/s, .06 at .01 and .21 at .1; of unbalanced ones .6 to 1 (docs/notes/newton_stop.md).
 """
+NO_FORCE_LEFT = 0.01
+"""The same of a solve that cannot go on though its steps are short: with more, forces are why it fails."""
 MOST_UNBALANCED = 20
 """Iterations with steps below the tolerance after which forces that do not balance end the solve."""
 

@@ -12,7 +12,7 @@ from clothsim.energies.constraint import Prescribed
 from clothsim.linalg import dot
 from clothsim.solve.convergence import ErrorBalance
 from clothsim.solve.direction import NO_FACTOR, Direction, QuadraticModel
-from clothsim.solve.force_balance import BALANCED, MOST_UNBALANCED, ForceBalance, force_balance
+from clothsim.solve.force_balance import BALANCED, MOST_UNBALANCED, NO_FORCE_LEFT, ForceBalance, force_balance
 from clothsim.solve.line_search import RESOLVED, armijo, extended_fraction, round_off
 from clothsim.solve.linear_system import System
 from clothsim.solve.nonlinear_elimination import Patch, unconverged
@@ -291,7 +291,8 @@ class Newton:
                     rate = min(1.0, speed / before) if np.isfinite(before) else 1.0
                     return ended(_balanced_or_not(forces, x), count + 1, rate * speed * self.dt, forces.relative)
             if fraction == 0.0 and not trust.exact:
-                return ended(_at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed), count)
+                end = _at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed)
+                return ended(self._named(end, x, speed, model), count)
             noise = fraction == 0.0 or (
                 direction.negative_curvature and -slope < RESOLVED * round_off(self.potential.values(x))
             )
@@ -303,8 +304,13 @@ class Newton:
                 elimination_iterations += eliminated.iterations
                 self.observe(Iterate(x, np.nan))
         numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
-        end = _at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers)
+        end = self._named(_at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers), x, speed, model)
         return ended(end, iterations + settings.max_iterations)
+
+    def _named(self, end: Outcome, x: Floats, speed: float, model: QuadraticModel) -> Outcome:
+        """Outcome of a solve that fails: UNBALANCED where its steps are short enough and only forces are left."""
+        forces = self._force_balance(x, model) if speed < self.settings.tolerance else None
+        return end if forces is None or forces.within(NO_FORCE_LEFT) else _unbalanced(forces, x)
 
     def _extended(self, x: Floats, direction: Direction, fraction: float) -> float:
         """Extend a full step along negative curvature, whose length the quadratic model does not determine."""
@@ -362,8 +368,10 @@ class Newton:
 
 def _balanced_or_not(forces: ForceBalance, x: Floats) -> Outcome:
     """Outcome of a solve whose last step was short enough: CONVERGED only where forces balance."""
-    if forces.within(BALANCED):
-        return outcome(Ending.CONVERGED)
+    return outcome(Ending.CONVERGED) if forces.within(BALANCED) else _unbalanced(forces, x)
+
+
+def _unbalanced(forces: ForceBalance, x: Floats) -> Outcome:
     return outcome(Ending.UNBALANCED, x, forces.row, force=forces.residual, percent=100 * forces.relative)
 
 

@@ -3,7 +3,15 @@
 import numpy as np
 import pytest
 
-from clothsim.fitting.deflate import LARGEST_FRACTION, OPENING, RAYS, deflated, half_thickness, smoothed
+from clothsim.fitting.deflate import (
+    LARGEST_FRACTION,
+    OPENING,
+    RAYS,
+    deflated,
+    half_thickness,
+    outward_normals,
+    smoothed,
+)
 from clothsim.mesh.generators.shapes import capsule, sphere
 from clothsim.mesh.generators.sheets import rectangle
 from transfer.signed_distance import body_surface
@@ -29,19 +37,19 @@ def test_the_half_thickness_of_a_capsule_is_measured_across_it():
 def test_a_deflated_sphere_is_a_smaller_sphere():
     half = half_thickness(BALL)
     for depth in (0.0, 0.01, 0.1):
-        radius = np.linalg.norm(deflated(BALL, depth, half), axis=1)
+        radius = np.linalg.norm(deflated(BALL, depth, half, outward_normals(BALL)), axis=1)
         np.testing.assert_allclose(radius, 0.3 - depth, rtol=2e-3)
 
 
 def test_no_vertex_goes_beyond_the_middle():
     half = half_thickness(BALL)
-    radius = np.linalg.norm(deflated(BALL, 10.0, half), axis=1)
+    radius = np.linalg.norm(deflated(BALL, 10.0, half, outward_normals(BALL)), axis=1)
     np.testing.assert_allclose(radius, 0.3 - LARGEST_FRACTION * half, rtol=2e-2)
 
 
 def test_vertices_move_on_straight_lines():
     half = half_thickness(BALL)
-    first, second = (BALL.positions - deflated(BALL, depth, half) for depth in (0.01, 0.05))
+    first, second = (BALL.positions - deflated(BALL, depth, half, outward_normals(BALL)) for depth in (0.01, 0.05))
     np.testing.assert_allclose(second, 5 * first, atol=1e-12)
 
 
@@ -51,7 +59,7 @@ def test_the_rim_of_an_open_body_stays():
     assert open_body.open_edges > 0
     half = half_thickness(open_body)
     assert np.isfinite(half).all()
-    assert np.isfinite(deflated(open_body, 0.02, half)).all()
+    assert np.isfinite(deflated(open_body, 0.02, half, outward_normals(open_body))).all()
 
 
 def test_smoothing_keeps_constants_and_evens_out_a_spike():

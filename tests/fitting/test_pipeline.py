@@ -61,7 +61,7 @@ def test_where_the_first_refinement_leaves_something_inside_the_second_goes_alon
     garment, asked = tube_garment(0.095), []
     freed = tube_garment(0.11).positions
 
-    def refined(positions, _, along_normals):
+    def refined(positions, *_, along_normals):
         asked.append((positions, along_normals))
         return (freed if along_normals else 0.99 * positions), "refined"
 

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from meshes import cloth, grid, random_rotation
-from scipy.optimize import brentq
-from scipy.special import ellipe, ellipk
 from solving import integrator_of
 
 from clothsim.energies.bending import bending
@@ -22,16 +20,11 @@ from clothsim.sim.branch_switching import MOST_SWITCHES, STEPS_BETWEEN_LOOKS
 from clothsim.sim.integrators import BACKWARD_EULER, BDF2
 from clothsim.sim.state import Rest, first_state
 from clothsim.sim.time_loop import steps
+from tests.known_answers.elastica import elastica_height
 
 STRIP = Fabric(density=0.15, thickness=1e-3, youngs_modulus=1e6, poisson_ratio=0.0, bending_stiffness=1e-2)
 LENGTH, CELLS = 0.5, 16
 PRESSED = 0.8
-
-
-def elastica_height(chord):
-    """Height/L of the elastica with this chord/L: chord = 2 E(k)/K(k) - 1, height = k/K(k) (Timoshenko & Gere 2.7)."""
-    k = brentq(lambda k: 2 * ellipe(k * k) / ellipk(k * k) - 1 - chord, 1e-6, 0.9)
-    return k / ellipk(k * k)
 
 
 def strip(dynamic, stretch=PRESSED, turned=None, load=None, formula=BACKWARD_EULER, **changes):

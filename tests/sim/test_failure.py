@@ -6,10 +6,12 @@ from meshes import cloth, grid
 from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene, without
 
 from clothsim import resume, simulate
+from clothsim.build.scene_world import build
 from clothsim.energies.pins import pins
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.sim.failure import Cause
+from clothsim.run.session import prepare
+from clothsim.sim.failure import Cause, _resist
 from clothsim.sim.stepping import MOST_BLOCKED
 from clothsim.sim.vertex_names import simplex_name, vertex_name
 from clothsim.solve.outcome import Ending
@@ -133,3 +135,18 @@ def test_rows_have_names():
 def test_every_end_but_convergence_is_a_cause():
     ends = {ending.name for ending in Ending if ending is not Ending.CONVERGED}
     assert {cause.name for cause in Cause} == {*ends, Cause.INTERSECTION.name}
+
+
+@pytest.mark.parametrize(
+    ("given", "named", "unnamed"),
+    [
+        ({"membrane": {}, "pins": {"select": [0]}}, ["effects.inertia"], ["effects.pins", "effects.membrane"]),
+        ({"inertia": {}, "membrane": {}, "pins": {"select": [0]}}, ["solver.dt"], ["effects."]),
+        ({"bending": {}}, ["effects.inertia", "effects.pins", "effects.membrane"], []),
+    ],
+)
+def test_a_remedy_names_no_effect_that_the_scene_has(given, named, unnamed):
+    integrator = prepare(scene := small_scene(body=(), effects=given), build(scene)).integrator
+    remedy = _resist(integrator.potential, integrator.constraints.values(), "inertia" in given)
+    assert all(name in remedy for name in named)
+    assert not any(name in remedy for name in unnamed)

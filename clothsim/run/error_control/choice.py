@@ -7,7 +7,7 @@ from itertools import product
 from clothsim.run.error_control.knob_errors import KnobErrors
 from clothsim.run.error_control.resolution import CELLS, D_HAT, TIME, Resolution, Resolvable
 
-AIM = 0.85
+AIM = 0.95
 """Fraction of the requested error that is aimed at."""
 FARTHEST = {TIME: 4, CELLS: 2, D_HAT: 4}
 """Largest refinement of a knob beyond the finest run so far: further out the expected errors are not trusted."""
@@ -15,7 +15,33 @@ OVERHEAD = 100
 """Vertices whose work is that of a Newton iteration without any."""
 GROWTH = 0.85
 """Newton iterations grow with that power of the number of steps."""
-FACTORS = (1, Fraction(3, 2), 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128)
+FACTORS = (
+    1,
+    Fraction(3, 2),
+    2,
+    Fraction(5, 2),
+    3,
+    4,
+    5,
+    6,
+    7,
+    8,
+    10,
+    12,
+    14,
+    16,
+    20,
+    24,
+    28,
+    32,
+    40,
+    48,
+    56,
+    64,
+    80,
+    96,
+    128,
+)
 """Factors of the coarsest resolution."""
 
 

@@ -2,20 +2,23 @@
 
 With an error A s^p a refinement by f moves the result by D = A s^p (1 - f^-p) and leaves D / (f^p - 1) of it
 (Richardson 1911). Orders are assumed, not observed: with contact, buckling or flutter the differences of three runs
-give orders between 0 and 3, which predict the next difference worse than one fixed order (docs/notes/tried.md).
+give orders between 0 and 3, which predict the next difference worse than one fixed order (docs/notes/tried.md). A scene
+with contact has lower ones: an impact is no smooth function of time, nor the edge of a contact region of the cells.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from clothsim.run.error_control.resolution import CELLS, D_HAT, TIME
 
-ORDERS = {TIME: 1.4, CELLS: 2.0, D_HAT: 1.2}
-"""Assumed orders: BDF2 has 2 in a smooth motion and 1 with contact or drag, the cells 2."""
-JOINT_ORDER = 1.4
-"""Order of a joint refinement of which the parts are not known."""
+SMOOTH = {TIME: 1.8, CELLS: 2.0}
+"""Assumed orders without contact, where BDF2 and the cells have 2 in the limit."""
+IN_CONTACT = {TIME: 1.5, CELLS: 2.0, D_HAT: 1.2}
+"""Assumed orders with contact: BDF2 has 2 between impacts and 1 at them."""
+JOINT_SMOOTH, JOINT_IN_CONTACT = 1.7, 1.2
+"""Orders of a joint refinement of which the parts are not known."""
 SURPRISE = 2.5
 """A refinement that moves the result by so many times what was expected: the error is not understood."""
 LEAST_CALIBRATION = 0.1
@@ -52,8 +55,14 @@ class KnobErrors:
 
     def at(self, sizes: Mapping[str, float]) -> "KnobErrors":
         """Errors expected at other sizes."""
-        factors = {name: (sizes[name] / size) ** ORDERS[name] for name, size in self.sizes.items()}
+        order = orders(self.sizes)
+        factors = {name: (sizes[name] / size) ** order[name] for name, size in self.sizes.items()}
         return replace(self, sizes=dict(sizes), errors={k: self.errors[k] * factors[k] for k in factors})
+
+    def not_below(self, total: float) -> "KnobErrors":
+        """The errors raised in proportion where their total is below one known of a joint refinement [m]."""
+        factor = max(1.0, total / self.total) if self.total > 0 else 1.0
+        return replace(self, errors={name: factor * error for name, error in self.errors.items()})
 
     def expected_difference(self, sizes: Mapping[str, float]) -> float:
         """RMS distance expected between a run at these sizes and at those of the errors [m]."""
@@ -64,7 +73,7 @@ class KnobErrors:
         """Errors of a run at `sizes` whose RMS distance from the one before is `difference` [m].
 
         A larger difference than expected raises the errors of all that was refined; a smaller one lowers that of the
-        knob from which most was expected, and then the others.
+        knob from which most was expected, and then the others, but none by more than the two differ.
         """
         expected = self.expected_difference(sizes)
         new = self.at(sizes).errors
@@ -73,17 +82,18 @@ class KnobErrors:
         if factor >= 1:
             scales = dict.fromkeys(refined, factor)
         else:
-            scales = _lowered({name: self.errors[name] - new[name] for name in refined}, difference)
+            least = max(LEAST_CALIBRATION, factor)
+            scales = _lowered({name: self.errors[name] - new[name] for name in refined}, difference, least)
         return KnobErrors(dict(sizes), {name: new[name] * scales.get(name, 1.0) for name in new}, factor)
 
 
-def _lowered(expected: Mapping[str, float], difference: float) -> dict[str, float]:
-    """Factors, LEAST_CALIBRATION or more, by which the largest of the expected differences are lowered [m]."""
+def _lowered(expected: Mapping[str, float], difference: float, least: float) -> dict[str, float]:
+    """Factors, `least` or more, by which the largest of the expected differences are lowered [m]."""
     scales = {}
     for name, size in expected.items():
         smaller = sum(other**2 for other in expected.values() if other < size)
         left = max(difference**2 - smaller, 0.0) ** 0.5
-        scales[name] = min(1.0, max(LEAST_CALIBRATION, left / size)) if size > 0 else 1.0
+        scales[name] = min(1.0, max(least, left / size)) if size > 0 else 1.0
     return scales
 
 
@@ -103,16 +113,22 @@ def from_path(
 
     Examples
     --------
-    >>> from_path({"dt": 0.5}, {"dt": 1e-3}, {"dt": 2.0}).errors["dt"] == 1e-3 / (2**1.4 - 1)
+    >>> from_path({"dt": 0.5}, {"dt": 1e-3}, {"dt": 2.0}).errors["dt"] == 1e-3 / (2**1.8 - 1)
     True
     """
-    left = {name: moved / (refinements[name] ** ORDERS[name] - 1) for name, moved in differences.items()}
+    order = orders(sizes)
+    left = {name: moved / (refinements[name] ** order[name] - 1) for name, moved in differences.items()}
     return KnobErrors(dict(sizes), left)
 
 
-def from_joint(difference: float, refinement: float) -> float:
-    """RMS error [m] left by a refinement of all knobs that moved the result by `difference` [m]."""
-    return difference / (refinement**JOINT_ORDER - 1)
+def orders(knobs: Collection[str]) -> Mapping[str, float]:
+    """Assumed order of each knob of a scene; one with a d_hat has contact."""
+    return IN_CONTACT if D_HAT in knobs else SMOOTH
+
+
+def from_joint(difference: float, refinement: float, knobs: Collection[str]) -> float:
+    """RMS error [m] left by a refinement of all `knobs` that moved the result by `difference` [m]."""
+    return difference / (refinement ** (JOINT_IN_CONTACT if D_HAT in knobs else JOINT_SMOOTH) - 1)
 
 
 def root_sum(values: Iterable[float]) -> float:

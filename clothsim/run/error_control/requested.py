@@ -63,6 +63,11 @@ def _estimate(search: Search, found: Found, scene: Scene) -> dict[str, Any]:
     completed = found.run.status == "completed"
     solver, ladder = scene.solver, search.resolvable
     taken = {
+        "resolution": [
+            found.trial.resolution.steps,
+            str(found.trial.resolution.cells),
+            str(found.trial.resolution.d_hat),
+        ],
         "dt": solver["dt"],
         "integrator": solver["integrator"],
         **{key: solver[key] for key in ("tolerance", "newton_error_fraction") if key in solver},

@@ -1,8 +1,10 @@
 """Search for the resolution that meets a requested error, and the run with it.
 
-A coarse pilot run and a run with every knob refined by two give a first estimate. Where that is too large, a path of
-pilot runs between the two gives the error of each knob, the cheapest resolution that is expected to be accurate enough
-is run, and the distance to the run before corrects the expectation. Every loop is bounded.
+A coarse pilot run and a run with every knob refined by two give a first estimate; where the two end in different
+shapes, both start again with half the step. Where the estimate is too large, a path of pilot runs between the two gives
+the error of each knob, the cheapest resolution that is expected to be accurate enough is run, and the distance to the
+run before corrects the expectation. A resolution that is expected to miss the request is run as a pilot. Every loop is
+bounded.
 """
 
 from collections.abc import Callable
@@ -13,7 +15,7 @@ from clothsim.errors import InputError
 from clothsim.run.error_control.choice import chosen, work
 from clothsim.run.error_control.knob_errors import KnobErrors, from_joint, from_path, root_sum
 from clothsim.run.error_control.resolution import CELLS, D_HAT, TIME, Resolution, Resolvable, resolvable
-from clothsim.run.error_control.trial import Distance, Trial, distance_at, pilot
+from clothsim.run.error_control.trial import Distance, Trial, another_shape, distance_at, pilot
 from clothsim.run.results import Run
 from clothsim.scene.scene import Scene
 
@@ -22,6 +24,8 @@ NEWTON_PART = 0.2
 FINER = 0.25
 SLACK = 1.05
 """The request is met up to this factor."""
+PILOT_FROM = 1.5
+"""Expected error over the requested one from which a resolution is run as a pilot."""
 MOST_ROUNDS = 5
 STALLED, MOST_STALLED = 0.8, 2
 """The search ends where so many refinements in a row leave more than that fraction of the estimate."""
@@ -83,8 +87,16 @@ class Search:
         """Processor seconds of all runs."""
         return sum(trial.seconds for trial in self.trials)
 
+    def halve_step(self) -> None:
+        """Let the coarsest pilot run have half the step."""
+        coarsest = self.resolvable.coarsest
+        self.resolvable = replace(self.resolvable, coarsest=replace(coarsest, steps=2 * coarsest.steps))
+
     def pilot(self, resolution: Resolution) -> Trial:
-        """Run a pilot."""
+        """Run a pilot, or take the one that was run."""
+        for trial in self.trials:
+            if trial.resolution == resolution and not trial.reason:
+                return trial
         self.message(f"pilot run: {self.resolvable.text(resolution)}")
         self.trials.append(pilot(self.resolvable.at(resolution, self.newton_error_fraction), resolution))
         return self.trials[-1]
@@ -120,17 +132,28 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
     settings = scene.solver_settings
     fraction = settings.newton_error_fraction
     search = Search(resolvable(scene), settings.error, settings.budget, candidate, message, fraction)
-    coarsest = _coarsest(search)
-    knobs = search.resolvable.knobs
-    run, first = search.run(search.resolvable.refined(coarsest.resolution, knobs))
-    distance = distance_at(coarsest.material)
-    joint = from_joint(distance(coarsest, first), 2.0) if run.status == "completed" else 0.0
-    found = Found(run, first, _parts(run, {"all": joint}), run.status == "completed")
-    if run.status != "completed" or found.met(search.asked):
+    for _ in range(MOST_RETRIES):
+        coarsest, run, first = _first_pair(search)
+        distance = distance_at(coarsest.material)
+        if run.status != "completed":
+            return search, Found(run, first, _parts(run, {"all": 0.0}), False)
+        moved = distance(coarsest, first)
+        same = not another_shape(first, moved)
+        found = Found(run, first, _parts(run, {"all": from_joint(moved, 2.0, search.resolvable.knobs)}), same)
+        if same or search.spent > search.budget / 2:
+            break
+        search.halve_step()
+    if not found.known or found.met(search.asked):
         return search, found
-    errors = _by_knob(search, coarsest, first, distance)
+    errors = _by_knob(search, coarsest, first, distance).not_below(found.parts["all"])
     found = Found(run, first, _parts(run, errors.errors), True)
     return search, _refined(search, found, errors, distance)
+
+
+def _first_pair(search: Search) -> tuple[Trial, Run, Trial]:
+    """The coarsest pilot run, and the run with every knob refined by two."""
+    coarsest = _coarsest(search)
+    return coarsest, *search.run(search.resolvable.refined(coarsest.resolution, search.resolvable.knobs))
 
 
 def _coarsest(search: Search) -> Trial:
@@ -139,8 +162,7 @@ def _coarsest(search: Search) -> Trial:
         trial = search.pilot(search.resolvable.coarsest)
         if not trial.reason:
             return trial
-        coarsest = search.resolvable.coarsest
-        search.resolvable = replace(search.resolvable, coarsest=replace(coarsest, steps=2 * coarsest.steps))
+        search.halve_step()
     raise InputError(f"No pilot run for solver.error came to its end: {trial.reason}", "Give solver.dt, and run it.")
 
 
@@ -157,31 +179,47 @@ def _by_knob(search: Search, coarsest: Trial, first: Trial, distance: Distance) 
 
 
 def _refined(search: Search, found: Found, errors: KnobErrors, distance: Distance) -> Found:
-    """Run finer resolutions until the request is met, the budget is spent or nothing finer is within the bounds."""
-    stalled = 0
+    """Run finer resolutions until the request is met, the budget is spent or nothing finer is within the bounds.
+
+    The last run is the answer; where a finer pilot run followed it, its error is what that one showed.
+    """
+    stalled, last, ladder = 0, found.trial, search.resolvable
     for _ in range(MOST_ROUNDS):
         if found.met(search.asked):
             return found
         if stalled == MOST_STALLED:
             return replace(found, known=False)
-        if found.parts["newton"] > NEWTON_PART * search.asked:
-            search.newton_error_fraction *= FINER
-        vertices = sum(len(rest) for rest in search.trials[0].material.rest)
-        done = [trial.resolution for trial in search.trials]
-        unit = found.trial.seconds / work(search.resolvable, found.trial.resolution, vertices)
-        most = (search.budget - search.spent) / max(unit, 1e-9)
-        following = chosen(search.resolvable, errors, done, search.asked, vertices, most)
+        following = _following(search, found, errors, last)
         if following is None:
             break
-        sizes = search.resolvable.sizes(following)
+        sizes = ladder.sizes(following)
         expected = errors.at(sizes).total
-        run, trial = search.run(following, expected)
-        if run.status != "completed":
-            return Found(run, trial, _parts(run, errors.errors), False)
-        before, errors = errors.total, errors.after(sizes, distance(found.trial, trial))
-        stalled = stalled + 1 if errors.total > STALLED * before else 0
-        found = Found(run, trial, _parts(run, errors.errors), errors.understood)
+        run = None
+        if expected > PILOT_FROM * search.asked:
+            trial = search.pilot(following)
+        else:
+            run, trial = search.run(following, expected)
+        if trial.reason or (run is not None and run.status != "completed"):
+            return replace(found, known=False) if run is None else Found(run, trial, _parts(run, errors.errors), False)
+        before, errors = errors.total, errors.after(sizes, distance(last, trial))
+        stalled, last = stalled + 1 if errors.total > STALLED * before else 0, trial
+        if run is not None:
+            found = Found(run, trial, _parts(run, errors.errors), errors.understood)
+        else:
+            own = errors.at(ladder.sizes(found.trial.resolution)).errors
+            found = Found(found.run, found.trial, _parts(found.run, own), errors.understood)
     return found
+
+
+def _following(search: Search, found: Found, errors: KnobErrors, last: Trial) -> Resolution | None:
+    """The next resolution within the bounds of the search; None where there is none."""
+    if found.parts["newton"] > NEWTON_PART * search.asked:
+        search.newton_error_fraction *= FINER
+    vertices = sum(len(rest) for rest in search.trials[0].material.rest)
+    done = [trial.resolution for trial in search.trials]
+    unit = last.seconds / work(search.resolvable, last.resolution, vertices)
+    most = (search.budget - search.spent) / max(unit, 1e-9)
+    return chosen(search.resolvable, errors, done, search.asked, vertices, most)
 
 
 def _parts(run: Run, errors: dict[str, float] | Any) -> dict[str, float]:

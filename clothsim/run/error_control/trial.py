@@ -43,6 +43,8 @@ class Trial:
 
 
 Distance = Callable[[Trial, Trial], float]
+ANOTHER_SHAPE = 0.1
+"""Distance of two runs over the size of the cloth from which no order of convergence holds between them."""
 
 
 def pilot(scene: Scene, resolution: Resolution) -> Trial:
@@ -58,6 +60,11 @@ def pilot(scene: Scene, resolution: Resolution) -> Trial:
         state = report.state
     x = state.positions[: world.n_cloth] + world.origin
     return Trial(resolution, material(world), x, process_time() - started, reason)
+
+
+def another_shape(finer: Trial, moved: float) -> bool:
+    """True where a coarser run ends so far away [m] that it is another solution rather than a less accurate one."""
+    return moved > ANOTHER_SHAPE * float(np.linalg.norm(np.ptp(finer.positions, axis=0)))
 
 
 def material(world: World) -> Material:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from clothsim import Cloth, Scene, simulate
+from clothsim.run.error_control import search, trial
 from clothsim.run.error_control.choice import chosen, work
 from clothsim.run.error_control.knob_errors import KnobErrors
 from clothsim.run.error_control.resolution import Resolution, resolvable
@@ -51,7 +52,7 @@ def test_an_estimate_is_the_distance_to_a_coarser_run(tmp_path):
     estimate = estimated.summary["certificate"]["error_estimate"]
     assert "total" not in plain.summary["certificate"]["error_estimate"]
     assert estimate["known"]
-    assert estimate["parts"]["all"] == pytest.approx(estimate["coarser_run_moved"] / (2**1.4 - 1))
+    assert estimate["parts"]["all"] == pytest.approx(estimate["coarser_run_moved"] / (2**1.7 - 1))
     assert estimate["fixed"] == {}
     exact = simulate(set_key(finer, "solver.dt", 0.04 / 64), tmp_path / "exact")
     true = np.sqrt(((plain.positions(-1) - exact.positions(-1)) ** 2).sum(axis=1).mean())
@@ -92,3 +93,23 @@ def test_the_cheapest_sufficient_resolution_is_chosen():
     assert errors.at(ladder.sizes(cheaper)).total > 0.85e-3
     assert chosen(ladder, errors, [ladder.coarsest, first], 1e-3, 21, 0.1) is None
     assert work(ladder, first, 21) > work(ladder, ladder.coarsest, 21) == pytest.approx(1.0)
+
+
+def test_a_pair_that_ends_in_two_shapes_starts_again_with_half_the_step(tmp_path, monkeypatch):
+    monkeypatch.setattr(trial, "ANOTHER_SHAPE", 1e-9)
+    run = simulate(strip(error=1.0), tmp_path)
+    estimate = run.summary["certificate"]["error_estimate"]
+    assert [each["dt"] for each in estimate["runs"]] == pytest.approx([0.01, 0.005, 0.005, 0.0025, 0.0025, 0.00125])
+    assert not estimate["known"]
+    assert not estimate["met"]
+
+
+def test_a_resolution_that_is_expected_to_miss_is_a_pilot_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(search, "PILOT_FROM", 0.0)
+    lines = []
+    run = simulate(strip(error=1e-5), tmp_path, message=lines.append)
+    estimate = run.summary["certificate"]["error_estimate"]
+    assert len(lines) > 3
+    assert [line.startswith("run:") for line in lines] == [k == 1 for k in range(len(lines))]
+    assert estimate["chosen"]["dt"] == pytest.approx(estimate["runs"][1]["dt"])
+    assert not estimate["met"]

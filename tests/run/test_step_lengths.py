@@ -1,0 +1,58 @@
+"""Rotation and displacement of pins in a step, and a step whose error no dt meets."""
+
+import numpy as np
+import pytest
+from small_scenes import RUN, SHEET, small_scene
+
+from clothsim import InputError, Simulation, simulate
+from clothsim.sim import stepping
+from clothsim.sim.step_size import ErrorControl
+
+HELD = {"inertia": {}, "membrane": {}, "gravity": {}}
+
+
+def pinned(**motion):
+    return small_scene(body=(), effects=HELD | {"pins": {"select": "left", "motion": motion}}, run=RUN)
+
+
+@pytest.mark.parametrize("speed", [2260.0, 18_000.0, 1e30])
+def test_pins_that_turn_by_more_than_45_degrees_a_step_are_refused(tmp_path, speed):
+    """18,000 degrees/s at .02 s is a full turn: nothing moved, and the run was completed."""
+    with pytest.raises(InputError, match=r"pins turns .* degrees in a step"):
+        simulate(pinned(rotate_degrees_per_second=[0, speed, 0]), tmp_path)
+
+
+def test_a_group_is_named_and_a_slower_one_turns(tmp_path):
+    group = {"select": "right", "motion": {"rotate_degrees_per_second": [4000, 0, 0]}}
+    pins = {"select": "left", "motion": {"rotate_degrees_per_second": [0, 2000, 0]}}
+    with pytest.raises(InputError, match=r"pins\.group\[0\] turns 80 degrees"):
+        simulate(small_scene(body=(), effects=HELD | {"pins": pins | {"group": [group]}}), tmp_path)
+    run = simulate(small_scene(body=(), effects=HELD | {"pins": pins}, run=RUN | {"duration": 0.04}), tmp_path)
+    moved = np.abs(run.positions(-1) - run.positions(0)).max()
+    assert run.status == "failed" or moved > 0
+
+
+@pytest.mark.parametrize("speed", [1e6, 1e30, 1e300])
+def test_pins_that_fly_away_are_refused(tmp_path, speed):
+    with pytest.raises(InputError, match=r"pins moves .* times the size"):
+        simulate(pinned(velocity=[0, speed, 0]), tmp_path)
+
+
+def test_pins_driven_by_hand_are_bound_too():
+    simulation = Simulation(pinned())
+    with pytest.raises(InputError, match="degrees in a step"):
+        simulation.drive_pins(rotate_degrees_per_second=[0, 18_000, 0])
+    simulation.drive_pins(rotate_degrees_per_second=[0, 1000, 0])
+    assert simulation.step().step == 1
+
+
+def test_an_error_that_no_step_meets_ends_at_the_bound_of_tries(monkeypatch):
+    """Round-off kept a step a hair above the shortest, and was retried until the list of failed tries was asked for."""
+    scene = small_scene(
+        body=(), cloth=SHEET | {"cells": [2, 2]}, effects=HELD, solver={"error": 1e-4, "linear": "superlu"}
+    )
+    monkeypatch.setattr(ErrorControl, "exceeds", lambda self, state, h, error: True)
+    monkeypatch.setattr(ErrorControl, "retry", lambda self, state, h, error: h * (1 - 1e-9))
+    monkeypatch.setattr(stepping, "MOST_TRIES", 5)
+    simulation = Simulation(scene)
+    assert simulation.step().step == 1
