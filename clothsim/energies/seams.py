@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from clothsim.energies.seam_strings import Seam
 
 KEYS = ("from", "to", "start", "end", "stiffness", "flip", "bends")
-SIDE = ("cloth", "side", "through", "vertices")
+SIDE = ("cloth", "side", "through", "vertices", "nearest")
 NEAREST = {"nearest": True}
 """The `to` of a seam whose vertices are each stitched to the nearest edge of another piece."""
 SIDES = ("left", "right", "top", "bottom")
@@ -124,6 +124,8 @@ def _line(name: str, world: World, keys: object) -> Line:
     rest = cloth.rest_positions
     if sum(key in keys for key in SIDE[1:]) != 1:
         raise InputError(f"{name} needs one of {', '.join(SIDE[1:])}.", 'For a rectangle: { side = "left" }.')
+    if "nearest" in keys:
+        raise InputError(f"{name}.nearest is {keys['nearest']!r}.", "Only `to` may be { nearest = true }.")
     if "side" in keys:
         if keys["side"] not in SIDES:
             raise InputError(f"{name}.side is {keys['side']!r}.", f"Known: {', '.join(SIDES)}.")

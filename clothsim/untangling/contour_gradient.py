@@ -7,6 +7,7 @@ It frees contours that end inside both surfaces, where no region tells inside fr
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
+from clothsim.mesh.topology import half_edges
 from clothsim.untangling.contours import Contours
 from clothsim.untangling.piercings import Piercings
 
@@ -42,7 +43,17 @@ def contour_gradients(x: Floats, triangles: Ints, pairs: Ints, found: Piercings)
     cosine = np.where(cosine < 0, -1.0, 1.0) * np.maximum(np.abs(cosine), FLAT)
     G = np.zeros((len(found.edges), 3))
     np.add.at(G, piercing, R - (2 * np.einsum("ij,ij->i", E, R) / cosine)[:, None] * N)
-    return G
+    # where a piercing is on an edge of the other surface too, round-off may leave out one of its two segments
+    complete = np.bincount(piercing, minlength=len(G)) == _triangles_at(found.edges, triangles)
+    return G * complete[:, None]
+
+
+def _triangles_at(edges: Ints, triangles: Ints) -> Ints:
+    """Number of triangles at each edge (k, 2)."""
+    n = int(triangles.max(initial=0)) + 1
+    ends = np.sort(half_edges(triangles), axis=1)
+    keys, count = np.unique(ends[:, 0] * n + ends[:, 1], return_counts=True)
+    return count[np.searchsorted(keys, edges[:, 0] * n + edges[:, 1])]
 
 
 def slides(G: Floats, graph: Contours) -> Floats:

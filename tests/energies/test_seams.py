@@ -281,3 +281,9 @@ def test_vertices_are_stitched_to_the_nearest_edge_of_another_piece():
 def test_the_nearest_of_a_single_piece_is_refused():
     with pytest.raises(InputError, match="no other piece"):
         seams(sheet(), seam=[{"from": {"vertices": [0, 1]}, "to": {"nearest": True}}])
+
+
+@pytest.mark.parametrize("sides", [({"nearest": True}, RIGHT), (LEFT, {"nearest": False}), (LEFT, {"nearest": 1.5})])
+def test_nearest_is_of_the_second_line_alone(sides):
+    with pytest.raises(InputError, match="nearest"):
+        seams(sheet(), seam=[{"from": sides[0], "to": sides[1]}])
