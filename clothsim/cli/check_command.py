@@ -95,12 +95,17 @@ def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
 def _check_scene(path: Path) -> int:
     from clothsim.build.scene_world import build
     from clothsim.io.run_surfaces import world_surfaces
+    from clothsim.run.cost import expected_cost, refuse_costly
     from clothsim.scene.toml_file import load_scene
     from clothsim.sim.intersection_check import intersection_check_of
 
     print(path)
     try:
         scene = load_scene(path)
+        cost = expected_cost(scene)
+        refuse_costly(scene)
+        if cost.notable:
+            print(f"  warning: expected: {cost}")
         built = build(scene)
     except InputError as error:
         for sentence in error.sentence.splitlines():

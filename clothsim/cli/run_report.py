@@ -196,7 +196,8 @@ def _error(certificate: dict[str, Any]) -> str:
     request = f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} requested)" if asked else ""
     if total is not None:
         known = f"about {length(total)}" if isinstance(total, float) else total
-        known = known if estimate["known"] else f"not known, {known} by the last difference"
+        if isinstance(total, float) and not estimate["known"]:
+            known = f"not known, {known} by the last difference"
         left_out = f", without that of {', '.join(estimate['fixed'])}" if estimate.get("fixed") else ""
         return f"{known} in all{request}{left_out}; {parts}"
     temporal = estimate["temporal"]

@@ -28,7 +28,8 @@ from clothsim.mesh.world import World
 if TYPE_CHECKING:
     from clothsim.energies.seam_strings import Seam
 
-KEYS = ("from", "to", "start", "end", "stiffness", "flip", "bends")
+KEYS = ("from", "to", "start", "end", "stiffness", "flip", "bends", "match")
+MATCHES = ("length", "vertices")
 SIDE = ("cloth", "side", "through", "vertices", "nearest")
 NEAREST = {"nearest": True}
 """The `to` of a seam whose vertices are each stitched to the nearest edge of another piece."""
@@ -46,10 +47,12 @@ def seams(
     ----------
     seam : sequence of tables
         Each has `from` and `to`, two lines of vertices, and optionally `start` and `end` of closing [s] (0 and 1),
-        `stiffness` [N/m] of a stitch (100 times the fabric's), `flip` = true to reverse `to`, and `bends` = false for a
-        seam that folds freely. A line is a table of `cloth`, its name, if there are several, and one of `side` ("left",
-        "right", from bottom to top, or "bottom", "top", from left to right), `through`, points [[x, y, z], ...] along
-        the border in the coordinates of the mesh before its placement [m], and `vertices`, numbers in their order.
+        `stiffness` [N/m] of a stitch (100 times the fabric's), `flip` = true to reverse `to`, `bends` = false for a
+        seam that folds freely, and `match` = "vertices" for lines of equally many vertices that meet one by one
+        ("length": at equal fractions of their lengths). A line is a table of `cloth`, its name, if there are several,
+        and one of `side` ("left", "right", from bottom to top, or "bottom", "top", from left to right), `through`,
+        points [[x, y, z], ...] along the border in the coordinates of the mesh before its placement [m], and
+        `vertices`, numbers in their order.
         `to` = { nearest = true } stitches each vertex of `from` to the nearest edge of another piece of cloth at rest.
     built : mapping, optional
         The energies built so far: seams bend if bending is on, and leave a gap for self_contact.
@@ -88,6 +91,10 @@ def _seam(
     flip, bends = (as_flag(f"{name}.{key}", keys.get(key, usual)) for key, usual in (("flip", False), ("bends", True)))
     if flip:
         second = Line(second.vertices[::-1], 1 - second.parameters[::-1])
+    if keys.get("match", "length") not in MATCHES:
+        raise InputError(f"{name}.match is {keys['match']!r}.", f"Known: {', '.join(MATCHES)}.")
+    if keys.get("match") == "vertices":
+        first, second = _one_by_one(name, first, second)
     start, end = (as_positive(f"{name}.{key}", keys.get(key, at), zero=True) for key, at in (("start", 0), ("end", 1)))
     if end <= start:
         raise InputError(f"{name} closes from {start:g} s to {end:g} s.", "Its end must be after its start.")
@@ -113,6 +120,14 @@ def _nearest(world: World, line: Line) -> tuple[Ints, Floats]:
     """Stitches of a line to the nearest edges of other pieces, at rest."""
     rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
     return nearest_stitches(line.vertices, rest, world.triangles)
+
+
+def _one_by_one(name: str, *lines: Line) -> tuple[Line, ...]:
+    """The lines with vertices that meet one by one, whatever the lengths between them."""
+    counts = [len(line.vertices) for line in lines]
+    if counts[0] != counts[1]:
+        raise InputError(f"{name} joins {counts[0]} vertices to {counts[1]} one by one.", 'Leave match = "length".')
+    return tuple(Line(line.vertices, np.linspace(0.0, 1.0, counts[0])) for line in lines)
 
 
 def _line(name: str, world: World, keys: object) -> Line:

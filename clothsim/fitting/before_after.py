@@ -50,7 +50,11 @@ def _panels(done: "Fit") -> list[tuple[str, Floats, Figure, Floats]]:
     seed = next((stage for stage in done.stages if stage.name == "transfer"), None)
     if seed is not None:
         panels.append((f"transferred to {done.target.name}", seed.positions, done.target, plain))
-    ending = {"completed": "fitted and draped", "refined": "refined, not simulated", "failed": "failed"}
+    ending = {
+        "completed": "fitted and draped",
+        "refined": "refined, not simulated",
+        "failed": f"failed; the best: {done.answer.name}",
+    }
     panels.append((ending[done.status], done.positions, done.target, done.cost.stretches))
     return panels
 

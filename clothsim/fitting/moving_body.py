@@ -59,7 +59,7 @@ DRAPING: dict[str, Any] = {
         "integrator": "backward_euler",
         "unstable_equilibrium": "keep",
     },
-    "run": {"duration": 1.0, "frames_per_second": 10, "until": "rest", "rest_speed": 0.01},
+    "run": {"duration": 1.0, "frames_per_second": 10, "until": "rest", "rest_speed": 0.02},
 }
 
 

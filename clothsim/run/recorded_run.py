@@ -154,6 +154,10 @@ def _stepped(
         with timers.phase("certificate"):
             certificate = certificate.after(world, report, before)
             certificate, found = output.checked(state, certificate, report.frame_done)
+            if report.frame_done and world.bodies:
+                energies = report.potential.energies.values()
+                pinched = certificate.pinched.after(world, energies, state.positions, state.time)
+                certificate = replace(certificate, pinched=pinched)
         with timers.phase("output"):
             output.record.append(entry_of(report, certificate))
         after_step(report)

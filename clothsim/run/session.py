@@ -97,11 +97,9 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
     settings, run = scene.solver_settings, scene.run_settings
     dynamic = "inertia" in built.energies
     dt = min(settings.longest_step, run.duration, 1 / run.frames_per_second)
-    bodies = built.world if "body_contact" in built.energies else replace(built.world, bodies=())
-    held = built.constraints.values()
     if settings.error:
-        dt = min([dt, *(0.999 * LARGEST_TURN / turn for turn in turns(bodies, held).values() if turn)])
-    refuse_leaps(bodies, held, dt)
+        dt = min([dt, *(0.999 * LARGEST_TURN / turn for turn in turns(built).values() if turn)])
+    refuse_leaps(built, dt)
     if settings.error:
         _refuse_error(built)
     control = ErrorControl(settings.error, run.duration, dt) if settings.error else None

@@ -13,6 +13,7 @@ from clothsim.mesh.world import World
 from clothsim.sim.error_estimate import ErrorEstimate
 from clothsim.sim.intersection_history import IntersectionHistory, history_from
 from clothsim.sim.mechanical_energy import mechanical_energy
+from clothsim.sim.pinching import Pinches
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
 from clothsim.sim.stiffness_changes import StiffnessChanges
@@ -89,6 +90,8 @@ class Certificate:
         True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
     unstable : UnstableEquilibria
         Those that were found (see `sim.branch_switching`).
+    pinched : Pinches
+        Vertices that bodies pressed from opposite sides, in the frames so far.
     stiffness : StiffnessChanges
         Energy of the changes of the contact stiffness.
     """
@@ -109,6 +112,7 @@ class Certificate:
     fastest_speed: float = np.nan
     at_rest: bool = False
     unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
+    pinched: Pinches = field(default_factory=Pinches)
     stiffness: StiffnessChanges = field(default_factory=StiffnessChanges)
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
@@ -159,6 +163,7 @@ class Certificate:
             "at_rest": self.at_rest,
             "fastest_speed": self.fastest_speed,
             "unstable_equilibria": asdict(self.unstable),
+            "pinched": asdict(self.pinched),
             "energy_drift": scripted if self.moved_by_script else self.energy_rise / scale,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
             "stiffness_changes": {"added": self.stiffness.added, "removed": self.stiffness.removed},
@@ -171,6 +176,7 @@ class Certificate:
             "estimate": asdict(self.estimate),
             "intersections": self.intersections.as_json(),
             "unstable": asdict(self.unstable),
+            "pinched": asdict(self.pinched),
             "stiffness": asdict(self.stiffness),
         }
         return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
@@ -183,6 +189,7 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
         "estimate": ErrorEstimate(**fields.get("estimate", {})),
         "intersections": history_from(fields.get("intersections", older)),
         "unstable": UnstableEquilibria(**fields.get("unstable", {})),
+        "pinched": Pinches(**fields.get("pinched", {})),
         "stiffness": StiffnessChanges(**fields.get("stiffness", {})),
     }
     return Certificate(

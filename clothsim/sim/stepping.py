@@ -161,12 +161,13 @@ class StepReport:
         return self.result.outcome.converged
 
 
-def advance(integrator: Integrator, state: State, until: float) -> StepReport:
+def advance(integrator: Integrator, state: State, until: float, retries: bool = True) -> StepReport:
     """Take one step from `state`, at most to `until` [s].
 
     Steps divide the time to `until` evenly, so that no tiny step remains. A failed solve is repeated from the same
     state with half the dt, down to the longest dt halved MAX_HALVINGS times: below that the run would approach its
-    obstacle in endless small steps. A step that `control` rejects is repeated too.
+    obstacle in endless small steps. A step that `control` rejects is repeated too. Without `retries` no solve is
+    repeated with a shorter dt.
 
     Returns
     -------
@@ -174,15 +175,16 @@ def advance(integrator: Integrator, state: State, until: float) -> StepReport:
         With `failure` where no try succeeded.
     """
     with integrator.potential.timers.phase("step control"):
-        return _advance(integrator, state, until)
+        return _advance(integrator, state, until, retries)
 
 
-def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
+def _advance(integrator: Integrator, state: State, until: float, retries: bool) -> StepReport:
     left = until - state.time
     failures: list[str] = []
     dts: list[float] = []
     tried, dt = state, state.dt
-    smallest, rejected, restarted = integrator.shortest(dt), 0, False
+    smallest = integrator.shortest(dt) if retries else dt
+    rejected, restarted = 0, False
     held = integrator.constraints.values()
     unbalanced: list[tuple[Potential, NewtonResult]] = []
     for attempt in range(1, MOST_TRIES + 1):

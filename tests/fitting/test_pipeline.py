@@ -12,6 +12,7 @@ from clothsim.fitting import pipeline
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.pipeline import seeded
 from clothsim.fitting.stage import Garment
+from clothsim.io.mesh_file import read_mesh
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.untangling import search
 
@@ -241,3 +242,35 @@ def test_a_garment_that_crosses_the_body_is_cleared(tmp_path):
     assert found.stages[0].counts.body_pairs > 0
     assert found.last.counts.clean
     assert np.linalg.norm(found.last.positions - dented, axis=1).max() < 0.02
+
+
+def test_where_the_near_part_of_the_body_is_not_enough_the_whole_body_grows(tmp_path, monkeypatch, without_clear):
+    """The part is put at the head of the capsule, where it pushes nothing: the check on the whole body finds that."""
+    monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
+    real, sizes = pipeline.moved_with_body, []
+
+    def head_only(_, frames, triangles):
+        head = COARSE.positions[triangles][:, :, 2].min(axis=1) > 0.45
+        used, renumbered = np.unique(triangles[head], return_inverse=True)
+        return tuple(frame[used] for frame in frames), renumbered.reshape(-1, 3)
+
+    def moved_with_body(worn, *arguments, **slips):
+        sizes.append(len(worn.body_triangles))
+        return real(worn, *arguments, **slips)
+
+    monkeypatch.setattr(pipeline, "near_body", head_only)
+    monkeypatch.setattr(pipeline, "moved_with_body", moved_with_body)
+    found = seeded(task(tube_garment(0.097, height=0.12, cells=(10, 3)), COARSE, COARSE, tmp_path))
+    assert len(sizes) == 2
+    assert sizes[0] < sizes[1] == len(COARSE.triangles)
+    assert not found.failure
+    assert found.last.counts.clean
+
+
+def test_a_growth_takes_only_the_body_near_the_garment(tmp_path, monkeypatch, without_clear):
+    monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
+    garment = tube_garment(0.097, height=0.12, cells=(10, 3))
+    found = seeded(task(garment, FIGURE, FIGURE, tmp_path))
+    moved = read_mesh(tmp_path / "grow" / "body001.obj")
+    assert 0 < len(moved.triangles) < len(FIGURE.triangles)
+    assert found.last.counts.clean

@@ -139,7 +139,8 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
             return search, Found(run, first, _parts(run, {"all": 0.0}), False)
         moved = distance(coarsest, first)
         same = not another_shape(first, moved)
-        found = Found(run, first, _parts(run, {"all": from_joint(moved, 2.0, search.resolvable.knobs)}), same)
+        left = from_joint(moved, 2.0, search.resolvable.knobs, search.resolvable.dt(coarsest.resolution))
+        found = Found(run, first, _parts(run, {"all": left}), same)
         if same or search.spent > search.budget / 2:
             break
         search.halve_step()

@@ -52,7 +52,7 @@ def test_an_estimate_is_the_distance_to_a_coarser_run(tmp_path):
     estimate = estimated.summary["certificate"]["error_estimate"]
     assert "total" not in plain.summary["certificate"]["error_estimate"]
     assert estimate["known"]
-    assert estimate["parts"]["all"] == pytest.approx(estimate["coarser_run_moved"] / (2**1.7 - 1))
+    assert estimate["parts"]["all"] == pytest.approx(estimate["coarser_run_moved"] / (2**1.45 - 1))
     assert estimate["fixed"] == {}
     exact = simulate(set_key(finer, "solver.dt", 0.04 / 64), tmp_path / "exact")
     true = np.sqrt(((plain.positions(-1) - exact.positions(-1)) ** 2).sum(axis=1).mean())
