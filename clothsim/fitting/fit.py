@@ -93,8 +93,13 @@ class Fit:
 
     @property
     def positions(self) -> Floats:
-        """Positions of the fitted garment, (n, 3) [m]."""
+        """Positions of the fitted garment, (n, 3) [m]: of its simulated pieces (`garment`)."""
         return self.answer.positions
+
+    @property
+    def complete_positions(self) -> Floats:
+        """Positions of all vertices of the garment's file, also of pieces that follow others [m]."""
+        return self.garment.division.complete(self.positions)
 
     @property
     def counts(self) -> Counts:
@@ -200,7 +205,7 @@ def fit(
     else:
         source = _figure(base, scale, body_group)
         file = base if isinstance(base, str | Path) else None
-        worn = read_garment(garment, file, source.scale, part=part, weld=weld)
+        worn = read_garment(garment, file, source.scale, part=part, weld=weld, body=source.positions)
     target = source if _same(base, to) and scale_to in (None, scale) else _target(to, scale_to, body_group)
     if not of_scene:
         _refuse_a_body(worn, source, target)
@@ -307,7 +312,9 @@ def _fallen(run: Run, body: str) -> str:
 
 def _write(done: Fit, seconds: float) -> None:
     """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
-    text = fitted_text(done.garment.original, done.positions) or obj_text(done.positions, done.garment.triangles)
+    division, positions = done.garment.division, done.complete_positions
+    whole = division.whole if division.followers else done.garment.triangles
+    text = fitted_text(done.garment.original, positions) or obj_text(positions, whole)
     write_atomically(done.directory / FITTED, text.encode())
     file = done.directory / SUMMARY_NAME
     previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
@@ -318,6 +325,7 @@ def _write(done: Fit, seconds: float) -> None:
         "fitted_stage": done.answer_number,
         "cost": done.cost.as_dict(),
         "notes": [*done.notes, *previous["notes"]],
+        "pieces": division.as_dict(),
         "fit_seconds": seconds,
     }
     if done.status == "failed":
