@@ -133,12 +133,12 @@ def legs_score(points: Floats, triangles: Ints, axis: Floats) -> float:
     for fraction in LEGS:
         pieces = loops(level_set(points, triangles, heights, floor + fraction * height), triangles)
         lengths = [float(piece.lengths.sum()) for piece in pieces]
-        pairs.append(len(lengths) > 1 and lengths[1] > SIMILAR * lengths[0] and (lengths + [0.0])[2] < lengths[1] / 2)
+        pairs.append(len(lengths) > 1 and lengths[1] > SIMILAR * lengths[0] and [*lengths, 0.0][2] < lengths[1] / 2)
     heads = []
     for fraction in HEAD:
         pieces = loops(level_set(points, triangles, heights, floor + fraction * height), triangles)
         lengths = [float(piece.lengths.sum()) for piece in pieces]
-        heads.append(len(lengths) > 0 and (lengths + [0.0])[1] < SIMILAR * lengths[0])
+        heads.append(len(lengths) > 0 and [*lengths, 0.0][1] < SIMILAR * lengths[0])
     return float(np.mean(pairs) * np.mean(heads))
 
 
@@ -146,7 +146,8 @@ def from_leg_to_leg(
     points: Floats, triangles: Ints, axis: Floats, floor: float, height: float
 ) -> tuple[Floats, Floats]:
     """Horizontal unit vector from one leg to the other, (3,), and the point midway between them, (3,)."""
-    differences, middles = [], []
+    differences: list[Floats] = []
+    middles: list[Floats] = []
     for fraction in LEGS:
         pieces = loops(level_set(points, triangles, points @ axis, floor + fraction * height), triangles)
         if len(pieces) < 2:
@@ -198,7 +199,7 @@ def foot_direction(
             continue
         foot = (low.max(axis=0) + low.min(axis=0)) / 2.0
         rings = [level_set(points, triangles, heights, floor + fraction * height) for fraction in ANKLE]
-        rings = [ring.only(sign * ((ring.starts - middle) @ lateral) > 0) for ring in rings]
+        rings = [ring.only(np.asarray(sign * ((ring.starts - middle) @ lateral) > 0)) for ring in rings]
         centres = [ring.centre for ring in rings if len(ring.starts)]
         if centres:
             offsets.append(foot - np.mean(centres, axis=0))

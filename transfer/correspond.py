@@ -132,10 +132,10 @@ def registered_by_parts(source: Mesh, target: Mesh, progress: Callable[[str], No
     what is left is a fraction of a limb's radius, and needs no markers.
     """
     try:
-        parts = [body_parts(*mesh) for mesh in (source, target)]
+        own, other = (body_parts(*mesh) for mesh in (source, target))
     except TransferError:
         return np.zeros((0, 3))
-    near = warped_onto(*parts, source[0])
+    near = warped_onto(own, other, source[0])
     labels = [vertex_components(triangles, len(positions)) for positions, triangles in (source, target)]
     fitted, aim = (
         part(mesh, of, [largest_component(mesh[1], of)]) for mesh, of in zip((source, target), labels, strict=True)

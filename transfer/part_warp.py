@@ -66,9 +66,9 @@ def warped_onto(source: BodyParts, target: BodyParts, positions: Floats) -> Floa
 
 def heights_onto(source: BodyParts, target: BodyParts, heights: Floats) -> Floats:
     """Heights of the source as those of the target: linear between the landmarks, and beyond them."""
-    knots = [np.array([0.0, *(parts.landmarks[name] for name in LEVELS)]) for parts in (source, target)]
-    mapped = np.interp(heights, *knots)
-    return mapped + np.where(heights > knots[0][-1], heights - knots[0][-1], 0.0) + np.minimum(heights, 0.0)
+    own, other = (np.array([0.0, *(parts.landmarks[name] for name in LEVELS)]) for parts in (source, target))
+    mapped = np.interp(heights, own, other)
+    return mapped + np.where(heights > own[-1], heights - own[-1], 0.0) + np.minimum(heights, 0.0)
 
 
 def upright(source: BodyParts, target: BodyParts, tube: Tube, onto: Tube, local: Floats) -> Floats:

@@ -47,7 +47,11 @@ def size_factors(source: BodyParts, target: BodyParts) -> SizeFactors:
     """Size factors from one body to another, smoothed along each part and bounded by WIDEST about their mean."""
     trunk = profile(source.trunk, target.trunk, heights_onto(source, target, source.trunk.levels))
     legs = np.mean(
-        [profile(a, b, heights_onto(source, target, a.levels)) for a, b in zip(*both_legs(source, target))], 0
+        [
+            profile(a, b, heights_onto(source, target, a.levels))
+            for a, b in zip(*both_legs(source, target), strict=True)
+        ],
+        0,
     )
     arms = np.mean([profile(a, b, a.levels) for a, b in zip(source.arms, target.arms, strict=True)], axis=0)
     marks = [parts.landmarks for parts in (source, target)]

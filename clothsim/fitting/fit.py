@@ -49,7 +49,8 @@ class Fit:
     directory : Path
         Output directory.
     status : str
-        "completed" (simulated to its end), "distorted" (so, but it does not look worn: see `look`), "refined" (the garment is free of intersections, but its simulation did not
+        "completed" (simulated to its end), "distorted" (so, but it does not look worn: see `look`), "refined" (the
+        garment is free of intersections, but its simulation did not
         complete) or "failed".
     reason : str
         Reason for the status, one sentence.
@@ -346,7 +347,7 @@ def _write(done: Fit, seconds: float) -> None:
     if done.status in ("failed", "distorted"):
         position, counts = done.counts.position, str(done.counts)
         if done.status == "distorted":
-            position, counts = list(done.look.place), done.look.fault
+            position, counts = np.asarray(done.look.place), done.look.fault
         failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": position, "remedy": REMEDY}
         fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
     write_summary(file, {**previous, **fitted})
