@@ -25,10 +25,13 @@ from clothsim.mesh.topology import components, half_edges
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.mesh_keys import check_body, check_cloth
 from clothsim.scene.toml_file import load_scene
+from transfer.body_frame import legs_score
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
 SMALLEST, LARGEST = 0.5, 3.0
 """The largest extent of a body [m]: beyond, its file is in another unit."""
+NEARLY = 0.7
+"""Ratio of the extents in y and z from which the longer one need not be the height."""
 FARTHEST = 1e6
 """No coordinate of a garment is larger [m]: distances to a body would lose all their digits, or overflow."""
 TWO_SIDED = 0.8
@@ -49,8 +52,12 @@ class Figure:
 
     @property
     def up(self) -> Floats:
-        """Vertical axis, (3,): the longer of y and z, as x runs from hand to hand."""
+        """Vertical axis, (3,): the one of y and z with legs below and a head above, else the longer one."""
         extent = np.ptp(self.positions, axis=0)
+        if extent[1:].min() > NEARLY * extent[1:].max():  # arms held level, a body turned by 90 degrees
+            scores = [legs_score(self.positions, self.triangles, axis) for axis in np.eye(3)[1:]]
+            if scores[0] != scores[1]:
+                return np.eye(3)[1 + int(np.argmax(scores))]
         return np.eye(3)[1 if extent[1] >= extent[2] else 2]
 
 

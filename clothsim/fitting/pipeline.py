@@ -23,6 +23,7 @@ from clothsim.fitting.markers import NO_MARKERS
 from clothsim.fitting.moving_body import Worn, moved_with_body, named_stage
 from clothsim.fitting.near_body import near_body
 from clothsim.fitting.penetration import counted
+from clothsim.fitting.sized import Size, sized
 from clothsim.fitting.stage import Garment, Stage, StageCallback, staged
 from clothsim.fitting.transfer_seed import Transferred, transferred
 from clothsim.fitting.worn_place import worn_positions
@@ -72,7 +73,7 @@ class Seeded:
     """Start of a simulation: the last of `stages` where failure is empty; worn: how the scenes wear it.
 
     place (n, 3) [m]: where the garment was worn, on the target; on_target: the first stage that is counted there;
-    body: the target.
+    body: the target; size: of the garment there.
     """
 
     stages: tuple[Stage, ...]
@@ -80,6 +81,7 @@ class Seeded:
     place: Floats
     on_target: int
     body: BodySurface
+    size: Size
     failure: str = ""
     notes: tuple[str, ...] = ()
 
@@ -101,15 +103,23 @@ def seeded(task: Task) -> Seeded:
         stages = _as_it_came(task, worn_by)
         on_target = 0 if task.same_body else len(stages)
         carrier, rest, place = task.target.positions, task.garment.positions, task.garment.positions
+        size = Size(rest, "own")
         if stages[-1].counts.self_pairs:  # nothing later parts what cannot be parted on its own body
             worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
-            return Seeded(tuple(stages), worn, place, 0, body, _meets_itself(stages[-1]))
+            return Seeded(tuple(stages), worn, place, 0, body, size, _meets_itself(stages[-1]))
         came = partial(staged, triangles=task.garment.triangles, on_stage=task.on_stage)
         if not task.same_body:
             moved: list[Transferred] = []
             stages.append(came("transfer", body=body, make=partial(_moved, stages[-1].positions, task, moved)))
             carrier = moved[0].body
-            rest = moved[0].positions if task.resize else rest
+            sizes: list[Size] = []
+            stages.append(came("size", body=body, make=partial(_sized, stages[-1].positions, task, body, sizes)))
+            size = sizes[0]
+            if size.kind == "transferred":
+                stages.pop()
+            else:
+                on_target += 1  # the transferred shape is stretched as the bodies are: none to start from
+            rest = size.positions if task.resize else rest
             place = worn_positions(task.garment.positions, worn_by, carrier)
         if stages[-1].counts.body_pairs:
             wider = replace(body, positions=body.positions + MARGIN * body.vertex_normals)
@@ -124,7 +134,7 @@ def seeded(task: Task) -> Seeded:
     except TransferError as error:
         raise InputError(error.sentence, error.remedy) from error
     worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
-    state = Seeded(tuple(stages), worn, place, on_target, body)
+    state = Seeded(tuple(stages), worn, place, on_target, body, size)
     return state if state.last.counts.clean else _guaranteed(state, task, body, carrier)
 
 
@@ -141,6 +151,11 @@ def _moved(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats,
     return moved[0].positions, moved[0].description
 
 
+def _sized(shape: Floats, task: Task, body: BodySurface, sizes: list[Size]) -> tuple[Floats, str]:
+    sizes.append(sized(task.garment, task.source, task.target, shape, body, graded=task.resize))
+    return sizes[0].positions, str(sizes[0])
+
+
 def _refined(positions: Floats, task: Task, body: BodySurface, along_normals: bool) -> tuple[Floats, str]:
     from transfer.refine import refined_on
 
@@ -151,7 +166,7 @@ def _refined(positions: Floats, task: Task, body: BodySurface, along_normals: bo
 
 def _guaranteed(state: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
     """Deflate and grow; where no depth frees any shape, morph the one body into the other first."""
-    own = state.stages[state.on_target - 1]
+    own = [stage for stage in state.stages if stage.name in ("garment", "untangle")][-1]
     done = _freed(state, state.stages[state.on_target :], task, body)
     if (done is None or done.failure) and not task.same_body and own.counts.on_body:
         if done is not None:
