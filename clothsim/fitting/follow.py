@@ -1,6 +1,6 @@
 """Pieces that follow another: positions in the frames of its triangles, or rigid."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -30,6 +30,14 @@ class Followers:
     weights: Floats
     offsets: Floats
     shape: Floats
+
+    def on_one_side(self, clearance: float) -> "Followers":
+        """A copy whose vertices are all on the side of the host on which most are, `clearance` [m] from it at least."""
+        height = self.offsets[:, 2]
+        side = -1.0 if np.count_nonzero(height < 0) > len(height) / 2 else 1.0
+        moved = self.offsets.copy()
+        moved[:, 2] = side * np.maximum(side * height, clearance)
+        return replace(self, offsets=moved)
 
     def at(self, positions: Floats) -> Floats:
         """Return the positions (k, 3) on the host at `positions (n, 3)` [m]."""

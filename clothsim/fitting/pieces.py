@@ -17,10 +17,14 @@ from clothsim.mesh.topology import components
 SMALL = 0.2
 """Area of a small piece over that of the largest one."""
 LYING, TOUCHING, NEAR = 0.01, 0.005, 0.05
-"""Distances [m]: a small piece with all vertices within LYING lies on another; vertices within TOUCHING are stitched; a
-small piece within NEAR that touches nothing follows."""
+"""Distances [m]: a small piece with MOSTLY all vertices within LYING lies on another; vertices within TOUCHING are
+stitched; a small piece within NEAR that touches nothing follows."""
+MOSTLY = 0.7
+"""Fraction of its vertices that are near, for a piece to lie on another: a flat pocket on a curved front."""
 COINCIDENT = 0.0005
 """A piece all of whose vertices are within that distance of another is its second side [m]."""
+CLEARANCE = 0.0005
+"""Least distance from its host, on one side, of a piece that lies on it and is not rigid [m]."""
 RIGID = 0.04
 """Extent below which a piece that follows is rigid, as a button is [m]."""
 
@@ -131,7 +135,7 @@ def _fate(distance: Floats, is_small: bool) -> str:
         return "second side"
     if not is_small or distance.min() > NEAR:
         return "simulated"
-    if distance.max() <= LYING:
+    if np.quantile(distance, MOSTLY) <= LYING and distance.max() <= NEAR:
         return "lying"
     return "stitched" if np.count_nonzero(distance <= TOUCHING) > 1 else "near"
 
@@ -144,7 +148,8 @@ def _division(positions: Floats, triangles: Ints, rows: Ints, found: list[tuple[
             stitched.append(np.searchsorted(vertices, own))
             continue
         is_rigid = fate != "second side" and bool(np.ptp(positions[own], axis=0).max() < RIGID)
-        followers.append(followers_of(positions, own, np.searchsorted(vertices, host), vertices, closest, is_rigid))
+        piece = followers_of(positions, own, np.searchsorted(vertices, host), vertices, closest, is_rigid)
+        followers.append(piece.on_one_side(CLEARANCE) if fate == "lying" and not is_rigid else piece)
     count = Counter(fate for fate, *_ in found)
     notes = tuple(f"{count[fate]} of its pieces {words}" for fate, words in WORDS.items() if count[fate])
     return Division(vertices, triangles, rows, tuple(followers), tuple(stitched), notes)

@@ -123,3 +123,17 @@ def test_fitted_obj_has_every_vertex(tmp_path):
     fitted = read_mesh(tmp_path / "out" / "fitted.obj")
     assert len(fitted.positions) == len(x) == len(done.complete_positions)
     assert np.array_equal(fitted.triangles, triangles)
+
+
+def test_a_flat_pocket_partly_sunk_into_a_curved_front_follows_on_one_side():
+    flat, faces = rectangle(size=(0.05, 0.06), cells=(5, 6))
+    pocket = np.column_stack([np.full(len(flat), HOST - 0.0005), flat[:, 0], flat[:, 1]])
+    x, triangles = joined(SHIRT, (pocket, faces))
+    assert len(intersecting_pairs(x, triangles)) > 0
+    division = divided(x, triangles)
+    assert division.as_dict() == {"following": 1, "stitched": 0}
+    placed = division.complete(x[division.vertices])
+    normal = division.followers[0].offsets[:, 2]
+    assert np.abs(normal).min() >= 0.0005
+    assert len(np.unique(np.sign(normal))) == 1
+    assert np.linalg.norm(placed[len(SHIRT[0]) :] - pocket, axis=1).max() < 0.004
