@@ -77,6 +77,8 @@ class Integrator:
         True where unstable equilibria are left (`sim.branch_switching`).
     perturbation_seed : int
         Chooses the side.
+    carries_pinched : bool
+        True where cloth in a pinch of bodies is carried (`sim.pinch`).
     """
 
     world: World
@@ -92,6 +94,7 @@ class Integrator:
     rest_speed: float = 1e-3
     leaves_unstable: bool = True
     perturbation_seed: int = 0
+    carries_pinched: bool = False
 
     def load(self, time: float) -> float:
         """Return the fraction of the loads that acts at `time` [s]."""
