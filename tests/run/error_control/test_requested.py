@@ -113,3 +113,14 @@ def test_a_resolution_that_is_expected_to_miss_is_a_pilot_run(tmp_path, monkeypa
     assert [line.startswith("run:") for line in lines] == [k == 1 for k in range(len(lines))]
     assert estimate["chosen"]["dt"] == pytest.approx(estimate["runs"][1]["dt"])
     assert not estimate["met"]
+
+
+def test_cells_that_are_no_whole_numbers_are_not_chosen():
+    scene = replace(strip(error=1e-3), cloth={**STRIP, "cells": [5, 3]})
+    ladder = resolvable(scene)
+    first = ladder.refined(ladder.coarsest, ladder.knobs)
+    errors = KnobErrors(ladder.sizes(first), {"dt": 1e-5, "cells": 2.05e-3})
+    taken = chosen(ladder, errors, [ladder.coarsest, first], 1e-3, 24, np.inf)
+    assert taken.cells == 3
+    assert not ladder.whole(Fraction(5, 2))
+    assert ladder.at(taken, 0.1).cloth["cells"] == [15, 9]
