@@ -63,6 +63,7 @@ def test_without_the_policy_the_run_stops(tmp_path):
     run = clothsim.simulate(scene(-0.004, {}, duration=0.16), tmp_path)
     assert run.status == "failed"
     assert run.summary["failure"]["cause"] == "blocked"
+    assert "pinch" in run.summary["failure"]["remedy"]
     assert "carried" not in run.summary["certificate"]
     assert "carried" not in run.trajectory.fields
 
