@@ -12,6 +12,7 @@ from clothsim.arrays import Floats, as_number, as_positive, as_vector
 from clothsim.build.animated_body import body_of_files, body_of_frames
 from clothsim.build.placement import PART, Shape, examined, existing_file, name_of, placed
 from clothsim.build.welding import sewn
+from clothsim.build.winding import wound_alike
 from clothsim.errors import InputError
 from clothsim.mesh.body import Body, make_body
 from clothsim.mesh.cloth import Cloth, make_cloth
@@ -71,8 +72,10 @@ def cloth_of(
     if start is None and shape.start is not None:
         start = placed(keys, where, shape.start)
     gap = as_positive(f"{where}.weld", keys.get("weld", 0.0), zero=True)
+    shape = wound_alike(shape)
     if gap:
         shape, start = sewn(label, shape, start, gap, at_start=in_plane)
+        shape = wound_alike(shape)  # panels wound the other way than their neighbours
     layers = _flag(f"{where}.sewn", keys.get("sewn", False))
     warnings = examined(label, shape, "sewn cloth" if gap or layers else "cloth")
     cloth = make_cloth(

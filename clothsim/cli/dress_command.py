@@ -37,6 +37,7 @@ def add_to(commands: Any) -> None:
     dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")
     dress.add_argument("--scale", metavar="S", help="metres per unit of the body (default: by height)")
     dress.add_argument("--body-group", metavar="NAME", help="this group of the body's file (default: the largest)")
+    dress.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
     dress.add_argument("--no-picture", action="store_true", help="draw nothing")
     dress.add_argument("--quiet", action="store_true", help="print the end only")
     dress.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
@@ -78,6 +79,7 @@ def _dress(arguments: argparse.Namespace) -> int:
             rotation_order=arguments.rotation_order,
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
             body_group=arguments.body_group,
+            overwrite=arguments.overwrite,
             on_stage=lambda stage: report(_stage(stage)),
             progress=listener,
         )

@@ -75,7 +75,7 @@ def close(state: SewingState, body: Figure, fabric: str, folder: Path, listener:
         limit = CLOSED * contact_gap(scene)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IntersectionWarning)
-            run = simulate(scene, folder / f"close{number}", listener)
+            run = simulate(scene, folder / f"close{number}", listener, overwrite=True)
         runs.append(run)
         state = state.at(run.positions(-1))
         if run.status != "completed":

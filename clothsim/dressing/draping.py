@@ -62,4 +62,4 @@ def drape(
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IntersectionWarning)
-        return simulate(scene, folder, listener, announce)
+        return simulate(scene, folder, listener, announce, overwrite=True)

@@ -24,6 +24,7 @@ from clothsim.fitting.stage import Stage, StageCallback, staged
 from clothsim.mesh.pattern.pattern import Pattern
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
 from clothsim.mesh.pattern.specification import read_specification
+from clothsim.run.output_directory import refuse_earlier_run
 from clothsim.run.recorded_run import Announcement, Listener
 from clothsim.run.results import Run
 from clothsim.scene.fabrics import fabric_named
@@ -131,6 +132,7 @@ def dress(
     rotation_order: str = "zyx",
     scale: float | None = None,
     body_group: str | None = None,
+    overwrite: bool = False,
     on_stage: StageCallback = lambda stage: None,
     progress: Listener | None = None,
     announce: Announcement | None = None,
@@ -157,6 +159,8 @@ def dress(
         Metres per unit of the body's file; None: from its height.
     body_group : str, optional
         Group of the body's file.
+    overwrite : bool
+        True: replace an earlier run in the directory.
     on_stage : callable
         Called with each `Stage` as it ends.
     progress, announce : callable, optional
@@ -170,7 +174,7 @@ def dress(
     Raises
     ------
     InputError
-        Invalid files or arguments.
+        Invalid files or arguments, or a directory that holds an earlier run without `overwrite`.
 
     Examples
     --------
@@ -181,6 +185,7 @@ def dress(
     started = perf_counter()
     fabric_named("fabric", fabric)
     directory = Path(tempfile.mkdtemp(prefix="clothsim-dress-") if output is None else output)
+    refuse_earlier_run(directory, overwrite)
     read = pattern if isinstance(pattern, Pattern) else read_specification(pattern, rotation_order)
     name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
     body = read_figure(on, scale=scale, group=body_group) if isinstance(on, str | Path) else figure_of(on)

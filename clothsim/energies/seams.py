@@ -21,7 +21,7 @@ from clothsim.energies.protocols import ContactGap
 from clothsim.energies.selection import as_flag, check_tables, cloth_number, selected_vertices, vertex_numbers
 from clothsim.errors import InputError
 from clothsim.mesh.edge_paths import path_along
-from clothsim.mesh.stitches import Line, hinges_across, line_of, stitches
+from clothsim.mesh.stitches import Line, hinges_across, line_of, nearest_stitches, stitches
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import World
 
@@ -30,7 +30,9 @@ if TYPE_CHECKING:
 
 KEYS = ("from", "to", "start", "end", "stiffness", "flip", "bends", "match")
 MATCHES = ("length", "vertices")
-SIDE = ("cloth", "side", "through", "vertices")
+SIDE = ("cloth", "side", "through", "vertices", "nearest")
+NEAREST = {"nearest": True}
+"""The `to` of a seam whose vertices are each stitched to the nearest edge of another piece."""
 SIDES = ("left", "right", "top", "bottom")
 STIFFER = 100.0
 """Ratio of the default stiffness of a stitch to that of the fabric in stretch."""
@@ -51,6 +53,7 @@ def seams(
         and one of `side` ("left", "right", from bottom to top, or "bottom", "top", from left to right), `through`,
         points [[x, y, z], ...] along the border in the coordinates of the mesh before its placement [m], and
         `vertices`, numbers in their order.
+        `to` = { nearest = true } stitches each vertex of `from` to the nearest edge of another piece of cloth at rest.
     built : mapping, optional
         The energies built so far: seams bend if bending is on, and leave a gap for self_contact.
 
@@ -82,7 +85,9 @@ def _seam(
     name: str, world: World, keys: Mapping[str, Any], bending: bool
 ) -> tuple["Seam", Ints, Floats, Floats, Ints, Ints]:
     """A seam with its stitches (rows, weights, stiffnesses), its hinges and the triangles beside them."""
-    first, second = (_line(f"{name}.{key}", world, keys[key]) for key in ("from", "to"))
+    is_nearest = keys["to"] == NEAREST
+    first = _line(f"{name}.from", world, keys["from"])
+    second = first if is_nearest else _line(f"{name}.to", world, keys["to"])
     flip, bends = (as_flag(f"{name}.{key}", keys.get(key, usual)) for key, usual in (("flip", False), ("bends", True)))
     if flip:
         second = Line(second.vertices[::-1], 1 - second.parameters[::-1])
@@ -93,19 +98,28 @@ def _seam(
     start, end = (as_positive(f"{name}.{key}", keys.get(key, at), zero=True) for key, at in (("start", 0), ("end", 1)))
     if end <= start:
         raise InputError(f"{name} closes from {start:g} s to {end:g} s.", "Its end must be after its start.")
-    rows, weights = stitches(first, second)
+    rows, weights = _nearest(world, first) if is_nearest else stitches(first, second)
     if not len(rows):
-        raise InputError(f"{name} joins a line to itself.", "Give two lines.")
+        what = "finds no other piece" if is_nearest else "joins a line to itself"
+        raise InputError(f"{name} {what}.", "Give two lines.")
     fabric = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft")).max()
     if "stiffness" not in keys and not fabric > 0:
         raise InputError(f"{name} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
     stiffness = as_positive(f"{name}.stiffness", keys.get("stiffness", STIFFER * float(fabric)))
     hinges, beside = hinges_across(first, second, world.triangles)
+    if is_nearest:
+        hinges, beside = hinges[:0], beside[:0]
     n = len(hinges) if bending and bends else 0
     from clothsim.energies.seam_strings import Seam
 
     made = Seam(name.removeprefix("effects.seams."), start, end, len(rows), n)
     return made, rows, weights, np.full(len(rows), stiffness), hinges[:n], beside[:n]
+
+
+def _nearest(world: World, line: Line) -> tuple[Ints, Floats]:
+    """Stitches of a line to the nearest edges of other pieces, at rest."""
+    rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
+    return nearest_stitches(line.vertices, rest, world.triangles)
 
 
 def _one_by_one(name: str, *lines: Line) -> tuple[Line, ...]:
@@ -125,6 +139,8 @@ def _line(name: str, world: World, keys: object) -> Line:
     rest = cloth.rest_positions
     if sum(key in keys for key in SIDE[1:]) != 1:
         raise InputError(f"{name} needs one of {', '.join(SIDE[1:])}.", 'For a rectangle: { side = "left" }.')
+    if "nearest" in keys:
+        raise InputError(f"{name}.nearest is {keys['nearest']!r}.", "Only `to` may be { nearest = true }.")
     if "side" in keys:
         if keys["side"] not in SIDES:
             raise InputError(f"{name}.side is {keys['side']!r}.", f"Known: {', '.join(SIDES)}.")

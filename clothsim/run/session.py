@@ -113,7 +113,19 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
         rest_speed=run.rest_speed,
         leaves_unstable=leaves,
         perturbation_seed=settings.perturbation_seed,
+        carries_pinched=_carries_pinched(scene, built),
     )
+
+
+def _carries_pinched(scene: Scene, built: Built) -> bool:
+    """True where the scene asks that cloth in a pinch is carried. InputError where contact cannot do it."""
+    if scene.contact_settings.pinch == "stop":
+        return False
+    if scene.contact_settings.backend == "ipctk":
+        raise InputError('contact.pinch = "carry" does not work with ipctk.', 'Use contact.backend = "numba".')
+    if "body_contact" not in built.energies:
+        raise InputError('contact.pinch = "carry" needs effects.body_contact.', "Add it, or leave the key out.")
+    return True
 
 
 def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:

@@ -75,6 +75,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "rejected": report.rejected,
         "restarted": report.restarted,
         "unstable": [asdict(switch) for switch in report.switches],
+        **({} if certificate.carried is None else {"carried": certificate.carried.now}),
     }
 
 

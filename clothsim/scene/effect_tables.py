@@ -74,6 +74,9 @@ class SeamLine(KeyTable):
         Sequence[Sequence[float]], Key("Points [[x, y, z], ...] along the border of the unplaced mesh", "m")
     ] = ()
     vertices: Annotated[Sequence[int], Key("Vertex numbers in order", "1")] = ()
+    nearest: Annotated[
+        bool, Key("Of `to` alone: the edge of another piece that is nearest to each vertex of `from` at rest")
+    ] = False  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

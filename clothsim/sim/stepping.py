@@ -36,6 +36,8 @@ The tries have shorter and shorter dt, in one step or in several. Contact forces
 an obstacle that did not yield in four steps of any length will not yield in a fifth.
 """
 
+PINCH_REMEDY = 'Where parts of a body close on the cloth, [contact] pinch = "carry" lets one of them carry it.'
+
 Watch = Callable[[int, float, Potential], Observer]
 """Callback at each solve of a step, with its number from 1, dt [s] and the bound potential; returns an Observer."""
 
@@ -77,6 +79,8 @@ class Integrator:
         True where unstable equilibria are left (`sim.branch_switching`).
     perturbation_seed : int
         Chooses the side.
+    carries_pinched : bool
+        True where cloth in a pinch of bodies is carried (`sim.pinch`).
     """
 
     world: World
@@ -92,6 +96,7 @@ class Integrator:
     rest_speed: float = 1e-3
     leaves_unstable: bool = True
     perturbation_seed: int = 0
+    carries_pinched: bool = False
 
     def load(self, time: float) -> float:
         """Return the fraction of the loads that acts at `time` [s]."""
@@ -225,6 +230,9 @@ def _advance(integrator: Integrator, state: State, until: float, retries: bool) 
     if unbalanced and result.outcome.ending in (Ending.LINE_SEARCH, Ending.ITERATION_LIMIT):
         cause = unbalanced[0]  # shorter steps end at round-off, which only hides why
     failure = failure_of(integrator.world, held, cause[0], tried, cause[1], target, dts, infeasible)
+    moving = any(not body.motion.still for body in integrator.world.bodies)
+    if result.outcome.ending is Ending.BLOCKED and moving and not integrator.carries_pinched:
+        failure = replace(failure, remedy=f"{failure.remedy} {PINCH_REMEDY}")
     return replace(_report(integrator, state, h, result, bound, failures), failure=failure, rejected=rejected)
 
 

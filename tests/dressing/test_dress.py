@@ -111,6 +111,12 @@ def test_files_of_a_dressed_garment(dressed):
     assert [line for line in lines if line.startswith("g ")] == ["g front", "g back"]
 
 
+def test_an_earlier_run_is_not_replaced_unasked(dressed, body):
+    worn = clothsim.Body(body.positions, body.triangles, name="person")
+    with pytest.raises(InputError):
+        clothsim.dress(pattern_of(skirt()), worn, dressed.directory, size=SPACING)
+
+
 def test_overlapping_panels_are_moved_apart(body):
     entries = skirt()
     entries["pattern"]["panels"]["front"]["translation"][2] = -DISTANCE  # in the plane of the back
