@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -109,10 +110,30 @@ def test_a_resolution_that_is_expected_to_miss_is_a_pilot_run(tmp_path, monkeypa
     lines = []
     run = simulate(strip(error=1e-5), tmp_path, message=lines.append)
     estimate = run.summary["certificate"]["error_estimate"]
-    assert len(lines) > 3
-    assert [line.startswith("run:") for line in lines] == [k == 1 for k in range(len(lines))]
-    assert estimate["chosen"]["dt"] == pytest.approx(estimate["runs"][1]["dt"])
-    assert not estimate["met"]
+    assert len(lines) > 4
+    assert [line.startswith("run:") for line in lines] == [k in (1, len(lines) - 1) for k in range(len(lines))]
+    assert estimate["chosen"]["dt"] == pytest.approx(estimate["runs"][-1]["dt"])
+    assert estimate["total"] < 5e-5
+
+
+def test_a_refinement_that_fails_does_not_replace_a_completed_run(tmp_path, monkeypatch):
+    scene, done = strip(error=1e-5), []
+
+    def failing(self, resolution, expected=None):
+        run, result = original(self, resolution, expected)
+        done.append(resolution)
+        return (run if len(done) != 2 else SimpleNamespace(status="failed", summary=run.summary)), result
+
+    original = search.Search.run
+    monkeypatch.setattr(search, "PILOT_FROM", np.inf)
+    monkeypatch.setattr(search.Search, "run", failing)
+    run = simulate(scene, tmp_path)
+    estimate = run.summary["certificate"]["error_estimate"]
+    assert run.status == "completed"
+    assert len(done) == 3
+    assert done[2] == done[0] != done[1]
+    assert not estimate["known"]
+    assert estimate["chosen"]["dt"] == pytest.approx(0.04 / done[0].steps)
 
 
 def test_cells_that_are_no_whole_numbers_are_not_chosen():
