@@ -12,15 +12,20 @@ from numpy.typing import ArrayLike
 
 from transfer.adjacency import largest_component, vertex_components
 from transfer.align import by_boxes, by_points, span_a_plane
+from transfer.body_parts import body_parts
 from transfer.closest_surface_point import facing_surface
 from transfer.deform import deformation_transfer
 from transfer.errors import TransferError
 from transfer.gradients import centroids, mean_edge
 from transfer.landmarks import derive_markers
 from transfer.overlay import lay_over
+from transfer.part_warp import warped_onto
 from transfer.triangle_surface import Floats, Ints, as_surface, triangle_normals
 
 Mesh = tuple[Floats, Ints]
+
+FROM_NEAR = (1e-2, 1e-1, 1.0, 17.0, 292.0)
+"""w_C of the steps of a registration that begins near the target."""
 
 
 @dataclass(frozen=True)
@@ -65,8 +70,9 @@ def correspond(
     source_triangles, target_triangles : array_like (m, 3), (l, 3)
         Vertex indices.
     markers : array_like (k, 2), optional
-        (source vertex, target vertex), met exactly. None: derived for upright bodies in the same axes, and met in the
-        first steps only.
+        (source vertex, target vertex), met exactly. None: none are needed for standing bodies, in any orientation
+        about a vertical axis y or z and with any pose of the arms (see `body_parts`); for other surfaces they are
+        derived, in the same axes, and met in the first steps only.
     progress : callable, optional
         Called with a line of text after each step.
 
@@ -95,6 +101,9 @@ def correspond(
     target = as_surface("target", target_positions, target_triangles)
     pieces = [vertex_components(triangles, len(positions)) for positions, triangles in (source, target)]
     if markers is None:
+        by_parts = registered_by_parts(source, target, progress)
+        if len(by_parts):
+            return Correspondence(by_parts, triangle_pairs((by_parts, source[1]), target), np.zeros((0, 2), int), True)
         whole = [
             part(mesh, of, [largest_component(mesh[1], of)]) for mesh, of in zip((source, target), pieces, strict=True)
         ]
@@ -114,6 +123,28 @@ def correspond(
     if len(fitted) < len(source[1]):
         laid = follow_fitted((start, source[1]), fitted, laid)
     return Correspondence(laid, triangle_pairs((laid, source[1]), target), used, markers is None)
+
+
+def registered_by_parts(source: Mesh, target: Mesh, progress: Callable[[str], None] | None) -> Floats:
+    """Source vertices (n, 3) in the shape of the target where both are standing bodies; else none, (0, 3).
+
+    The pose, the proportions and the orientation are those of the target before the first closest point is asked for:
+    what is left is a fraction of a limb's radius, and needs no markers.
+    """
+    try:
+        own, other = (body_parts(*mesh) for mesh in (source, target))
+    except TransferError:
+        return np.zeros((0, 3))
+    near = warped_onto(own, other, source[0])
+    labels = [vertex_components(triangles, len(positions)) for positions, triangles in (source, target)]
+    fitted, aim = (
+        part(mesh, of, [largest_component(mesh[1], of)]) for mesh, of in zip((source, target), labels, strict=True)
+    )
+    unit = mean_edge(near, source[1][fitted])
+    onto = facing_surface(target[0] / unit, target[1][aim])
+    none = np.zeros(0, np.int64), np.zeros((0, 3))
+    laid = unit * lay_over(near / unit, source[1][fitted], onto, *none, progress=progress, weights=FROM_NEAR)
+    return laid if len(fitted) == len(source[1]) else follow_fitted((near, source[1]), fitted, laid)
 
 
 def part(mesh: Mesh, pieces: Ints, chosen: ArrayLike) -> Ints:

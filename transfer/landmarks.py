@@ -38,7 +38,7 @@ def derive_markers(source: tuple[Floats, Ints], target: tuple[Floats, Ints]) -> 
     """
     from scipy.optimize import linear_sum_assignment
 
-    vertices, predecessors = zip(*(tips(*mesh) for mesh in (source, target)), strict=True)
+    vertices, predecessors, _ = zip(*(tips(*mesh) for mesh in (source, target)), strict=True)
     in_boxes = [in_box(*mesh)[own] for mesh, own in zip((source, target), vertices, strict=True)]
     distance = np.linalg.norm(in_boxes[0][:, None] - in_boxes[1][None], axis=2)
     _, match = linear_sum_assignment(distance)
@@ -61,8 +61,8 @@ def in_box(positions: Floats, triangles: Ints) -> Floats:
     return (positions - (low + high) / 2.0) / (high - low).max()
 
 
-def tips(positions: Floats, triangles: Ints) -> tuple[Ints, list[Ints]]:
-    """Five tips, the head last, and for each the predecessors (n,) of the shortest paths to it along edges.
+def tips(positions: Floats, triangles: Ints) -> tuple[Ints, list[Ints], list[Floats]]:
+    """Five tips, the head last, and for each the predecessors (n,) and lengths (n,) of the shortest paths to it.
 
     The head is the tip nearest to the four others.
 
@@ -89,7 +89,7 @@ def tips(positions: Floats, triangles: Ints) -> tuple[Ints, list[Ints]]:
         distances.append(own)
         distance = np.minimum(distance, own)
     order = np.argsort(-np.array(distances)[:, extremes].sum(axis=1))
-    return np.array(extremes)[order], [predecessors[k] for k in order]
+    return np.array(extremes)[order], [predecessors[k] for k in order], [distances[k] for k in order]
 
 
 def edge_graph(positions: Floats, triangles: Ints) -> csr_array:

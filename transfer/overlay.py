@@ -35,11 +35,13 @@ def lay_over(
     targets: Floats,
     rough: bool = False,
     progress: Callable[[str], None] | None = None,
+    weights: tuple[float, ...] = (),
 ) -> Floats:
     """Register the mesh `positions` (n, 3), `triangles` (m, 3), mean edge length 1, to `target`; returns (n, 3).
 
     Vertices `fixed` (k,) go to `targets` (k, 3), at least one in each connected piece. `rough`: these are few and not
-    exact; the GENTLE steps come first, and from LET_GO on they are free. Vertices of no triangle stay.
+    exact; the GENTLE steps come first, and from LET_GO on they are free. Vertices of no triangle stay. weights: w_C of
+    each step, in place of those.
     TransferError where no vertex has a compatible point of the target.
     """
     n = len(positions)
@@ -49,7 +51,7 @@ def lay_over(
     right = IDENTITY * (operator.T @ np.tile(np.eye(3), (len(triangles), 1)))
     unknowns = np.concatenate([np.unique(triangles), n + np.arange(len(triangles))])
     laid = np.concatenate([positions, np.zeros((len(triangles), 3))])  # vertices, then fourth vertices
-    weights = (0.0, *(GENTLE if rough else ()), *CLOSENESS)
+    weights = weights or (0.0, *(GENTLE if rough else ()), *CLOSENESS)
     laid[fixed] = targets
     for step, weight in enumerate(weights):
         held = fixed[:0] if rough and weight >= LET_GO else fixed

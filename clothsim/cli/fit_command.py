@@ -42,7 +42,9 @@ def add_to(commands: Any) -> None:
     fit.add_argument("--weld", metavar="M", help="sew borders of the garment closer than that [m]")
     fit.add_argument("--markers", type=Path, metavar="FILE", help="x y z on each body, a line (default: none)")
     fit.add_argument("--fabric", default="cotton", metavar="NAME", help="a named fabric (default cotton)")
-    fit.add_argument("--own-size", action="store_true", help="keep its own rest shape (default: resized)")
+    size = fit.add_mutually_exclusive_group()
+    size.add_argument("--own-size", action="store_true", help="keep the size that it was cut in")
+    size.add_argument("--grade", action="store_true", help="grade it along girths and lengths (the default)")
     fit.add_argument("--no-picture", action="store_true", help="draw nothing")
     fit.add_argument("--quiet", action="store_true", help="print the end only")
     fit.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
@@ -91,6 +93,8 @@ def _fit(arguments: argparse.Namespace) -> int:
 
         print((directory / SUMMARY_NAME).read_text(encoding="utf-8"), end="")
     print("\n".join([*_verdict(done), *trouble]), file=talk)
+    if done.status == "distorted":
+        print(f"  worst     at {', '.join(f'{value:.3f}' for value in done.look.place)} m", file=talk)
     return 0 if done.status == "completed" else 1
 
 
@@ -100,12 +104,15 @@ def _stage(stage: "Stage") -> str:
 
 
 def _verdict(done: "Fit") -> list[str]:
-    cost = done.cost
+    cost, look = done.cost, done.look
     return [
         f"{done.status}: {done.reason}",
         *(f"  note      {note}" for note in done.notes),
         f"  fitted    {_answer(done)}{done.counts}",
         f"  stretch   {cost.low:.3f} to {cost.high:.3f} (1st to 99th percentile, against the garment as given)",
+        *([f"  size      {done.size}"] if str(done.size) and done.source is not done.target else []),
+        f"  look      edges {look.edge_low:.2f} to {look.edge_high:.2f} with the scale {look.scale:.2f} taken out, "
+        f"{100 * look.distorted:.1f} % of the triangles doubled or halved, hem {100 * look.hem:+.1f} %",
         f"  moved     at most {length(cost.displacement)} from where it was worn",
         f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
     ]

@@ -47,11 +47,12 @@ def _panels(done: "Fit") -> list[tuple[str, Floats, Figure, Floats]]:
     plain = np.zeros((0, 2))
     first = done.stages[0]
     panels = [(f"before, on {done.source.name}", first.positions, done.source, plain)]
-    seed = next((stage for stage in done.stages if stage.name == "transfer"), None)
+    seed = next((stage for stage in done.stages if stage.name == ("size" if done.size.factors else "transfer")), None)
     if seed is not None:
         panels.append((f"transferred to {done.target.name}", seed.positions, done.target, plain))
     ending = {
         "completed": "fitted and draped",
+        "distorted": "draped, distorted",
         "refined": "refined, not simulated",
         "failed": f"failed; the best: {done.answer.name}",
     }

@@ -18,7 +18,9 @@ from clothsim.fitting.moving_body import BODY, REST, START, draped, named_stage
 from clothsim.fitting.original_file import fitted_text
 from clothsim.fitting.penetration import Counts
 from clothsim.fitting.pipeline import Seeded, Task, seeded
+from clothsim.fitting.sized import Size
 from clothsim.fitting.stage import Garment, Stage, StageCallback, best_stage, staged
+from clothsim.fitting.worn_look import Look, look_of
 from clothsim.io.atomic import write_atomically
 from clothsim.io.checkpoint import CHECKPOINT_NAME
 from clothsim.io.obj_writer import obj_text
@@ -47,7 +49,8 @@ class Fit:
     directory : Path
         Output directory.
     status : str
-        "completed" (simulated to its end), "refined" (the garment is free of intersections, but its simulation did not
+        "completed" (simulated to its end), "distorted" (so, but it does not look worn: see `look`), "refined" (the
+        garment is free of intersections, but its simulation did not
         complete) or "failed".
     reason : str
         Reason for the status, one sentence.
@@ -63,6 +66,10 @@ class Fit:
         Drape; None where none was started.
     cost : Cost
         Stretches and displacement of the garment.
+    size : Size
+        Whether it is graded, and its factors of girths and lengths.
+    look : Look
+        Measures of a garment that looks worn, and the fault of one that does not.
     notes : tuple of str
         Defaults used in reading and fitting.
 
@@ -84,6 +91,8 @@ class Fit:
     answer: Stage
     run: Run | None
     cost: Cost
+    size: Size
+    look: Look
     notes: tuple[str, ...]
 
     @property
@@ -93,8 +102,13 @@ class Fit:
 
     @property
     def positions(self) -> Floats:
-        """Positions of the fitted garment, (n, 3) [m]."""
+        """Positions of the fitted garment, (n, 3) [m]: of its simulated pieces (`garment`)."""
         return self.answer.positions
+
+    @property
+    def complete_positions(self) -> Floats:
+        """Positions of all vertices of the garment's file, also of pieces that follow others [m]."""
+        return self.garment.division.complete(self.positions)
 
     @property
     def counts(self) -> Counts:
@@ -149,7 +163,7 @@ def fit(
     fabric : str, optional
         A named fabric; None: that of the `clothsim.Cloth`, else cotton.
     resize : bool
-        True: the rest shape is scaled to the other body; False: it stays.
+        True: the garment is graded along the girths and lengths of the bodies; False: it keeps the size it was cut in.
     markers : str or Path, optional
         File of corresponding points, six numbers a line; None: derived where the meshes of the bodies differ.
     on_stage : callable
@@ -162,7 +176,7 @@ def fit(
     Returns
     -------
     Fit
-        Its status is "completed", "refined" or "failed".
+        Its status is "completed", "distorted", "refined" or "failed".
 
     Raises
     ------
@@ -200,7 +214,7 @@ def fit(
     else:
         source = _figure(base, scale, body_group)
         file = base if isinstance(base, str | Path) else None
-        worn = read_garment(garment, file, source.scale, part=part, weld=weld)
+        worn = read_garment(garment, file, source.scale, part=part, weld=weld, body=source.positions)
     target = source if _same(base, to) and scale_to in (None, scale) else _target(to, scale_to, body_group)
     if not of_scene:
         _refuse_a_body(worn, source, target)
@@ -240,6 +254,9 @@ def _simulated(task: Task, seeded_fit: Seeded, started: float, announce: Announc
     if not stages[-1].counts.clean:  # self_contact was off, or nothing freed it
         status = "failed"
     answer = stages[-1] if status != "failed" else stages[best_stage(stages, seeded_fit.on_target)]
+    look = look_of(task.garment, answer.positions, task.source, task.target)
+    if status == "completed" and look.fault:
+        status, reason = "distorted", f"The garment is intersection-free, but {look.fault}."
     done = Fit(
         task.folder,
         status,
@@ -251,6 +268,8 @@ def _simulated(task: Task, seeded_fit: Seeded, started: float, announce: Announc
         answer,
         run,
         cost_of(task.garment, answer.positions, seeded_fit.place),
+        seeded_fit.size,
+        look,
         (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *seeded_fit.notes),
     )
     _write(done, perf_counter() - started)
@@ -307,7 +326,9 @@ def _fallen(run: Run, body: str) -> str:
 
 def _write(done: Fit, seconds: float) -> None:
     """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
-    text = fitted_text(done.garment.original, done.positions) or obj_text(done.positions, done.garment.triangles)
+    division, positions = done.garment.division, done.complete_positions
+    whole = division.whole if division.followers else done.garment.triangles
+    text = fitted_text(done.garment.original, positions) or obj_text(positions, whole)
     write_atomically(done.directory / FITTED, text.encode())
     file = done.directory / SUMMARY_NAME
     previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
@@ -317,11 +338,16 @@ def _write(done: Fit, seconds: float) -> None:
         "stages": [stage.as_dict() for stage in done.stages],
         "fitted_stage": done.answer_number,
         "cost": done.cost.as_dict(),
+        "size": done.size.as_dict(),
+        "look": done.look.as_dict(),
         "notes": [*done.notes, *previous["notes"]],
+        "pieces": division.as_dict(),
         "fit_seconds": seconds,
     }
-    if done.status == "failed":
+    if done.status in ("failed", "distorted"):
         position, counts = done.counts.position, str(done.counts)
+        if done.status == "distorted":
+            position, counts = np.asarray(done.look.place), done.look.fault
         failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": position, "remedy": REMEDY}
         fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
     write_summary(file, {**previous, **fitted})

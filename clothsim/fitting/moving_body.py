@@ -23,6 +23,8 @@ FRAMES = "body[0-9][0-9][0-9].obj"
 
 CARRYING_SECONDS = 0.5
 """Duration of the motion of a body [s]: slow beside the damping, which holds the garment to it."""
+STITCHING_SECONDS = 0.1
+"""Time in which the stitches of a piece close [s]."""
 CARRYING_TOLERANCE = 0.1
 """Newton's tolerance there [m/s], 5 mm a step: what is in between is free of intersections, and that is enough.
 On a body of 47,500 triangles .02 takes twice to three times the iterations, and steps of .01 s five halves."""
@@ -154,7 +156,8 @@ def _run(scene: Scene, folder: Path, listener: Listener | None, announce: Announ
 def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, Any], folder: Path) -> Scene:
     write_obj(folder / REST, worn.rest, worn.garment.triangles)
     write_obj(folder / START, start, worn.garment.triangles)
-    effects = {**({"self_contact": {}} if worn.self_contact else {}), **settings["effects"]}
+    own = {"self_contact": {}} if worn.self_contact else {}
+    effects = {**own, **settings["effects"], **_seams(worn)}
     return Scene(
         cloth={"name": "garment", "mesh": REST, "fabric": worn.fabric, "sewn": worn.garment.sewn},
         body=body,
@@ -164,6 +167,13 @@ def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, 
         seed={"from": "file", "file": START},
         directory=folder,
     )
+
+
+def _seams(worn: Worn) -> dict[str, Any]:
+    """Seams of the pieces that are stitched to another."""
+    lines = [{"vertices": vertices.tolist()} for vertices in worn.garment.division.stitched]
+    keys = {"to": {"nearest": True}, "end": STITCHING_SECONDS, "bends": False}
+    return {"seams": {"seam": [{"from": line, **keys} for line in lines]}} if lines else {}
 
 
 def _make(folder: Path) -> None:

@@ -31,8 +31,9 @@ def transferred(garment: Garment, source: Figure, target: Figure, markers: Float
     if not np.array_equal(source.triangles, target.triangles):
         given = marked_vertices(markers, source, target) if len(markers) else None
         registration = correspond(source.positions, source.triangles, target.positions, target.triangles, given)
-        how = f"{len(registration.markers)} {'derived' if registration.derived else 'given'} markers"
-        body, description = registration.positions, f"{source.name} registered to {target.name} with {how}"
+        how = f"with {len(registration.markers)} {'derived' if registration.derived else 'given'} markers"
+        how = how if len(registration.markers) else "part by part"
+        body, description = registration.positions, f"{source.name} registered to {target.name} {how}"
     elif len(markers):
         description += ", so the markers are not needed"
     placed = transfer_garment(garment.positions, garment.triangles, source.positions, body, source.triangles)

@@ -1,0 +1,56 @@
+"""Bar of a garment that looks worn: each measure fails by its own fault."""
+
+import numpy as np
+import pytest
+
+from clothsim.fitting.inputs import Figure
+from clothsim.fitting.sized import sized
+from clothsim.fitting.stage import Garment
+from clothsim.fitting.worn_look import look_of
+from clothsim.mesh.generators.table import GENERATORS
+from transfer.signed_distance import body_surface
+
+FIGURE = Figure("mannequin", *GENERATORS["mannequin"](), 1.0, ())
+SHIRT = Garment("shirt", *GENERATORS["shirt"]())
+
+
+def test_a_garment_as_given_meets_the_bar_at_any_size_and_turn():
+    for x, body in ((SHIRT.positions, FIGURE.positions), (1.3 * SHIRT.positions, 1.3 * FIGURE.positions)):
+        look = look_of(SHIRT, x * [-1, -1, 1], FIGURE, Figure("turned", body * [-1, -1, 1], FIGURE.triangles, 1.0, ()))
+        assert look.fault == ""
+        assert (look.edge_low, look.edge_high, look.front) == pytest.approx((1, 1, 1))
+        assert abs(look.hem) < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("change", "word"),
+    [
+        (lambda x: x * [-1, -1, 1], "turned"),
+        (lambda x: x * [1, 1, 2.4] - [0, 0, 1.4], "edges"),
+        (lambda x: x + np.array([0, 0, 0.1]), "hem"),
+    ],
+)
+def test_each_fault_is_named(change, word):
+    look = look_of(SHIRT, change(SHIRT.positions), FIGURE, FIGURE)
+    assert word in look.fault
+    assert len(look.place) == 3
+    assert look.as_dict()["fault"] == look.fault
+
+
+def test_a_figure_that_is_no_body_leaves_the_transferred_shape():
+    ball = Figure("ball", *GENERATORS["sphere"](subdivisions=2), 1.0, ())
+    size = sized(SHIRT, ball, FIGURE, SHIRT.positions, body_surface(FIGURE.positions, FIGURE.triangles), graded=True)
+    assert size.kind == "transferred"
+    assert size.positions is SHIRT.positions
+
+
+def test_own_size_on_a_larger_body_keeps_the_edges():
+    large = Figure("large", FIGURE.positions * 1.1, FIGURE.triangles, 1.0, ())
+    body = body_surface(large.positions, large.triangles)
+    own, graded = (sized(SHIRT, FIGURE, large, 1.1 * SHIRT.positions, body, graded=flag) for flag in (False, True))
+    scales = [look_of(SHIRT, size.positions, FIGURE, large).scale for size in (own, graded)]
+    assert scales[0] == pytest.approx(1.0, abs=0.04)
+    assert scales[1] == pytest.approx(1.1, rel=0.01)
+    assert graded.factors["chest"] == pytest.approx(1.1)
+    assert own.factors == {}
+    assert np.isfinite(own.positions).all()

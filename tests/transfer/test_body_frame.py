@@ -1,0 +1,59 @@
+"""Frame of a body: the same in every orientation, upright, to its front; other surfaces are refused."""
+
+import numpy as np
+import pytest
+from real_data import DATA, needs_data
+
+from clothsim.fitting.inputs import Figure
+from clothsim.mesh.generators.table import GENERATORS
+from transfer.body_frame import body_frame
+from transfer.errors import TransferError
+
+MANNEQUIN = GENERATORS["mannequin"]()
+BODIES = ("mean_all", "mean_all_tpose", "mean_female", "f_smpl_average_A40")
+
+
+def turned_about(axis, degrees):
+    """Rotation matrix about a unit vector."""
+    x, y, z = axis
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    angle = np.radians(degrees)
+    return np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+
+
+def test_the_mannequin_stands_on_z_and_looks_along_minus_y():
+    frame = body_frame(*MANNEQUIN)
+    np.testing.assert_allclose(frame.axes, [[1, 0, 0], [0, 0, 1], [0, -1, 0]], atol=0.02)
+    np.testing.assert_allclose(np.linalg.det(frame.axes), 1.0)
+    np.testing.assert_allclose(frame.height, np.ptp(MANNEQUIN[0][:, 2]))
+
+
+@pytest.mark.parametrize("degrees", [37, 90, 180, 270])
+def test_a_turned_body_has_its_frame_turned(degrees):
+    turn = turned_about([0, 0, 1], degrees)
+    frame = body_frame(MANNEQUIN[0] @ turn.T + [0.3, -2.0, 0.1], MANNEQUIN[1])
+    np.testing.assert_allclose(frame.axes, body_frame(*MANNEQUIN).axes @ turn.T, atol=1e-9)
+
+
+def test_y_up_is_found_with_level_arms_along_z():
+    level = GENERATORS["mannequin"](pose="t")
+    upright = body_frame(*level).local(level[0])
+    sideways = upright[:, [2, 1, 0]] * [1, 1, -1]  # y up, arms along z
+    frame = body_frame(sideways, MANNEQUIN[1])
+    np.testing.assert_allclose(frame.up, [0, 1, 0])
+    np.testing.assert_allclose(frame.front, [1, 0, 0], atol=0.02)
+    assert Figure("sideways", sideways, MANNEQUIN[1], 1.0, ()).up.tolist() == [0, 1, 0]
+
+
+def test_a_ball_is_no_standing_body():
+    with pytest.raises(TransferError, match="legs"):
+        body_frame(*GENERATORS["sphere"](subdivisions=2))
+
+
+@needs_data
+@pytest.mark.parametrize("name", BODIES)
+def test_real_bodies_look_along_z(name):
+    from clothsim.io.mesh_file import read_mesh
+
+    mesh = read_mesh(DATA / "bodies" / f"{name}.obj")
+    np.testing.assert_allclose(body_frame(mesh.positions, mesh.triangles).axes, np.eye(3), atol=0.02)

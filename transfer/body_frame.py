@@ -1,0 +1,206 @@
+"""Upright, front-facing frame of a human body from its shape.
+
+The vertical axis is the one of y and z along which the body begins with two loops of similar length, the legs, and
+ends with one, the head. The lateral axis is the normal of the vertical plane in which the body is most nearly its own
+mirror image, and the front is where the feet point. No coordinate axis enters but in the choice of y or z: a body that
+is turned about its vertical axis gets the frame turned alike.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from transfer.errors import TransferError
+from transfer.level_sets import level_set, loops
+from transfer.triangle_surface import Floats, Ints, as_surface, unit
+
+LEGS = (0.06, 0.10, 0.15, 0.20, 0.25, 0.30)
+"""Heights of the sections through both legs, as fractions of the height."""
+HEAD = (0.88, 0.92, 0.96)
+"""Heights of the sections through the head."""
+SIMILAR = 0.6
+"""Least ratio of the lengths of two loops that are a pair of legs."""
+SAMPLED, TURNS = 1500, 61
+"""Vertices compared with their mirror image, and mirror planes tried within WIDEST of the line from leg to leg."""
+WIDEST = np.radians(40.0)
+FOOT, ANKLE = 0.03, (0.06, 0.10)
+"""Height below which a foot lies, and heights of the ankle above it, as fractions of the height."""
+SHORTEST_FOOT = 0.01
+"""Least offset of the feet from the ankles, as a fraction of the height: below, the body has no front."""
+
+
+@dataclass(frozen=True)
+class BodyFrame:
+    """Frame of a body.
+
+    Attributes
+    ----------
+    origin : ndarray (3,)
+        Point on the ground midway between the legs [m].
+    axes : ndarray (3, 3)
+        Rows: unit vectors to the body's left, up, and to its front; right-handed.
+    height : float
+        From the soles to the crown [m].
+    """
+
+    origin: Floats
+    axes: Floats
+    height: float
+
+    @property
+    def left(self) -> Floats:
+        """Unit vector to the body's left, (3,)."""
+        return self.axes[0]
+
+    @property
+    def up(self) -> Floats:
+        """Unit vector upward, (3,)."""
+        return self.axes[1]
+
+    @property
+    def front(self) -> Floats:
+        """Unit vector to the body's front, (3,)."""
+        return self.axes[2]
+
+    def local(self, points: Floats) -> Floats:
+        """Coordinates (k, 3) [m] along left, up and front of points (k, 3)."""
+        return (points - self.origin) @ self.axes.T
+
+    def world(self, points: Floats) -> Floats:
+        """Points (k, 3) [m] of coordinates (k, 3) along left, up and front."""
+        return points @ self.axes + self.origin
+
+
+def body_frame(positions: ArrayLike, triangles: ArrayLike, up: ArrayLike | None = None) -> BodyFrame:
+    """Find the frame of a standing body.
+
+    Parameters
+    ----------
+    positions : array_like (n, 3)
+        Vertices [m].
+    triangles : array_like (m, 3)
+    up : array_like (3,), optional
+        Vertical axis; None: y or z.
+
+    Returns
+    -------
+    BodyFrame
+
+    Raises
+    ------
+    TransferError
+        The surface does not stand on two legs with one head, or its feet point nowhere.
+
+    Examples
+    --------
+    >>> from transfer.body_frame import body_frame
+    >>> import numpy as np
+    >>> body_frame(np.eye(3), [[0, 1, 2]])
+    Traceback (most recent call last):
+    transfer.errors.TransferError: the surface has no two legs and one head along y or z.
+    """
+    points, faces = as_surface("body", positions, triangles)
+    points = points[np.unique(faces)]
+    faces = np.unique(faces, return_inverse=True)[1].reshape(-1, 3)
+    candidates = np.eye(3)[[1, 2]] if up is None else np.asarray(up, np.float64).reshape(1, 3)
+    scored = [(legs_score(points, faces, axis), axis) for axis in candidates]
+    score, axis = max(scored, key=lambda one: one[0])
+    if score < 0.5:
+        named = "y or z" if up is None else "the given vertical axis"
+        raise TransferError(f"the surface has no two legs and one head along {named}.", "Give a standing body.")
+    heights = points @ axis
+    floor, height = float(heights.min()), float(np.ptp(heights))
+    across, middle = from_leg_to_leg(points, faces, axis, floor, height)
+    lateral = mirror_normal(points, axis, across, middle)
+    forward = np.cross(axis, lateral)
+    toes = foot_direction(points, faces, axis, lateral, middle, floor, height) @ forward
+    if abs(toes) < SHORTEST_FOOT * height:
+        raise TransferError("the feet of the body point nowhere.", "Give markers.")
+    front = np.sign(toes) * forward
+    left = np.cross(axis, front)
+    origin = middle + (floor - middle @ axis) * axis
+    return BodyFrame(origin, np.stack([left, axis, front]), height)
+
+
+def legs_score(points: Floats, triangles: Ints, axis: Floats) -> float:
+    """Fraction of the sections below with a pair of similar loops, times that of those above with one main loop."""
+    heights = points @ axis
+    floor, height = heights.min(), np.ptp(heights)
+    if height == 0:
+        return 0.0
+    pairs = []
+    for fraction in LEGS:
+        pieces = loops(level_set(points, triangles, heights, floor + fraction * height), triangles)
+        lengths = [float(piece.lengths.sum()) for piece in pieces]
+        pairs.append(len(lengths) > 1 and lengths[1] > SIMILAR * lengths[0] and [*lengths, 0.0][2] < lengths[1] / 2)
+    heads = []
+    for fraction in HEAD:
+        pieces = loops(level_set(points, triangles, heights, floor + fraction * height), triangles)
+        lengths = [float(piece.lengths.sum()) for piece in pieces]
+        heads.append(len(lengths) > 0 and [*lengths, 0.0][1] < SIMILAR * lengths[0])
+    return float(np.mean(pairs) * np.mean(heads))
+
+
+def from_leg_to_leg(
+    points: Floats, triangles: Ints, axis: Floats, floor: float, height: float
+) -> tuple[Floats, Floats]:
+    """Horizontal unit vector from one leg to the other, (3,), and the point midway between them, (3,)."""
+    differences: list[Floats] = []
+    middles: list[Floats] = []
+    for fraction in LEGS:
+        pieces = loops(level_set(points, triangles, points @ axis, floor + fraction * height), triangles)
+        if len(pieces) < 2:
+            continue
+        one, other = pieces[0].centre, pieces[1].centre
+        difference = other - one
+        turned = not differences or difference @ differences[0] >= 0
+        differences.append(difference if turned else -difference)
+        middles.append((one + other) / 2.0)
+    mean = np.mean(differences, axis=0)
+    return unit((mean - mean @ axis * axis)[None])[0], np.mean(middles, axis=0)
+
+
+def mirror_normal(points: Floats, axis: Floats, across: Floats, middle: Floats) -> Floats:
+    """Normal (3,) of the vertical plane through the body's middle with the best mirror image, near `across`."""
+    from scipy.spatial import cKDTree
+
+    sampled = points[:: max(1, len(points) // SAMPLED)]
+    other = np.cross(axis, across)
+    centre = (points.max(axis=0) + points.min(axis=0)) / 2.0
+    centre = middle + (centre - middle) @ axis * axis
+    tree = cKDTree(points)
+
+    def asymmetry(angle: float) -> float:
+        """Mean distance of the mirror image from the body [m], over the best offsets of the plane."""
+        normal = np.cos(angle) * across + np.sin(angle) * other
+        offsets = (sampled - centre) @ normal
+        return float(np.minimum(tree.query(sampled - 2.0 * offsets[:, None] * normal)[0], 0.1).mean())
+
+    best, step = 0.0, 2.0 * WIDEST / (TURNS - 1)
+    angles = np.linspace(-WIDEST, WIDEST, TURNS)
+    for _ in range(3):
+        values = [asymmetry(angle) for angle in angles]
+        best = float(angles[int(np.argmin(values))])
+        angles = np.linspace(best - step, best + step, 9)
+        step /= 4.0
+    return np.cos(best) * across + np.sin(best) * other
+
+
+def foot_direction(
+    points: Floats, triangles: Ints, axis: Floats, lateral: Floats, middle: Floats, floor: float, height: float
+) -> Floats:
+    """Mean offset (3,) [m] of the feet's middle from the ankles' axes."""
+    heights, side = points @ axis, (points - middle) @ lateral
+    offsets = []
+    for sign in (-1.0, 1.0):
+        low = points[(heights < floor + FOOT * height) & (sign * side > 0)]
+        if len(low) == 0:
+            continue
+        foot = (low.max(axis=0) + low.min(axis=0)) / 2.0
+        rings = [level_set(points, triangles, heights, floor + fraction * height) for fraction in ANKLE]
+        rings = [ring.only(np.asarray(sign * ((ring.starts - middle) @ lateral) > 0)) for ring in rings]
+        centres = [ring.centre for ring in rings if len(ring.starts)]
+        if centres:
+            offsets.append(foot - np.mean(centres, axis=0))
+    return np.mean(offsets, axis=0) if offsets else np.zeros(3)
