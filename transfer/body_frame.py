@@ -96,9 +96,9 @@ def body_frame(positions: ArrayLike, triangles: ArrayLike, up: ArrayLike | None 
     --------
     >>> from transfer.body_frame import body_frame
     >>> import numpy as np
-    >>> body_frame(np.eye(3), [[0, 1, 2]])
+    >>> body_frame(np.eye(3), [[0, 1, 2]])  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    transfer.errors.TransferError: the surface has no two legs and one head along y or z.
+    transfer.errors.TransferError: the surface has no two legs and one head along y or z. ...
     """
     points, faces = as_surface("body", positions, triangles)
     points = points[np.unique(faces)]

@@ -112,12 +112,10 @@ def seeded(task: Task) -> Seeded:
             moved: list[Transferred] = []
             stages.append(came("transfer", body=body, make=partial(_moved, stages[-1].positions, task, moved)))
             carrier = moved[0].body
-            sizes: list[Size] = []
-            stages.append(came("size", body=body, make=partial(_sized, stages[-1].positions, task, body, sizes)))
-            size = sizes[0]
-            if size.kind == "transferred":
-                stages.pop()
-            else:
+            started, shape = perf_counter(), stages[-1].positions
+            size = sized(task.garment, task.source, task.target, shape, body, graded=task.resize)
+            if size.kind != "transferred":
+                stages.append(came("size", body=body, make=partial(_described, size), started=started))
                 on_target += 1  # the transferred shape is stretched as the bodies are: none to start from
             rest = size.positions if task.resize else rest
             place = worn_positions(task.garment.positions, worn_by, carrier)
@@ -151,9 +149,8 @@ def _moved(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats,
     return moved[0].positions, moved[0].description
 
 
-def _sized(shape: Floats, task: Task, body: BodySurface, sizes: list[Size]) -> tuple[Floats, str]:
-    sizes.append(sized(task.garment, task.source, task.target, shape, body, graded=task.resize))
-    return sizes[0].positions, str(sizes[0])
+def _described(size: Size) -> tuple[Floats, str]:
+    return size.positions, str(size)
 
 
 def _refined(positions: Floats, task: Task, body: BodySurface, along_normals: bool) -> tuple[Floats, str]:
