@@ -99,12 +99,15 @@ def moved_with_body(
         write_obj(folder / f"body{k:03d}.obj", frame, worn.body_triangles)
     rate = (len(frames) - 1) / CARRYING_SECONDS
     body = {"name": "body", "frames": FRAMES, "frames_per_second": rate}
-    stiffness = {"stiffness": carrying_stiffness(worn.fabric, frames[-1])}
-    effects = {name: keys for name, keys in MORPH_SETTINGS["effects"].items() if not (slips and name == "friction")}
-    effects["body_contact"] = stiffness
-    if worn.self_contact:
-        effects["self_contact"] = stiffness
+    kept = {name: keys for name, keys in MORPH_SETTINGS["effects"].items() if not (slips and name == "friction")}
+    effects = {**kept, **_stiff_contact(worn, frames[-1])}
     return _run(_scene(worn, start, body, {**MORPH_SETTINGS, "effects": effects}, folder), folder, listener)
+
+
+def _stiff_contact(worn: Worn, body: Floats) -> dict[str, Any]:
+    """Contact effects with `carrying_stiffness`."""
+    keys = {"stiffness": carrying_stiffness(worn.fabric, body)}
+    return {"body_contact": keys, **({"self_contact": keys} if worn.self_contact else {})}
 
 
 def carrying_stiffness(fabric: str, body: Floats) -> float:
@@ -134,7 +137,14 @@ def draped(
     """
     _make(folder)
     write_obj(folder / BODY, body, worn.body_triangles)
-    settings = {**DRAPING, "effects": {**DRAPING["effects"], "gravity": {"acceleration": (-9.81 * up).tolist()}}}
+    settings = {
+        **DRAPING,
+        "effects": {
+            **DRAPING["effects"],
+            **_stiff_contact(worn, body),
+            "gravity": {"acceleration": (-9.81 * up).tolist()},
+        },
+    }
     if duration is not None:
         settings["run"] = {**settings["run"], "duration": duration}
     scene = _scene(worn, start, {"name": "body", "mesh": BODY}, settings, folder)
@@ -156,7 +166,7 @@ def _run(scene: Scene, folder: Path, listener: Listener | None, announce: Announ
 def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, Any], folder: Path) -> Scene:
     write_obj(folder / REST, worn.rest, worn.garment.triangles)
     write_obj(folder / START, start, worn.garment.triangles)
-    own = {"self_contact": {}} if worn.self_contact else {}
+    own: dict[str, Any] = {"self_contact": {}} if worn.self_contact else {}
     effects = {**own, **settings["effects"], **_seams(worn)}
     return Scene(
         cloth={"name": "garment", "mesh": REST, "fabric": worn.fabric, "sewn": worn.garment.sewn},
