@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 if _TYPE_CHECKING:
     from clothsim.accuracy.study import Study, study_accuracy
+    from clothsim.dressing.dress import Dress, dress
     from clothsim.errors import ClothsimError, InputError, IntersectionWarning
     from clothsim.fitting.fit import Fit, fit
     from clothsim.mesh.checks import Finding
@@ -60,6 +61,7 @@ _HOMES = {
     "Contact": "clothsim.scene.settings",
     "Crease": "clothsim.scene.effect_tables",
     "Damping": "clothsim.scene.typed_effects",
+    "Dress": "clothsim.dressing.dress",
     "Fibres": "clothsim.scene.typed_effects",
     "Finding": "clothsim.mesh.checks",
     "Fit": "clothsim.fitting.fit",
@@ -94,6 +96,7 @@ _HOMES = {
     "Study": "clothsim.accuracy.study",
     "Vortex": "clothsim.scene.effect_tables",
     "check": "clothsim.run.check",
+    "dress": "clothsim.dressing.dress",
     "fit": "clothsim.fitting.fit",
     "load_scene": "clothsim.scene.toml_file",
     "open_run": "clothsim.run.results",
@@ -114,6 +117,7 @@ __all__ = [
     "Contact",
     "Crease",
     "Damping",
+    "Dress",
     "Fibres",
     "Finding",
     "Fit",
@@ -148,6 +152,7 @@ __all__ = [
     "Study",
     "Vortex",
     "check",
+    "dress",
     "fit",
     "load_scene",
     "open_run",

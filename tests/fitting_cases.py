@@ -35,6 +35,17 @@ def folded_sheet(apart=0.01, through=0.005):
     return Garment("folded", folded, triangles)
 
 
+def moebius_strip(n=9):
+    """A strip of 2 n triangles closed with a half turn."""
+    angle, side = np.repeat(2 * np.pi * np.arange(n) / n, 2), np.tile([-0.03, 0.03], n)
+    radius = 0.2 + side * np.cos(angle / 2)
+    points = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), side * np.sin(angle / 2)])
+    k = 2 * np.arange(n)
+    rows = np.column_stack([k, k + 1, k + 2, k + 3]) % (2 * n)
+    rows[-1, 2:] = 1, 0
+    return points, np.concatenate([rows[:, [0, 2, 1]], rows[:, [1, 2, 3]]])
+
+
 def task(garment, source, target, folder, *, resize=True, on_stage=lambda stage: None):
     return Task(garment, source, target, "cotton", resize, folder, on_stage)
 

@@ -146,8 +146,9 @@ def poison(monkeypatch, name):
     """Every function and method in the modules of an effect raises; returns how many do."""
 
     count = 0
-    for module_name in {home(name), *own(name), *SHARED.get(name, [])}:
-        module = importlib.import_module(module_name)
+    names = {home(name), *own(name), *SHARED.get(name, [])}
+    modules = {each: importlib.import_module(each) for each in names}  # all before one is poisoned: they import others'
+    for module_name, module in modules.items():
         for key, thing in list(vars(module).items()):
             if getattr(thing, "__module__", None) != module_name:
                 continue

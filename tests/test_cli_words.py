@@ -69,6 +69,7 @@ def test_lines_come_at_the_first_step_the_last_and_seldom_between(capsys):
         ),
         ({"total": 9e-3, "known": True, "asked": 1e-3, "met": False}, "(MISSED: 1 mm requested); Newton 0 um"),
         ({"total": 9e-3, "known": False}, "not known, about 9 mm"),
+        ({"total": "not estimated (failed)", "known": False}, "error not estimated (failed) in all; Newton"),
         (
             {"total": 9e-3, "known": True, "fixed": {"cells": ""}},
             "about 9 mm in all, without that of cells; Newton",

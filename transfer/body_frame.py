@@ -96,9 +96,9 @@ def body_frame(positions: ArrayLike, triangles: ArrayLike, up: ArrayLike | None 
     --------
     >>> from transfer.body_frame import body_frame
     >>> import numpy as np
-    >>> body_frame(np.eye(3), [[0, 1, 2]])
+    >>> body_frame(np.eye(3), [[0, 1, 2]])  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    transfer.errors.TransferError: the surface has no two legs and one head along y or z.
+    transfer.errors.TransferError: the surface has no two legs and one head along y or z. ...
     """
     points, faces = as_surface("body", positions, triangles)
     points = points[np.unique(faces)]
@@ -199,7 +199,7 @@ def foot_direction(
             continue
         foot = (low.max(axis=0) + low.min(axis=0)) / 2.0
         rings = [level_set(points, triangles, heights, floor + fraction * height) for fraction in ANKLE]
-        rings = [ring.only(sign * ((ring.starts - middle) @ lateral) > 0) for ring in rings]
+        rings = [ring.only(np.asarray(sign * ((ring.starts - middle) @ lateral) > 0)) for ring in rings]
         centres = [ring.centre for ring in rings if len(ring.starts)]
         if centres:
             offsets.append(foot - np.mean(centres, axis=0))

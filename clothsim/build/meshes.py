@@ -12,10 +12,11 @@ from clothsim.arrays import Floats, as_number, as_positive, as_vector
 from clothsim.build.animated_body import body_of_files, body_of_frames
 from clothsim.build.placement import PART, Shape, examined, existing_file, name_of, placed
 from clothsim.build.welding import sewn
+from clothsim.build.winding import wound_alike
 from clothsim.errors import InputError
 from clothsim.mesh.body import Body, make_body
 from clothsim.mesh.cloth import Cloth, make_cloth
-from clothsim.mesh.fabric import Fabric
+from clothsim.mesh.fabric import BENDINGS, Fabric
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.motion import rigid_motion
 from clothsim.scene.fabrics import fabric_named
@@ -24,7 +25,8 @@ from clothsim.scene.mesh_arrays import MeshArrays
 
 THREADS = ("warp_stiffness", "weft_stiffness", "shear_stiffness", "thread_poisson_ratio")
 EXTENSIONS = ("warp_extension", "weft_extension")
-FABRIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness", *THREADS, *EXTENSIONS)
+ISOTROPIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness")
+FABRIC = (*ISOTROPIC, *THREADS, *BENDINGS, *EXTENSIONS)
 
 
 def cloth_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
@@ -70,8 +72,10 @@ def cloth_of(
     if start is None and shape.start is not None:
         start = placed(keys, where, shape.start)
     gap = as_positive(f"{where}.weld", keys.get("weld", 0.0), zero=True)
+    shape = wound_alike(shape)
     if gap:
         shape, start = sewn(label, shape, start, gap, at_start=in_plane)
+        shape = wound_alike(shape)  # panels wound the other way than their neighbours
     layers = _flag(f"{where}.sewn", keys.get("sewn", False))
     warnings = examined(label, shape, "sewn cloth" if gap or layers else "cloth")
     cloth = make_cloth(
@@ -148,11 +152,15 @@ def _from_arrays(mesh: MeshArrays, keys: Mapping[str, Any], where: str) -> Shape
 
 
 def fabric_of(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
-    """The named fabric with the keys that override it; a Young's modulus replaces the stiffnesses of the threads."""
+    """The named fabric with the keys that override it.
+
+    A Young's modulus replaces the stiffnesses of the threads, a bending stiffness those along warp, weft and bias.
+    """
     name = keys.get("fabric", "cotton")
     named = fabric_named(f"{where}.fabric", name)
     own = {key: as_number(f"{where}.{key}", keys[key]) for key in FABRIC if key in keys}
     ruled = dict.fromkeys((*THREADS, *EXTENSIONS)) if "youngs_modulus" in own else {}
+    ruled |= dict.fromkeys(BENDINGS) if "bending_stiffness" in own else {}
     try:
         fabric = replace(named, **(ruled | own))  # type: ignore[arg-type]
     except InputError as error:

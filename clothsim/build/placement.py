@@ -85,7 +85,7 @@ def placed(keys: Mapping[str, Any], where: str, positions: Floats) -> Floats:
     Parameters
     ----------
     keys : dict
-        A table with rotation_degrees and position.
+        A table with up, rotation_degrees and position.
     where : str
         Dotted name of the table, for messages.
     positions : (..., 3) ndarray [m]
@@ -94,8 +94,14 @@ def placed(keys: Mapping[str, Any], where: str, positions: Floats) -> Floats:
     Returns
     -------
     (..., 3) ndarray [m]
-        Rotated about x, then y, then z, and displaced.
+        Turned from y up to z up where `up` says so, rotated about x, then y, then z, and displaced.
     """
+    up = keys.get("up", "z")
+    if up not in ("y", "z"):
+        raise InputError(f"{where}.up is {up!r}.", 'Known: "y", "z".')
+    if up == "y":
+        x, y, z = np.moveaxis(positions, -1, 0)
+        positions = np.stack([x, -z, y], axis=-1)
     angles = np.radians(as_vector(f"{where}.rotation_degrees", keys.get("rotation_degrees", (0, 0, 0))))
     turn = np.eye(3)
     for axis in range(3):

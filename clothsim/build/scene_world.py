@@ -9,7 +9,7 @@ from clothsim.build.initial_positions import initial_positions
 from clothsim.build.meshes import body_of, cloth_of, cloth_shape
 from clothsim.build.support_check import refuse_unsupported
 from clothsim.build.untangle import untangled
-from clothsim.build.warnings import scene_warnings
+from clothsim.build.warnings import scene_warnings, size_warnings
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.constraint import Constraint
 from clothsim.energies.protocols import report_of
@@ -120,7 +120,13 @@ def build_effects(
         )
     refuse_unsupported(world, energies, constraints.values())
     dt = min(scene.solver_settings.longest_step, 1 / scene.run_settings.frames_per_second)
-    return Built(world, energies, constraints, off, (*notes, *scene_warnings(world, energies, dt)))
+    return Built(
+        world,
+        energies,
+        constraints,
+        off,
+        (*notes, *size_warnings(world, scene, energies), *scene_warnings(world, energies, dt)),
+    )
 
 
 def _constrained(name: str, made: Any) -> tuple[World, Constraint]:

@@ -1,13 +1,22 @@
 """Warnings about a scene: keys without effect and unusual starts, printed before a run and no reason to refuse it."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
+from clothsim.arrays import Floats
 from clothsim.energies.base import Energy
 from clothsim.energies.protocols import ContactGap
 from clothsim.mesh.motion import FrameMotion
-from clothsim.mesh.topology import components
-from clothsim.mesh.winding_number import is_inside
 from clothsim.mesh.world import World
+from clothsim.scene.generator_keys import GENERATOR_KEYS
+from clothsim.scene.scene import Scene
+from clothsim.sim.held_inside import held_inside
+
+LARGEST, SMALLEST = 10.0, 0.01
+"""Longest extents of a mesh [m] beyond which its unit is doubted."""
+LYING, FLAT = 0.5, 0.1
+"""Extent along gravity, as fraction of the longest, below which a body lies, and below which it is a floor."""
 
 INSIDE = 0.9
 """Gap at the start, as fraction of d_hat, below which a warning is given."""
@@ -39,6 +48,60 @@ def scene_warnings(world: World, energies: dict[str, Energy], dt: float) -> tupl
     )
 
 
+def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) -> tuple[str, ...]:
+    """Meshes whose unit or vertical axis looks wrong, each with the key that mends it.
+
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies at the start.
+    scene : Scene
+        Their tables. Of generated bodies a slab is taken for a floor, and none has a vertical axis of its own.
+    energies : mapping of str to Energy
+        The effects that are on.
+
+    Returns
+    -------
+    tuple of str
+        One sentence each.
+    """
+    tables = [*scene.cloths, *scene.bodies]
+    meshes = [(cloth.name, cloth.positions) for cloth in world.cloths]
+    meshes += [(body.name, body.positions) for body in world.bodies]
+    sentences = []
+    for (name, positions), keys in zip(meshes, tables, strict=True):
+        extent = np.ptp(positions, axis=0)
+        if not (isinstance(keys.get("mesh"), str) and keys["mesh"] == "slab"):
+            sentences += _other_unit(name, float(extent.max()))
+    gravity = getattr(energies.get("gravity"), "acceleration", None)
+    for body, keys in zip(world.bodies, scene.bodies, strict=True):
+        if gravity is not None and not (isinstance(mesh := keys.get("mesh"), str) and mesh in GENERATOR_KEYS):
+            sentences += _lying(body.name, np.ptp(body.positions, axis=0), gravity, keys.get("up", "z"))
+    return tuple(sentences)
+
+
+def _other_unit(name: str, longest: float) -> list[str]:
+    """A mesh of more than LARGEST or less than SMALLEST."""
+    if SMALLEST <= longest <= LARGEST:
+        return []
+    factor = next((factor for factor in (1e-3, 1e-2, 10.0, 100.0, 1e3) if 0.1 <= factor * longest <= 3), None)
+    hint = "scale (metres per unit) mends a file in another unit"
+    hint += f": scale = {factor:g} makes it {factor * longest:.3g} m" if factor else ""
+    return [f"{name} is {longest:.3g} m long; {hint}."]
+
+
+def _lying(name: str, extent: Floats, gravity: Floats, up: str) -> list[str]:
+    """A body that is at least twice as long across gravity as along it; a flatter one is a floor or a table."""
+    axis, longest = int(np.argmax(np.abs(gravity))), int(np.argmax(extent))
+    if not FLAT * extent[longest] < extent[axis] < LYING * extent[longest]:
+        return []
+    mend = 'up = "y" turns a file with y up' if up == "z" and axis == 2 else "rotation_degrees turns it"
+    return [
+        f"{name} lies across gravity: it is {extent[axis]:.3g} m along it, and {extent[longest]:.3g} m along "
+        f"{'xyz'[longest]}; {mend}."
+    ]
+
+
 def _ignored_keys(world: World, energies: dict[str, Energy]) -> list[str]:
     """Keys without effect in this scene."""
     ignored = []
@@ -67,16 +130,8 @@ def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
     """Pieces of cloth that start inside a body without intersecting it: contact keeps them there."""
     if "body_contact" not in energies:
         return []
-    sentences = []
-    for cloth in world.cloths:
-        firsts = np.unique(components(cloth.triangles, len(cloth.positions)), return_index=True)[1]
-        for body in world.bodies:
-            inside = [row for row in firsts if is_inside(cloth.positions[row], body.positions, body.triangles)]
-            if inside:
-                pieces = "all of it" if len(firsts) == 1 else f"{len(inside)} of its {len(firsts)} pieces"
-                where = f"{pieces}, such as vertex {inside[0]}"
-                sentences.append(f"{cloth.name} starts inside {body.name}, {where}: contact keeps it in.")
-    return sentences
+    found = held_inside(world, world.start())
+    return [f"{each.cloth} starts inside {each.body}, {each.where}: contact keeps it in." for each in found]
 
 
 def _wide_activation(world: World, energies: dict[str, Energy]) -> list[str]:

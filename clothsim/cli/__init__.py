@@ -1,4 +1,4 @@
-"""The command `clothsim`: run, fit, study, resume, bundle, render, check, explain, fabrics, scenes, keys."""
+"""The command `clothsim`: run, dress, fit, study, resume, bundle, render, check, explain, fabrics, scenes, keys."""
 
 import contextlib
 import gc
@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from clothsim.cli import (
     bundle_command,
     check_command,
+    dress_command,
     explain_command,
     fabrics_command,
     fit_command,
@@ -25,6 +26,7 @@ from clothsim.errors import ClothsimError, IntersectionWarning
 
 COMMANDS = (
     run_command,
+    dress_command,
     fit_command,
     study_command,
     bundle_command,
@@ -41,6 +43,7 @@ REMEDIES = {
     "run": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "study": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "explain": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
+    "dress": "The formats are those of GarmentCode and Garment-Pattern-Generator; units are given by --scale.",
     "fit": "`clothsim check FILE` examines a mesh; units are given by --scale.",
     "check": "Repair the file, or read a part of it: --group or --component.",
     "resume": _RUN_DIRECTORY,

@@ -9,9 +9,10 @@ from clothsim.cli.penetration_command import check_penetration
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from clothsim.arrays import Floats, Ints
+    from clothsim.intersection.crossings import Crossing
     from clothsim.run.results import Run
     from clothsim.sim.intersection_check import IntersectionCheck
 
@@ -95,12 +96,17 @@ def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
 def _check_scene(path: Path) -> int:
     from clothsim.build.scene_world import build
     from clothsim.io.run_surfaces import world_surfaces
+    from clothsim.run.cost import expected_cost, refuse_costly
     from clothsim.scene.toml_file import load_scene
     from clothsim.sim.intersection_check import intersection_check_of
 
     print(path)
     try:
         scene = load_scene(path)
+        cost = expected_cost(scene)
+        refuse_costly(scene)
+        if cost.notable:
+            print(f"  warning: expected: {cost}")
         built = build(scene)
     except InputError as error:
         for sentence in error.sentence.splitlines():
@@ -119,12 +125,12 @@ def _check_scene(path: Path) -> int:
     for name, reason in built.off.items():
         print(f"  {name} is off: {reason}.")
     check = intersection_check_of(world_surfaces(world), scene.effects, built.energies)
-    return _ended(*_intersections(check, [("at the start", world.start() + world.origin)], "at the start"))
+    return _ended(
+        *_intersections(check, [("at the start", check.crossings(world.start() + world.origin))], "at the start")
+    )
 
 
 def _check_run(directory: Path) -> int:
-    import numpy as np
-
     from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
     from clothsim.io.trajectory import TRAJECTORY_NAME
     from clothsim.run.results import open_run
@@ -142,15 +148,24 @@ def _check_run(directory: Path) -> int:
     checkpoint = directory / CHECKPOINT_NAME
     effects = scene_from_text(read_checkpoint(checkpoint).scene_text).effects if checkpoint.is_file() else {}
     check = intersection_check_of(run.trajectory.surfaces, effects, effects)
-    frames = (
-        (f"in frame {k} at {time:g} s", np.concatenate([run.positions(k), *(points for _, points, _ in run.bodies(k))]))
-        for k, time in enumerate(run.times)
-    )
+    frames = ((f"in frame {k} at {time:g} s", _crossings(check, run, k)) for k, time in enumerate(run.times))
     errors, warnings = _intersections(
         check, frames, f"in any of {len(run.times)} frames", "; later frames are not listed"
     )
     between, excluded = _between_frames(run)
     return _ended(errors + between + failed, warnings + excluded)
+
+
+def _crossings(check: "IntersectionCheck", run: "Run", frame: int) -> "tuple[Crossing, ...]":
+    """The intersections of a frame, those of vertices that are carried through a pinch apart."""
+    import numpy as np
+
+    found = check.crossings(np.concatenate([run.positions(frame), *(points for _, points, _ in run.bodies(frame))]))
+    if not found or "carried" not in run.trajectory.fields:
+        return found
+    from clothsim.sim.pinch_record import exempted
+
+    return exempted(found, check.surfaces, np.flatnonzero(run.field("carried", frame)))
 
 
 def _between_frames(run: "Run") -> tuple[int, int]:
@@ -162,22 +177,24 @@ def _between_frames(run: "Run") -> tuple[int, int]:
         print(f"  {_severity(kind)}: between two frames, {sentence}")
     if run.summary and run.intersection_free is None:
         print("  not all steps of the run were checked: what happened between its frames is not known")
-    excluded = int("excluded" in unseen)
-    return len(unseen) - excluded, excluded
+    allowed = len(_ALLOWED.keys() & set(unseen))
+    return len(unseen) - allowed, allowed
 
 
 def _intersections(
-    check: "IntersectionCheck", frames: "Iterable[tuple[str, Floats]]", anywhere: str, note: str = ""
+    check: "IntersectionCheck",
+    frames: "Iterable[tuple[str, Sequence[Crossing]]]",
+    anywhere: str,
+    note: str = "",
 ) -> tuple[int, int]:
-    """Print the intersections of frames, each (when, x), by the exact test; returns the numbers of errors and warnings.
+    """Print the intersections of frames, each (when, found); returns the numbers of errors and warnings.
 
-    Every intersection is an error, but for one of a pair that the scene excludes from contact: a warning. Without the
-    contact effect that would prevent it, only the first of a pair of surfaces is listed; note: said of that.
+    Every intersection is an error, but for one that the scene allows (an excluded pair, contact.pinch): a warning.
+    Without the contact effect that would prevent it, only the first of a pair of surfaces is listed; note: of that.
     """
     listed: set[str] = set()
     kinds: list[str] = []
-    for when, x in frames:
-        found = check.crossings(x)
+    for when, found in frames:
         required = {crossing.summary for crossing in check.violations(found)}
         for crossing in found:
             if crossing.summary in listed - required:
@@ -188,25 +205,30 @@ def _intersections(
             print(f"  {_severity(kinds[-1])}: {crossing.summary} {when}, in {count}: {crossing.sentence}")
             if crossing.summary not in required:
                 print(f"    {_REASON[kinds[-1]]}{note}")
-    others = ", but for excluded pairs" if "excluded" in kinds else ""
+    allowed = [kind for kind in kinds if kind in _ALLOWED]
+    others = f", but for {' and '.join(_ALLOWED[kind] for kind in sorted(set(allowed)))}" if allowed else ""
     if not check.bodies:
         print("  no body, so nothing for cloth to intersect but itself")
     elif "cloth_body" not in kinds:
         print(f"  cloth and body do not intersect {anywhere}{others}")
     if "cloth_cloth" not in kinds:
         print(f"  cloth and cloth do not intersect {anywhere}{others}")
-    excluded = kinds.count("excluded")
-    return len(kinds) - excluded, excluded
+    return len(kinds) - len(allowed), len(allowed)
 
 
 def _severity(kind: str) -> str:
-    return "warning" if kind == "excluded" else "error"
+    return "warning" if kind in _ALLOWED else "error"
+
+
+_ALLOWED = {"carried": "vertices carried through a pinch", "excluded": "excluded pairs"}
+"""Kinds of intersections that a scene allows."""
 
 
 _REASON = {
     "cloth_cloth": "[effects.self_contact] is not on: from a start without intersections it lets none arise",
     "cloth_body": "[effects.body_contact] is not on: from a start without intersections it lets none arise",
     "excluded": "the scene excludes the pair from contact",
+    "carried": "vertices of these triangles are carried through a pinch (contact.pinch)",
 }
 
 

@@ -27,6 +27,7 @@ _VALUES = {
     "weft_extension": ("%", 1e2),
     "bending_warp": ("uN m", 1e6),
     "bending_weft": ("uN m", 1e6),
+    "bending_bias": ("uN m", 1e6),
     "youngs_modulus": ("MPa", 1e-6),
     "poisson_ratio": ("", 1.0),
     "bending_stiffness": ("uN m", 1e6),

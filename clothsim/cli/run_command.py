@@ -19,8 +19,7 @@ INTERRUPTED = 130
 """Exit code after Ctrl-C."""
 
 _RUN = """\
-Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture of the last frame; where it failed,
-failure.png too, a close view of the place.
+Simulate a scene. Leaves trajectory, record, summary, checkpoint and a picture; where it failed, failure.png too.
 
   clothsim run scenes/sphere.toml -o drape --movie
 """

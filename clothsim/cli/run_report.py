@@ -129,7 +129,12 @@ def stopped(directory: Path) -> str:
 _ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".gif")
 
 
-_PAIRS = {"cloth_body": "cloth and body", "cloth_cloth": "cloth and cloth", "excluded": "excluded pairs"}
+_PAIRS = {
+    "cloth_body": "cloth and body",
+    "cloth_cloth": "cloth and cloth",
+    "excluded": "excluded pairs",
+    "carried": "carried vertices",
+}
 
 
 def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, str]]:
@@ -160,9 +165,24 @@ def _certificate(certificate: dict[str, Any], contact: bool) -> list[tuple[str, 
         forces += f", of all steps at most {100 * certificate['relative_residual']:.2g} % of the largest force"
     return [
         ("contact", "; ".join(parts)),
+        *(("pinch", text) for text in _pinch(certificate)),
         ("stretch", f"principal stretches {stretches}"),
         ("balance", f"{forces}, {energy}"),
     ]
+
+
+def _pinch(certificate: dict[str, Any]) -> list[str]:
+    """A line on the vertices carried through a pinch, where the scene asks for it."""
+    record = certificate.get("carried")
+    if record is None:
+        return []
+    if not record["vertices"]:
+        return ["nothing was carried"]
+    at = ", ".join(f"{each:.3g}" for each in record["first_position"])
+    times = f"from {record['first_time']:.4g} to {record['last_time']:.4g} s, first near ({at}) m"
+    end = f"{record['now']:,} STILL CARRIED" if record["now"] else "all released"
+    exempt = f"exempt from contact: at most {_many(record['exempt_pairs'], 'pair')} of their triangles intersect"
+    return [f"{record['vertices']:,} vertices carried, at most {record['most']:,} at once, {times}; {end}; {exempt}"]
 
 
 def _rest(certificate: dict[str, Any]) -> str:
@@ -196,7 +216,8 @@ def _error(certificate: dict[str, Any]) -> str:
     request = f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} requested)" if asked else ""
     if total is not None:
         known = f"about {length(total)}" if isinstance(total, float) else total
-        known = known if estimate["known"] else f"not known, {known} by the last difference"
+        if isinstance(total, float) and not estimate["known"]:
+            known = f"not known, {known} by the last difference"
         left_out = f", without that of {', '.join(estimate['fixed'])}" if estimate.get("fixed") else ""
         return f"{known} in all{request}{left_out}; {parts}"
     temporal = estimate["temporal"]

@@ -5,7 +5,9 @@ return mapping: Simo and Hughes 1998, "Computational inelasticity", box 1.4; Cun
 springs of contacts). z is the tangential displacement of the points since they last fitted, at most e. A step adds the
 relative displacement u of the closest points: beyond |z + u| = e the anchor is drawn along, with |z| = e.
 
-z turns with the second surface of a contact: on a turntable it would else be left behind at the rate omega z.
+z turns with the second surface of a contact: on a turntable it would else be left behind at the rate omega z. So does
+the gap d between the points: on a slab that tilts by an angle it moves one over the other by |d| times that angle,
+which is no slip (`turning`).
 
 The anchor belongs to a material point (a vertex, or an edge) and to the object that it touches, not to a pair of
 simplices: a vertex that passes from face to face keeps it. Where one point touches an object from several sides, the
@@ -22,8 +24,8 @@ from clothsim.arrays import Floats, Ints
 SAME_SIDE = 0.5
 """Smallest cosine of the normals before and after of a contact that keeps its anchor."""
 
-COLUMNS = np.cumsum((4, 4, 3, 3, 3, 3))
-"""Ends of the columns of `Anchors.as_array`: elements to directions; then whether it slides."""
+COLUMNS = np.cumsum((4, 4, 3, 3, 3, 3, 3))
+"""Ends of the columns of `Anchors.as_array`: elements to facings; then whether it slides."""
 
 LEAST_TANGENT = 0.1
 """Tangential fraction of a direction below which it does not tell the rotation about the normal."""
@@ -43,6 +45,8 @@ class Anchors:
         sum g_i x_i at the start of the step [m].
     directions : (p, 3) array
         `directions_of` the second surface at the start of the step [m].
+    facings : (p, 3) array
+        `facings_of` the contacts at the start of the step [m2].
     slides : (p,) bool array
         True where the contact slid in the step before.
     """
@@ -53,11 +57,12 @@ class Anchors:
     slips: Floats
     origins: Floats
     directions: Floats
+    facings: Floats
     slides: np.ndarray
 
     def as_array(self) -> Floats:
-        """All numbers, (p, 21)."""
-        vectors = self.normals, self.slips, self.origins, self.directions
+        """All numbers, (p, 24)."""
+        vectors = self.normals, self.slips, self.origins, self.directions, self.facings
         parts = self.elements, self.weights, *vectors, self.slides[:, None]
         return np.concatenate([np.asarray(part, np.float64) for part in parts], axis=1)
 
@@ -66,7 +71,7 @@ class Anchors:
 
         One that comes to rest holds with mu_static from then on: its slip shrinks so that its force stays.
         """
-        moved = relative_positions(x, self.elements, self.weights) - self.origins
+        moved = relative_positions(x, self.elements, self.weights) - self.origins - self.turning(x)
         turned = _rotated(self.slips, self.normals, self.directions, directions_of(x, self.elements))
         slips = turned + tangential(moved, self.normals)
         fractions = np.linalg.norm(slips, axis=1) / elastic_slip
@@ -76,6 +81,21 @@ class Anchors:
         target = np.where(slides, 1.0, np.where(self.slides, rests, fractions))
         scale = np.divide(target, fractions, out=np.ones_like(target), where=fractions > 0.0)
         return replace(self, slips=slips * scale[:, None], slides=slides)
+
+    def turning(self, x: Floats) -> Floats:
+        """Displacements of the gaps (p, 3) [m] as the second surface turns until it is that of x (N, 3) [m].
+
+        Where only an edge of it is known it turns the shortest way; a vertex does not turn.
+        """
+        e, m = _units(self.directions), _units(self.facings)
+        e_end, m_end = _units(directions_of(x, self.elements)), _units(facings_of(x, self.elements, self.weights))
+        axes, along = np.cross(e, e_end), (e * e_end).sum(axis=1, keepdims=True)
+        across = np.cross(axes, self.origins)
+        shortest = across + np.cross(axes, across) / np.maximum(1.0 + along, 1.0)
+        start, end = (np.stack([u, v, np.cross(u, v)], axis=2) for u, v in ((e, m), (e_end, m_end)))
+        full = np.einsum("pij,pkj,pk->pi", end - start, start, self.origins)
+        known = ((m * m_end).sum(axis=1) > SAME_SIDE) & (along[:, 0] > SAME_SIDE)
+        return np.where(known[:, None], full, np.where(along > SAME_SIDE, shortest, 0.0))
 
     def inherited(self, elements: Ints, weights: Floats, normals: Floats, labels: Ints) -> tuple[Ints, Floats]:
         """For new contacts the index of the contact that each continues, -1 for none (q,), and their slips (q, 3) [m].
@@ -103,8 +123,17 @@ class Anchors:
 def anchors_from(numbers: object) -> Anchors:
     """Anchors of `Anchors.as_array`, which a file may hold as lists."""
     rows = np.asarray(numbers, np.float64).reshape(-1, COLUMNS[-1] + 1)
-    elements, weights, normals, slips, origins, directions, slides = np.split(rows, COLUMNS, axis=1)
-    return Anchors(elements.astype(np.int64), weights, normals, slips, origins, directions, slides[:, 0] > 0.0)
+    elements, weights, normals, slips, origins, directions, facings, slides = np.split(rows, COLUMNS, axis=1)
+    vectors = normals, slips, origins, directions, facings
+    return Anchors(elements.astype(np.int64), weights, *vectors, slides[:, 0] > 0.0)
+
+
+def anchors_at(
+    x: Floats, elements: Ints, weights: Floats, normals: Floats, slips: Floats, slides: np.ndarray
+) -> Anchors:
+    """Anchors of contacts in a step that starts at x (N, 3) [m]."""
+    origins, directions = relative_positions(x, elements, weights), directions_of(x, elements)
+    return Anchors(elements, weights, normals, slips, origins, directions, facings_of(x, elements, weights), slides)
 
 
 def relative_positions(x: Floats, elements: Ints, weights: Floats) -> Floats:
@@ -117,6 +146,22 @@ def directions_of(x: Floats, elements: Ints) -> Floats:
     first = np.where(elements[:, 2] == elements[:, 3], elements[:, 1], elements[:, 2])
     second = np.where(elements[:, 2] == elements[:, 3], elements[:, 2], elements[:, 3])
     return np.asarray(x[second] - x[first], np.float64)
+
+
+def facings_of(x: Floats, elements: Ints, weights: Floats) -> Floats:
+    """Normal of the face of a contact, or of its two edges, (p, 3) [m2]; 0 where it has none or they are parallel."""
+    a, b, c, d = (x[elements[:, k]] for k in range(4))
+    of_edges = (weights[:, 0] > 0.0) & (weights[:, 0] < 1.0)
+    first, second = np.where(of_edges[:, None], b - a, c - b), d - c
+    normals = np.cross(first, second)
+    least = LEAST_TANGENT * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
+    has_one = (of_edges | (weights[:, 1] < 0.0)) & (np.linalg.norm(normals, axis=1) > least)
+    return np.where(has_one[:, None], normals, 0.0)
+
+
+def _units(vectors: Floats) -> Floats:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0), np.float64)
 
 
 def _rotated(vectors: Floats, normals: Floats, before: Floats, after: Floats) -> Floats:

@@ -8,7 +8,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.contact import friction_kernels as kernels
-from clothsim.contact.anchors import Anchors, anchors_from, directions_of, relative_positions, tangential
+from clothsim.contact.anchors import Anchors, anchors_at, anchors_from, relative_positions, tangential
 from clothsim.contact.barrier import Barrier
 from clothsim.energies.base import Energy
 from clothsim.energies.elementwise import Elementwise
@@ -67,8 +67,9 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
         Barriers that the pairs come from.
     anchors : Anchors
         Of the contacts of the step before, as they are at its end.
-    elements, weights, normals, slips, limits, slides : (p, 4), (p, 4), (p, 3), (p, 3), (p,), (p,) array
-        Lagged pairs: rows, weights, normals, z [m], limits mu F [N], and whether they slide.
+    elements, weights, normals, slips, turns, limits, slides : (p, 4), (p, 4), (p, 3), (p, 3), (p, 3), (p,), (p,) array
+        Lagged pairs: rows, weights, normals, z [m], `Anchors.turning` of the step as the velocities at its start
+        predict it [m], limits mu F [N], and whether they slide.
     """
 
     kinetic: Floats
@@ -83,10 +84,11 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
     weights: Floats
     normals: Floats
     slips: Floats
+    turns: Floats
     limits: Floats
     slides: np.ndarray
 
-    per_element = ("elements", "weights", "normals", "slips", "limits", "slides")
+    per_element = ("elements", "weights", "normals", "slips", "turns", "limits", "slides")
 
     begins_last = True
     incremental = True
@@ -107,9 +109,8 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
         """The contacts of the step, with their slips and points at its start (`Anchors.as_array`)."""
         if not self.elastic_slip:
             return np.zeros(0)
-        start = self.contacts.start
-        vectors = relative_positions(start, self.elements, self.weights), directions_of(start, self.elements)
-        return Anchors(self.elements, self.weights, self.normals, self.slips, *vectors, self.slides).as_array()
+        pairs = self.elements, self.weights, self.normals, self.slips, self.slides
+        return anchors_at(self.contacts.start, *pairs).as_array()
 
     def begin(self, step: Step) -> Self:
         """Copy for the step, with the contacts and their forces at its start.
@@ -144,22 +145,25 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
         elements, weights, differences, forces = (each[held] for each in (elements, weights, differences, forces))
         kinetic, static = self.kinetic[objects][held] * forces, self.static[objects][held] * forces
         normals = differences / np.linalg.norm(differences, axis=1, keepdims=True)
-        slips, slides = self._inherited(elements, weights, normals)
+        slips, turns, slides = self._inherited(elements, weights, normals)
         limits = np.where(slides, kinetic, static)
-        return replace(
-            self, elements=elements, weights=weights, normals=normals, slips=slips, limits=limits, slides=slides
-        )
+        geometry = {"elements": elements, "weights": weights, "normals": normals, "slips": slips, "turns": turns}
+        return replace(self, **geometry, limits=limits, slides=slides)
 
-    def _inherited(self, elements: Ints, weights: Floats, normals: Floats) -> tuple[Floats, np.ndarray]:
-        """Slips (p, 3) [m] of contacts, and which slide (p,): a new one does if its velocity takes it beyond e."""
+    def _inherited(self, elements: Ints, weights: Floats, normals: Floats) -> tuple[Floats, Floats, np.ndarray]:
+        """Slips and turns (p, 3) [m] of contacts, and which slide (p,): a new one if its velocity takes it beyond e."""
+        none = np.zeros((len(elements), 3))
         if not self.elastic_slip or not len(elements):
-            return np.zeros((len(elements), 3)), np.zeros(len(elements), bool)
+            return none, none, np.zeros(len(elements), bool)
         parents, slips = self.anchors.inherited(elements, weights, normals, self.labels)
-        moves = tangential(relative_positions(self.contacts.displacements, elements, weights), normals)
+        start, displacements = self.contacts.start, self.contacts.displacements
+        at_start = anchors_at(start, elements, weights, normals, none, np.zeros(len(elements), bool))
+        turns = tangential(at_start.turning(start + displacements), normals)
+        moves = tangential(relative_positions(displacements, elements, weights), normals) - turns
         slides = np.linalg.norm(moves, axis=1) > self.elastic_slip
         known = parents >= 0
         slides[known] = self.anchors.slides[parents[known]]
-        return slips, slides
+        return slips, turns, slides
 
     def value(self, x: Floats) -> float:
         """Dissipation potential of the step [J]."""
@@ -173,9 +177,8 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
         """Energy of the springs of anchors [J]; 0 where contacts creep."""
         if not self.elastic_slip:
             return 0.0
-        slips = self.slips + tangential(
-            relative_positions(x - self.contacts.start, self.elements, self.weights), self.normals
-        )
+        displacements = relative_positions(x - self.contacts.start, self.elements, self.weights)
+        slips = self.slips - self.turns + tangential(displacements, self.normals)
         fractions = np.minimum(np.linalg.norm(slips, axis=1) / self.elastic_slip, 1.0)
         return float(self.elastic_slip * (self.limits * fractions**2 * (1.0 - fractions / 3.0)).sum())
 
@@ -196,4 +199,5 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
     @property
     def _lagged(self) -> tuple[Floats, Ints, Floats, Floats, Floats, Floats, float]:
         contacts = self.contacts
-        return contacts.start, self.elements, self.weights, self.normals, self.limits, self.slips, contacts.slip
+        slips = self.slips - self.turns
+        return contacts.start, self.elements, self.weights, self.normals, self.limits, slips, contacts.slip

@@ -78,7 +78,7 @@ def friction(
     from clothsim.contact.friction import NO_ANCHORS, NO_CONTACTS, Friction  # after the last Off: no kernel for a zero
 
     none, rows = np.zeros((0, 3)), NO_ANCHORS.elements
-    lagged = rows, NO_ANCHORS.weights, none, none, np.zeros(0), np.zeros(0, bool)
+    lagged = rows, NO_ANCHORS.weights, none, none, none, np.zeros(0), np.zeros(0, bool)
     return Friction(kinetic, static, world.labels, speed, slip, lag_iterations, NO_CONTACTS, NO_ANCHORS, *lagged)
 
 

@@ -3,9 +3,13 @@
 import importlib
 from dataclasses import fields
 from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
 
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example
+from clothsim.energies.varying_values import over_cloth
 from clothsim.errors import InputError
 from clothsim.mesh.hinges import Hinges
 from clothsim.mesh.world import World
@@ -18,7 +22,7 @@ MODELS = {
 """Bending models by name: the function that builds the energy of hinges of a world, imported when it is chosen."""
 
 
-def bending(world: World, *, model: str = "midedge") -> Energy | Off:
+def bending(world: World, *, model: str = "midedge", angle_degrees: Any = 0.0) -> Energy | Off:
     """The bending energy of all cloths, over the hinges that have a stiffness.
 
     Parameters
@@ -26,7 +30,9 @@ def bending(world: World, *, model: str = "midedge") -> Energy | Off:
     model : str
         "midedge" (curvature by triangle: convergent on any mesh, with the material's Poisson ratio), "hinge" (springs
         on dihedral angles) or "quadratic" (constant Hessian): the error of these two does not vanish with the mesh
-        (docs/validation.md, A3).
+        (docs/validation.md, A3), and they know the fabric's bending_stiffness alone.
+    angle_degrees : number or values over the cloth
+        Angle of the warp from the cloth's first axis (`kinematics.warp_weft`), for "midedge".
 
     Returns
     -------
@@ -35,9 +41,12 @@ def bending(world: World, *, model: str = "midedge") -> Energy | Off:
     Raises
     ------
     InputError
-        For an unknown model; names the nearest one.
+        For an unknown model; names the nearest one. For an angle that the model does not take.
     """
     builder = _builder(model)
+    turned = not (isinstance(angle_degrees, float | int) and angle_degrees == 0)
+    if turned and model != "midedge":
+        raise InputError(f'effects.bending.angle_degrees has no effect with model = "{model}".', 'It is for "midedge".')
     hinges = world.hinges
     if not len(hinges.vertices):
         return Off("the cloth has no interior edge")
@@ -46,7 +55,10 @@ def bending(world: World, *, model: str = "midedge") -> Energy | Off:
         return Off("bending stiffness is zero")
     stiff_hinges = Hinges(*(getattr(hinges, field.name)[stiff] for field in fields(hinges)))
     module, function = builder.split(":")
-    return getattr(importlib.import_module(module), function)(stiff_hinges, world)
+    build = getattr(importlib.import_module(module), function)
+    if model != "midedge":
+        return build(stiff_hinges, world)
+    return build(stiff_hinges, world, np.radians(over_cloth("effects.bending.angle_degrees", angle_degrees, world)))
 
 
 def _builder(name: str) -> str:

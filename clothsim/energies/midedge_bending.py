@@ -3,8 +3,9 @@
     E = sum A D/2 [(1 - nu) |S|^2 + nu tr(S)^2] = |G (theta - theta0)|^2/2
 
 with S the mid-edge curvature less that at rest and G its constant matrix over the angles of the hinges
-(`kinematics.curvature`). D and nu are the material's. Where the hinge model has a spring on each angle, this one
-couples the angles in and around each triangle: the moments are M (theta - theta0) with M = G'G.
+(`kinematics.curvature`). D and nu are the material's; a fabric with its own bending stiffness along warp and weft has
+the orthotropic law of `kinematics.plate_law` instead, which changes G alone. Where the hinge model has a spring on each
+angle, this one couples the angles in and around each triangle: the moments are M (theta - theta0) with M = G'G.
 
 As in the hinge model angles are not wrapped and all lengths are those at rest. A free strip bends with D (1 - nu^2), a
 wide plate with D: D is the plate's stiffness, E t^3/(12 (1 - nu^2)).
@@ -139,9 +140,9 @@ class MidedgeBending(Energy, Restrictable):
         return midedge_kernels.moments(self.stencils, self.weights, np.where(np.isinf(change), 0.0, change))
 
 
-def midedge_bending(hinges: Hinges, world: World) -> MidedgeBending:
-    """The bending energy of hinges, all or some of a world's."""
-    strains = bending_strains(world, hinges)
+def midedge_bending(hinges: Hinges, world: World, angles: Floats | None = None) -> MidedgeBending:
+    """The bending energy of hinges, all or some of a world's; angles (m,) of the warp [rad], 0 if not given."""
+    strains = bending_strains(world, hinges, angles)
     triangles, stencils, weights = _rows_in_threes(strains)
     bounds = np.asarray(abs(strains.T @ strains).sum(axis=1), np.float64).ravel()
     stiffnesses = (world.per_triangle("bending_stiffness") * world.rest_areas)[triangles]

@@ -21,15 +21,18 @@ from clothsim.energies.protocols import ContactGap
 from clothsim.energies.selection import as_flag, check_tables, cloth_number, selected_vertices, vertex_numbers
 from clothsim.errors import InputError
 from clothsim.mesh.edge_paths import path_along
-from clothsim.mesh.stitches import Line, hinges_across, line_of, stitches
+from clothsim.mesh.stitches import Line, hinges_across, line_of, nearest_stitches, stitches
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import World
 
 if TYPE_CHECKING:
     from clothsim.energies.seam_strings import Seam
 
-KEYS = ("from", "to", "start", "end", "stiffness", "flip", "bends")
-SIDE = ("cloth", "side", "through", "vertices")
+KEYS = ("from", "to", "start", "end", "stiffness", "flip", "bends", "match")
+MATCHES = ("length", "vertices")
+SIDE = ("cloth", "side", "through", "vertices", "nearest")
+NEAREST = {"nearest": True}
+"""The `to` of a seam whose vertices are each stitched to the nearest edge of another piece."""
 SIDES = ("left", "right", "top", "bottom")
 STIFFER = 100.0
 """Ratio of the default stiffness of a stitch to that of the fabric in stretch."""
@@ -44,10 +47,13 @@ def seams(
     ----------
     seam : sequence of tables
         Each has `from` and `to`, two lines of vertices, and optionally `start` and `end` of closing [s] (0 and 1),
-        `stiffness` [N/m] of a stitch (100 times the fabric's), `flip` = true to reverse `to`, and `bends` = false for a
-        seam that folds freely. A line is a table of `cloth`, its name, if there are several, and one of `side` ("left",
-        "right", from bottom to top, or "bottom", "top", from left to right), `through`, points [[x, y, z], ...] along
-        the border in the coordinates of the mesh before its placement [m], and `vertices`, numbers in their order.
+        `stiffness` [N/m] of a stitch (100 times the fabric's), `flip` = true to reverse `to`, `bends` = false for a
+        seam that folds freely, and `match` = "vertices" for lines of equally many vertices that meet one by one
+        ("length": at equal fractions of their lengths). A line is a table of `cloth`, its name, if there are several,
+        and one of `side` ("left", "right", from bottom to top, or "bottom", "top", from left to right), `through`,
+        points [[x, y, z], ...] along the border in the coordinates of the mesh before its placement [m], and
+        `vertices`, numbers in their order.
+        `to` = { nearest = true } stitches each vertex of `from` to the nearest edge of another piece of cloth at rest.
     built : mapping, optional
         The energies built so far: seams bend if bending is on, and leave a gap for self_contact.
 
@@ -79,26 +85,49 @@ def _seam(
     name: str, world: World, keys: Mapping[str, Any], bending: bool
 ) -> tuple["Seam", Ints, Floats, Floats, Ints, Ints]:
     """A seam with its stitches (rows, weights, stiffnesses), its hinges and the triangles beside them."""
-    first, second = (_line(f"{name}.{key}", world, keys[key]) for key in ("from", "to"))
+    is_nearest = keys["to"] == NEAREST
+    first = _line(f"{name}.from", world, keys["from"])
+    second = first if is_nearest else _line(f"{name}.to", world, keys["to"])
     flip, bends = (as_flag(f"{name}.{key}", keys.get(key, usual)) for key, usual in (("flip", False), ("bends", True)))
     if flip:
         second = Line(second.vertices[::-1], 1 - second.parameters[::-1])
+    if keys.get("match", "length") not in MATCHES:
+        raise InputError(f"{name}.match is {keys['match']!r}.", f"Known: {', '.join(MATCHES)}.")
+    if keys.get("match") == "vertices":
+        first, second = _one_by_one(name, first, second)
     start, end = (as_positive(f"{name}.{key}", keys.get(key, at), zero=True) for key, at in (("start", 0), ("end", 1)))
     if end <= start:
         raise InputError(f"{name} closes from {start:g} s to {end:g} s.", "Its end must be after its start.")
-    rows, weights = stitches(first, second)
+    rows, weights = _nearest(world, first) if is_nearest else stitches(first, second)
     if not len(rows):
-        raise InputError(f"{name} joins a line to itself.", "Give two lines.")
+        what = "finds no other piece" if is_nearest else "joins a line to itself"
+        raise InputError(f"{name} {what}.", "Give two lines.")
     fabric = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft")).max()
     if "stiffness" not in keys and not fabric > 0:
         raise InputError(f"{name} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
     stiffness = as_positive(f"{name}.stiffness", keys.get("stiffness", STIFFER * float(fabric)))
     hinges, beside = hinges_across(first, second, world.triangles)
+    if is_nearest:
+        hinges, beside = hinges[:0], beside[:0]
     n = len(hinges) if bending and bends else 0
     from clothsim.energies.seam_strings import Seam
 
     made = Seam(name.removeprefix("effects.seams."), start, end, len(rows), n)
     return made, rows, weights, np.full(len(rows), stiffness), hinges[:n], beside[:n]
+
+
+def _nearest(world: World, line: Line) -> tuple[Ints, Floats]:
+    """Stitches of a line to the nearest edges of other pieces, at rest."""
+    rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
+    return nearest_stitches(line.vertices, rest, world.triangles)
+
+
+def _one_by_one(name: str, *lines: Line) -> tuple[Line, ...]:
+    """The lines with vertices that meet one by one, whatever the lengths between them."""
+    counts = [len(line.vertices) for line in lines]
+    if counts[0] != counts[1]:
+        raise InputError(f"{name} joins {counts[0]} vertices to {counts[1]} one by one.", 'Leave match = "length".')
+    return tuple(Line(line.vertices, np.linspace(0.0, 1.0, counts[0])) for line in lines)
 
 
 def _line(name: str, world: World, keys: object) -> Line:
@@ -110,6 +139,8 @@ def _line(name: str, world: World, keys: object) -> Line:
     rest = cloth.rest_positions
     if sum(key in keys for key in SIDE[1:]) != 1:
         raise InputError(f"{name} needs one of {', '.join(SIDE[1:])}.", 'For a rectangle: { side = "left" }.')
+    if "nearest" in keys:
+        raise InputError(f"{name}.nearest is {keys['nearest']!r}.", "Only `to` may be { nearest = true }.")
     if "side" in keys:
         if keys["side"] not in SIDES:
             raise InputError(f"{name}.side is {keys['side']!r}.", f"Known: {', '.join(SIDES)}.")

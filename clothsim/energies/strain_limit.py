@@ -52,7 +52,7 @@ def strain_limit(
     limit, limit_warp, limit_weft : numbers or values over the cloth
         Largest stretch in every direction, and along the threads: 1.1 allows 10 %; 0: no limit. limit = "fabric": those
         along the threads at which the fabric has its measured extension under 490 N/m, and 1.1 in every direction for a
-        fabric without one.
+        fabric without one; none for a thread that bears that force alone.
     begins : float
         Activation of the barrier as fraction of the range from 1 to the limit.
     stiffness : number or values over the cloth
@@ -80,13 +80,14 @@ def strain_limit(
     stiff = np.where(stiff > 0, stiff, own)
     if of_fabric:
         own_warp, own_weft = (_of_fabric(world, along, stiff, fraction) for along in ("warp", "weft"))
-        unknown = ~np.isfinite(np.stack([own_warp, own_weft, warp, weft])).any(axis=0)
+        known = [world.per_triangle(f"extension_along_{along}") > 0 for along in ("warp", "weft")]
+        unknown = ~np.any([*known, np.isfinite(warp), np.isfinite(weft)], axis=0)
         every = np.where(unknown, WITHOUT_EXTENSION, np.inf)
         warp, weft = (np.where(np.isfinite(given), given, own) for given, own in ((warp, own_warp), (weft, own_weft)))
     limits = np.column_stack([every, every, warp, weft])
     chosen = np.flatnonzero(np.isfinite(limits).any(axis=1))
     if not len(chosen):
-        return Off("every limit is 0, which means none")
+        return Off("the threads bear it alone" if of_fabric else "every limit is 0, which means none")
     stiff = stiff[chosen]
     if not (stiff > 0).all():
         raise InputError("effects.strain_limit has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")

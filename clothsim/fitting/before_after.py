@@ -54,7 +54,7 @@ def _panels(done: "Fit") -> list[tuple[str, Floats, Figure, Floats]]:
         "completed": "fitted and draped",
         "distorted": "draped, distorted",
         "refined": "refined, not simulated",
-        "failed": "failed",
+        "failed": f"failed; the best: {done.answer.name}",
     }
     panels.append((ending[done.status], done.positions, done.target, done.cost.stretches))
     return panels

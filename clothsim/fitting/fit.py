@@ -49,8 +49,8 @@ class Fit:
     directory : Path
         Output directory.
     status : str
-        "completed" (simulated to its end), "distorted" (so, but not as one would wear it: see `look`),
-        "refined" (the garment is free of intersections, but its simulation did not
+        "completed" (simulated to its end), "distorted" (so, but it does not look worn: see `look`), "refined" (the
+        garment is free of intersections, but its simulation did not
         complete) or "failed".
     reason : str
         Reason for the status, one sentence.
@@ -102,8 +102,13 @@ class Fit:
 
     @property
     def positions(self) -> Floats:
-        """Positions of the fitted garment, (n, 3) [m]."""
+        """Positions of the fitted garment, (n, 3) [m]: of its simulated pieces (`garment`)."""
         return self.answer.positions
+
+    @property
+    def complete_positions(self) -> Floats:
+        """Positions of all vertices of the garment's file, also of pieces that follow others [m]."""
+        return self.garment.division.complete(self.positions)
 
     @property
     def counts(self) -> Counts:
@@ -209,7 +214,7 @@ def fit(
     else:
         source = _figure(base, scale, body_group)
         file = base if isinstance(base, str | Path) else None
-        worn = read_garment(garment, file, source.scale, part=part, weld=weld)
+        worn = read_garment(garment, file, source.scale, part=part, weld=weld, body=source.positions)
     target = source if _same(base, to) and scale_to in (None, scale) else _target(to, scale_to, body_group)
     if not of_scene:
         _refuse_a_body(worn, source, target)
@@ -321,7 +326,9 @@ def _fallen(run: Run, body: str) -> str:
 
 def _write(done: Fit, seconds: float) -> None:
     """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
-    text = fitted_text(done.garment.original, done.positions) or obj_text(done.positions, done.garment.triangles)
+    division, positions = done.garment.division, done.complete_positions
+    whole = division.whole if division.followers else done.garment.triangles
+    text = fitted_text(done.garment.original, positions) or obj_text(positions, whole)
     write_atomically(done.directory / FITTED, text.encode())
     file = done.directory / SUMMARY_NAME
     previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
@@ -334,12 +341,13 @@ def _write(done: Fit, seconds: float) -> None:
         "size": done.size.as_dict(),
         "look": done.look.as_dict(),
         "notes": [*done.notes, *previous["notes"]],
+        "pieces": division.as_dict(),
         "fit_seconds": seconds,
     }
     if done.status in ("failed", "distorted"):
         position, counts = done.counts.position, str(done.counts)
         if done.status == "distorted":
-            position, counts = np.array(done.look.place), done.look.fault
+            position, counts = np.asarray(done.look.place), done.look.fault
         failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": position, "remedy": REMEDY}
         fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
     write_summary(file, {**previous, **fitted})

@@ -11,14 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.build.untangle import untangled
-from clothsim.errors import InputError
 from clothsim.fitting.deflate import deflated, half_thickness, outward_normals
 from clothsim.fitting.unfold_creases import unfolding
 from clothsim.intersection.intersecting_pairs import intersecting_pairs
-from clothsim.mesh.body import Body
-from clothsim.mesh.cloth import Cloth
-from clothsim.mesh.world import make_world
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 
@@ -77,15 +72,3 @@ def clearings(garment: Floats, triangles: Ints, body: BodySurface) -> Iterator[C
             description = f"without folds and {1e3 * thinned[0]:.3g} mm thinner"
             yield Clearing((thinned[1], opened, body.positions), description)
             return
-
-
-def untangled_from_itself(cloth: Cloth, bodies: Sequence[Body]) -> tuple[Floats, str] | None:
-    """Start (n, 3) [m] without intersections of the cloth with itself and the bodies, and a description.
-
-    None where untangling fails.
-    """
-    try:
-        freed, description = untangled(make_world([cloth], bodies))
-    except InputError:
-        return None
-    return freed.cloths[0].positions, description

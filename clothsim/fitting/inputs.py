@@ -11,13 +11,16 @@ from clothsim.build.meshes import body_of, cloth_of, cloth_shape
 from clothsim.build.placement import Shape
 from clothsim.build.scene_world import build
 from clothsim.build.welding import sewn
+from clothsim.build.winding import wound_alike
 from clothsim.errors import InputError
 from clothsim.fitting.original_file import original_of, original_of_scene
+from clothsim.fitting.pieces import UNDIVIDED, divided
 from clothsim.fitting.stage import Garment
 from clothsim.io.mesh_file import read_mesh
 from clothsim.io.mesh_part import MeshFile
 from clothsim.io.mhclo import read_clothes
 from clothsim.mesh.checks import examine, refuse
+from clothsim.mesh.degenerate import duplicates
 from clothsim.mesh.topology import components, half_edges
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.mesh_keys import check_body, check_cloth
@@ -31,6 +34,8 @@ NEARLY = 0.7
 """Ratio of the extents in y and z from which the longer one need not be the height."""
 FARTHEST = 1e6
 """No coordinate of a garment is larger [m]: distances to a body would lose all their digits, or overflow."""
+TWO_SIDED = 0.8
+"""Least fraction of triangles that are given twice, with opposite windings, in a two-sided mesh."""
 LONG = 0.5
 """Least extent of a body candidate as a fraction of the file's extent."""
 
@@ -113,10 +118,12 @@ def read_garment(
     *,
     part: tuple[int, int] | None = None,
     weld: float = 0.0,
+    body: Floats | None = None,
 ) -> Garment:
     """The garment in a mesh file, or in MakeHuman clothes (.mhclo) on the base mesh `made_for`.
 
-    scale: metres per unit; part: (lo, hi) vertices of the file; weld: borders closer than that are sewn [m].
+    scale: metres per unit; part: (lo, hi) vertices of the file; weld: borders closer than that are sewn [m];
+    body: positions (k, 3) [m] of what it is worn by, from which a garment of inconsistent winding is turned away.
     InputError for a mesh that is no cloth.
     """
     file = source = Path(path)
@@ -134,18 +141,36 @@ def read_garment(
         mesh = replace(mesh, positions=on_base)
     else:
         mesh = read_mesh(file, vertices=part)
-    shape = Shape(scale * mesh.positions, mesh.triangles, np.zeros((0, 3, 2)), mesh.messages)
+    shape = one_sided(Shape(scale * mesh.positions, mesh.triangles, np.zeros((0, 3, 2)), mesh.messages))
+    shape = wound_alike(shape, body)
     if weld:
         shape, _ = sewn(file.name, shape, None, weld, at_start=False)
-    report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
-    refuse(report)
+        shape = wound_alike(shape, body)
+    refuse(examine(file.name, shape.positions, shape.triangles, "body"))
     farthest = float(np.abs(shape.positions).max())
     if farthest > FARTHEST:
         raise InputError(f"{file.name} has a vertex {farthest:.3g} m from the origin.", "Give its unit with --scale.")
-    remarks = (*shape.notes, *(finding.sentence for finding in report.warnings))
-    notes = tuple(f"{file.name}: {note}" for note in remarks)
     original = original_of(source, mesh, shape)
-    return Garment(file.name, shape.positions, shape.triangles, notes, bool(weld), original)
+    every = len(np.unique(shape.triangles)) == len(shape.positions)
+    division = divided(shape.positions, shape.triangles) if every else UNDIVIDED
+    if division.followers:
+        shape = replace(shape, positions=shape.positions[division.vertices], triangles=division.triangles)
+    report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
+    refuse(report)
+    remarks = (*shape.notes, *division.notes, *(finding.sentence for finding in report.warnings))
+    notes = tuple(f"{file.name}: {note}" for note in remarks)
+    return Garment(file.name, shape.positions, shape.triangles, notes, bool(weld), original, division)
+
+
+def one_sided(shape: Shape) -> Shape:
+    """A shape without the second side of a mesh most of whose triangles are given twice, with opposite windings."""
+    if ((shape.triangles < 0) | (shape.triangles >= len(shape.positions))).any():
+        return shape  # the mesh check names them
+    flipped = duplicates(shape.triangles)[1]
+    if 2 * len(flipped) < TWO_SIDED * len(shape.triangles):
+        return shape
+    note = f"a two-sided mesh: {len(flipped)} triangles given again with opposite winding are left out"
+    return replace(shape, triangles=np.delete(shape.triangles, flipped, axis=0), notes=(*shape.notes, note))
 
 
 def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import IntersectionWarning
 from clothsim.fitting.stage import Garment
@@ -13,6 +15,7 @@ from clothsim.io.obj_writer import write_obj
 from clothsim.run.recorded_run import Announcement, Listener
 from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
+from clothsim.scene.fabrics import FABRICS
 from clothsim.scene.scene import Scene
 
 REST, START, BODY = "garment_rest.obj", "garment_start.obj", "body.obj"
@@ -20,6 +23,8 @@ FRAMES = "body[0-9][0-9][0-9].obj"
 
 CARRYING_SECONDS = 0.5
 """Duration of the motion of a body [s]: slow beside the damping, which holds the garment to it."""
+STITCHING_SECONDS = 0.1
+"""Time in which the stitches of a piece close [s]."""
 CARRYING_TOLERANCE = 0.1
 """Newton's tolerance there [m/s], 5 mm a step: what is in between is free of intersections, and that is enough.
 On a body of 47,500 triangles .02 takes twice to three times the iterations, and steps of .01 s five halves."""
@@ -27,6 +32,10 @@ CARRYING_FRICTION = 0.5
 """It keeps the garment where it is on the body. Without, a growing body squeezes it from the hips up to the waist, and
 the folds that it makes there take four times the Newton iterations. Where a crease of the body closes on the garment it
 must slip out: what fails with friction is tried without."""
+CARRYING_STRETCH = 0.4
+"""Stretch of the garment for which contact is made stiff enough there: its gap is then about half of d_hat."""
+LIMB = 0.06
+"""Radius of a limb as a fraction of the body's largest extent."""
 # Only where it ends counts: backward Euler damps the way there, and hinges bend the garment cheapest.
 MORPH_SETTINGS: dict[str, Any] = {
     "effects": {
@@ -57,7 +66,7 @@ DRAPING: dict[str, Any] = {
         "integrator": "backward_euler",
         "unstable_equilibrium": "keep",
     },
-    "run": {"duration": 1.0, "frames_per_second": 10, "until": "rest", "rest_speed": 0.01},
+    "run": {"duration": 1.0, "frames_per_second": 10, "until": "rest", "rest_speed": 0.02},
 }
 
 
@@ -90,8 +99,26 @@ def moved_with_body(
         write_obj(folder / f"body{k:03d}.obj", frame, worn.body_triangles)
     rate = (len(frames) - 1) / CARRYING_SECONDS
     body = {"name": "body", "frames": FRAMES, "frames_per_second": rate}
-    effects = {name: keys for name, keys in MORPH_SETTINGS["effects"].items() if not (slips and name == "friction")}
+    kept = {name: keys for name, keys in MORPH_SETTINGS["effects"].items() if not (slips and name == "friction")}
+    effects = {**kept, **_stiff_contact(worn, frames[-1])}
     return _run(_scene(worn, start, body, {**MORPH_SETTINGS, "effects": effects}, folder), folder, listener)
+
+
+def _stiff_contact(worn: Worn, body: Floats) -> dict[str, Any]:
+    """Contact effects with `carrying_stiffness`."""
+    keys = {"stiffness": carrying_stiffness(worn.fabric, body)}
+    return {"body_contact": keys, **({"self_contact": keys} if worn.self_contact else {})}
+
+
+def carrying_stiffness(fabric: str, body: Floats) -> float:
+    """Barrier stiffness [Pa] while a body (k, 3) [m] moves: the pressure of the fabric stretched around it.
+
+    That of a membrane with tension E h eps on a limb of radius R is E h eps / R. A stiffness that adapts to the loads
+    rises too slowly for a body that does the work: the gap shrinks to a micrometre, and blocks the body.
+    """
+    cloth = FABRICS[fabric]
+    radius = LIMB * float(np.ptp(body, axis=0).max())
+    return max(cloth.stiffness_along_warp, cloth.stiffness_along_weft) * CARRYING_STRETCH / radius
 
 
 def draped(
@@ -110,7 +137,14 @@ def draped(
     """
     _make(folder)
     write_obj(folder / BODY, body, worn.body_triangles)
-    settings = {**DRAPING, "effects": {**DRAPING["effects"], "gravity": {"acceleration": (-9.81 * up).tolist()}}}
+    settings = {
+        **DRAPING,
+        "effects": {
+            **DRAPING["effects"],
+            **_stiff_contact(worn, body),
+            "gravity": {"acceleration": (-9.81 * up).tolist()},
+        },
+    }
     if duration is not None:
         settings["run"] = {**settings["run"], "duration": duration}
     scene = _scene(worn, start, {"name": "body", "mesh": BODY}, settings, folder)
@@ -132,7 +166,8 @@ def _run(scene: Scene, folder: Path, listener: Listener | None, announce: Announ
 def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, Any], folder: Path) -> Scene:
     write_obj(folder / REST, worn.rest, worn.garment.triangles)
     write_obj(folder / START, start, worn.garment.triangles)
-    effects = {**settings["effects"], **({"self_contact": {}} if worn.self_contact else {})}
+    own: dict[str, Any] = {"self_contact": {}} if worn.self_contact else {}
+    effects = {**own, **settings["effects"], **_seams(worn)}
     return Scene(
         cloth={"name": "garment", "mesh": REST, "fabric": worn.fabric, "sewn": worn.garment.sewn},
         body=body,
@@ -142,6 +177,13 @@ def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, 
         seed={"from": "file", "file": START},
         directory=folder,
     )
+
+
+def _seams(worn: Worn) -> dict[str, Any]:
+    """Seams of the pieces that are stitched to another."""
+    lines = [{"vertices": vertices.tolist()} for vertices in worn.garment.division.stitched]
+    keys = {"to": {"nearest": True}, "end": STITCHING_SECONDS, "bends": False}
+    return {"seams": {"seam": [{"from": line, **keys} for line in lines]}} if lines else {}
 
 
 def _make(folder: Path) -> None:

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from clothsim.arrays import Floats, Ints
 
@@ -23,6 +22,8 @@ def near_body(garment: Floats, frames: Sequence[Floats], triangles: Ints) -> tup
     triangles : (m, 3) ndarray
         Its triangles; one with a vertex near the garment is kept whole.
     """
+    from scipy.spatial import cKDTree  # a tenth of the start of the program, for fits that grow or morph
+
     margin = MARGIN * max(float(np.ptp(frame, axis=0).max()) for frame in frames)
     tree = cKDTree(garment)
     near = np.zeros(len(frames[0]), bool)

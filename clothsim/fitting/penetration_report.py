@@ -72,7 +72,9 @@ def read_penetration_report(
     figure = read_figure(on, scale=scale if body_scale is None else body_scale, group=body_group)
     own = scale if scale is not None else figure.scale if body_scale is None else 1.0
     on_base = Path(path).suffix.lower() == ".mhclo"
-    return penetration_report(read_garment(path, on, figure.scale if on_base else own, part=part, weld=weld), figure)
+    return penetration_report(
+        read_garment(path, on, figure.scale if on_base else own, part=part, weld=weld, body=figure.positions), figure
+    )
 
 
 def deepest_vertices(report: PenetrationReport, count: int = 5) -> list[tuple[int, float, Floats]]:

@@ -1,22 +1,24 @@
-"""Stages of a fit before its drape: transfer, DRAPE refinement, guaranteed path; each checked exactly.
+"""Stages of a fit before its drape: transfer, untangling, DRAPE refinement, guaranteed path; each checked exactly.
 
-Deformation transfer seeds; where its shape is not clear of the body, DRAPE refines it; where that is not either, the
+Deformation transfer seeds; where its shape crosses the body, their intersection contours are shrunk to nothing, with
+those of the garment; where that fails, or all of it is inside, DRAPE refines it; where that is not clear either, the
 body is deflated until the better of the two is clear of it, and grows back under IPC; where no depth frees it, the body
 that the garment was made for deforms into the other one under IPC and moves the garment by contact.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
-from clothsim.fitting.guaranteed_path import Clearing, clearings, untangled_from_itself
+from clothsim.fitting.guaranteed_path import Clearing, clearings
 from clothsim.fitting.inputs import Figure
+from clothsim.fitting.layers import layers_of
 from clothsim.fitting.markers import NO_MARKERS
 from clothsim.fitting.moving_body import Worn, moved_with_body, named_stage
 from clothsim.fitting.near_body import near_body
@@ -25,12 +27,14 @@ from clothsim.fitting.sized import Size, sized
 from clothsim.fitting.stage import Garment, Stage, StageCallback, staged
 from clothsim.fitting.transfer_seed import Transferred, transferred
 from clothsim.fitting.worn_place import worn_positions
-from clothsim.mesh.body import make_body
-from clothsim.mesh.cloth import make_cloth
+from clothsim.mesh.winding import facing_away
 from clothsim.run.recorded_run import Listener
-from clothsim.scene.fabrics import FABRICS
+from clothsim.untangling.untangle import untangle
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
+
+MARGIN = 0.002
+"""Distance from the body to which a garment that crosses it is cleared, where that can be [m]: contact pushes below."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,12 @@ class Task:
     on_stage: StageCallback
     markers: Floats = field(default_factory=lambda: NO_MARKERS)
     progress: Listener | None = None
+
+    @cached_property
+    def layers(self) -> Ints:
+        """Layer of each vertex of the garment on its own body, (n,)."""
+        worn_by, garment = body_surface(self.source.positions, self.source.triangles), self.garment
+        return layers_of(garment.positions, garment.triangles, worn_by.closest(garment.positions).signed_distance)
 
     @property
     def same_body(self) -> bool:
@@ -94,18 +104,26 @@ def seeded(task: Task) -> Seeded:
         on_target = 0 if task.same_body else len(stages)
         carrier, rest, place = task.target.positions, task.garment.positions, task.garment.positions
         size = Size(rest, "own")
+        if stages[-1].counts.self_pairs:  # nothing later parts what cannot be parted on its own body
+            worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
+            return Seeded(tuple(stages), worn, place, 0, body, size, _meets_itself(stages[-1]))
         came = partial(staged, triangles=task.garment.triangles, on_stage=task.on_stage)
         if not task.same_body:
             moved: list[Transferred] = []
             stages.append(came("transfer", body=body, make=partial(_moved, stages[-1].positions, task, moved)))
             carrier = moved[0].body
-            started = perf_counter()
-            size = sized(task.garment, task.source, task.target, moved[0].positions, body, graded=task.resize)
+            started, shape = perf_counter(), stages[-1].positions
+            size = sized(task.garment, task.source, task.target, shape, body, graded=task.resize)
             if size.kind != "transferred":
+                stages.append(came("size", body=body, make=partial(_described, size), started=started))
                 on_target += 1  # the transferred shape is stretched as the bodies are: none to start from
-                stages.append(came("size", body=body, make=partial(_shape_of, size), started=started))
             rest = size.positions if task.resize else rest
             place = worn_positions(task.garment.positions, worn_by, carrier)
+        if stages[-1].counts.body_pairs:
+            wider = replace(body, positions=body.positions + MARGIN * body.vertex_normals)
+            tries = (_untangled(rest, stages[-1], beside, body, task, "clear") for beside in (wider, body))
+            cleared = next((stage for stage in tries if stage is not None), None)
+            stages += [] if cleared is None else [cleared]
         if not stages[-1].counts.clean:
             shape = stages[-1].positions
             stages.append(came("refine", body=body, make=partial(_refined, shape, task, body, along_normals=False)))
@@ -131,7 +149,7 @@ def _moved(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats,
     return moved[0].positions, moved[0].description
 
 
-def _shape_of(size: Size) -> tuple[Floats, str]:
+def _described(size: Size) -> tuple[Floats, str]:
     return size.positions, str(size)
 
 
@@ -169,7 +187,8 @@ def _freed(state: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
     """
     clear: list[tuple[Stage, Clearing]] = []
     failed = None
-    for stage in sorted(tried, key=lambda stage: (stage.counts.self_pairs, -tried.index(stage))):
+    latest_first = list(reversed(tried))  # of equals the latest
+    for stage in sorted(latest_first, key=lambda stage: stage.counts.self_pairs):
         for start in clearings(stage.positions, task.garment.triangles, body):
             clear.append((stage, start))
             freed: Stage | None = stage
@@ -187,30 +206,40 @@ def _freed(state: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
             state = replace(grown, failure="", notes=(*state.notes, note))
     if not clear:
         return None
-    return _meeting_itself(state, clear, failed, task, body)
-
-
-def _meeting_itself(
-    state: Seeded, clear: Sequence[tuple[Stage, Clearing]], failed: Seeded | None, task: Task, body: BodySurface
-) -> Seeded:
-    """The garment that could not be untangled, worn as it is; where all that failed was its growth, that failure."""
-    stage, start = min(clear, key=lambda one: len(one[1].frames))
-    if failed is not None and len(start.frames) > 1:
+    if failed is not None:
         return failed
-    note = "The garment intersects itself and could not be untangled: self_contact is switched off."
-    meeting = replace(state, worn=replace(state.worn, self_contact=False), notes=(*state.notes, note))
-    return _grown(meeting, stage, start, stage.positions, task, body)
+    stage = min((stage for stage, _ in clear), key=lambda one: one.counts.self_pairs)
+    return replace(state, failure=_meets_itself(stage))
+
+
+def _meets_itself(stage: Stage) -> str:
+    """Sentence for a garment that cannot be untangled: a drape would end as it began."""
+    return (
+        f"The garment intersects itself in {stage.counts.self_pairs:,} triangle pairs after the stage {stage.name}, "
+        f"{stage.counts.where}, and could not be untangled."
+    )
 
 
 def _untangled(
-    rest: Floats, stage: Stage, beside: BodySurface | None, counted_on: BodySurface, task: Task
+    rest: Floats,
+    stage: Stage,
+    beside: BodySurface | None,
+    counted_on: BodySurface,
+    task: Task,
+    name: str = "untangle",
 ) -> Stage | None:
     """The shape of a stage freed of intersections with itself and with the body `beside`; None where that fails."""
     started, triangles = perf_counter(), task.garment.triangles
-    cloth = make_cloth("garment", rest, triangles, FABRICS[task.fabric], positions=stage.positions)
-    bodies = [] if beside is None else [make_body("body", beside.positions, beside.triangles)]
-    freed = untangled_from_itself(cloth, bodies)
-    return None if freed is None else staged("untangle", triangles, counted_on, lambda: freed, task.on_stage, started)
+    body = None if beside is None else (beside.positions, beside.triangles)
+    faces = facing_away(task.garment.positions, triangles, task.source.positions, np.ones(len(triangles), bool))
+    done = untangle(stage.positions, faces, rest, body=body, layers=task.layers)
+    if not done.free:
+        return None
+    most = 1e3 * float(np.linalg.norm(done.positions - stage.positions, axis=1).max())
+    said = f"{done.pairs_before} pairs parted in {done.rounds} rounds, by {most:.2g} mm at most"
+    if task.layers.any():
+        said += f"; {int(task.layers.max()) + 1} layers in their order"
+    return staged(name, triangles, counted_on, lambda: (done.positions, said), task.on_stage, started)
 
 
 def _grown(state: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface) -> Seeded:
@@ -223,7 +252,7 @@ def _grown(state: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Ta
 
 def _morphed(state: Seeded, start: Stage, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
     """The source body becomes the target, with the garment of the stage `start` on it."""
-    worn = replace(state.worn, body_triangles=task.source.triangles, self_contact=not start.counts.self_pairs)
+    worn = replace(state.worn, body_triangles=task.source.triangles)
     description = f"{task.source.name} became {task.target.name} under IPC"
     frames = [task.source.positions, carrier]
     done = _after_motion(replace(state, worn=worn), "morph", start.positions, frames, task, body, description)

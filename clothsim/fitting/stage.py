@@ -8,6 +8,7 @@ from typing import Any
 from clothsim.arrays import Floats, Ints
 from clothsim.fitting.original_file import NO_ORIGINAL, Original
 from clothsim.fitting.penetration import Counts, counted
+from clothsim.fitting.pieces import UNDIVIDED, Division
 from transfer.signed_distance import BodySurface
 
 
@@ -15,7 +16,8 @@ from transfer.signed_distance import BodySurface
 class Garment:
     """Garment: positions (n, 3) [m] on its source body; triangles (m, 3); notes: defaults used in reading.
 
-    sewn: its panels were welded, so that three may meet in a seam; original: the file that it came in.
+    sewn: its panels were welded, so that three may meet in a seam; original: the file that it came in; division: pieces
+    that follow it, or are stitched.
     """
 
     name: str
@@ -24,6 +26,7 @@ class Garment:
     notes: tuple[str, ...] = ()
     sewn: bool = False
     original: Original = NO_ORIGINAL
+    division: Division = UNDIVIDED
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from transfer.gradients import doubled_areas
 from transfer.triangle_surface import edges_of
 
 EDGES = (0.75, 1.35)
-"""Bounds of the 1st and the 99th percentile of the edges' ratios to their lengths as given, the mean scale taken out."""
+"""Bounds of the 1st and 99th percentile of the edges' ratios to their lengths as given, the mean scale taken out."""
 DISTORTED = 0.02
 """Largest fraction of triangles with more than twice or less than half of their area, the mean scale taken out."""
 IN_FRONT = 0.5

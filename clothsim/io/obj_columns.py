@@ -26,6 +26,8 @@ STYLES = {
     )
 }
 """Corners of faces, all in one style, and True where their second number is that of texture coordinates."""
+FEW_GROUPS = 8
+"""Names in a line beyond which the other reader decides, which has a bound."""
 SILENT = ("vn ", "s ", "usemtl ", "mtllib ", "#")
 
 
@@ -82,9 +84,9 @@ def _sorted_lines(lines: list[str]) -> _Sorted | None:
         elif line.startswith("vt "):
             found.texture.append(line[3:])
         elif line.startswith(("g ", "o ")) or line in ("g", "o"):
-            if "#" in line:
-                return None
             names = line[2:].split()
+            if "#" in line or len(names) > FEW_GROUPS:
+                return None
             if line[0] == "g":
                 group = frozenset(names)
             else:

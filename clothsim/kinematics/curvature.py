@@ -23,11 +23,11 @@ import numpy as np
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
+from clothsim.kinematics.plate_law import ROOT2, PlateLaw, plate_law, rotation_of_curvature
 from clothsim.mesh.hinges import Hinges
 from clothsim.mesh.topology import half_edges
 from clothsim.mesh.world import World
 
-ROOT2 = np.sqrt(2)
 MAX_COEFFICIENT = 3.0
 """Bound on each component of a combination of angles: eight vertices near one conic leave their curvature
 undetermined."""
@@ -56,11 +56,11 @@ class _Edges:
     kinds: Ints
 
 
-def bending_strains(world: World, hinges: Hinges) -> sparse.csr_array:
+def bending_strains(world: World, hinges: Hinges, angles: Floats | None = None) -> sparse.csr_array:
     """Matrix G from changes of hinge angle to bending strains: E = |G theta|^2/2.
 
     Rows 3 t to 3 t + 2 are sqrt(A D) times the curvature of triangle t, scaled such that their squares add up to
-    A D [(1 - nu) |S|^2 + nu tr(S)^2], with D and nu of its fabric.
+    A D [(1 - nu) |S|^2 + nu tr(S)^2], with D and nu of its fabric, or to A k'Ck of its orthotropic law (`plate_law`).
 
     Parameters
     ----------
@@ -68,6 +68,8 @@ def bending_strains(world: World, hinges: Hinges) -> sparse.csr_array:
         Cloths with their fabrics, m triangles.
     hinges : Hinges
         The h hinges of the world, or a subset of them.
+    angles : (m,) array, optional
+        Angle from the cloth's first axis to the warp [rad]; 0 where it is not given.
 
     Returns
     -------
@@ -75,17 +77,17 @@ def bending_strains(world: World, hinges: Hinges) -> sparse.csr_array:
         G [sqrt(J)].
     """
     edges = _edges(world, hinges)
-    nu = world.per_triangle("poisson_ratio")
+    law = plate_law(world, np.zeros(len(world.triangles)) if angles is None else angles)
     stiffness = world.per_triangle("bending_stiffness") / edges.areas
-    normal = _rotation_of_curvature(edges.directions)[..., 2, :]  # n n' of each edge in the triangle's frame
+    normal = rotation_of_curvature(edges.directions)[..., 2, :]  # n n' of each edge in the triangle's frame
     scale = (np.sqrt(stiffness)[:, None] * edges.lengths)[..., None]
-    columns = np.swapaxes(scale * normal @ _energy_root(nu), 1, 2)
+    columns = np.swapaxes(scale * normal @ law.roots(), 1, 2)
     free = np.where((edges.kinds == FREE)[:, None, :], columns, 0.0)
     columns = np.where((edges.kinds == FREE)[:, None, :], 0.0, columns)
     columns -= free @ np.linalg.pinv(free) @ columns
     m = len(columns)
     triangles = sparse.bsr_array((columns, np.arange(m), np.arange(m + 1)), shape=(3 * m, 3 * m))
-    strains = (triangles.tocsr() @ _middle_angles(edges, nu, len(hinges.vertices))).tocsr()
+    strains = (triangles.tocsr() @ _middle_angles(edges, law, len(hinges.vertices))).tocsr()
     strains.data[np.abs(strains.data) <= 1e-13 * np.abs(strains.data).max(initial=0.0)] = 0.0
     strains.eliminate_zeros()
     return strains
@@ -123,7 +125,7 @@ def hinges_of_triangles(triangles: Ints, hinge_vertices: Ints) -> tuple[Ints, In
     return found.reshape(-1, 3), sides.reshape(-1, 3)
 
 
-def _middle_angles(edges: _Edges, nu: Floats, n_hinges: int) -> sparse.csr_array:
+def _middle_angles(edges: _Edges, law: PlateLaw, n_hinges: int) -> sparse.csr_array:
     """The matrix (3 m, h) from changes of angle to the m of each edge of each triangle."""
     hinge, kind = edges.hinges.ravel(), edges.kinds.ravel()
     covered = np.flatnonzero((kind == CLAMPED) | (kind == INTERIOR))
@@ -133,11 +135,11 @@ def _middle_angles(edges: _Edges, nu: Floats, n_hinges: int) -> sparse.csr_array
     sign = 1.0 - 2.0 * edges.sides.ravel()[half]
     correction = sparse.csr_array((sign, (half, hinge[half])), shape=shape)
     return sparse.csr_array((weight, (covered, hinge[covered])), shape=shape) + correction @ _recovery(
-        edges, nu, n_hinges
+        edges, law, n_hinges
     )
 
 
-def _recovery(edges: _Edges, nu: Floats, n_hinges: int) -> sparse.csr_array:
+def _recovery(edges: _Edges, law: PlateLaw, n_hinges: int) -> sparse.csr_array:
     """The matrix (h, h) from changes of angle to phi, for the interior hinges.
 
     With rows a_j the five angles and b the phi of each curvature k: the minimum-norm c with (c A) k = b k for all k, or
@@ -157,13 +159,13 @@ def _recovery(edges: _Edges, nu: Floats, n_hinges: int) -> sparse.csr_array:
     moments = []
     for t, i in ((t1, i1), (t2, i2)):
         for j in ((i + 1) % 3, (i + 2) % 3):
-            turn = _rotation_of_curvature(edges.directions[t, j] - edges.directions[t, i])
+            turn = rotation_of_curvature(edges.directions[t, j] - edges.directions[t, i])
             kind = edges.kinds[t, j][:, None]
             clamped = np.where(kind == CLAMPED, edges.middle_angles[t, j], 0.0)
             sampled = np.where(kind == INTERIOR, angle[edges.hinges[t, j]], clamped)
             rows.append(np.einsum("hk,hkl->hl", sampled, turn))
             number.append(edges.hinges[t, j])
-            moment = np.column_stack([nu[t], 0 * nu[t], 1 + 0 * nu[t]])
+            moment = law.border_moments(t, edges.directions[t, j])
             moments.append(np.where(kind == FREE, np.einsum("hk,hkl->hl", moment, turn), 0.0))
     free = np.stack(moments, axis=1)
     admissible = np.eye(3) - np.linalg.pinv(free, rcond=SMOOTH_BORDER_ANGLE) @ free
@@ -183,21 +185,3 @@ def _minimum_norm(rows: Floats, admissible: Floats, phi: Floats) -> Floats:
     regular = s > 1e-9 * np.linalg.norm(rows, axis=(1, 2))[:, None]
     components = np.divide(np.einsum("hkm,hml,hl->hk", Vt, admissible, phi), s, out=np.zeros_like(s), where=regular)
     return np.einsum("hjk,hk->hj", U, np.clip(components, -MAX_COEFFICIENT, MAX_COEFFICIENT))
-
-
-def _rotation_of_curvature(angle: Floats) -> Floats:
-    """Orthogonal matrices (..., 3, 3) that express curvatures in a frame rotated by `angle (...)` [rad]."""
-    c, s = np.cos(angle), np.sin(angle)
-    rows = [
-        [c * c, ROOT2 * c * s, s * s],
-        [-ROOT2 * c * s, c * c - s * s, ROOT2 * c * s],
-        [s * s, -ROOT2 * c * s, c * c],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
-
-
-def _energy_root(nu: Floats) -> Floats:
-    """The symmetric root of (1 - nu) |k|^2 + nu (k_xx + k_yy)^2, (m, 3, 3)."""
-    trace = np.outer([1, 0, 1], [1, 0, 1]) / 2
-    low, high = np.sqrt(1 - nu)[:, None, None], np.sqrt(1 + nu)[:, None, None]
-    return low * np.eye(3) + (high - low) * trace

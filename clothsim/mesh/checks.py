@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 from clothsim.mesh.degenerate import coincidence, duplicates, flat_triangles
-from clothsim.mesh.manifold import bow_tie_vertices, fin_edges, joined_half_edges, turned_triangles
+from clothsim.mesh.manifold import bow_tie_vertices, fin_edges, joined_half_edges, one_sided_edge, turned_triangles
 from clothsim.mesh.topology import half_edges
 
 Severity = Literal["error", "warning"]
@@ -230,7 +230,10 @@ def _examine_surface(
     message = "winding inconsistent with the neighbours"
     findings.add_if_any("mixed winding", message, "triangle", rows[turned], "Swap two corners of each.")
     message = "in a non-orientable surface (a Moebius strip)"
-    findings.add_if_any("one-sided", message, "triangle", rows[one_sided], "Cut it open.")
+    if len(one_sided):
+        edge = "-".join(str(vertex) for vertex in one_sided_edge(triangles, joined))
+        message += f", which cannot be wound consistently over edge {edge}"
+    findings.add_if_any("one-sided", message, "triangle", rows[one_sided], "Cut it open, for example along that edge.")
     single = np.ones(triangles.size, bool)
     single[joined[0]] = single[joined[1]] = False
     border = np.zeros(len(points), bool)

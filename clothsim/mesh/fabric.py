@@ -8,6 +8,9 @@ from clothsim.errors import InputError
 EXTENDED = 490.3325
 """Force at which the extension of a fabric is given, 500 gf/cm, the largest of a KES tensile test [N/m]."""
 
+THREADS = "warp_stiffness", "weft_stiffness", "shear_stiffness"
+BENDINGS = "bending_warp", "bending_weft", "bending_bias"
+
 
 @dataclass(frozen=True)
 class Fabric:
@@ -31,8 +34,11 @@ class Fabric:
         Geometric mean of both Poisson ratios of the threads; None: poisson_ratio.
     warp_extension, weft_extension : float, optional
         Strain under `EXTENDED` of a strip cut along warp and weft (KES, EMT), for `strain_limit`.
-    bending_warp, bending_weft, friction : float, optional
-        Bending stiffnesses [N m] and friction coefficient for the user's information; None where no source gives them.
+    bending_warp, bending_weft, bending_bias : float, optional
+        Bending stiffness of the sheet along warp, along weft, and at 45 degrees to them [N m]; None: bending_stiffness,
+        and at 45 degrees what follows from those along warp and weft.
+    friction : float, optional
+        Friction coefficient for the user's information; None where no source gives it.
     """
 
     density: float
@@ -50,6 +56,7 @@ class Fabric:
     weft_extension: float | None = None
     bending_warp: float | None = None
     bending_weft: float | None = None
+    bending_bias: float | None = None
     friction: float | None = None
 
     def __post_init__(self) -> None:
@@ -57,7 +64,7 @@ class Fabric:
         as_positive("thickness", self.thickness)
         as_positive("youngs_modulus", self.youngs_modulus, zero=True)
         as_positive("bending_stiffness", self.bending_stiffness, zero=True)
-        for name in ("warp_stiffness", "weft_stiffness", "shear_stiffness", "bending_warp", "bending_weft", "friction"):
+        for name in (*THREADS, *BENDINGS, "friction"):
             if getattr(self, name) is not None:
                 as_positive(name, getattr(self, name), zero=True)
         for name in ("warp_extension", "weft_extension"):
@@ -68,6 +75,12 @@ class Fabric:
 
         if self.thread_poisson_ratio is not None and not -1 < self.thread_poisson_ratio < 1:
             raise InputError(f"thread_poisson_ratio must lie in (-1, 1), not {self.thread_poisson_ratio!r}.")
+
+        if self.bending_bias is not None and not self._flexibility_of_twist > 0:
+            raise InputError(
+                f"bending_bias is {self.bending_bias!r} N m, which no twisting stiffness gives.",
+                f"With those along warp and weft it is below {1 / self._flexibility_without_twist:.3g} N m.",
+            )
 
     @property
     def shear_modulus(self) -> float:
@@ -117,6 +130,44 @@ class Fabric:
     def extension_along_weft(self) -> float:
         """Strain under `EXTENDED` along the weft; 0 where the fabric gives none."""
         return self._own(self.weft_extension, 0.0)
+
+    @property
+    def has_own_bending(self) -> bool:
+        """True where the sheet bends differently along warp, weft or at 45 degrees."""
+        return any(getattr(self, name) is not None for name in BENDINGS)
+
+    @property
+    def bending_along_warp(self) -> float:
+        """D1 [N m]; bending_stiffness where the fabric gives none."""
+        return self._own(self.bending_warp, self.bending_stiffness)
+
+    @property
+    def bending_along_weft(self) -> float:
+        """D2 [N m]; bending_stiffness where the fabric gives none."""
+        return self._own(self.bending_weft, self.bending_stiffness)
+
+    @property
+    def twisting_stiffness(self) -> float:
+        """T of `kinematics.plate_law` [N m], for which a strip at 45 degrees bends with bending_bias (1 - nu^2).
+
+        Without a bending_bias it is (1 - nu) sqrt(D1 D2) (Huber 1923).
+        """
+        if self.bending_bias is not None:
+            return (1 - self.poisson_ratio**2) / (2 * self._flexibility_of_twist)
+        return (1 - self.poisson_ratio) * (self.bending_along_warp * self.bending_along_weft) ** 0.5
+
+    @property
+    def _flexibility_without_twist(self) -> float:
+        """Flexibility of the sheet at 45 degrees if it could not be twisted [1/(N m)]."""
+        warp, weft = self.bending_along_warp, self.bending_along_weft
+        if not warp * weft:
+            return float("inf")
+        return (1 / warp + 1 / weft - 2 * self.poisson_ratio / (warp * weft) ** 0.5) / 4
+
+    @property
+    def _flexibility_of_twist(self) -> float:
+        """What twisting adds to that [1/(N m)]."""
+        return (1 / self.bending_bias if self.bending_bias else float("inf")) - self._flexibility_without_twist
 
     @staticmethod
     def _own(value: float | None, isotropic: float) -> float:

@@ -73,6 +73,29 @@ def turned_triangles(triangles: Ints, joined: tuple[Ints, Ints, Ints]) -> tuple[
     return np.flatnonzero((turned != mostly_turned) & ~one_sided), np.flatnonzero(one_sided)
 
 
+def one_sided_edge(triangles: Ints, joined: tuple[Ints, Ints, Ints]) -> Ints:
+    """Return an edge (2,) of a non-orientable component whose triangles disagree after a flood fill of the others."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import breadth_first_order
+
+    first, second, count = joined
+    first, second = first[count == 2], second[count == 2]
+    starts, m = triangles.ravel(), len(triangles)
+    one, two, disagree = first // 3, second // 3, starts[first] == starts[second]
+    graph = coo_array((np.ones(len(one)), (one, two)), shape=(m, m)).tocsr()
+    sign_of = dict(zip(zip(one.tolist(), two.tolist(), strict=True), disagree.tolist(), strict=True))
+    _, one_sided = turned_triangles(triangles, joined)
+    order, before = breadth_first_order(graph, one_sided[0], directed=False)
+    turned, filled = np.zeros(m, bool), np.zeros(m, bool)
+    filled[order] = True
+    for triangle in order[1:].tolist():
+        previous = int(before[triangle])
+        over = sign_of.get((previous, triangle), sign_of.get((triangle, previous), False))
+        turned[triangle] = turned[previous] ^ over
+    wrong = np.flatnonzero(filled[one] & ((turned[one] ^ turned[two]) != disagree))
+    return np.sort(half_edges(triangles)[first[wrong[0]]])
+
+
 def _next_corner(half_edge: Ints) -> Ints:
     return half_edge - half_edge % 3 + (half_edge % 3 + 1) % 3
 

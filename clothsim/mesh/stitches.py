@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.mesh.topology import border_edges
+from clothsim.mesh.topology import border_edges, components, unique_edges
 
 SAME = 1e-9
 """Fraction of a line below which two points on it are one."""
@@ -41,6 +41,40 @@ def stitches(first: Line, second: Line) -> tuple[Ints, Floats]:
     weights = np.column_stack([np.ones(len(fraction)), fraction - 1, -fraction])
     itself = ((rows[:, 1] == rows[:, 0]) & (fraction == 0)) | ((rows[:, 2] == rows[:, 0]) & (fraction == 1))
     return rows[~itself], weights[~itself]
+
+
+def nearest_stitches(vertices: Ints, rest_positions: Floats, triangles: Ints) -> tuple[Ints, Floats]:
+    """Return stitches of vertices to the nearest edges, at rest, of other pieces (connected components).
+
+    Parameters
+    ----------
+    vertices : (k,) int64
+        Rows of x.
+    rest_positions : (n, 3) float64
+        All vertices at rest [m].
+    triangles : (m, 3) int64
+        All triangles.
+
+    Returns
+    -------
+    rows : (k, 3) int64
+        As of `stitches`; (0, 3) where there is one piece only.
+    weights : (k, 3) float64
+    """
+    piece, edges = components(triangles, len(rest_positions)), unique_edges(triangles)
+    rows, weights = [], []
+    for vertex in vertices.tolist():
+        others = edges[piece[edges[:, 0]] != piece[vertex]]
+        if not len(others):
+            break
+        start = rest_positions[others[:, 0]]
+        along = rest_positions[others[:, 1]] - start
+        length = np.maximum(np.einsum("ij,ij->i", along, along), np.finfo(float).tiny)
+        fraction = np.clip(np.einsum("ij,ij->i", rest_positions[vertex] - start, along) / length, 0.0, 1.0)
+        best = int(np.argmin(np.linalg.norm(start + fraction[:, None] * along - rest_positions[vertex], axis=1)))
+        rows.append([vertex, *others[best]])
+        weights.append([1.0, fraction[best] - 1.0, -fraction[best]])
+    return np.array(rows, np.int64).reshape(-1, 3), np.array(weights, np.float64).reshape(-1, 3)
 
 
 def hinges_across(first: Line, second: Line, triangles: Ints) -> tuple[Ints, Ints]:

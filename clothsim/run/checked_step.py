@@ -27,19 +27,20 @@ def checked_step(
     """
     built = session.built
     check = intersection_check_of(world_surfaces(built.world), session.scene.effects, built.energies)
-    found = check.crossings(state.positions, built.world.origin)
+    found = check.crossings_of(state, built.world.origin)
     broken = check.violations(found)
     if broken:
         return history, crossing_failure(broken[0], state, dt)
     after = history.after(check, found, state, is_frame)
     if after is not history:
         known, now = history.as_dict(), after.as_dict()
-        warn_of({kind: now[kind] for kind in now if not known[kind]["states"]}, stacklevel=4)
+        new = {kind: now[kind] for kind in known if not known[kind]["states"]}
+        warn_of(new, stacklevel=4)
     return after, None
 
 
 def warn_of(intersections: Mapping[str, Mapping[str, Any]], on: Collection[str] = (), stacklevel: int = 3) -> None:
-    """Give a Python warning for each kind of intersection that occurred, but for pairs that the scene excludes.
+    """Give a Python warning for each kind of intersection that occurred, but for pairs that the scene lets cross.
 
     Parameters
     ----------
@@ -50,6 +51,6 @@ def warn_of(intersections: Mapping[str, Mapping[str, Any]], on: Collection[str] 
     stacklevel : int
         As of `warnings.warn`: the line of the user's code.
     """
-    unwanted = {kind: intersections[kind] for kind in intersections if kind != "excluded"}
+    unwanted = {kind: intersections[kind] for kind in intersections if kind not in ("excluded", "carried")}
     for sentence in intersection_warnings(unwanted, on):
         warnings.warn(sentence, IntersectionWarning, stacklevel=stacklevel)

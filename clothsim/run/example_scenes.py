@@ -59,6 +59,14 @@ def installed_scene(path: Path) -> Path | None:
     return next((file for folder in _folders() if (file := folder / f"{path.name}.toml").is_file()), None)
 
 
+def installed_pattern(path: Path) -> Path | None:
+    """The installed sewing pattern whose name is `path`; None where there is none."""
+    if path.suffix or len(path.parts) != 1:
+        return None
+    files = (folder / f"{path.name}_specification.json" for folder in _folders())
+    return next((file for file in files if file.is_file()), None)
+
+
 def refuse_ending_of_installed(path: Path) -> None:
     """InputError for a missing file `NAME.toml` where there is an installed scene of that name."""
     if path.suffix == ".toml" and not path.exists() and installed_scene(Path(path.stem)) is not None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,9 @@ from clothsim.sim.time_loop import steps
 
 if TYPE_CHECKING:
     from clothsim.intersection.crossings import Crossing
+
+_LOCATIONS: dict[str, Literal["triangle", "vertex"]] = {"carried": "vertex"}
+"""Where the arrays are that no key asks for: 1 for a vertex that a body carries through a pinch, 0 for others."""
 
 Listener = Callable[[Progress], None]
 """Called after each step."""
@@ -97,9 +100,13 @@ def recorded_run(
     scripted = _scripted(session.built)
     asked = session.scene.solver_settings.error
     certificate = replace(certificate, moved_by_script=scripted, asked=asked)
+    if session.integrator.carries_pinched and certificate.carried is None:
+        from clothsim.sim.pinch_record import PinchRecord  # runs without the policy do not import it
+
+        certificate = replace(certificate, carried=PinchRecord())
     check = intersection_check_of(surfaces, session.scene.effects, session.built.energies)
     arrays = [
-        FrameArray(name, FIELDS[name].location, values.shape[1:])
+        FrameArray(name, _LOCATIONS.get(name) or FIELDS[name].location, values.shape[1:])
         for name, values in _written_fields(session, state, None).items()
     ]
     resume_frame = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
@@ -154,6 +161,13 @@ def _stepped(
         with timers.phase("certificate"):
             certificate = certificate.after(world, report, before)
             certificate, found = output.checked(state, certificate, report.frame_done)
+            if certificate.carried is not None:
+                record = certificate.carried.after(world, before, state, found)
+                certificate = replace(certificate, carried=record)
+            if report.frame_done and world.bodies:
+                energies = report.potential.energies.values()
+                pinched = certificate.pinched.after(world, energies, state.positions, state.time)
+                certificate = replace(certificate, pinched=pinched)
         with timers.phase("output"):
             output.record.append(entry_of(report, certificate))
         after_step(report)
@@ -178,11 +192,16 @@ def _written_fields(session: Session, state: State, report: StepReport | None) -
     world, asked = session.built.world, set(session.scene.run_settings.fields) - {STRETCHES.name}
     energies = session.built.energies if report is None else report.potential.energies
     at = Configuration(world, state.positions, energies, bound=report is not None)
-    return {
+    fields: dict[str, NDArray[np.floating]] = {
         name: np.zeros(world.n_cloth) if report is None and name == "contact_pressure" else field(name, at)
         for name in FIELDS
         if name in asked
     }
+    if session.integrator.carries_pinched:
+        from clothsim.sim.pinch import carried_by  # runs without the policy do not import it
+
+        fields["carried"] = carried_by(world, state.memory).astype(np.float64)
+    return fields
 
 
 def _frames_until(path: Path, time: float) -> int | None:
@@ -201,7 +220,7 @@ def _checked(
     check: IntersectionCheck, session: Session, state: State, certificate: Certificate, is_frame: bool
 ) -> "tuple[Certificate, tuple[Crossing, ...]]":
     """The certificate with the intersections of a state, and those."""
-    found = check.crossings(state.positions, session.built.world.origin)
+    found = check.crossings_of(state, session.built.world.origin)
     history = certificate.intersections.after(check, found, state, is_frame)
     return replace(certificate, intersections=history), found
 

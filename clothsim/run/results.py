@@ -212,7 +212,8 @@ class Run(Sequence[Frame]):
         ----------
         name : str
             "deformation_gradient", "rotation", "right_stretch", "principal_stretches", "principal_directions",
-            "compression", "thickness", "vertex_frames", "stress", "energy_density" or "contact_pressure".
+            "compression", "thickness", "vertex_frames", "stress", "energy_density" or "contact_pressure"; "carried" in
+            a run with ``contact.pinch = "carry"``: 1 for a vertex that a body carries through a pinch.
         frame : int
             Its number; negative ones count from the end.
 
@@ -240,9 +241,9 @@ class Run(Sequence[Frame]):
         """
         from clothsim.run.fields import field, known_field
 
-        known_field(name)
         if name in self.trajectory.fields:
             return self.trajectory.field(name, frame)
+        known_field(name)
         return field(name, self._configuration(frame))
 
     def _configuration(self, frame: int) -> "Configuration":

@@ -97,11 +97,9 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
     settings, run = scene.solver_settings, scene.run_settings
     dynamic = "inertia" in built.energies
     dt = min(settings.longest_step, run.duration, 1 / run.frames_per_second)
-    bodies = built.world if "body_contact" in built.energies else replace(built.world, bodies=())
-    held = built.constraints.values()
     if settings.error:
-        dt = min([dt, *(0.999 * LARGEST_TURN / turn for turn in turns(bodies, held).values() if turn)])
-    refuse_leaps(bodies, held, dt)
+        dt = min([dt, *(0.999 * LARGEST_TURN / turn for turn in turns(built).values() if turn)])
+    refuse_leaps(built, dt)
     if settings.error:
         _refuse_error(built)
     control = ErrorControl(settings.error, run.duration, dt) if settings.error else None
@@ -115,7 +113,19 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
         rest_speed=run.rest_speed,
         leaves_unstable=leaves,
         perturbation_seed=settings.perturbation_seed,
+        carries_pinched=_carries_pinched(scene, built),
     )
+
+
+def _carries_pinched(scene: Scene, built: Built) -> bool:
+    """True where the scene asks that cloth in a pinch is carried. InputError where contact cannot do it."""
+    if scene.contact_settings.pinch == "stop":
+        return False
+    if scene.contact_settings.backend == "ipctk":
+        raise InputError('contact.pinch = "carry" does not work with ipctk.', 'Use contact.backend = "numba".')
+    if "body_contact" not in built.energies:
+        raise InputError('contact.pinch = "carry" needs effects.body_contact.', "Add it, or leave the key out.")
+    return True
 
 
 def _setting_notes(scene: Scene, integrator: Integrator) -> tuple[str, str]:

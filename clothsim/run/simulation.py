@@ -342,8 +342,7 @@ class Simulation:
     def _set_motions(self, by_hand: HandMotions) -> None:
         session = self._session
         built = by_hand.applied(session.built)
-        bodies = built.world if "body_contact" in built.energies else replace(built.world, bodies=())
-        refuse_leaps(bodies, built.constraints.values(), session.integrator.dt)
+        refuse_leaps(built, session.integrator.dt)
         integrator = replace(session.integrator, world=built.world, constraints=built.constraints)
         previous = self._state.previous if by_hand.pins is self._by_hand.pins else None  # BDF2 restarts at a jump
         self._by_hand, self._state = by_hand, replace(self._state, blocked_at=nan, blocked=0, previous=previous)

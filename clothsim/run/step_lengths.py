@@ -5,6 +5,7 @@ from collections.abc import Collection
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.build.scene_world import Built
 from clothsim.energies.constraint import Constraint
 from clothsim.errors import InputError
 from clothsim.mesh.motion import LaterMotion, RigidMotion
@@ -17,21 +18,29 @@ LARGEST_FLIGHT = 100.0
 """Largest displacement in a step, in sizes of the scene: every pair of triangles is then a candidate for contact."""
 
 
-def turns(world: World, constraints: Collection[Constraint]) -> dict[str, float]:
-    """Speed of rotation of each rigid body and group of pins [degrees/s]; animated bodies move on straight paths."""
-    motions = {body.name: body.motion for body in world.bodies}
+def turns(built: Built) -> dict[str, float]:
+    """Speed of rotation of each rigid body that contact follows, and of each group of pins [degrees/s].
+
+    Animated bodies move on straight paths.
+    """
+    bodies = built.world.bodies if "body_contact" in built.energies else ()
+    motions = {body.name: body.motion for body in bodies}
     motions = {name: each.motion if isinstance(each, LaterMotion) else each for name, each in motions.items()}
     rigid = {name: each.angular_velocity for name, each in motions.items() if isinstance(each, RigidMotion)}
-    pinned = {name: speed for constraint in constraints for name, speed in constraint.angular_velocities().items()}
+    pinned = {
+        name: speed
+        for constraint in built.constraints.values()
+        for name, speed in constraint.angular_velocities().items()
+    }
     return {name: float(np.degrees(np.linalg.norm(speed))) for name, speed in {**rigid, **pinned}.items()}
 
 
-def refuse_leaps(world: World, constraints: Collection[Constraint], dt: float) -> None:
+def refuse_leaps(built: Built, dt: float) -> None:
     """InputError for a body or a group of pins that turns so far in a step that its straight path is far from its arc.
 
     At a full turn a step it would not move at all.
     """
-    for name, speed in turns(world, constraints).items():
+    for name, speed in turns(built).items():
         turn = speed * dt
         if not turn <= LARGEST_TURN:
             raise InputError(

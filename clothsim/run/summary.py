@@ -9,7 +9,9 @@ from clothsim.energies.protocols import report_of
 from clothsim.io.checkpoint import Checkpoint
 from clothsim.run.session import Session
 from clothsim.sim.certificate import Certificate
+from clothsim.sim.condition_warnings import condition_warnings
 from clothsim.sim.failure import Failure
+from clothsim.sim.held_inside import held_inside
 from clothsim.sim.intersection_check import IntersectionCheck
 from clothsim.sim.intersection_history import intersection_warnings
 from clothsim.sim.state import Previous, Rest, State
@@ -73,6 +75,7 @@ def entry_of(report: StepReport, certificate: Certificate) -> dict[str, Any]:
         "rejected": report.rejected,
         "restarted": report.restarted,
         "unstable": [asdict(switch) for switch in report.switches],
+        **({} if certificate.carried is None else {"carried": certificate.carried.now}),
     }
 
 
@@ -112,6 +115,7 @@ def summary_of(
     energies = session.built.energies.items()
     unmet = certificate.estimate.unmet(certificate.asked)
     history = certificate.intersections
+    inside = held_inside(world, state.positions) if "body_contact" in session.built.energies else []
     return {
         "status": "completed" if failure is None else "failed",
         "reason": _end_of(session, state) if failure is None else failure.reason,
@@ -133,8 +137,11 @@ def summary_of(
         "effects": potential.effect_counters(),
         "off": session.built.off,
         "phases": potential.timers.phases,
-        "warnings": intersection_warnings(history.as_dict(), check.on),
-        "certificate": certificate.as_dict(check.coverage(history.complete), completed=failure is None),
+        "warnings": [*intersection_warnings(history.as_dict(), check.on), *condition_warnings(certificate, inside)],
+        "certificate": {
+            **certificate.as_dict(check.coverage(history.complete), completed=failure is None),
+            "held_inside": [asdict(each) for each in inside],
+        },
     }
 
 

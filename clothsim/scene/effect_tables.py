@@ -74,6 +74,9 @@ class SeamLine(KeyTable):
         Sequence[Sequence[float]], Key("Points [[x, y, z], ...] along the border of the unplaced mesh", "m")
     ] = ()
     vertices: Annotated[Sequence[int], Key("Vertex numbers in order", "1")] = ()
+    nearest: Annotated[
+        bool, Key("Of `to` alone: the edge of another piece that is nearest to each vertex of `from` at rest")
+    ] = False  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,6 +93,9 @@ class Seam(KeyTable):
         float | None, Key("Stiffness of a stitch", "N/m", above=0, shown="100 times the fabric's")
     ] = None  # fmt: skip
     flip: Annotated[bool, Key("Reverse the order of the second border")] = False
+    match: Annotated[
+        Literal["length", "vertices"], Key("Borders meet at equal fractions of their lengths, or vertex by vertex")
+    ] = "length"  # fmt: skip
     bends: Annotated[bool, Key("The closed seam bends as the cloth does; false: it folds freely")] = True
 
 

@@ -173,7 +173,7 @@ class NamedFabric:
 
 
 def _of_wang(name: str, row: _Row) -> NamedFabric:
-    made_of, density, (c11, c12, c22, c33), (across, _, along) = row
+    made_of, density, (c11, c12, c22, c33), (across, bias, along) = row
     nu = c12 / sqrt(c11 * c22)
     weft, warp = (2 * c * (1 - nu**2) for c in (c11, c22))
     bulk, bulk_rule = BULKS.get(name, (BULK, "the mean of the fabrics of Penava 2014"))
@@ -187,6 +187,7 @@ def _of_wang(name: str, row: _Row) -> NamedFabric:
         "thread_poisson_ratio": f"{_WANG_IS}: c12 over the root of c11 c22",
         "bending_warp": f"{_WANG_IS}: ke/4 along v",
         "bending_weft": f"{_WANG_IS}: ke/4 along u",
+        "bending_bias": f"{_WANG_IS}: ke/4 at 45 degrees",
         "youngs_modulus": f"{_WANG_IS}: {_OF_WARP_AND_WEFT}, over the thickness",
         "poisson_ratio": "that of the threads, but at least 0, for the isotropic sheet, and at most .5",
         "bending_stiffness": f"{_WANG_IS}: {_OF_WARP_AND_WEFT}",
@@ -204,6 +205,7 @@ def _of_wang(name: str, row: _Row) -> NamedFabric:
         thread_poisson_ratio=nu,
         bending_warp=along / 4,
         bending_weft=across / 4,
+        bending_bias=bias / 4,
         source=_WANG_LONG,
     )
     return NamedFabric(fabric, made_of, _WANG_IS, sources)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from clothsim.errors import InputError
 from clothsim.scene.effect_tables import Motion
@@ -27,6 +27,9 @@ class PlacedKeys(KeyTable):
         Vector, Key("Rotation about x, then y, then z, before the displacement", "degrees", length=3)
     ] = (0.0, 0.0, 0.0)
     scale: Annotated[float, Key("Metres per unit of the mesh", "m", above=0)] = 1.0
+    up: Annotated[Literal["z", "y"], Key("Axis of the mesh that points up; y is turned onto z before the rotation")] = (
+        "z"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,7 +49,19 @@ class ClothKeys(PlacedKeys):
     poisson_ratio: Annotated[
         float | None, Key("Poisson's ratio", "1", above=-1, most=0.5, shown="the fabric's")
     ] = None  # fmt: skip
-    bending_stiffness: Annotated[float | None, Key("Bending stiffness", "N m", least=0, shown="the fabric's")] = None
+    bending_stiffness: Annotated[
+        float | None, Key("Bending stiffness; it replaces those along warp, weft and bias", "N m", least=0,
+                          shown="the fabric's")
+    ] = None  # fmt: skip
+    bending_warp: Annotated[float | None, Key("Bending stiffness along warp", "N m", least=0, shown="the fabric's")] = (
+        None
+    )
+    bending_weft: Annotated[float | None, Key("Bending stiffness along weft", "N m", least=0, shown="the fabric's")] = (
+        None
+    )
+    bending_bias: Annotated[
+        float | None, Key("Bending stiffness at 45 degrees to warp and weft", "N m", above=0, shown="the fabric's")
+    ] = None
     warp_stiffness: Annotated[float | None, Key("Stiffness along warp", "N/m", least=0, shown="the fabric's")] = None
     weft_stiffness: Annotated[float | None, Key("Stiffness along weft", "N/m", least=0, shown="the fabric's")] = None
     shear_stiffness: Annotated[float | None, Key("Stiffness in shear", "N/m", least=0, shown="the fabric's")] = None

@@ -84,13 +84,17 @@ class Solver(KeyTable):
 
 @dataclass(frozen=True, kw_only=True)
 class Contact(KeyTable):
-    """Implementation of contact: the section [contact]."""
+    """Implementation of contact, and what happens in a pinch: the section [contact]."""
 
     section: ClassVar[str] = "contact"
 
     backend: Annotated[
         Literal["auto", "numba", "ipctk"], Key("Contact implementation; auto is numba, ipctk is the reference")
     ] = "auto"
+    pinch: Annotated[
+        Literal["stop", "carry"],
+        Key("Cloth between two closing parts of bodies: the run stops, or one of them carries it until they open"),
+    ] = "stop"
 
 
 FieldName: TypeAlias = Literal[

@@ -116,6 +116,7 @@ class Bending(EffectKeys):
         Literal["midedge", "hinge", "quadratic"],
         Key("Curvature by triangle, which converges on any mesh; hinge angles; or a constant Hessian"),
     ] = "midedge"
+    angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -74,7 +74,8 @@ def standing(integrator: Integrator, state: State, later: float) -> Step:
 def stabilised(integrator: Integrator, before: State, report: StepReport) -> StepReport:
     """Return the report of a quasi-static step, repeated along unstable modes until its end is stable.
 
-    A repetition that fails is not taken. The last of MOST_SWITCHES repetitions may be unstable, too.
+    A repetition that fails is not taken: the equilibrium is then kept, and recorded as such. The last of MOST_SWITCHES
+    repetitions may be unstable, too.
     """
     for _ in range(MOST_SWITCHES):
         model = static_model(integrator, report)
@@ -82,21 +83,26 @@ def stabilised(integrator: Integrator, before: State, report: StepReport) -> Ste
         side = unstable_side(integrator, model, STATIC_AMPLITUDE * size, LONGEST_EXTENSION)
         if side is None:
             break
-        report = replace(report, switches=(*report.switches, side.record()))
-        if not side.dx.any():
-            break
-        again = advance(integrator, replace(before, positions=report.state.positions + side.dx), report.state.time)
-        if not again.converged or again.state.time != report.state.time:
-            break
+        again = _repeated(integrator, before, report, side.dx) if side.dx.any() else None
+        if again is None:
+            kept = replace(side, dx=np.zeros_like(side.dx))
+            return replace(report, switches=(*report.switches, kept.record()))
         done = report.result.iterations + again.result.iterations
         report = replace(
             again,
             state=replace(again.state, frame=report.state.frame),
             result=replace(again.result, iterations=done),
             frame_done=report.frame_done,
-            switches=report.switches,
+            switches=(*report.switches, side.record()),
         )
     return report
+
+
+def _repeated(integrator: Integrator, before: State, report: StepReport, dx: Floats) -> StepReport | None:
+    """The report of a step repeated from its end displaced by dx; None where it fails, as a shorter one is no use."""
+    displaced_start = replace(before, positions=report.state.positions + dx)
+    again = advance(integrator, displaced_start, report.state.time, retries=False)
+    return again if again.converged and again.state.time == report.state.time else None
 
 
 def out_of_plane(integrator: Integrator, report: StepReport) -> StepReport:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -13,9 +13,13 @@ from clothsim.mesh.world import World
 from clothsim.sim.error_estimate import ErrorEstimate
 from clothsim.sim.intersection_history import IntersectionHistory, history_from
 from clothsim.sim.mechanical_energy import mechanical_energy
+from clothsim.sim.pinching import Pinches
 from clothsim.sim.state import State
 from clothsim.sim.stepping import StepReport
 from clothsim.sim.stiffness_changes import StiffnessChanges
+
+if TYPE_CHECKING:
+    from clothsim.sim.pinch_record import PinchRecord
 
 
 @dataclass(frozen=True)
@@ -89,6 +93,10 @@ class Certificate:
         True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
     unstable : UnstableEquilibria
         Those that were found (see `sim.branch_switching`).
+    carried : PinchRecord or None
+        Vertices that were carried through a pinch; None without that policy.
+    pinched : Pinches
+        Vertices that bodies pressed from opposite sides, in the frames so far.
     stiffness : StiffnessChanges
         Energy of the changes of the contact stiffness.
     """
@@ -109,6 +117,8 @@ class Certificate:
     fastest_speed: float = np.nan
     at_rest: bool = False
     unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
+    carried: "PinchRecord | None" = None
+    pinched: Pinches = field(default_factory=Pinches)
     stiffness: StiffnessChanges = field(default_factory=StiffnessChanges)
 
     def after(self, world: World, report: StepReport, before: State) -> Self:
@@ -149,6 +159,7 @@ class Certificate:
         return {
             "intersection_free": self.intersections.intersection_free,
             **coverage,
+            **({} if self.carried is None else {"carried": self.carried.as_dict()}),
             "intersections": self.intersections.as_dict(),
             "intersecting_frames": list(self.intersections.frames),
             "minimum_gap": self.gap,
@@ -159,6 +170,7 @@ class Certificate:
             "at_rest": self.at_rest,
             "fastest_speed": self.fastest_speed,
             "unstable_equilibria": asdict(self.unstable),
+            "pinched": asdict(self.pinched),
             "energy_drift": scripted if self.moved_by_script else self.energy_rise / scale,
             "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
             "stiffness_changes": {"added": self.stiffness.added, "removed": self.stiffness.removed},
@@ -171,6 +183,8 @@ class Certificate:
             "estimate": asdict(self.estimate),
             "intersections": self.intersections.as_json(),
             "unstable": asdict(self.unstable),
+            **({} if self.carried is None else {"carried": asdict(self.carried)}),
+            "pinched": asdict(self.pinched),
             "stiffness": asdict(self.stiffness),
         }
         return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
@@ -183,11 +197,21 @@ def certificate_from(fields: dict[str, Any]) -> Certificate:
         "estimate": ErrorEstimate(**fields.get("estimate", {})),
         "intersections": history_from(fields.get("intersections", older)),
         "unstable": UnstableEquilibria(**fields.get("unstable", {})),
+        "carried": _carried_from(fields.get("carried")),
+        "pinched": Pinches(**fields.get("pinched", {})),
         "stiffness": StiffnessChanges(**fields.get("stiffness", {})),
     }
     return Certificate(
         **{**{name: fields[name] for name in fields if name in Certificate.__dataclass_fields__}, **parts}
     )
+
+
+def _carried_from(fields: Mapping[str, Any] | None) -> "PinchRecord | None":
+    if fields is None:
+        return None
+    from clothsim.sim.pinch_record import record_from  # runs without the policy do not import it
+
+    return record_from(fields)
 
 
 def world_stretches(world: World, x: Floats) -> Floats:

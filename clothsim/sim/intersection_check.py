@@ -11,6 +11,7 @@ from clothsim.io.run_surfaces import Surface
 
 if TYPE_CHECKING:
     from clothsim.intersection.crossings import Crossing
+    from clothsim.sim.state import State
 
 _EFFECT = {"body": "body_contact", "cloth": "self_contact"}
 """Effect that keeps cloth from intersecting a body or cloth."""
@@ -50,15 +51,27 @@ class IntersectionCheck:
         found = crossings(x, self.surfaces)
         return tuple(replace(crossing, position=crossing.position + origin) for crossing in found)
 
+    def crossings_of(self, state: "State", origin: Floats) -> "tuple[Crossing, ...]":
+        """Find all intersections in a state; those of vertices carried through a pinch have the role "carried"."""
+        found = self.crossings(state.positions, origin)
+        if not found or "contact.pinch" not in state.memory:
+            return found
+        from clothsim.sim.carried import carried_in  # runs without the policy do not import it
+        from clothsim.sim.pinch_record import exempted
+
+        return exempted(found, self.surfaces, carried_in(state.memory).vertices)
+
     def kind(self, crossing: "Crossing") -> str:
-        """Return the kind of a crossing: "cloth_body", "cloth_cloth", or "excluded" from contact by the scene."""
+        """Return the kind of a crossing: "cloth_body", "cloth_cloth", "excluded" by the scene, "carried" in a pinch."""
         if frozenset((crossing.first, crossing.second)) in self.excluded:
             return "excluded"
+        if crossing.role == "carried":
+            return "carried"
         return f"cloth_{crossing.role}"
 
     def violations(self, found: "Sequence[Crossing]") -> "list[Crossing]":
         """Return the crossings that an effect of the scene should have prevented."""
-        return [each for each in found if _EFFECT[each.role] in self.on and self.kind(each) != "excluded"]
+        return [each for each in found if _EFFECT.get(each.role) in self.on and self.kind(each) != "excluded"]
 
     def coverage(self, complete: bool = True) -> dict[str, str]:
         """Return a description of the checked pairs, for the certificate; complete: of all states."""

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 KINDS = ("cloth_body", "cloth_cloth", "excluded")
 """Kinds of intersections: of cloth with a body, of cloth with cloth, of pairs that the scene excludes from contact."""
 
+ALL_KINDS = (*KINDS, "carried")
+"""With those of vertices that are carried through a pinch, which only its policy brings about."""
+
 _EFFECT = {"cloth_body": "body_contact", "cloth_cloth": "self_contact"}
 
 
@@ -68,6 +71,8 @@ class IntersectionHistory:
         Recorded frames that intersect.
     complete : bool
         False where earlier states were not checked: those of a run that an older version began.
+    carried : Occurrences
+        Of vertices that are carried through a pinch.
     """
 
     cloth_body: Occurrences = field(default_factory=Occurrences)
@@ -75,6 +80,7 @@ class IntersectionHistory:
     excluded: Occurrences = field(default_factory=Occurrences)
     frames: tuple[int, ...] = ()
     complete: bool = True
+    carried: Occurrences = field(default_factory=Occurrences)
 
     def after(self, check: "IntersectionCheck", found: "Sequence[Crossing]", state: "State", is_frame: bool) -> Self:
         """Return the history after one more checked state.
@@ -94,20 +100,21 @@ class IntersectionHistory:
             return self
         by_kind = {
             kind: getattr(self, kind).after([each for each in found if check.kind(each) == kind], state, is_frame)
-            for kind in KINDS
+            for kind in ALL_KINDS
         }
         return replace(self, **by_kind, frames=(*self.frames, state.frame) if is_frame else self.frames)
 
     @property
     def intersection_free(self) -> bool | None:
         """True where all pairs were checked in all states and none intersects; None where not all were checked."""
-        if self.frames or any(getattr(self, kind).states for kind in KINDS):
+        if self.frames or any(getattr(self, kind).states for kind in ALL_KINDS):
             return False
         return True if self.complete else None
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of the certificate, {kind: counts and first occurrence}."""
-        return {kind: asdict(getattr(self, kind)) for kind in KINDS}
+        kinds = ALL_KINDS if self.carried.states else KINDS
+        return {kind: asdict(getattr(self, kind)) for kind in kinds}
 
     def as_json(self) -> dict[str, Any]:
         """Return every field, for the checkpoint."""
@@ -116,7 +123,7 @@ class IntersectionHistory:
 
 def history_from(fields: Mapping[str, Any]) -> IntersectionHistory:
     """Return the history that `as_json` wrote."""
-    kinds = {kind: Occurrences(**fields[kind]) for kind in KINDS}
+    kinds = {kind: Occurrences(**fields[kind]) for kind in ALL_KINDS if kind in fields}
     return IntersectionHistory(**kinds, frames=tuple(fields["frames"]), complete=fields["complete"])
 
 
@@ -161,6 +168,8 @@ def _sentence(kind: str, each: Mapping[str, Any]) -> str:
 def _remedy(kind: str, at_start: bool) -> str:
     if kind == "excluded":
         return "The scene excludes the pair from contact."
+    if kind == "carried":
+        return "Their vertices are carried through a pinch (contact.pinch)."
     add = f"add [effects.{_EFFECT[kind]}] to the scene."
     if not at_start:
         return add.capitalize()

@@ -21,6 +21,8 @@ ALLOWED_WITH_WORK = 0.1
 """The same in a step in which bodies, pins or wind do work: no more is asked where contact acts in it."""
 ROUND_OFF = 1e-9
 """Growth relative to the largest part of the energy that is round-off."""
+LEAST_SPEED = 1e-6
+"""Speed of the whole cloth whose kinetic energy is the least scale [m/s]: at rest there is round-off alone."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +38,7 @@ class MechanicalEnergy:
     kinetic : float
         Kinetic energy [J].
     scale : float
-        Largest absolute part of the total [J].
+        Largest absolute part of the total [J], at least the kinetic energy at `LEAST_SPEED`.
     """
 
     total: float
@@ -54,7 +56,8 @@ def mechanical_energy(world: World, potential: Potential, state: State) -> Mecha
     stored += [energy.stored(state.positions) for energy in energies.values() if isinstance(energy, Storing)]
     speeds = (state.velocities[: world.n_cloth] ** 2).sum(axis=1)
     kinetic = 0.5 * float(world.masses @ speeds) if dynamic else 0.0
-    scale = max(abs(part) for part in (kinetic, *stored))
+    least = 0.5 * float(world.masses.sum()) * LEAST_SPEED**2
+    scale = max(least, *(abs(part) for part in (kinetic, *stored)))
     return MechanicalEnergy(kinetic + sum(stored), sum(values.values()), kinetic, scale)
 
 

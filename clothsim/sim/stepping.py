@@ -36,6 +36,8 @@ The tries have shorter and shorter dt, in one step or in several. Contact forces
 an obstacle that did not yield in four steps of any length will not yield in a fifth.
 """
 
+PINCH_REMEDY = 'Where parts of a body close on the cloth, [contact] pinch = "carry" lets one of them carry it.'
+
 Watch = Callable[[int, float, Potential], Observer]
 """Callback at each solve of a step, with its number from 1, dt [s] and the bound potential; returns an Observer."""
 
@@ -77,6 +79,8 @@ class Integrator:
         True where unstable equilibria are left (`sim.branch_switching`).
     perturbation_seed : int
         Chooses the side.
+    carries_pinched : bool
+        True where cloth in a pinch of bodies is carried (`sim.pinch`).
     """
 
     world: World
@@ -92,6 +96,7 @@ class Integrator:
     rest_speed: float = 1e-3
     leaves_unstable: bool = True
     perturbation_seed: int = 0
+    carries_pinched: bool = False
 
     def load(self, time: float) -> float:
         """Return the fraction of the loads that acts at `time` [s]."""
@@ -161,12 +166,13 @@ class StepReport:
         return self.result.outcome.converged
 
 
-def advance(integrator: Integrator, state: State, until: float) -> StepReport:
+def advance(integrator: Integrator, state: State, until: float, retries: bool = True) -> StepReport:
     """Take one step from `state`, at most to `until` [s].
 
     Steps divide the time to `until` evenly, so that no tiny step remains. A failed solve is repeated from the same
     state with half the dt, down to the longest dt halved MAX_HALVINGS times: below that the run would approach its
-    obstacle in endless small steps. A step that `control` rejects is repeated too.
+    obstacle in endless small steps. A step that `control` rejects is repeated too. Without `retries` no solve is
+    repeated with a shorter dt.
 
     Returns
     -------
@@ -174,15 +180,16 @@ def advance(integrator: Integrator, state: State, until: float) -> StepReport:
         With `failure` where no try succeeded.
     """
     with integrator.potential.timers.phase("step control"):
-        return _advance(integrator, state, until)
+        return _advance(integrator, state, until, retries)
 
 
-def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
+def _advance(integrator: Integrator, state: State, until: float, retries: bool) -> StepReport:
     left = until - state.time
     failures: list[str] = []
     dts: list[float] = []
     tried, dt = state, state.dt
-    smallest, rejected, restarted = integrator.shortest(dt), 0, False
+    smallest = integrator.shortest(dt) if retries else dt
+    rejected, restarted = 0, False
     held = integrator.constraints.values()
     unbalanced: list[tuple[Potential, NewtonResult]] = []
     for attempt in range(1, MOST_TRIES + 1):
@@ -223,6 +230,9 @@ def _advance(integrator: Integrator, state: State, until: float) -> StepReport:
     if unbalanced and result.outcome.ending in (Ending.LINE_SEARCH, Ending.ITERATION_LIMIT):
         cause = unbalanced[0]  # shorter steps end at round-off, which only hides why
     failure = failure_of(integrator.world, held, cause[0], tried, cause[1], target, dts, infeasible)
+    moving = any(not body.motion.still for body in integrator.world.bodies)
+    if result.outcome.ending is Ending.BLOCKED and moving and not integrator.carries_pinched:
+        failure = replace(failure, remedy=f"{failure.remedy} {PINCH_REMEDY}")
     return replace(_report(integrator, state, h, result, bound, failures), failure=failure, rejected=rejected)
 
 

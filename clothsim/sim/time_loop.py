@@ -46,7 +46,12 @@ def next_step(integrator: Integrator, state: State, duration: float, frames_per_
     until = (state.frame + 1) / frames_per_second
     if state.frame < frame_count(duration, frames_per_second):
         until = min(until, duration)
-    report = advance(integrator, state, until)
+    if integrator.carries_pinched:
+        from clothsim.sim.pinch import advance_carrying  # no other run imports it
+
+        report, integrator = advance_carrying(integrator, state, until)
+    else:
+        report = advance(integrator, state, until)
     if report.converged and report.state.time == until:
         report = replace(report, frame_done=True, state=replace(report.state, frame=state.frame + 1))
     return with_rest(integrator, state, report, duration)

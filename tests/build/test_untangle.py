@@ -13,6 +13,7 @@ from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.world import make_world
 from clothsim.sim.certificate import world_stretches
+from clothsim.untangling import search
 
 
 def crossings(world):
@@ -40,8 +41,8 @@ def test_a_vertex_drawn_through_the_other_layer_goes_back_and_the_rest_shape_sta
     freed, output = untangled(world)
     assert crossings(freed) == 0
     moved = np.linalg.norm(freed.start() - world.start(), axis=1)
-    assert 0 < np.count_nonzero(moved) < 30
-    assert moved.max() < 0.25
+    assert 0 < np.median(moved) < 0.3 * moved.max()
+    assert moved.max() < 0.1
     assert f"{np.count_nonzero(moved)} vertices were moved" in output
     assert np.array_equal(freed.cloths[0].rest_positions, points)
     assert np.array_equal(freed.rest_areas, world.rest_areas)
@@ -71,13 +72,23 @@ def test_triangles_squeezed_to_nothing_come_back():
     assert "stretched beyond (0.3, 1.4)" in output
 
 
-def test_what_cannot_be_freed_is_named():
-    """Two sheets, one through the other, each held by nothing but its shape."""
+def two_crossing():
+    """Two sheets, one through the other along a line of vertices."""
     points, faces = grid(6, 6)
     through = points[:, [2, 1, 0]] + [0.5, 0.0, -0.5]
-    world = make_world([cloth(points, faces), cloth(through, faces, name="other")])
-    with pytest.raises(InputError, match=r"\b200\b.*\(.*\) m"):
-        untangled(world)
+    return make_world([cloth(points, faces), cloth(through, faces, name="other")])
+
+
+def test_two_crossing_sheets_part():
+    world = two_crossing()
+    assert crossings(world) > 100
+    assert crossings(untangled(world)[0]) == 0
+
+
+def test_what_cannot_be_freed_is_named(monkeypatch):
+    monkeypatch.setattr(search, "ATTEMPTS", ())
+    with pytest.raises(InputError, match=r"\b0 rounds.*\(.*\) m"):
+        untangled(two_crossing())
 
 
 @pytest.mark.parametrize("untangle", [False, True])

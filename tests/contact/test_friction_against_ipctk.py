@@ -51,7 +51,8 @@ def lagged(pose):
     others = np.array([tuple(rows) not in weak for rows in elements]) & (forces != 0)
     normals = differences / np.linalg.norm(differences, axis=1, keepdims=True)
     parts = {"elements": elements, "weights": weights, "normals": normals, "limits": MU * forces}
-    parts |= {"slips": np.zeros((len(forces), 3)), "slides": np.zeros(len(forces), bool)}
+    none = np.zeros((len(forces), 3))
+    parts |= {"slips": none, "turns": none, "slides": np.zeros(len(forces), bool)}
     return replace(bound, **{name: part[others] for name, part in parts.items()}), int((~others).sum())
 
 

@@ -250,3 +250,40 @@ def test_a_fabric_without_stiffness_gives_a_seam_none():
 def test_several_cloths_must_be_named():
     with pytest.raises(InputError, match=r"seam\[0\]\.from .*Cloths: "):
         seams(two(), seam=[{"from": LEFT, "to": RIGHT}])
+
+
+def strap_on_sheet():
+    """A sheet, and a strap 5 mm above it that overlaps with its right side."""
+    points, triangles = grid(8, 8)
+    strap, more = grid(6, 1)
+    placed = strap * np.array([0.6, 0.1, 1.0]) + np.array([0.85, 0.43, 0.005])
+    return make_world([cloth(points, triangles), cloth(placed, more, name="strap")]), len(points)
+
+
+def test_vertices_are_stitched_to_the_nearest_edge_of_another_piece():
+    world, n = strap_on_sheet()
+    ends = [0, 1, 7, 8]
+    made = seams(world, seam=[{"from": {"cloth": "strap", "vertices": ends}, "to": {"nearest": True}}])
+    assert (made.rows[:, 0] == np.array(ends) + n).all()
+    assert (made.rows[:, 1:] < n).all()
+    np.testing.assert_allclose(made.weights.sum(axis=1), 0.0, atol=1e-15)
+    x = world.start()
+    edges = world.triangles[:128]
+    corners = np.linspace(0, 1, 2001)[:, None, None]
+    for row, weight, end in zip(made.rows, made.weights, ends, strict=True):
+        pairs = np.concatenate([edges[:, [0, 1]], edges[:, [1, 2]], edges[:, [2, 0]]])
+        points = (1 - corners) * x[pairs[:, 0]] + corners * x[pairs[:, 1]]
+        nearest = np.linalg.norm(points - x[end + n], axis=2).min()
+        assert np.linalg.norm(weight @ x[row]) == pytest.approx(nearest, rel=1e-3)
+    assert len(made.across.stiffnesses) == 0
+
+
+def test_the_nearest_of_a_single_piece_is_refused():
+    with pytest.raises(InputError, match="no other piece"):
+        seams(sheet(), seam=[{"from": {"vertices": [0, 1]}, "to": {"nearest": True}}])
+
+
+@pytest.mark.parametrize("sides", [({"nearest": True}, RIGHT), (LEFT, {"nearest": False}), (LEFT, {"nearest": 1.5})])
+def test_nearest_is_of_the_second_line_alone(sides):
+    with pytest.raises(InputError, match="nearest"):
+        seams(sheet(), seam=[{"from": sides[0], "to": sides[1]}])

@@ -16,6 +16,7 @@ from clothsim.energies.membrane import membrane
 from clothsim.energies.strain_limit import limit_of_extension, strain_limit
 from clothsim.energies.stretch_barrier import SLACK
 from clothsim.errors import InputError
+from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.fabric import EXTENDED
 from clothsim.mesh.world import make_world
 from clothsim.scene.fabrics import FABRICS
@@ -269,6 +270,20 @@ def test_a_strip_under_490_newtons_a_metre_has_the_extension_of_its_fabric(name,
     limit = limit_of_extension(extension, own, stiffness, 0.5)
     most = min(1.1 * extension, limit - 1 - 1e-3 * extension)
     assert force_at(0.9 * extension, fabric, along) < EXTENDED < force_at(most, fabric, along)
+
+
+def test_threads_that_bear_the_force_alone_have_no_limit_in_any_direction():
+    """Only a fabric whose extensions are not known is limited in every direction."""
+    positions, triangles = grid(2, 2)
+    stiff = replace(FABRICS["cotton"], youngs_modulus=1e3 * FABRICS["cotton"].youngs_modulus)
+    world = make_world(
+        [cloth(positions, triangles, stiff), make_cloth("soft", positions, triangles, FABRICS["cotton"])]
+    )
+    limited = strain_limit(world)
+    assert len(limited.triangles) == len(triangles)
+    assert np.isinf(limited.limits[:, :2]).all()
+    assert np.isfinite(limited.limits[:, 2:]).all()
+    assert isinstance(strain_limit(make_world([cloth(positions, triangles, stiff)])), Off)
 
 
 def test_limits_are_beyond_the_extensions_and_absent_where_these_are_not_known():

@@ -2,15 +2,12 @@
 
 import numpy as np
 import pytest
-from fitting_cases import capsule_figure, folded_sheet, tube_garment, wider
+from fitting_cases import capsule_figure, tube_garment, wider
 
 from clothsim.fitting import guaranteed_path
-from clothsim.fitting.guaranteed_path import DEPTHS, clearings, untangled_from_itself
+from clothsim.fitting.guaranteed_path import DEPTHS, clearings
 from clothsim.fitting.penetration import counted
-from clothsim.intersection.intersecting_pairs import intersecting_pairs
-from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.generators.sheets import rectangle
-from clothsim.scene.fabrics import FABRICS
 from transfer.signed_distance import body_surface
 
 
@@ -60,26 +57,6 @@ def test_where_no_depth_frees_it_folds_are_opened_first(monkeypatch):
 def test_a_sheet_through_the_body_is_never_free():
     positions, triangles = rectangle(size=(0.5, 0.5), cells=(6, 6))
     assert clearing(positions, triangles, BODY) is None
-
-
-def test_a_garment_is_freed_of_itself_or_not():
-    garment = folded_sheet()
-    assert len(intersecting_pairs(garment.positions, garment.triangles)) > 0
-    freed, description = untangled_from_itself(cloth_of(garment), [])
-    assert len(intersecting_pairs(freed, garment.triangles)) == 0
-    assert "vertices were moved" in description
-
-
-def test_two_sheets_through_one_another_stay_so():
-    positions, triangles = rectangle(size=(0.5, 0.5), cells=(4, 4))
-    upright = positions[:, [0, 2, 1]] + [0.03, 0.02, 0.01]
-    both = np.concatenate([positions, upright]), np.concatenate([triangles, triangles + len(positions)])
-    cloth = make_cloth("two", *both, FABRICS["cotton"])
-    assert untangled_from_itself(cloth, []) is None
-
-
-def cloth_of(garment):
-    return make_cloth(garment.name, garment.positions, garment.triangles, FABRICS["cotton"])
 
 
 def test_a_wider_body_of_the_same_mesh_needs_more():

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from fitting_cases import capsule_figure, in_file, tube_garment
+from fitting_cases import capsule_figure, in_file, moebius_strip, tube_garment
 
 from clothsim.errors import InputError
 from clothsim.fitting.inputs import is_closed, read_figure, read_garment, worn_in_scene
@@ -134,7 +134,7 @@ def test_welded_borders_are_sewn(tmp_path):
     assert len(read_garment(file, file, 1.0).positions) == 18
 
 
-@pytest.mark.parametrize("bad", ["bow-tie", "fin", "mixed"])
+@pytest.mark.parametrize("bad", ["bow-tie", "fin", "Moebius"])
 def test_a_mesh_that_is_no_cloth_is_refused(tmp_path, bad):
     x, triangles = rectangle(size=(0.2, 0.2), cells=(2, 2))
     if bad == "bow-tie":
@@ -143,9 +143,36 @@ def test_a_mesh_that_is_no_cloth_is_refused(tmp_path, bad):
         edge = triangles[0, :2]
         x, triangles = np.vstack([x, [[0, 0, 1]]]), np.concatenate([triangles, [[*edge, 9], [*edge[::-1], 9]]])
     else:
-        triangles = np.concatenate([triangles[:1, ::-1], triangles[1:]])
+        x, triangles = moebius_strip()
     with pytest.raises(InputError, match=r"garment\.obj: "):
         read_garment(in_file(tmp_path, "garment.obj", x, triangles), "body.obj", 1.0)
+
+
+def test_of_a_two_sided_mesh_one_side_is_read(tmp_path):
+    own = tube_garment(0.11, cells=(8, 4))
+    both = np.concatenate([own.triangles, own.triangles[:, ::-1]])
+    garment = read_garment(in_file(tmp_path, "g.obj", own.positions, both), "b.obj", 1.0)
+    assert np.array_equal(garment.triangles, own.triangles)
+    assert any(re.search(r"two-sided.*\b64\b", note) for note in garment.notes)
+    with pytest.raises(InputError, match="opposite winding"):
+        read_garment(in_file(tmp_path, "few.obj", own.positions, both[:70]), "b.obj", 1.0)
+
+
+def test_a_moebius_strip_is_named_with_an_edge(tmp_path):
+    with pytest.raises(InputError, match=r"strip\.obj: .*edge \d+-\d+: triangles "):
+        read_garment(in_file(tmp_path, "strip.obj", *moebius_strip()), "body.obj", 1.0)
+
+
+@pytest.mark.parametrize("majority", [0.2, 0.8])
+def test_an_inconsistent_garment_is_rewound_outwards_with_a_note(tmp_path, majority):
+    own, figure = tube_garment(0.11, cells=(8, 4)), capsule_figure()
+    turned = np.random.default_rng(0).random(len(own.triangles)) < majority
+    triangles = np.where(turned[:, None], own.triangles[:, [0, 2, 1]], own.triangles)
+    garment = read_garment(in_file(tmp_path, "g.obj", own.positions, triangles), "b.obj", 1.0, body=figure.positions)
+    corners = garment.positions[garment.triangles]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert (np.einsum("ij,ij->i", normals, corners.mean(axis=1) * [1, 1, 0]) > 0).all()
+    assert any(re.search(rf"of {len(triangles)} triangles.*rewound away", note) for note in garment.notes)
 
 
 @pytest.mark.parametrize("scale", [1e7, 1e200])

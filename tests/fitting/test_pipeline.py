@@ -12,10 +12,24 @@ from clothsim.fitting import pipeline
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.pipeline import seeded
 from clothsim.fitting.stage import Garment
+from clothsim.io.mesh_file import read_mesh
 from clothsim.mesh.generators.sheets import rectangle
+from clothsim.untangling import search
 
 FIGURE = capsule_figure()
 COARSE = capsule_figure(segments=8)
+
+
+@pytest.fixture
+def without_clear(monkeypatch):
+    """The garment cannot be untangled from the body."""
+    real = pipeline.untangle
+
+    def untangle(*arguments, body=None, **keys):
+        done = real(*arguments, body=body, **keys)
+        return done if body is None else replace(done, end="stalled")
+
+    monkeypatch.setattr(pipeline, "untangle", untangle)
 
 
 def names(found):
@@ -42,7 +56,9 @@ def test_a_tube_five_millimetres_inside_is_refined(tmp_path):
     assert found.worn.rest is garment.positions
 
 
-def test_where_the_first_refinement_leaves_something_inside_the_second_goes_along_the_normals(tmp_path, monkeypatch):
+def test_where_the_first_refinement_leaves_something_inside_the_second_goes_along_the_normals(
+    tmp_path, monkeypatch, without_clear
+):
     garment, asked = tube_garment(0.095), []
     freed = tube_garment(0.11).positions
 
@@ -58,7 +74,7 @@ def test_where_the_first_refinement_leaves_something_inside_the_second_goes_alon
     assert found.last.positions is freed
 
 
-def test_a_tube_that_no_formula_frees_is_grown_out(tmp_path, monkeypatch):
+def test_a_tube_that_no_formula_frees_is_grown_out(tmp_path, monkeypatch, without_clear):
     """Refinement is taken away: growth alone has to bring the tube from 3 mm inside to the outside."""
     monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
     garment = tube_garment(0.097, height=0.12, cells=(10, 3))
@@ -89,19 +105,30 @@ def test_a_garment_that_meets_itself_is_untangled_first(tmp_path):
     assert found.stages[0].counts.on_body
     assert found.last.counts.clean
     assert found.worn.rest is garment.positions
-    assert "vertices were moved" in found.last.description
+    assert re.search(r"\d+ pairs parted in \d+ rounds", found.last.description)
 
 
-def test_a_garment_that_no_one_can_untangle_is_worn_without_self_contact(tmp_path):
+def crossing_sheets():
+    """Two sheets through one another beside the body."""
     positions, triangles = rectangle(size=(0.3, 0.3), cells=(3, 3))
     upright = positions[:, [0, 2, 1]] + np.array([0.03, 0.02, 0.01])
-    two = np.concatenate([positions, upright]) + np.array([0.35, 0.0, 0.0])
-    both = np.concatenate([triangles, triangles + len(positions)])
-    found = seeded(task(Garment("two", two, both), FIGURE, FIGURE, tmp_path))
-    assert not found.failure
-    assert found.last.counts.on_body
-    assert not found.worn.self_contact
-    assert any("self_contact" in note for note in found.notes)
+    two = np.concatenate([positions, upright]) + np.array([0.5, 0.0, 0.0])
+    return Garment("two", two, np.concatenate([triangles, triangles + len(positions)]))
+
+
+def test_crossing_sheets_are_parted_first(tmp_path):
+    found = seeded(task(crossing_sheets(), FIGURE, FIGURE, tmp_path))
+    assert names(found) == ["garment", "untangle"]
+    assert found.last.counts.clean
+
+
+@pytest.mark.parametrize("to", [FIGURE, wider(FIGURE, 1.2)])
+def test_a_garment_that_cannot_be_untangled_fails_at_once_with_a_place(tmp_path, monkeypatch, to):
+    monkeypatch.setattr(search, "ATTEMPTS", ())
+    found = seeded(task(crossing_sheets(), FIGURE, to, tmp_path))
+    assert names(found) == ["garment"]
+    assert re.search(rf"\b{found.last.counts.self_pairs} triangle pairs.*garment, near \(.*\) m", found.failure)
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_nothing_frees_fails_with_a_sentence_and_a_place(tmp_path):
@@ -165,7 +192,7 @@ def test_a_growth_that_cannot_begin_is_a_failure_with_its_reason(tmp_path, monke
     assert re.search(r"grow.*body.*triangle 3\b", found.failure)
 
 
-def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, monkeypatch):
+def test_the_source_body_becomes_the_target_where_no_deflation_helps(tmp_path, monkeypatch, without_clear):
     """Without deflation and refinement: the garment is clean on its body and moves with the body to the wider one."""
     monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
     monkeypatch.setattr(pipeline, "clearings", lambda *_: iter(()))
@@ -205,3 +232,45 @@ def test_a_growth_that_fails_with_friction_is_tried_without(tmp_path, monkeypatc
     assert named == [True, False]
     assert found.last.counts.clean
     assert found.last.description.endswith("grown back under IPC, without friction")
+
+
+def test_a_garment_that_crosses_the_body_is_cleared(tmp_path):
+    positions, triangles = tube_garment(0.105).positions, tube_garment(0.105).triangles
+    dented = positions - 0.01 * np.cos(np.arctan2(positions[:, 1], positions[:, 0]))[:, None] * [1, 0, 0]
+    found = seeded(task(Garment("tube", dented, triangles), FIGURE, FIGURE, tmp_path))
+    assert names(found) == ["garment", "clear"]
+    assert found.stages[0].counts.body_pairs > 0
+    assert found.last.counts.clean
+    assert np.linalg.norm(found.last.positions - dented, axis=1).max() < 0.02
+
+
+def test_where_the_near_part_of_the_body_is_not_enough_the_whole_body_grows(tmp_path, monkeypatch, without_clear):
+    """The part is put at the head of the capsule, where it pushes nothing: the check on the whole body finds that."""
+    monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
+    real, sizes = pipeline.moved_with_body, []
+
+    def head_only(_, frames, triangles):
+        head = COARSE.positions[triangles][:, :, 2].min(axis=1) > 0.45
+        used, renumbered = np.unique(triangles[head], return_inverse=True)
+        return tuple(frame[used] for frame in frames), renumbered.reshape(-1, 3)
+
+    def moved_with_body(worn, *arguments, **slips):
+        sizes.append(len(worn.body_triangles))
+        return real(worn, *arguments, **slips)
+
+    monkeypatch.setattr(pipeline, "near_body", head_only)
+    monkeypatch.setattr(pipeline, "moved_with_body", moved_with_body)
+    found = seeded(task(tube_garment(0.097, height=0.12, cells=(10, 3)), COARSE, COARSE, tmp_path))
+    assert len(sizes) == 2
+    assert sizes[0] < sizes[1] == len(COARSE.triangles)
+    assert not found.failure
+    assert found.last.counts.clean
+
+
+def test_a_growth_takes_only_the_body_near_the_garment(tmp_path, monkeypatch, without_clear):
+    monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
+    garment = tube_garment(0.097, height=0.12, cells=(10, 3))
+    found = seeded(task(garment, FIGURE, FIGURE, tmp_path))
+    moved = read_mesh(tmp_path / "grow" / "body001.obj")
+    assert 0 < len(moved.triangles) < len(FIGURE.triangles)
+    assert found.last.counts.clean

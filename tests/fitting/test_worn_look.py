@@ -27,7 +27,7 @@ def test_a_garment_as_given_meets_the_bar_at_any_size_and_turn():
     [
         (lambda x: x * [-1, -1, 1], "turned"),
         (lambda x: x * [1, 1, 2.4] - [0, 0, 1.4], "edges"),
-        (lambda x: x + [0, 0, 0.1], "hem"),
+        (lambda x: x + np.array([0, 0, 0.1]), "hem"),
     ],
 )
 def test_each_fault_is_named(change, word):

@@ -52,9 +52,12 @@ KINDS: dict[str, tuple[str, tuple[str, ...]]] = {
         obj_text(flat([*SQUARE, (2, 1), (2, 2)]), [*HALVES, (2, 4, 5)]),
         ("touch only in a vertex", "vertex 2"),
     ),
-    "mixed winding": (
-        obj_text(flat([*SQUARE, (2, 0), (2, 1)]), [*HALVES, (1, 4, 2), (2, 5, 4)]),
-        ("winding inconsistent", "triangle 3"),
+    "Moebius strip": (
+        obj_text(
+            [(1, 0, 0), (0.3, 1, 0), (-0.8, 0.6, 0.5), (-0.8, -0.6, 0), (0.3, -1, 0.5)],
+            [(k, (k + 1) % 5, (k + 2) % 5) for k in range(5)],
+        ),
+        ("non-orientable", "over edge"),
     ),
     "triangle soup": (obj_text(flat([*SQUARE[:3], *SQUARE[:1], *SQUARE[2:]]), [(0, 1, 2), (3, 4, 5)]), ("soup",)),
 }

@@ -35,6 +35,7 @@ NOT_ALIKE = {
     "texture beyond": TRIANGLE + "f 1/1 2/2 3/3\n",
     "fraction": TRIANGLE + "f 1 2 3.5\n",
     "no faces": TRIANGLE,
+    "many groups": TRIANGLE + "g " + " ".join("abcdefghi") + "\nf 1 2 3\n",
 }
 
 

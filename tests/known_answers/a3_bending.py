@@ -66,6 +66,17 @@ def _spread(gamma: int) -> Outcome:
     return Outcome(100 * fraction, 0.0, 2.0, unit="%")
 
 
+def _woven(warp_degrees: float, own: float) -> Outcome:
+    """A strip of a fabric with D = 4 along the warp and .5 along the weft: the elastica of its `own`."""
+
+    def ratio(cells: int) -> float:
+        strip = lattice_strip(cells, 0)
+        return drooped(*strip, "midedge", 10, warp_degrees, bending_warp=4.0, bending_weft=0.5)
+
+    coarse, fine = ratio(20), ratio(40)
+    return Outcome(fine, elastica(10 / own), 5e-3, order=order(coarse, fine, elastica(10 / own)))
+
+
 def _roll(turns: float, part: int, model: str) -> Outcome:
     p = plate(40)
     found = tip(p, bent(p, model, moment=2 * np.pi * turns * STIFFNESS * WIDTH))[part]
@@ -134,4 +145,6 @@ ROWS = (
     Row("A3s", "a column buckles under its weight, midedge: Gamma", _column),
     Row("A3t", "a deep beam tips over, midedge, nu = 0: Gamma / sqrt(2/(1 + nu))", partial(_beam, 0.0)),
     Row("A3u", "a deep beam tips over, midedge, nu = .3: Gamma / sqrt(2/(1 + nu))", partial(_beam, 0.3)),
+    Row("A3v", "cantilever cut along the warp, D = 4, Gamma 10: drop / reach", partial(_woven, 0.0, 4.0)),
+    Row("A3w", "the same cut along the weft, D = .5", partial(_woven, 90.0, 0.5)),
 )

@@ -2,28 +2,34 @@
 
 A row for each scene of `error_scenes` with solver.estimate, and with --asked one with solver.error: the true error (RMS
 over the material points of the last frame, against `error_reference`), the estimate of the certificate and its ratio to
-the truth, CPU seconds. --study SECONDS adds the study's own statement.
+the truth, CPU seconds. --by-hand adds the cheapest fixed settings that have the error that is asked for, against the
+same reference; --study SECONDS the study's own headline. --reference 16,4,8 takes a finer reference (dt, cells, d_hat).
 """
 
 import argparse
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
 from clothsim import Scene
+from clothsim.accuracy.searched_settings import searched_settings
 from clothsim.build.presets import PRESETS, with_preset
 from clothsim.errors import ClothsimError
 from clothsim.scene.overrides import set_key
 from clothsim.text_table import text_table
+from tests.known_answers.best_by_hand import best_by_hand
 from tests.known_answers.error_reference import Refinement, Solution, distance, reference_scene, solution
 from tests.known_answers.error_scenes import ERROR_SCENES
 
 HEADER = ("scene", "settings", "error [mm]", "to +- [mm]", "estimate [mm]", "ratio", "CPU s")
-COARSER = Refinement(dt=4, cells=1)
-"""Refinement of the run that shows the reference's own error, with dt and cells a level coarser."""
+
+
+def coarser(finer: Refinement) -> Refinement:
+    """Refinement of the run that shows the reference's own error, with dt and cells a level coarser."""
+    return replace(finer, dt=finer.dt // 2, cells=finer.cells // 2)
 
 
 @dataclass(frozen=True)
@@ -72,33 +78,45 @@ def compared(name: str, settings: str, scene: Scene, reference: Solution, doubt:
 
 
 def studied(name: str, scene: Scene, budget: float, reference: Solution, doubt: float) -> Compared:
-    """The study's statement on a scene beside its error."""
+    """The headline of a study beside the error of the scene that it studied; the range in the settings."""
     from clothsim import study_accuracy
 
     with TemporaryDirectory() as folder:
         result: dict[str, Any] = study_accuracy(scene, Path(folder), budget=budget).result
-    base = solution(scene)
-    known = (result.get("base") or {}).get("error")
-    estimate = float("nan") if known is None else 1e-3 * known
-    return Compared(name, "study", distance(base, reference), doubt, estimate, result.get("seconds", 0.0))
+        base = solution(searched_settings(scene, Path(folder), budget)[0])
+    headline = result["headline"]
+    known = headline["error"] if headline["known"] else float("nan")
+    bounds = "" if headline["high"] is None else f" ({headline['low']:.2g} to {headline['high']:.2g} mm)"
+    settings = f"study: {headline['status']}{bounds}"
+    return Compared(name, settings, distance(base, reference), doubt, 1e-3 * known, result["seconds"])
 
 
-def rows(name: str, asked: float | None, presets: bool, budget: float | None) -> list[Compared]:
+def rows(name: str, wanted: argparse.Namespace) -> list[Compared]:
     """The rows of a scene."""
-    scene = ERROR_SCENES[name]
-    reference = solution(reference_scene(scene))
-    doubt = distance(solution(reference_scene(scene, COARSER)), reference)
+    scene, asked = ERROR_SCENES[name], wanted.asked
+    finer = Refinement(*wanted.reference)
+    reference = solution(reference_scene(scene, finer))
+    doubt = distance(solution(reference_scene(scene, coarser(finer))), reference)
     found = [compared(name, "with estimate", set_key(scene, "solver.estimate", True), reference, doubt)]
+    on = scene if asked is None else set_key(without_step(scene), "solver.error", asked)
     if asked is not None:
-        on = set_key(without_step(scene), "solver.error", asked)
         found.append(compared(name, f"error {1e3 * asked:g} mm", on, reference, doubt))
-    if presets:
+    if wanted.by_hand and asked is not None:
+        best = best_by_hand(scene, asked, reference)
+        if best is not None:
+            found.append(Compared(name, f"by hand: {best.settings}", best.error, doubt, float("nan"), best.seconds))
+    if wanted.presets:
         for preset in PRESETS:
-            on = set_key(with_preset(scene, preset)[0], "solver.estimate", True)
-            found.append(compared(name, f"preset {preset}", on, reference, doubt))
-    if budget is not None:
-        found.append(studied(name, scene, budget, reference, doubt))
+            estimated = set_key(with_preset(scene, preset)[0], "solver.estimate", True)
+            found.append(compared(name, f"preset {preset}", estimated, reference, doubt))
+    if wanted.study is not None:
+        found.append(studied(name, on, wanted.study, reference, doubt))
     return found
+
+
+def factors(text: str) -> tuple[int, ...]:
+    """Three whole numbers with commas."""
+    return tuple(int(each) for each in text.split(","))
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -106,6 +124,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.known_answers.error_table", description=__doc__)
     parser.add_argument("--scenes", default=",".join(ERROR_SCENES), help="names, with commas (default: all)")
     parser.add_argument("--asked", type=float, metavar="METRES", help="also a run with this solver.error")
+    parser.add_argument("--by-hand", action="store_true", help="also the cheapest fixed settings with that error")
+    parser.add_argument("--reference", type=factors, default=(8, 2, 4), metavar="DT,CELLS,D_HAT", help="default 8,2,4")
     parser.add_argument("--presets", action="store_true", help="also each preset")
     parser.add_argument("--study", type=float, metavar="SECONDS", help="also a study with that budget")
     arguments = parser.parse_args(argv)
@@ -116,7 +136,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     lines, failed = [], False
     for name in wanted:
         try:
-            lines += [row.cells for row in rows(name, arguments.asked, arguments.presets, arguments.study)]
+            lines += [row.cells for row in rows(name, arguments)]
             print(lines[-1], file=sys.stderr, flush=True)
         except (ClothsimError, ValueError) as error:
             failed = True

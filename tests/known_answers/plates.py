@@ -6,6 +6,8 @@ degrees, whose cells cannot bend without stretch: -1.3 % at 40 cells and Gamma 1
 bending, and it is not wanted here.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
@@ -28,16 +30,23 @@ DEFLECTION = loaded_ring(INNER, OUTER, NU)
 """w D/(q b^4) at its outer border under an even load q."""
 
 
-def drooped(points: Floats, triangles: Ints, model: str, gamma: float) -> float:
-    """Tip drop over tip reach of a strip 0 <= x <= 1 that hangs from a clamp at x = 0; gamma = rho_A g L^3/D."""
+def drooped(
+    points: Floats, triangles: Ints, model: str, gamma: float, warp_degrees: float = 0.0, **bending_along: float
+) -> float:
+    """Tip drop over tip reach of a strip 0 <= x <= 1 that hangs from a clamp at x = 0; gamma = rho_A g L^3/D.
+
+    warp_degrees: angle of the warp; bending_along: bending stiffnesses of the fabric over D, by `Fabric`'s names.
+    """
     pinned = np.flatnonzero(points[:, 0] < 1e-9)
     fabric = Fabric(density=1.0, thickness=1.0, youngs_modulus=MEMBRANE, poisson_ratio=0.0, bending_stiffness=1.0)
+    fabric = replace(fabric, **bending_along)
     world, (ghosts,) = clamped(make_world([flat(points, triangles, fabric)]), [pinned])
     x = world.start()
     rows = np.concatenate([pinned, ghosts])
+    stiff = bending(world, model=model, angle_degrees=warp_degrees)
     for fraction in LOADS.get(int(gamma), (1.0,)):
         weight = gravity(world, acceleration=(0.0, 0.0, -gamma * fraction))
-        energies = those_on(membrane=membrane(world), bending=bending(world, model=model), gravity=weight)
+        energies = those_on(membrane=membrane(world), bending=stiff, gravity=weight)
         target = held(world.start(), rows)
         x = equilibrium(world, energies, x, target, tolerance=1e-6, max_iterations=400, linear="auto")
     tip = x[: len(points)][points[:, 0] > 1 - 1e-9].mean(axis=0)

@@ -16,6 +16,14 @@ from clothsim.sim import stepping
 FALL = {"effects": {"inertia": {}, "gravity": {}}, "body": (), "run": {**RUN, "duration": 0.16}}
 
 
+@pytest.fixture(autouse=True)
+def default_handler():
+    """Python's own handler of SIGINT, which a process that a shell started in the background does not have."""
+    handler = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, handler)
+
+
 def interrupt():
     os.kill(os.getpid(), signal.SIGINT)
 

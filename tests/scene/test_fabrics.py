@@ -27,6 +27,7 @@ TOLD = (
     "weft_extension",
     "bending_warp",
     "bending_weft",
+    "bending_bias",
     "friction",
 )
 

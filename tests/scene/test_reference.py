@@ -63,7 +63,7 @@ def test_the_keys_of_a_generator_are_its_keywords(name):
 
 
 def test_the_keys_of_a_fabric_are_those_of_the_class():
-    reported = {"name", "source", "bending_warp", "bending_weft", "friction"}
+    reported = {"name", "source", "friction"}
     assert set(inspect.signature(Fabric).parameters) - reported <= set(keys_of(ClothTable))
 
 

@@ -28,6 +28,15 @@ def test_backward_euler_is_never_restarted():
     assert thrown(integrator="backward_euler")["restarted_steps"] == 0
 
 
+def test_a_sheet_that_nothing_moves_meets_no_impact():
+    """Its energy is round-off, which grows and falls from step to step."""
+    effects = {"inertia": {}, "membrane": {}, "bending": {}}
+    scene = small_scene(body=(), effects=effects, run={"duration": 0.3, "frames_per_second": 50})
+    summary = simulate(scene).summary
+    assert summary["restarted_steps"] == 0
+    assert abs(summary["certificate"]["energy_drift"]) < 1e-6
+
+
 def test_a_sheet_that_swings_without_contact_stays_with_bdf2():
     effects = without("body_contact", "damping") | {"pins": {"select": "left"}}
     scene = small_scene(body=(), effects=effects, run={"duration": 0.6, "frames_per_second": 25})

@@ -101,15 +101,17 @@ def chosen(
 def _within_reach(resolvable: Resolvable, done: Sequence[Resolution]) -> list[Resolution]:
     coarsest, knobs = resolvable.coarsest, resolvable.knobs
     steps = [coarsest.steps * factor for factor in FACTORS if (coarsest.steps * factor) % 1 == 0]
-    cells = [coarsest.cells * factor for factor in FACTORS if (coarsest.cells * factor * 2) % 1 == 0]
+    cells = [Fraction(coarsest.cells * factor) for factor in FACTORS if (coarsest.cells * factor * 2) % 1 == 0]
     d_hat = [coarsest.d_hat / factor for factor in FACTORS]
     finest_steps, finest_cells = max(each.steps for each in done), max(each.cells for each in done)
     least = min(each.d_hat for each in done)
     return [
-        Resolution(int(n), Fraction(c), Fraction(d))
+        Resolution(int(n), c, Fraction(d))
         for n, c, d in product(
             [each for each in steps if each <= FARTHEST[TIME] * finest_steps],
-            [each for each in cells if each <= FARTHEST[CELLS] * finest_cells] if CELLS in knobs else [coarsest.cells],
+            [each for each in cells if each <= FARTHEST[CELLS] * finest_cells and resolvable.whole(each)]
+            if CELLS in knobs
+            else [coarsest.cells],
             [each for each in d_hat if each >= least / FARTHEST[D_HAT]] if D_HAT in knobs else [coarsest.d_hat],
         )
     ]

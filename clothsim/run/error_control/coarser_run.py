@@ -1,6 +1,5 @@
 """Error estimate of a run with given settings: its distance to a pilot run with all of them coarser by two."""
 
-from collections.abc import Collection
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -10,7 +9,7 @@ from clothsim.build.explicit_lengths import steps_per_frame
 from clothsim.io.record import SUMMARY_NAME, write_summary
 from clothsim.run.error_control.knob_errors import from_joint, root_sum
 from clothsim.run.error_control.requested import Message, Runs
-from clothsim.run.error_control.resolution import CELLS, D_HAT, TIME, Resolution, resolvable
+from clothsim.run.error_control.resolution import CELLS, D_HAT, TIME, Resolution, Resolvable, resolvable
 from clothsim.run.error_control.trial import Trial, another_shape, distance_at, material, pilot
 from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session
@@ -51,10 +50,10 @@ def simulate_with_estimate(scene: Scene, runs: Runs, message: Message) -> Run:
         fixed[TIME] = "a frame has one step"
     if CELLS in ladder.knobs and coarser.cells == 1:
         fixed[CELLS] = "the cells cannot be halved"
-    return _annotated(run, own, other, fixed, len(fixed) == len(ladder.fixed), ladder.knobs)
+    return _annotated(run, own, other, fixed, len(fixed) == len(ladder.fixed), ladder)
 
 
-def _annotated(run: Run, own: Trial, other: Trial, fixed: dict[str, str], known: bool, knobs: Collection[str]) -> Run:
+def _annotated(run: Run, own: Trial, other: Trial, fixed: dict[str, str], known: bool, ladder: Resolvable) -> Run:
     """The run with its estimate; known: False where something that has an error could not be coarser."""
     summary = dict(run.summary)
     certificate = dict(summary["certificate"])
@@ -64,7 +63,7 @@ def _annotated(run: Run, own: Trial, other: Trial, fixed: dict[str, str], known:
     else:
         moved = distance_at(other.material)(own, other)
         newton = estimate["newton"] if isinstance(estimate["newton"], float) else 0.0
-        parts = {"all": from_joint(moved, 2.0, knobs), "newton": newton}
+        parts = {"all": from_joint(moved, 2.0, ladder.knobs, ladder.dt(other.resolution)), "newton": newton}
         if another_shape(own, moved):
             fixed = {**fixed, "coarser run": f"it ends in another shape, {moved:.2g} m away"}
             known = False

@@ -81,6 +81,10 @@ class Resolvable:
             resolution.d_hat / (2 if D_HAT in both else 1),
         )
 
+    def whole(self, factor: Fraction) -> bool:
+        """True where the cells of every cloth times a factor are whole numbers."""
+        return all((count * factor).denominator == 1 for count in _counts(self.scene))
+
     def text(self, resolution: Resolution) -> str:
         """A resolution for people: "dt 5 ms, cells x 2, d_hat x 1/2"."""
         parts = [f"dt {1e3 * self.dt(resolution):.3g} ms"]
@@ -126,12 +130,16 @@ def resolvable(given: Scene) -> Resolvable:
 
 def _halves(scene: Scene) -> bool:
     """True where every cloth's cells are even numbers whose halves are FEWEST_CELLS or more."""
-    counts = [cells_of(keys) for keys in scene.cloths]
-    flat = [count for each in counts for count in (each if isinstance(each, list) else [each])]
-    if any(count % 2 or count < 2 * FEWEST_CELLS for count in flat):
+    if any(count % 2 or count < 2 * FEWEST_CELLS for count in _counts(scene)):
         return False
     try:
         with_cells(scene, Fraction(1, 2))
     except InputError:
         return False
     return True
+
+
+def _counts(scene: Scene) -> list[int]:
+    """Cells along each side of each cloth."""
+    counts = [cells_of(keys) for keys in scene.cloths]
+    return [count for each in counts for count in (each if isinstance(each, list) else [each])]

@@ -132,16 +132,20 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
     settings = scene.solver_settings
     fraction = settings.newton_error_fraction
     search = Search(resolvable(scene), settings.error, settings.budget, candidate, message, fraction)
+    earlier: Found | None = None
     for _ in range(MOST_RETRIES):
         coarsest, run, first = _first_pair(search)
         distance = distance_at(coarsest.material)
         if run.status != "completed":
-            return search, Found(run, first, _parts(run, {"all": 0.0}), False)
+            failed = Found(run, first, _parts(run, {"all": 0.0}), False)
+            return search, failed if earlier is None else _repeated(search, earlier)
         moved = distance(coarsest, first)
         same = not another_shape(first, moved)
-        found = Found(run, first, _parts(run, {"all": from_joint(moved, 2.0, search.resolvable.knobs)}), same)
+        left = from_joint(moved, 2.0, search.resolvable.knobs, search.resolvable.dt(coarsest.resolution))
+        found = Found(run, first, _parts(run, {"all": left}), same)
         if same or search.spent > search.budget / 2:
             break
+        earlier = found
         search.halve_step()
     if not found.known or found.met(search.asked):
         return search, found
@@ -181,34 +185,46 @@ def _by_knob(search: Search, coarsest: Trial, first: Trial, distance: Distance) 
 def _refined(search: Search, found: Found, errors: KnobErrors, distance: Distance) -> Found:
     """Run finer resolutions until the request is met, the budget is spent or nothing finer is within the bounds.
 
-    The last run is the answer; where a finer pilot run followed it, its error is what that one showed.
+    Where the last of them was a pilot, it is run into the output directory at the end.
     """
     stalled, last, ladder = 0, found.trial, search.resolvable
-    for _ in range(MOST_ROUNDS):
-        if found.met(search.asked):
-            return found
-        if stalled == MOST_STALLED:
-            return replace(found, known=False)
+    for left in reversed(range(MOST_ROUNDS)):
+        if found.met(search.asked) or stalled == MOST_STALLED:
+            break
         following = _following(search, found, errors, last)
         if following is None:
             break
         sizes = ladder.sizes(following)
-        expected = errors.at(sizes).total
-        run = None
-        if expected > PILOT_FROM * search.asked:
+        expected, run = errors.at(sizes).total, None
+        if expected > PILOT_FROM * search.asked and left and _leaves_room(search, following, last):
             trial = search.pilot(following)
         else:
             run, trial = search.run(following, expected)
         if trial.reason or (run is not None and run.status != "completed"):
-            return replace(found, known=False) if run is None else Found(run, trial, _parts(run, errors.errors), False)
+            return replace(found if run is None else _repeated(search, found), known=False)
         before, errors = errors.total, errors.after(sizes, distance(last, trial))
         stalled, last = stalled + 1 if errors.total > STALLED * before else 0, trial
         if run is not None:
             found = Found(run, trial, _parts(run, errors.errors), errors.understood)
-        else:
-            own = errors.at(ladder.sizes(found.trial.resolution)).errors
-            found = Found(found.run, found.trial, _parts(found.run, own), errors.understood)
-    return found
+    if last is not found.trial:
+        run, trial = search.run(last.resolution, errors.total)
+        if run.status != "completed":
+            return replace(_repeated(search, found), known=False)
+        found = Found(run, trial, _parts(run, errors.errors), errors.understood)
+    return found if found.met(search.asked) or stalled < MOST_STALLED else replace(found, known=False)
+
+
+def _leaves_room(search: Search, following: Resolution, last: Trial) -> bool:
+    """True where a pilot run leaves enough of the budget to run that resolution into the output directory."""
+    vertices = sum(len(rest) for rest in search.trials[0].material.rest)
+    more = work(search.resolvable, following, vertices) / work(search.resolvable, last.resolution, vertices)
+    return search.spent + 2 * more * last.seconds <= search.budget
+
+
+def _repeated(search: Search, found: Found) -> Found:
+    """The last run that came to its end, once more: a failed one has taken its place in the output directory."""
+    run, trial = search.run(found.trial.resolution)
+    return Found(run, trial, _parts(run, {key: part for key, part in found.parts.items() if key != "newton"}), False)
 
 
 def _following(search: Search, found: Found, errors: KnobErrors, last: Trial) -> Resolution | None:

@@ -1,0 +1,120 @@
+"""`clothsim dress`: a sewing pattern sewn on a body."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from clothsim.cli.arguments import as_positive_number
+
+if TYPE_CHECKING:
+    from clothsim.dressing.dress import Dress
+    from clothsim.fitting.stage import Stage
+
+_DESCRIPTION = """\
+Sew a pattern (specification.json of GarmentCode and others) on a body under contact, weld its seams and drape it.
+Leaves what a run leaves, garment.obj with the pattern as texture, and pictures.
+
+  clothsim dress shirt_specification.json --on body.obj -o worn
+  clothsim dress tunic --on shirt -o worn            (a pattern and a body that come with the package)
+"""
+LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    dress = commands.add_parser("dress", help="sew a pattern on a body", description=_DESCRIPTION)
+    dress.add_argument(
+        "pattern", type=Path, metavar="PATTERN", help="a specification.json, or the name of one that is installed"
+    )
+    dress.add_argument("--on", required=True, type=Path, metavar="BODY", help="the body: a mesh file or a scene")
+    dress.add_argument(
+        "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the pattern's name)"
+    )
+    dress.add_argument("--size", default="2cm", metavar="L", help="size of the mesh: 2cm, 15mm, .01 [m] (default 2cm)")
+    dress.add_argument("--fabric", default="cotton", metavar="NAME", help="a named fabric (default cotton)")
+    dress.add_argument("--origin", default="auto", choices=("auto", "floor", "waist"), help="level y = 0 of the file")
+    dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")
+    dress.add_argument("--scale", metavar="S", help="metres per unit of the body (default: by height)")
+    dress.add_argument("--body-group", metavar="NAME", help="this group of the body's file (default: the largest)")
+    dress.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
+    dress.add_argument("--no-picture", action="store_true", help="draw nothing")
+    dress.add_argument("--quiet", action="store_true", help="print the end only")
+    dress.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
+    dress.add_argument("--debug", action="store_true", help="show tracebacks")
+    dress.set_defaults(handler=_dress)
+
+
+def as_length(option: str, text: str) -> float:
+    """A length in metres from "2cm", "15 mm", ".02". InputError for what is none."""
+    unit = next((unit for unit in LENGTHS if text.strip().lower().endswith(unit)), "")
+    return as_positive_number(option, text.strip()[: -len(unit)] if unit else text) * LENGTHS.get(unit, 1.0)
+
+
+def _dress(arguments: argparse.Namespace) -> int:
+    from clothsim import __version__
+    from clothsim.cli import progress
+    from clothsim.dressing.dress import dress
+    from clothsim.run.example_scenes import installed_pattern, installed_scene
+
+    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
+    directory = arguments.output or Path(arguments.pattern.stem)
+
+    def report(text: str) -> None:
+        if not arguments.quiet:
+            print(text, file=talk, flush=True)
+
+    report(f"clothsim {__version__}: dress {arguments.pattern}")
+    pattern = arguments.pattern
+    pattern = pattern if pattern.exists() else installed_pattern(pattern) or pattern
+    body = arguments.on if arguments.on.exists() else installed_scene(arguments.on) or arguments.on
+    with progress.shown(arguments.quiet) as listener:
+        done = dress(
+            pattern,
+            body,
+            directory,
+            size=as_length("--size", arguments.size),
+            fabric=arguments.fabric,
+            origin=arguments.origin,
+            rotation_order=arguments.rotation_order,
+            scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
+            body_group=arguments.body_group,
+            overwrite=arguments.overwrite,
+            on_stage=lambda stage: report(_stage(stage)),
+            progress=listener,
+        )
+    trouble = [] if arguments.no_picture else _pictures(done)
+    if arguments.json:
+        from clothsim.io.record import SUMMARY_NAME
+
+        print((directory / SUMMARY_NAME).read_text(encoding="utf-8"), end="")
+    print("\n".join([*_verdict(done), *trouble]), file=talk)
+    return 0 if done.status == "completed" else 1
+
+
+def _stage(stage: "Stage") -> str:
+    note = f"; {stage.description}" if stage.description else ""
+    return f"  {stage.name:<9} {stage.seconds:6.1f} s  {stage.counts}{note}"
+
+
+def _verdict(done: "Dress") -> list[str]:
+    low, high = done.stretch
+    welded, seams = len(done.state.welded), len(done.state.mesh.seams)
+    return [
+        f"{done.status}: {done.reason}",
+        *(f"  note      {note}" for note in done.notes),
+        f"  garment   {done.counts}; {welded} of {seams} seams welded",
+        f"  stretch   {low:.3f} to {high:.3f} (1st to 99th percentile, against the pattern)",
+        f"  files     {done.directory}: {', '.join(sorted(file.name for file in done.directory.iterdir()))}",
+    ]
+
+
+def _pictures(done: "Dress") -> list[str]:
+    from clothsim.dressing.pictures import draw_dress
+    from clothsim.errors import ClothsimError
+
+    try:
+        draw_dress(done)
+    except (ClothsimError, OSError, ImportError) as error:
+        return [f"No picture: {error}"]
+    return []

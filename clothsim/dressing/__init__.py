@@ -1,0 +1,1 @@
+"""Dressing: sewing patterns closed round a body, welded and draped."""

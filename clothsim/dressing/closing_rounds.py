@@ -1,0 +1,142 @@
+"""Rounds of closing: which seams are drawn together when, how stiff their strings are, and what is held."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.arrays import Ints
+from clothsim.dressing.sewing_state import SewingState
+from clothsim.dressing.sleeves import is_of_arm
+from clothsim.mesh.pattern.pattern import Panel
+from clothsim.mesh.pattern.pattern_mesh import Seam
+
+SPEED = 0.5
+"""Largest speed at which a gap closes [m/s]."""
+SHORTEST = 0.3
+"""Shortest time of closing [s]."""
+STIFFNESS, STIFFER = 100.0, 5.0
+"""Stiffness of a string [N/m] and its growth in each round after all are closed: stiffer strings pull the fabric into
+folds and take twice the iterations."""
+FURTHER = 3
+"""Bound on the rounds after all seams were drawn together once."""
+ON_TOP = ("collar", "hood", "lapel", "strap")
+"""Words in the name of a panel that is sewn to the finished torso."""
+DART, WITHIN, ONTO = 0, 1, 2
+"""Order of seams: darts, seams within the torso and within sleeves, seams that join the rest to the torso."""
+
+
+@dataclass(frozen=True)
+class Strings:
+    """Strings of one seam.
+
+    Attributes
+    ----------
+    pairs : (k, 2) int array
+        Vertices of the garment; k > 1.
+    start, end : float
+        Time of closing [s].
+    """
+
+    pairs: Ints
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Round:
+    """One round of closing.
+
+    Attributes
+    ----------
+    strings : tuple of Strings
+        Seams that are drawn together or kept together.
+    stiffness : float
+        Of each string [N/m].
+    held : (h,) int array
+        Vertices that do not move.
+    duration : float
+        Time until the last seam is closed [s].
+    free : bool
+        True where all seams were drawn together before, and nothing is held.
+    """
+
+    strings: tuple[Strings, ...]
+    stiffness: float
+    held: Ints
+    duration: float
+    free: bool
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Seams that a round closes, seams that it keeps closed, and the factor of its stiffness."""
+
+    closing: tuple[Seam, ...]
+    closed: tuple[Seam, ...] = ()
+    factor: float = 1.0
+
+    def made(self, state: SewingState) -> Round:
+        """The round from the positions of `state`."""
+        darts = [seam for seam in self.closing if order_of(seam, state) == DART]
+        others = [seam for seam in self.closing if order_of(seam, state) != DART]
+        parts, time = [], 0.0
+        for group in (darts, others):
+            if group:
+                span = max(SHORTEST, max(float(state.gaps(seam).max(initial=0.0)) for seam in group) / SPEED)
+                parts += [Strings(state.pairs(seam), time, time + span) for seam in group]
+                time += span
+        parts += [Strings(state.pairs(seam), 0.0, SHORTEST) for seam in self.closed]
+        held = torso(state) if self.closed else np.zeros(0, np.int64)
+        return Round(joined_singles(parts), self.factor * STIFFNESS, held, time, self.factor > 1)
+
+
+def turns(state: SewingState) -> list[Turn]:
+    """Turns that draw every open seam together once."""
+    seams = [state.mesh.seams[k] for k in state.open_seams]
+    onto = [order_of(seam, state) == ONTO for seam in seams]
+    inner = tuple(seam for seam, last in zip(seams, onto, strict=True) if not last)
+    outer = tuple(seam for seam, last in zip(seams, onto, strict=True) if last)
+    return [turn for turn in (Turn(inner), Turn(outer, inner)) if turn.closing]
+
+
+def further_turns(state: SewingState) -> list[Turn]:
+    """Turns with stiffer and stiffer strings, for seams that are not closed yet."""
+    seams = tuple(state.mesh.seams[k] for k in state.open_seams)
+    return [Turn(seams, factor=STIFFER**number) for number in range(1, FURTHER + 1)]
+
+
+def joined_singles(parts: list[Strings]) -> tuple[Strings, ...]:
+    """The strings without seams of a single pair, which go to the seam that closes last: a line has two ends."""
+    lines = [part for part in parts if len(part.pairs) > 1]
+    single = [part.pairs for part in parts if len(part.pairs) == 1]
+    if not single or not lines:
+        return tuple(lines)
+    last = max(range(len(lines)), key=lambda k: lines[k].end)
+    pairs = np.concatenate([lines[last].pairs, *single])
+    lines[last] = Strings(pairs, lines[last].start, lines[last].end)
+    return tuple(lines)
+
+
+def order_of(seam: Seam, state: SewingState) -> int:
+    """DART, WITHIN or ONTO.
+
+    Sleeves and collars that close while they are sewn on would drag the shoulders of the garment off the body.
+    """
+    first, second = (state.mesh.pattern.panels[side.panel] for side in seam.stitch.sides)
+    if first is second:
+        return DART
+    if is_on_top(first) or is_on_top(second):
+        return ONTO
+    return ONTO if is_of_arm(first) != is_of_arm(second) else WITHIN
+
+
+def is_on_top(panel: Panel) -> bool:
+    """True for a collar or another piece that is sewn to the finished torso."""
+    return any(word in panel.name.lower() for word in ON_TOP)
+
+
+def torso(state: SewingState) -> Ints:
+    """Vertices of the panels that are neither of an arm nor sewn on top."""
+    panels = [panel for panel in state.mesh.pattern.panels.values() if not is_of_arm(panel) and not is_on_top(panel)]
+    rows = [state.number[state.mesh.vertices[panel.name]] for panel in panels]
+    return np.unique(np.concatenate([np.zeros(0, np.int64), *rows]))

@@ -1,0 +1,305 @@
+"""Dress: a sewing pattern meshed, placed, closed round a body, welded and draped; checked exactly after each stage."""
+
+import tempfile
+from dataclasses import dataclass, replace
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.dressing.closing import close, stretch_range
+from clothsim.dressing.draping import drape
+from clothsim.dressing.lifting import lifted
+from clothsim.dressing.placing import placed_on
+from clothsim.dressing.separating import crossing_panels, panels_in_contact, separated
+from clothsim.dressing.sewing_state import SewingState, as_placed
+from clothsim.dressing.sleeves import turned_to_arms
+from clothsim.dressing.written_files import GARMENT, write_results
+from clothsim.errors import InputError
+from clothsim.fitting.inputs import Figure, figure_of, read_figure
+from clothsim.fitting.penetration import Counts, counted
+from clothsim.fitting.stage import Stage, StageCallback, staged
+from clothsim.mesh.pattern.pattern import Pattern
+from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
+from clothsim.mesh.pattern.specification import read_specification
+from clothsim.run.output_directory import refuse_earlier_run
+from clothsim.run.recorded_run import Announcement, Listener
+from clothsim.run.results import Run
+from clothsim.scene.fabrics import fabric_named
+from transfer.signed_distance import BodySurface, body_surface
+
+TOUCHING = 1e-4
+"""Gap of a seam that is closed as placed [m]."""
+
+
+@dataclass(frozen=True)
+class Dress:
+    """Result of `dress`.
+
+    Attributes
+    ----------
+    directory : Path
+        Output directory.
+    status : str
+        "completed" (every seam is closed and the garment rests on the body, free of intersections), "sewn" (closed and
+        free of intersections, but its drape did not complete) or "failed".
+    reason : str
+        Reason for the status, one sentence.
+    pattern : Pattern
+        Pattern as read.
+    placed : SewingState
+        Panels as placed.
+    state : SewingState
+        Garment at the end: positions, triangles, welded seams.
+    body : Figure
+        Body that wears it.
+    stages : tuple of Stage
+        Stages in order, each with positions and penetration counts.
+    run : Run or None
+        Drape; None where none was started.
+    notes : tuple of str
+        Defaults used in reading and dressing.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> worn = clothsim.dress("shirt_specification.json", on="body.obj")  # doctest: +SKIP
+    >>> worn.status, worn.counts.clean  # doctest: +SKIP
+    ('completed', True)
+    """
+
+    directory: Path
+    status: str
+    reason: str
+    pattern: Pattern
+    placed: SewingState
+    state: SewingState
+    body: Figure
+    stages: tuple[Stage, ...]
+    run: Run | None
+    notes: tuple[str, ...]
+
+    @property
+    def positions(self) -> Floats:
+        """Positions of the garment at its end, (n, 3) [m]."""
+        return self.state.positions
+
+    @property
+    def counts(self) -> Counts:
+        """Penetration counts of the last stage by the exact check."""
+        return self.stages[-1].counts
+
+    @property
+    def stretch(self) -> tuple[float, float]:
+        """1st and 99th percentile of the principal stretches against the pattern."""
+        return stretch_range(self.state.stretches())
+
+
+@dataclass(frozen=True)
+class _Task:
+    """What all stages share: the body and its surface, fabric, directory and listeners."""
+
+    body: Figure
+    surface: BodySurface
+    fabric: str
+    directory: Path
+    on_stage: StageCallback
+    progress: Listener | None
+    announce: Announcement | None
+
+
+@dataclass(frozen=True)
+class _Progress:
+    """The garment so far; failure: empty while nothing failed."""
+
+    state: SewingState
+    stages: tuple[Stage, ...]
+    failure: str = ""
+    notes: tuple[str, ...] = ()
+    run: Run | None = None
+
+
+def dress(
+    pattern: str | Path | Pattern,
+    on: str | Path | Any,
+    output: str | Path | None = None,
+    *,
+    size: float = 0.02,
+    fabric: str = "cotton",
+    origin: str = "auto",
+    rotation_order: str = "zyx",
+    scale: float | None = None,
+    body_group: str | None = None,
+    overwrite: bool = False,
+    on_stage: StageCallback = lambda stage: None,
+    progress: Listener | None = None,
+    announce: Announcement | None = None,
+) -> Dress:
+    """Sew a pattern on a body and drape it.
+
+    Parameters
+    ----------
+    pattern : str, Path or Pattern
+        A `specification.json`, or a pattern in memory.
+    on : str, Path, Body or mesh object
+        The body: a mesh file, a scene whose first body it is, or a mesh in memory in metres.
+    output : str or Path, optional
+        Directory for the run, `garment.obj`, the pattern and the summary; None: a new temporary one.
+    size : float
+        Distance of neighbouring vertices [m].
+    fabric : str
+        A named fabric.
+    origin : str
+        Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placing.placed_on`).
+    rotation_order : str
+        Order of the rotations of the panels, "zyx" or "xyz".
+    scale : float, optional
+        Metres per unit of the body's file; None: from its height.
+    body_group : str, optional
+        Group of the body's file.
+    overwrite : bool
+        True: replace an earlier run in the directory.
+    on_stage : callable
+        Called with each `Stage` as it ends.
+    progress, announce : callable, optional
+        Callbacks of the drape, as in `simulate`.
+
+    Returns
+    -------
+    Dress
+        Its status is "completed", "sewn" or "failed".
+
+    Raises
+    ------
+    InputError
+        Invalid files or arguments, or a directory that holds an earlier run without `overwrite`.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> clothsim.dress("shirt_specification.json", on="body.obj", output="worn").status  # doctest: +SKIP
+    'completed'
+    """
+    started = perf_counter()
+    fabric_named("fabric", fabric)
+    directory = Path(tempfile.mkdtemp(prefix="clothsim-dress-") if output is None else output)
+    refuse_earlier_run(directory, overwrite)
+    read = pattern if isinstance(pattern, Pattern) else read_specification(pattern, rotation_order)
+    name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
+    body = read_figure(on, scale=scale, group=body_group) if isinstance(on, str | Path) else figure_of(on)
+    mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
+    mesh, turning_notes = turned_to_arms(mesh, body)
+    surface = body_surface(body.positions, body.triangles)
+    task = _Task(body, surface, fabric, directory, on_stage, progress, announce)
+    begun = _Progress(as_placed(mesh), (), notes=(*mesh.pattern.notes, *placing_notes, *turning_notes, *body.notes))
+    done = _sewn(task, begun)
+    status = "failed" if done.failure else "completed"
+    reason = done.failure or f"All {len(mesh.seams)} seams are closed and the garment rests on {body.name}."
+    if not done.failure:
+        done, status, reason = _draped(task, done, reason)
+    worn = Dress(directory, status, reason, read, begun.state, done.state, body, done.stages, done.run, done.notes)
+    write_results(worn, name, size, perf_counter() - started)
+    return worn
+
+
+def _sewn(task: _Task, done: _Progress) -> _Progress:
+    """Place, separate, close and weld."""
+    for stage in (_placed, _separated, _closed, _welded):
+        done = stage(task, done)
+        if done.failure:
+            return done
+    return done
+
+
+def _after(task: _Task, done: _Progress, name: str, state: SewingState, description: str, started: float) -> _Progress:
+    """The garment after a stage."""
+    made = lambda: (state.positions, description)  # noqa: E731
+    stage = staged(name, state.triangles, task.surface, made, task.on_stage, started)
+    return replace(done, state=state, stages=(*done.stages, stage))
+
+
+def _placed(task: _Task, done: _Progress) -> _Progress:
+    """Panels as placed; seams that touch are welded."""
+    started, state = perf_counter(), done.state
+    touching = [k for k in state.open_seams if state.gaps(state.mesh.seams[k]).max(initial=0.0) < TOUCHING]
+    crossing = crossing_panels(state.weld(touching))  # a weld would keep them from being moved apart
+    touching = [k for k in touching if not crossing & {side.panel for side in state.mesh.seams[k].stitch.sides}]
+    state = state.weld(touching)
+    state, lift_note = lifted(state, task.body, task.surface)
+    done = replace(done, notes=(*done.notes, *([lift_note] if lift_note else [])))
+    panels, seams = len(state.mesh.pattern.panels), len(state.mesh.seams)
+    size = f"{panels} panels, {seams} seams, {len(state.positions):,} vertices"
+    return _after(task, done, "place", state, f"{size}, {len(touching)} seams touch" if touching else size, started)
+
+
+def _separated(task: _Task, done: _Progress) -> _Progress:
+    """Panels moved apart where they intersect one another or the body."""
+    if done.stages[-1].counts.clean:
+        return done
+    started = perf_counter()
+    state, description = separated(done.state, task.body, task.surface)
+    done = _after(task, done, "separate", state, description, started)
+    counts = done.stages[-1].counts
+    if counts.clean:
+        return done
+    names = ", ".join(panels_in_contact(state, task.surface))
+    return replace(done, failure=f"Placed panels intersect, and no way out was found: {names} ({counts}).")
+
+
+def _closed(task: _Task, done: _Progress) -> _Progress:
+    """Seams drawn together under contact."""
+    if not done.state.open_seams:
+        return done
+    started = perf_counter()
+    try:
+        closing = close(done.state, task.body, task.fabric, task.directory, task.progress)
+    except InputError as error:
+        return replace(done, failure=f"The closing could not start: {error.sentence}")
+    done = _after(task, done, "close", closing.state, closing.description, started)
+    return replace(done, failure=closing.failure)
+
+
+def _welded(task: _Task, done: _Progress) -> _Progress:
+    """Seams welded; those whose weld would intersect stay strings, and are named."""
+    started, before = perf_counter(), done.state
+    state, strings = before.weld(before.open_seams), []
+    welded = _after(task, done, "weld", state, "all seams", started)
+    if not welded.stages[-1].counts.clean:
+        state = before
+        for seam in before.open_seams:
+            tried = state.weld([seam])
+            if counted(tried.positions, tried.triangles, task.surface).clean:
+                state = tried
+            else:
+                strings.append(before.mesh.seams[seam].name)
+        note = f"stay strings, as their weld would intersect: {', '.join(strings)}"
+        done = replace(done, notes=(*done.notes, note))
+        welded = _after(task, done, "weld", state, f"{len(strings)} seams stay strings", started)
+    return welded
+
+
+def _draped(task: _Task, done: _Progress, reason: str) -> tuple[_Progress, str, str]:
+    """Drape; where it cannot start or complete, the sewn garment is the result."""
+    started = perf_counter()
+    try:
+        run = drape(done.state, task.body, task.fabric, task.directory, task.progress, task.announce)
+    except InputError as error:
+        return done, "sewn", f"The drape could not start: {error.sentence}"
+    if run.status != "completed":
+        return replace(done, run=run), "sewn", run.reason
+    ended = f"draped for {run.times[-1]:.3g} s"
+    draped = _after(task, done, "drape", done.state.at(run.positions(-1)), ended, started)
+    draped = replace(draped, run=run)
+    counts = draped.stages[-1].counts
+    if not counts.clean:
+        return draped, "failed", f"The drape ended with {counts}, {counts.where}."
+    moved = float(np.abs((draped.state.positions - done.state.positions) @ task.body.up).max())
+    height = float(np.ptp(task.body.positions @ task.body.up))
+    if moved > 0.5 * height:
+        return draped, "failed", f"The garment falls off {task.body.name}: it moved by {moved:.2g} m."
+    return draped, "completed", reason
+
+
+__all__ = ["GARMENT", "Dress", "dress"]

@@ -1,0 +1,61 @@
+"""Placement of a pattern in front of and behind a body: axes, height and origin of both."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.errors import InputError
+from clothsim.fitting.inputs import Figure
+from clothsim.mesh.pattern.pattern_mesh import PatternMesh
+
+ORIGINS = ("auto", "floor", "waist")
+ORIGIN_HEIGHT = 0.677
+"""Height of the origin of Garment-Pattern-Generator's body (the template of SMPL) as a fraction of its own height."""
+BELOW, LOW = 0.1, 0.6
+"""Depth of a pattern below y = 0 and height of its top above it [m] that make the floor an unlikely origin."""
+ASIDE = 0.2
+"""Distance of a body from the vertical axis [m] beyond which the pattern follows it."""
+
+
+def placed_on(mesh: PatternMesh, body: Figure, origin: str = "auto") -> tuple[PatternMesh, tuple[str, ...]]:
+    """The mesh placed on a body, and notes.
+
+    Parameters
+    ----------
+    mesh : PatternMesh
+        Panels as placed in the file, y upward.
+    body : Figure
+        The body, y or z upward.
+    origin : str
+        Level y = 0 of the file: "floor", the lowest vertex of the body (GarmentCode), or "waist", the origin of SMPL's
+        template (Garment-Pattern-Generator); "auto": the floor, unless the panels lie round y = 0.
+
+    Raises
+    ------
+    InputError
+        Another origin.
+    """
+    if origin not in ORIGINS:
+        raise InputError(f"origin is {origin!r}.", f"Known: {', '.join(ORIGINS)}.")
+    lowest, highest = float(mesh.positions[:, 1].min()), float(mesh.positions[:, 1].max())
+    chosen = origin if origin != "auto" else ("waist" if lowest < -BELOW and highest < LOW else "floor")
+    notes = []
+    if chosen == "waist" and origin == "auto":
+        notes.append(f"panels lie {-lowest:.2f} m below y = 0: read as made round the waist (origin = waist)")
+    levels = body.positions @ body.up
+    low, high = float(levels.min()), float(levels.max())
+    level = low + (ORIGIN_HEIGHT * (high - low) if chosen == "waist" else 0.0)
+    across = np.eye(3)[[k for k in range(3) if body.up[k] == 0]]
+    middles = [float((points.min() + points.max()) / 2) for points in (body.positions @ axis for axis in across)]
+    shift = level * body.up
+    if np.linalg.norm(middles) > ASIDE:
+        shift = shift + middles[0] * across[0] + middles[1] * across[1]
+        notes.append("the body is away from the vertical axis: the pattern follows it")
+    positions = _upright(mesh.positions, body.up) + shift
+    return replace(mesh, positions=positions), tuple(notes)
+
+
+def _upright(positions: Floats, up: Floats) -> Floats:
+    """Positions with y upward turned so that `up` is: y to z about the x axis, or as they are."""
+    return positions if up[1] else positions[:, [0, 2, 1]] * [1, -1, 1]

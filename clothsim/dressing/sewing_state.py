@@ -1,0 +1,83 @@
+"""State of a garment in sewing: vertices that are welded already, and seams that are open."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.fitting.stage import Garment
+from clothsim.kinematics.deformation_gradient import deformation_gradients
+from clothsim.kinematics.stretch import principal_stretches
+from clothsim.mesh.pattern.pattern_mesh import PatternMesh, Seam
+from clothsim.mesh.pattern.sewing import sewn_vertices
+from clothsim.mesh.weld import mean_of_parts
+
+
+@dataclass(frozen=True)
+class SewingState:
+    """A garment in sewing.
+
+    Attributes
+    ----------
+    mesh : PatternMesh
+        The panels.
+    number : (n,) int array
+        Vertex of the garment of each vertex of the panels.
+    positions : (k, 3) array
+        Vertices of the garment [m].
+    welded : tuple of int
+        Seams that are welded.
+    """
+
+    mesh: PatternMesh
+    number: Ints
+    positions: Floats
+    welded: tuple[int, ...] = ()
+
+    @property
+    def triangles(self) -> Ints:
+        """Triangles of the garment, (m, 3)."""
+        return self.number[self.mesh.triangles]
+
+    @property
+    def open_seams(self) -> tuple[int, ...]:
+        """Seams that are not welded."""
+        return tuple(k for k in range(len(self.mesh.seams)) if k not in self.welded)
+
+    def pairs(self, seam: Seam) -> Ints:
+        """Pairs of different vertices of the garment that a seam joins, (k, 2)."""
+        pairs = self.number[seam.pairs]
+        return pairs[pairs[:, 0] != pairs[:, 1]]
+
+    def gaps(self, seam: Seam) -> Floats:
+        """Distance of each pair of a seam [m]; empty where it is closed."""
+        ends = self.positions[self.pairs(seam)]
+        return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1), np.float64)
+
+    def weld(self, seams: Sequence[int]) -> "SewingState":
+        """Copy in which these seams are welded too, each vertex at the mean of its group. InputError as for a mesh."""
+        welded = tuple(sorted({*self.welded, *seams}))
+        number = sewn_vertices(self.mesh, [self.mesh.seams[k] for k in welded])
+        of_panels = self.positions[self.number]
+        return replace(self, number=number, positions=mean_of_parts(of_panels, number), welded=welded)
+
+    def at(self, positions: Floats) -> "SewingState":
+        """Copy at other positions (k, 3) [m]."""
+        return replace(self, positions=positions)
+
+    def garment(self, name: str) -> Garment:
+        """As a garment of the stages of a fit."""
+        return Garment(name, self.positions, self.triangles, sewn=True)
+
+    def stretches(self) -> Floats:
+        """Principal stretches of each triangle against its panel, (m, 2)."""
+        corners = self.mesh.material_coordinates
+        edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+        F = deformation_gradients(self.positions, self.triangles, np.linalg.inv(edges))
+        return np.asarray(principal_stretches(np.asarray(F)), np.float64)
+
+
+def as_placed(mesh: PatternMesh) -> SewingState:
+    """The panels as placed, no seam welded."""
+    return SewingState(mesh, np.arange(len(mesh.positions)), mesh.positions)
