@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from transfer.triangle_surface import Floats, Ints
 
@@ -41,7 +42,7 @@ class Ring:
         squared = (((self.starts + self.ends) / 2.0 - self.centre) ** 2).sum(axis=1)
         return float(np.sqrt(lengths @ squared / lengths.sum()))
 
-    def only(self, chosen: Floats) -> "Ring":
+    def only(self, chosen: NDArray[np.bool_]) -> "Ring":
         """Ring of the segments where `chosen` (s,) is true."""
         return Ring(self.starts[chosen], self.ends[chosen], self.triangles[chosen])
 

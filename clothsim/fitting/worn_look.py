@@ -68,9 +68,8 @@ def look_of(garment: Garment, positions: Floats, source: Figure, target: Figure)
     before, after = (
         np.linalg.norm(shape[edges[:, 0]] - shape[edges[:, 1]], axis=1) for shape in (garment.positions, positions)
     )
-    areas = [
-        np.linalg.norm(doubled_areas(shape, garment.triangles), axis=1) for shape in (garment.positions, positions)
-    ]
+    shapes = (garment.positions, positions)
+    areas = [np.linalg.norm(doubled_areas(shape, garment.triangles), axis=1) for shape in shapes]
     scale = float(np.sqrt(areas[1].sum() / areas[0].sum()))
     ratios, parts = after / before / scale, areas[1] / areas[0] / scale**2
     low, high = (float(value) for value in np.percentile(ratios, (1.0, 99.0)))
