@@ -26,6 +26,8 @@ READ_EXTENSIONS = ("KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "K
 """Required extensions that change nothing in what is read, by how their names begin."""
 BROKEN = (KeyError, IndexError, TypeError, ValueError, AttributeError, OverflowError, np.linalg.LinAlgError)
 """Exceptions where the JSON has a value of another type than glTF says."""
+LARGEST = 1e12
+"""Bound on the numbers of a node's transform: products of a few stay finite."""
 MOST_ZEROS = 50_000_000
 """Largest number of values of an accessor without bytes of its own."""
 
@@ -148,8 +150,8 @@ class GltfFile:
             values = np.asarray(table.get(key, default), np.float64)
         except (TypeError, ValueError) as error:
             raise self.fault(f"{where}.{key} is no list of numbers.") from error
-        if values.shape != (len(default),) or not np.isfinite(values).all():
-            raise self.fault(f"{where}.{key} must be {len(default)} finite numbers.")
+        if values.shape != (len(default),) or not (np.abs(values) < LARGEST).all():
+            raise self.fault(f"{where}.{key} must be {len(default)} numbers below {LARGEST:g}.")
         return values
 
 
