@@ -49,4 +49,27 @@ def _motion(
         shipped = shipped_clip(clip.clip)
         motion = shipped if own else retargeted(shipped, character.skeleton, clip.scale)
         return motion, f"motion {clip.clip}"
+    ending, label = Path(clip.clip).suffix.lower(), f"motion {Path(clip.clip).name}"
+    model = directory / keys["model"]
+    if clip.clip == OWN and model.suffix.lower() in (".glb", ".gltf"):
+        from clothsim.io.gltf_animation import read_animation
+
+        own_clip = read_animation(model, character.skeleton, clip.animation)
+        return own_clip, f"motion {own_clip.name}"
+    if ending in (".bvh", ".npz"):
+        path = existing_file(f"{where}.motion", directory, clip.clip)
+        return _of_file(path, model, character, clip.scale), label
     raise InputError(f"{where}.motion is {clip.clip!r}.", f"Known: {', '.join(CLIPS)}; or a .bvh or .npz file.")
+
+
+def _of_file(path: Path, model: Path, character: Character, scale: float | None) -> Motion:
+    """The motion of a .bvh or an AMASS .npz file; that of AMASS moves a model of the SMPL family joint by joint."""
+    if path.suffix.lower() == ".bvh":
+        from clothsim.io.bvh import read_bvh
+
+        return retargeted(read_bvh(path), character.skeleton, scale)
+    from clothsim.io.amass import read_amass
+
+    if model.suffix.lower() == ".npz":
+        return read_amass(path, character.skeleton)
+    return retargeted(read_amass(path), character.skeleton, scale)

@@ -15,7 +15,7 @@ STEP = 0.62
 """Length of a step of a figure of 1.7 m [m]."""
 TURN_SECONDS, TURN_DEGREES = 2.0, 180.0
 """Time and angle of the turn on the spot."""
-ARMS_DOWN = 30.0
+ARMS_DOWN = 20.0
 """Angle by which the arms of the walk hang below those of the A-pose [degrees]."""
 CLIPS = ("walk", "turn")
 """Names of the shipped clips."""

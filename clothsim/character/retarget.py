@@ -111,7 +111,9 @@ def retargeted(clip: Clip, target: Skeleton, scale: float | None = None) -> Reta
     """
     source = clip.skeleton
     roles = [joint_roles(skeleton.names, skeleton.parents.tolist()) for skeleton in (source, target)]
-    for what, skeleton, found in zip((f"The motion {clip.name}", "The character"), (source, target), roles, strict=True):
+    for what, skeleton, found in zip(
+        (f"The motion {clip.name}", "The character"), (source, target), roles, strict=True
+    ):
         lacking = [role for role in NEEDED if role not in found]
         if lacking:
             names = ", ".join(skeleton.names[:12])

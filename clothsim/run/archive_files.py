@@ -7,13 +7,10 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 from clothsim.build.array_files import named_arrays
-from clothsim.character.gait import CLIPS
 from clothsim.errors import InputError
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.scene.scene import Scene, scene_from_text
 
-SHIPPED = (*CLIPS, "own")
-"""Clips that are no files of their own."""
 FOLDER = "meshes"
 """The folder of an archive that holds them."""
 
@@ -81,9 +78,11 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
 
 def _named_clip(owner: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
     """The file of the motion of a body model."""
+    from clothsim.character.gait import CLIPS
+
     motion = table.get("motion")
     keyed = (motion, "clip") if isinstance(motion, dict) else (table, "motion")
-    if motion and keyed[0][keyed[1]] not in SHIPPED:
+    if motion and keyed[0][keyed[1]] not in (*CLIPS, "own"):
         yield owner, *keyed
 
 

@@ -7,8 +7,8 @@ from typing import Any, get_args, get_origin
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable
-from clothsim.scene.reference import sections
 from clothsim.scene.model_keys import ModelTable
+from clothsim.scene.reference import sections
 from clothsim.scene.schema import Key, SceneKey, choices, keys_of, members
 from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
 from clothsim.scene.typed_effects import TYPED_EFFECTS

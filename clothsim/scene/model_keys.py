@@ -33,7 +33,6 @@ class ClipKeys(KeyTable):
         Literal["start", "clip"] | None,
         Key("Begin where the body stands and looks, or where the clip begins", shown='"clip" with `own`, else "start"'),
     ] = None
-    keep_apart: Annotated[bool, Key("Turn arms and legs outwards where they would come too near")] = False
 
 
 @dataclass(frozen=True, kw_only=True)
