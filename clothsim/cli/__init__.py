@@ -1,4 +1,4 @@
-"""The command `clothsim`: run, dress, fit, study, resume, bundle, render, check, explain, fabrics, scenes, keys."""
+"""The command `clothsim`: run, dress, fit, study, resume, bundle, render, export, check, explain, and lists."""
 
 import contextlib
 import gc
@@ -13,6 +13,7 @@ from clothsim.cli import (
     check_command,
     dress_command,
     explain_command,
+    export_command,
     fabrics_command,
     fit_command,
     keys_command,
@@ -31,6 +32,7 @@ COMMANDS = (
     study_command,
     bundle_command,
     render_command,
+    export_command,
     check_command,
     explain_command,
     fabrics_command,
@@ -49,6 +51,7 @@ REMEDIES = {
     "resume": _RUN_DIRECTORY,
     "bundle": _RUN_DIRECTORY,
     "render": _RUN_DIRECTORY,
+    "export": _RUN_DIRECTORY,
 }
 """Remedies of errors that have none of their own, by command."""
 
