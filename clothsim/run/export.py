@@ -109,7 +109,7 @@ def export(
     parts, notes = parts_of(run)
     axis = _axis(up, kind, run.directory)
     times = np.array([each.time for each in samples])
-    animation = Animation(parts, times, rate, 1.0 / scale, axis, np.zeros(3), lambda k: (), frame is not None)
+    animation = Animation(parts, times, rate, 1 / scale, axis, np.zeros(3), lambda k: (), frame is not None)
     files = tuple(kind.writer.files(animation, target))
     _refuse_files(target, files, overwrite)
     turn = scale * _rotation(upright(run.directory), axis)

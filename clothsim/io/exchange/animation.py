@@ -113,6 +113,43 @@ def flat_texture(part: Part) -> tuple[Floats, Ints]:
     return rows, corners.reshape(-1, 3).astype(np.int64)
 
 
+def split_vertices(part: Part, count: int) -> tuple[Ints, Ints, Floats]:
+    """Rows of a mesh whose vertices have one texture coordinate each.
+
+    Returns
+    -------
+    vertices : (r, ) ndarray
+        Vertex of each row; the first `count` are 0, 1, ...
+    triangles : (m, 3) ndarray
+        Rows of the corners.
+    texture : (r, 2) or (0, 2) ndarray
+    """
+    if not len(part.texture):
+        return np.arange(count), part.triangles, np.zeros((0, 2))
+    corners, coordinates = part.triangles.ravel(), part.texture.reshape(-1, 2)
+    different, first, of_corner = np.unique(
+        np.column_stack([corners, coordinates]), axis=0, return_index=True, return_inverse=True
+    )
+    of_corner = of_corner.ravel()
+    vertex = corners[first]
+    leading = np.unique(vertex, return_index=True)[1]  # the first row of each vertex that is in a triangle
+    rows = np.empty(len(different), np.int64)
+    rows[leading] = vertex[leading]
+    copies = np.setdiff1d(np.arange(len(different)), leading)
+    rows[copies] = count + np.arange(len(copies))
+    vertices = np.concatenate([np.arange(count), vertex[copies]])
+    texture = np.zeros((len(vertices), 2))
+    texture[rows] = coordinates[first]
+    return vertices, rows[of_corner].reshape(-1, 3), texture
+
+
+def vertex_means(values: Floats, triangles: Ints, count: int) -> Floats:
+    """Means at the vertices (count,) of the values of their triangles (m,); 1 at a vertex in none."""
+    corners = triangles.ravel()
+    number = np.bincount(corners, minlength=count)
+    return np.where(number > 0, np.bincount(corners, np.repeat(values, 3), count) / np.maximum(number, 1), 1.0)
+
+
 def group_runs(part: Part) -> list[tuple[tuple[str, ...], int, int]]:
     """Runs of consecutive triangles of the same groups: names of the groups, first triangle, one behind the last."""
     names = list(part.groups)

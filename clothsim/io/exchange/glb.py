@@ -1,22 +1,23 @@
 """Binary glTF 2.0 (.glb) with a morph target for each frame but the first.
 
-A node and a mesh a surface. Frame 0 is the mesh, each later frame a morph target of displacements from it (and of
-changes of normals and colours), whose weight is 1 at the time of the frame and 0 at all others, linear between them.
+A node and a mesh a surface. Frame 0 is the mesh, each later frame a morph target of displacements from it and of changes of
+the normals, whose weight is 1 at the time of the frame and 0 at all others, linear between them. Colours are those of
+the last frame: readers agree on none that change.
 Vertices are split where texture coordinates differ: the first n rows are the vertices of the run in their order, the
 copies follow. Panels are primitives of one mesh, which share its vertices, with a material each.
 Source: Khronos Group, glTF 2.0 specification, 3.7.2.2 (morph targets), 3.6.1 and appendix C (animation).
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from clothsim import __version__
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 from clothsim.io.atomic import write_atomically
-from clothsim.io.exchange.animation import Animation, Part, PartFrame, linear_rgb
+from clothsim.io.exchange.animation import Animation, Part, PartFrame, linear_rgb, split_vertices
 from clothsim.io.exchange.glb_buffer import GlbBuffer
 
 MOST_TARGETS = 4_000
@@ -42,13 +43,11 @@ def write(animation: Animation, target: Path) -> None:
 
 def glb_bytes(animation: Animation) -> bytes:
     """The content of the file."""
-    buffer = GlbBuffer()
-    splits = [
-        split_vertices(part, len(shape.points)) for part, shape in zip(animation.parts, animation.at(0), strict=True)
-    ]
-    bases = animation.at(0)
+    buffer, bases, last = GlbBuffer(), animation.at(0), animation.at(len(animation.times) - 1)
+    splits = [split_vertices(part, len(base.points)) for part, base in zip(animation.parts, bases, strict=True)]
     meshes = [
-        _base(buffer, part, shape, split) for part, shape, split in zip(animation.parts, bases, splits, strict=True)
+        _base(buffer, part, replace(base, colours=end.colours), split)
+        for part, base, end, split in zip(animation.parts, bases, last, splits, strict=True)
     ]
     moving = [number for number, part in enumerate(animation.parts) if part.moving and len(animation.times) > 1]
     for k in range(1, len(animation.times)):
@@ -58,36 +57,6 @@ def glb_bytes(animation: Animation) -> bytes:
             for primitive in meshes[number]["primitives"]:
                 primitive.setdefault("targets", []).append(target)
     return buffer.glb(_document(animation, meshes, _animation(buffer, animation, meshes, moving)))
-
-
-def split_vertices(part: Part, count: int) -> tuple[Ints, Ints, Floats]:
-    """Rows of a mesh whose vertices have one texture coordinate each.
-
-    Returns
-    -------
-    vertices : (r, ) ndarray
-        Vertex of each row; the first `count` are 0, 1, ...
-    triangles : (m, 3) ndarray
-        Rows of the corners.
-    texture : (r, 2) or (0, 2) ndarray
-    """
-    if not len(part.texture):
-        return np.arange(count), part.triangles, np.zeros((0, 2))
-    corners, coordinates = part.triangles.ravel(), part.texture.reshape(-1, 2)
-    different, first, of_corner = np.unique(
-        np.column_stack([corners, coordinates]), axis=0, return_index=True, return_inverse=True
-    )
-    of_corner = of_corner.ravel()
-    vertex = corners[first]
-    leading = np.unique(vertex, return_index=True)[1]  # the first row of each vertex that is in a triangle
-    rows = np.empty(len(different), np.int64)
-    rows[leading] = vertex[leading]
-    copies = np.setdiff1d(np.arange(len(different)), leading)
-    rows[copies] = count + np.arange(len(copies))
-    vertices = np.concatenate([np.arange(count), vertex[copies]])
-    texture = np.zeros((len(vertices), 2))
-    texture[rows] = coordinates[first]
-    return vertices, rows[of_corner].reshape(-1, 3), texture
 
 
 def _base(buffer: GlbBuffer, part: Part, shape: PartFrame, split: tuple[Ints, Ints, Floats]) -> dict[str, Any]:
@@ -125,14 +94,10 @@ def panels(part: Part) -> dict[str, Ints]:
 def _target(buffer: GlbBuffer, base: PartFrame, shape: PartFrame, vertices: Ints) -> dict[str, int]:
     """A morph target: what `shape` differs by from the base as it is stored."""
     stored = base.points.astype(np.float32).astype(np.float64)
-    target = {
+    return {
         "POSITION": buffer.floats((shape.points - stored)[vertices], bounds=True),
         "NORMAL": buffer.floats((shape.normals - base.normals)[vertices]),
     }
-    if len(shape.colours):
-        change = linear_rgb(shape.colours) - linear_rgb(base.colours)
-        target["COLOR_0"] = buffer.colour_changes(change[vertices])
-    return target
 
 
 def _animation(
@@ -171,7 +136,7 @@ def _document(animation: Animation, meshes: list[dict[str, Any]], moves: list[di
     place = {"translation": origin} if any(origin) else {}
     nodes = [{"name": part.name, "mesh": number, **place} for number, part in enumerate(animation.parts)]
     return {
-        "asset": {"version": "2.0", "generator": f"clothsim {__version__}"},
+        "asset": {"version": "2.0", "generator": "clothsim"},
         "scene": 0,
         "scenes": [{"nodes": list(range(len(nodes)))}],
         "nodes": nodes,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 
-FLOAT, UNSIGNED_INT, UNSIGNED_BYTE, SIGNED_BYTE = 5126, 5125, 5121, 5120
+FLOAT, UNSIGNED_INT, UNSIGNED_BYTE = 5126, 5125, 5121
 VERTICES, INDICES = 34962, 34963
 """Targets of buffer views: vertex attributes, and indices."""
 _KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
@@ -40,11 +40,6 @@ class GlbBuffer:
         """Number of a new accessor of linear colours (n, 3) in [0, 1], opaque, a byte each."""
         bytes_ = np.column_stack([np.rint(255 * np.clip(linear, 0, 1)), np.full(len(linear), 255)])
         return self._add(bytes_.astype("u1"), UNSIGNED_BYTE, VERTICES, {"normalized": True})
-
-    def colour_changes(self, linear: Floats) -> int:
-        """Number of a new accessor of changes of linear colours (n, 3) in [-1, 1], a signed byte each."""
-        bytes_ = np.column_stack([np.rint(127 * np.clip(linear, -1, 1)), np.zeros(len(linear))])
-        return self._add(bytes_.astype("i1"), SIGNED_BYTE, VERTICES, {"normalized": True})
 
     def _add(self, rows: NDArray[Any], kind: int, target: int | None, more: dict[str, Any]) -> int:
         content = rows.tobytes()

@@ -1,8 +1,8 @@
-"""Stanford PLY, a file a frame: all surfaces as one mesh, with normals, colours, texture, stretch and their numbers.
+"""Stanford PLY, a file a frame: all surfaces as one mesh, with normals, colours, texture and stretch of the vertices.
 
-Binary little endian. Vertices: x, y, z (double), normal, colour, number of the surface. Faces: corners, texture
-coordinates of the corners where a surface has them (`texcoord`, 0 for those without), stretch (1 for bodies), number of
-the surface and of the panel (-1 without one); the comments of the header give the names of the numbers.
+Binary little endian. Faces have corners only, which every reader takes. Vertices are split where texture coordinates
+differ: of each surface first its vertices in their order, then the copies. `surface` is the number of the surface,
+whose name is in a comment of the header; `stretch` the mean at the vertex, 1 for bodies.
 """
 
 from pathlib import Path
@@ -10,14 +10,23 @@ from pathlib import Path
 import numpy as np
 
 from clothsim.io.atomic import write_atomically
-from clothsim.io.exchange.animation import Animation, PartFrame
+from clothsim.io.exchange.animation import Animation, Part, PartFrame, split_vertices, vertex_means
 from clothsim.io.exchange.obj_sequence import files
 
 __all__ = ["files", "write"]
 
 BODY_GREY = 0.75
 """sRGB of the vertices that have no colour."""
-_TYPES = {"<f8": "double", "<f4": "float", "u1": "uchar", "<i4": "int"}
+_TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "<i4": "int"}
+_VERTEX = np.dtype(
+    [
+        *((name, "<f8") for name in ("x", "y", "z")),
+        *((name, "<f4") for name in ("nx", "ny", "nz", "s", "t", "stretch")),
+        *((name, "u1") for name in ("red", "green", "blue")),
+        ("surface", "<i4"),
+    ]
+)
+_FACE = np.dtype([("count", "u1"), ("vertex_indices", "<i4", (3,))])
 
 
 def write(animation: Animation, target: Path) -> None:
@@ -28,73 +37,42 @@ def write(animation: Animation, target: Path) -> None:
 
 def frame_bytes(animation: Animation, frame: int) -> bytes:
     """The file of a frame."""
-    shapes = animation.at(frame)
-    vertices, faces = _vertices(shapes), _faces(animation, shapes)
-    header = ["ply", "format binary_little_endian 1.0"]
-    header.append(
-        f"comment clothsim, {animation.times[frame]:.9g} s, 1 unit = {animation.unit:.9g} m, {animation.up} up"
-    )
-    header += [f"comment surface {k} {part.name}" for k, part in enumerate(animation.parts)]
-    header += [f"comment panel {k} {name}" for k, name in enumerate(_panels(animation))]
-    header += [f"element vertex {len(vertices)}", *_properties(vertices.dtype)]
-    header += [f"element face {len(faces)}", *_properties(faces.dtype), "end_header", ""]
-    return "\n".join(header).encode() + vertices.tobytes() + faces.tobytes()
+    vertices, faces, count = [], [], 0
+    for number, (part, shape) in enumerate(zip(animation.parts, animation.at(frame), strict=True)):
+        rows, triangles = _part(part, shape)
+        rows["surface"] = number
+        corners = np.zeros(len(triangles), _FACE)
+        corners["count"], corners["vertex_indices"] = 3, triangles + count
+        vertices.append(rows)
+        faces.append(corners)
+        count += len(rows)
+    header = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment clothsim, {animation.times[frame]:.9g} s, 1 unit = {animation.unit:.9g} m, {animation.up} up",
+        *(f"comment surface {number} {part.name}" for number, part in enumerate(animation.parts)),
+        f"element vertex {count}",
+        *(f"property {_TYPES[_VERTEX[name].str]} {name}" for name in _VERTEX.names or ()),
+        f"element face {sum(map(len, faces))}",
+        "property list uchar int vertex_indices",
+        "end_header\n",
+    ]
+    return "\n".join(header).encode() + b"".join(each.tobytes() for each in (*vertices, *faces))
 
 
-def _properties(kind: np.dtype) -> list[str]:
-    """The lines of the properties; a field "n_NAME" of counts makes a list of the field behind it."""
-    lines, lists = [], False
-    for name, (field, *_) in (kind.fields or {}).items():
-        base, size = field.subdtype or (field, ())
-        word = _TYPES[base.str.replace("|", "")]
-        if name.startswith("n_"):
-            lists = True
-        else:
-            lines.append(f"property list uchar {word} {name}" if lists and size else f"property {word} {name}")
-            lists = False
-    return lines
-
-
-def _vertices(shapes: tuple[PartFrame, ...]) -> np.ndarray:
-    kind = [(name, "<f8") for name in ("x", "y", "z")] + [(name, "<f4") for name in ("nx", "ny", "nz")]
-    kind += [(name, "u1") for name in ("red", "green", "blue")] + [("surface", "<i4")]
-    rows = np.zeros(sum(len(shape.points) for shape in shapes), kind)
-    start = 0
-    for number, shape in enumerate(shapes):
-        own = rows[start : start + len(shape.points)]
-        colours = shape.colours if len(shape.colours) else np.full((len(own), 3), BODY_GREY)
-        columns = np.column_stack([shape.points, shape.normals, np.rint(255 * colours)])
-        for name, column in zip(rows.dtype.names or (), columns.T, strict=False):
-            own[name] = column
-        own["surface"] = number
-        start += len(own)
-    return rows
-
-
-def _faces(animation: Animation, shapes: tuple[PartFrame, ...]) -> np.ndarray:
-    textured = any(len(part.texture) for part in animation.parts)
-    kind: list[tuple] = [("n_corners", "u1"), ("vertex_indices", "<i4", (3,))]
-    kind += [("n_texcoord", "u1"), ("texcoord", "<f4", (6,))] if textured else []
-    kind += [("stretch", "<f4"), ("surface", "<i4"), ("panel", "<i4")]
-    rows = np.zeros(sum(len(part.triangles) for part in animation.parts), kind)
-    rows["n_corners"], rows["stretch"], rows["panel"] = 3, 1.0, -1
-    if textured:
-        rows["n_texcoord"] = 6
-    first, vertex, panel = 0, 0, 0
-    for number, (part, shape) in enumerate(zip(animation.parts, shapes, strict=True)):
-        own = rows[first : first + len(part.triangles)]
-        own["vertex_indices"], own["surface"] = part.triangles + vertex, number
-        if len(shape.stretch):
-            own["stretch"] = shape.stretch
-        if len(part.texture):
-            own["texcoord"] = part.texture.reshape(-1, 6)
-        for triangles in part.groups.values():
-            own["panel"][triangles] = panel
-            panel += 1
-        first, vertex = first + len(own), vertex + len(shape.points)
-    return rows
-
-
-def _panels(animation: Animation) -> list[str]:
-    """Names of the panels of all surfaces, by their numbers."""
-    return [name for part in animation.parts for name in part.groups]
+def _part(part: Part, shape: PartFrame) -> tuple[np.ndarray, np.ndarray]:
+    """The vertices of a surface, and its triangles by their rows."""
+    split, triangles, texture = split_vertices(part, len(shape.points))
+    rows = np.zeros(len(split), _VERTEX)
+    colours = shape.colours[split] if len(shape.colours) else np.full((len(split), 3), BODY_GREY)
+    stretch = vertex_means(shape.stretch, part.triangles, len(shape.points))[split] if len(shape.stretch) else 1.0
+    for name, column in zip("xyz", shape.points[split].T, strict=True):
+        rows[name] = column
+    for name, column in zip(("nx", "ny", "nz"), shape.normals[split].T, strict=True):
+        rows[name] = column
+    for name, column in zip(("red", "green", "blue"), np.rint(255 * colours).T, strict=True):
+        rows[name] = column
+    rows["stretch"] = stretch
+    if len(texture):
+        rows["s"], rows["t"] = texture.T
+    return rows, triangles

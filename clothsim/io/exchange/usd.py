@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import __version__
 from clothsim.errors import MissingPackageError
 from clothsim.io.atomic import replacing
 from clothsim.io.exchange.animation import Animation, Part, PartFrame, flat_texture, linear_rgb, plain_name
@@ -70,7 +69,7 @@ def _describe(stage: Any, animation: Animation) -> None:
 
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y if animation.up == "y" else UsdGeom.Tokens.z)
     UsdGeom.SetStageMetersPerUnit(stage, animation.unit)
-    stage.GetRootLayer().comment = f"clothsim {__version__}"
+    stage.GetRootLayer().comment = "clothsim"
     if not animation.alone:
         stage.SetTimeCodesPerSecond(animation.rate)
         stage.SetFramesPerSecond(animation.rate)
