@@ -1,8 +1,8 @@
 """Binary glTF 2.0 (.glb) with a morph target for each frame but the first.
 
-A node and a mesh a surface. Frame 0 is the mesh, each later frame a morph target of displacements from it and of changes of
-the normals, whose weight is 1 at the time of the frame and 0 at all others, linear between them. Colours are those of
-the last frame: readers agree on none that change.
+A node and a mesh a surface. Frame 0 is the mesh, each later frame a morph target of displacements from it and of
+changes of the normals, whose weight is 1 at the time of the frame and 0 at all others, linear between them. Colours
+are those of the last frame: readers agree on none that change.
 Vertices are split where texture coordinates differ: the first n rows are the vertices of the run in their order, the
 copies follow. Panels are primitives of one mesh, which share its vertices, with a material each.
 Source: Khronos Group, glTF 2.0 specification, 3.7.2.2 (morph targets), 3.6.1 and appendix C (animation).

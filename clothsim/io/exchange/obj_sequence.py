@@ -25,6 +25,9 @@ def frame_text(animation: Animation, frame: int) -> str:
     """The text of a frame, with unit and axis in a comment."""
     lines = [f"# clothsim, {animation.times[frame]:.9g} s, 1 unit = {animation.unit:.9g} m, {animation.up} up"]
     counts = [0, 0]
+    if any(len(part.texture) for part in animation.parts):
+        lines.append("vt 0.0 0.0")  # of the parts without texture: some readers drop all where some corners have none
+        counts[1] = 1
     for part, shape in zip(animation.parts, animation.at(frame), strict=True):
         lines += part_lines(part, shape, counts)
     return "\n".join(lines) + "\n"
@@ -43,7 +46,8 @@ def part_lines(part: Part, shape: PartFrame, counts: list[int]) -> list[str]:
         faces = [" ".join(f"{i}/{t}/{i}" for i, t in zip(a, b, strict=True)) for a, b in both]
         counts[1] += len(rows)
     else:
-        faces = [" ".join(f"{i}//{i}" for i in a) for a in vertex]
+        none = "1" if counts[1] else ""
+        faces = [" ".join(f"{i}/{none}/{i}" for i in a) for a in vertex]
     for names, first, stop in group_runs(part):
         lines.append(f"g {' '.join(map(plain_name, names)) if names else plain_name(part.name)}")
         lines += [f"f {face}" for face in faces[first:stop]]
