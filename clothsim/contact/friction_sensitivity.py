@@ -1,0 +1,108 @@
+"""Derivative of lagged friction by the start of a step: displacements, normals, weights and normal forces.
+
+The force of a pair is L f0'(|u|)/|u| g_i u with u = (I - n n') sum_i g_i (x_i - start_i). It depends on the start of
+the displacements, by minus its Hessian; and on the pair's own twelve coordinates at the start of the step, from which
+the limit L = mu F, the normal n and the weights g are lagged. For those the pairs are taken apart, each with vertices
+of its own, so that one coordinate of all pairs is varied at a time, by central differences of fourth order.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clothsim.arrays import Floats, Ints
+from clothsim.contact import barrier_kernels
+from clothsim.energies.protocols import PastSensitivity
+from clothsim.energies.step import Step
+
+if TYPE_CHECKING:
+    from clothsim.contact.barrier import Barrier
+    from clothsim.contact.friction import Friction
+
+STEP = 1e-3
+"""Displacement of a coordinate, as a fraction of the gap of its pair or of d_hat, whichever is less: the rounding of
+the pair's own coordinates (.1 m) and the error of the differences are then both below 1e-9."""
+
+STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
+"""Offsets and weights of the first derivative, of fourth order."""
+
+
+def friction_sensitivity(friction: "Friction", step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+    """Return d(adjoint . friction gradient(x)) by the start of the step, for contacts that creep.
+
+    Parameters
+    ----------
+    friction : Friction
+        Bound to `step`, with eps_v.
+    step : Step
+        Its start.
+    x, adjoint : (N, 3) array
+        Positions at the end of the step [m], and the adjoint of the forces [m].
+
+    Returns
+    -------
+    PastSensitivity
+        By `Step.positions` (what is lagged) and by the past positions (the start of displacements).
+    """
+    blocks = friction.hessian(x)
+    products = blocks.times(adjoint[blocks.elements].reshape(len(blocks.elements), 12)).reshape(-1, 4, 3)
+    by_start = -_scattered(blocks.elements, products, len(x))
+    by_lag = np.zeros_like(x)
+    displacements = x - friction.contacts.start
+    for name, barrier in ((each.name, each) for each in friction.contacts.barriers):
+        stiffness = float(step.memory.get(name, barrier.stiffness))  # type: ignore[arg-type]
+        by_lag += _by_lag(friction, barrier, stiffness, step.positions, displacements, adjoint)
+    return PastSensitivity(positions=by_lag, past_positions=by_start)
+
+
+def _by_lag(
+    friction: "Friction", barrier: "Barrier", stiffness: float, at: Floats, displacements: Floats, adjoint: Floats
+) -> Floats:
+    """The derivative by the positions `at` the start from which the pairs of one barrier are lagged, (N, 3)."""
+    pairs = barrier.distinct(at)
+    if not len(pairs):
+        return np.zeros_like(at)
+    elements, p = pairs.elements, len(pairs)
+    coefficients = friction.static[friction.labels[elements[:, 0]], friction.labels[elements[:, 3]]]
+    corners = at[elements]
+    corners = corners - corners.mean(axis=1, keepdims=True)
+    own = np.arange(4 * p).reshape(p, 4)
+    least_gap = friction.contacts.least_gap * barrier.d_hat
+    lists = own, pairs.weights, pairs.thresholds, pairs.n_points, barrier.offset, barrier.d_hat, least_gap
+    moved, turned = displacements[elements], adjoint[elements]
+
+    def power(points: Floats) -> Floats:
+        """Adjoint . friction force of each pair, (p,), its vertices at `points` (p, 4, 3) at the start."""
+        weights, differences, slopes = barrier_kernels.normal_forces(points.reshape(-1, 3), *lists)
+        limits = np.maximum(-stiffness * coefficients * slopes, 0.0)
+        normals = differences / np.linalg.norm(differences, axis=1, keepdims=True)
+        u, along = (np.einsum("pk,pkc->pc", weights, each) for each in (moved, turned))
+        u = u - np.einsum("pc,pc->p", u, normals)[:, None] * normals
+        return limits * _per_length(np.linalg.norm(u, axis=1), friction.contacts.slip) * (u * along).sum(axis=1)
+
+    differences = barrier_kernels.normal_forces(corners.reshape(-1, 3), *lists)[1]
+    gaps = np.linalg.norm(differences, axis=1) - barrier.offset
+    steps = STEP * np.minimum(gaps, barrier.d_hat)
+    slopes = np.zeros((p, 4, 3))
+    for slot in range(4):
+        same = elements == elements[:, slot : slot + 1]  # a corner may be there twice: both are one vertex
+        first = same.argmax(axis=1) == slot
+        for k in range(3):
+            offset = np.zeros((p, 4, 3))
+            offset[:, :, k] = same * steps[:, None]
+            total = sum(weight * power(corners + factor * offset) for factor, weight in STENCIL)
+            slopes[:, slot, k] = np.where(first, total / steps, 0.0)
+    return _scattered(elements, slopes, len(at))
+
+
+def _per_length(length: Floats, e: float) -> Floats:
+    """f0'(y)/y [1/m], as in `friction_kernels`."""
+    slipping = 1.0 / np.maximum(length, e)
+    return np.where(length >= e, slipping, (2.0 - length / e) / e)
+
+
+def _scattered(elements: Ints, vectors: Floats, n: int) -> Floats:
+    """Sum vectors (p, 4, 3) into the rows of their vertices, (n, 3)."""
+    out = np.zeros((n, 3))
+    np.add.at(out, elements.ravel(), vectors.reshape(-1, 3))
+    return out
