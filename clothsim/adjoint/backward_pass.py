@@ -85,14 +85,15 @@ def backward_pass(
         record = steps[k]
         step, bound = bound_to(integrator, record)
         past, free = step.past, free_rows(integrator, record)
-        w = x[k + 1] + v[k + 1] / past.dt
+        by_velocity = velocity_part(v[k + 1], past.dt)
+        w = x[k + 1] + by_velocity
         exact = exact_system(bound, record.solution, system or integrator.system, np.flatnonzero(~free))
         a = solved(exact, w, f"after step {k + 1}")
         held[k] = np.where(free[:, None], 0.0, w - exact.times(a))
         forces[k] = a[:n]
         newton[k] = -float(np.vdot(a, bound.gradient(record.solution)))
         seen = seen_past(integrator, bound, step, record.solution, a)
-        seen["past_positions"] += v[k + 1] / past.dt
+        seen["past_positions"] += by_velocity
         new, old = past_weights(record, integrator)
         x[k] -= seen["positions"] + new * seen["past_positions"]
         v[k] -= seen["velocities"] + new * seen["past_velocities"]
@@ -101,6 +102,11 @@ def backward_pass(
             v[k - 1] += old * seen["past_velocities"]
         x[k + 1] = v[k + 1] = np.zeros(0)  # done with
     return Adjoints(forces, held, x[0], v[0], newton)
+
+
+def velocity_part(by_velocities: Floats, dt: float) -> Floats:
+    """Return dL/dx by way of v = (x - past.x)/dt; by past.x it is the negative."""
+    return by_velocities / dt
 
 
 def seen_past(integrator: Integrator, bound: Potential, step: Step, x: Floats, adjoint: Floats) -> dict[str, Floats]:
