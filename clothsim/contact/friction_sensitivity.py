@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from clothsim.contact.friction import Friction
 
 STEP = 1e-3
-"""Displacement of a coordinate, as a fraction of the gap of its pair or of d_hat, whichever is less: the rounding of
-the pair's own coordinates (.1 m) and the error of the differences are then both below 1e-9."""
+"""Displacement of a coordinate, as a fraction of the gap of its pair: the rounding of the pair's own coordinates (.1 m)
+and the error of the differences are then both below 1e-9."""
+WITHIN_RANGE = 0.1
+"""Largest displacement as a fraction of what is left to the end of the barrier, where its third derivative jumps."""
 
 STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
 """Offsets and weights of the first derivative, of fourth order."""
@@ -82,7 +84,7 @@ def _by_lag(
 
     differences = barrier_kernels.normal_forces(corners.reshape(-1, 3), *lists)[1]
     gaps = np.linalg.norm(differences, axis=1) - barrier.offset
-    steps = STEP * np.minimum(gaps, barrier.d_hat)
+    steps = np.minimum(STEP * gaps, WITHIN_RANGE * (barrier.d_hat - gaps))
     slopes = np.zeros((p, 4, 3))
     for slot in range(4):
         same = elements == elements[:, slot : slot + 1]  # a corner may be there twice: both are one vertex
