@@ -3,15 +3,12 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from clothsim.adjoint.polishing import MOST_STEPS, Polish
 from clothsim.adjoint.recorded_step import RecordedStep, recorded
 from clothsim.energies.base import Energy
-from clothsim.energies.protocols import AdaptiveStiffness, Lagged, Nonconservative
+from clothsim.energies.protocols import AdaptiveStiffness, Lagged
 from clothsim.errors import ClothsimError, InputError
 from clothsim.run.session import Session
-from clothsim.sim.prescribed import prescribed
 from clothsim.sim.state import State, first_state
 from clothsim.sim.stepping import Integrator, advance, unrefined
 from clothsim.sim.time_loop import steps
@@ -76,12 +73,6 @@ def refuse(session: Session) -> None:
         raise InputError('contact.pinch = "carry" has no gradient.', "Leave it out.")
     if scene.contact_settings.backend == "ipctk":
         raise InputError('contact.backend = "ipctk" has no gradient.', 'Take "numba".')
-    held = prescribed(session.built.world, session.built.constraints.values(), 0.0).vertices
-    for name, energy in energies.items():
-        if isinstance(energy, Nonconservative) and not np.isin(energy.rows_without_potential, held).all():
-            raise InputError(
-                f"effects.{name} has no potential on a free border, and so no gradient.", "Pin the border."
-            )
 
 
 def pilot_stiffness(session: Session, names: Sequence[str]) -> dict[str, float]:
