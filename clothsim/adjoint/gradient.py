@@ -15,7 +15,7 @@ from clothsim.arrays import Floats
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.adjoint.run import DifferentiableRun
+    from clothsim.adjoint.run import Trace
 
 ARRAYS = ("start", "velocity", "force", "pins")
 
@@ -48,7 +48,7 @@ class Gradient(Mapping[str, Floats]):
     See `clothsim.simulate` with ``differentiable=True``.
     """
 
-    run: "DifferentiableRun"
+    run: "Trace"
     value: float
     adjoints: Adjoints
     _known: dict[str, Floats] = field(default_factory=dict, init=False, repr=False)

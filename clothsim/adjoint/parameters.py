@@ -13,7 +13,7 @@ from clothsim.build.meshes import FABRIC
 from clothsim.build.scene_world import build
 
 if TYPE_CHECKING:
-    from clothsim.adjoint.run import DifferentiableRun
+    from clothsim.adjoint.run import Trace
 
 RELATIVE_STEP, OF_FABRIC = 1e-5, 3e-5
 """Change of a number as a fraction of itself, or of the largest of a vector; that of a fabric, in which the energy is
@@ -22,7 +22,7 @@ LEAST_STEP = 1e-6
 """Change of a number that is 0."""
 
 
-def scene_derivative(run: "DifferentiableRun", adjoints: Adjoints, path: str) -> Floats:
+def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
     """Return dL by the number or numbers at a path of the scene, () or (k,).
 
     Raises

@@ -19,13 +19,13 @@ from clothsim.mesh.cloth import Cloth, triangle_planes
 from clothsim.mesh.world import make_world
 
 if TYPE_CHECKING:
-    from clothsim.adjoint.run import DifferentiableRun
+    from clothsim.adjoint.run import Trace
 
 STEP = 1e-4
 """Largest change of a rest position that differences take, as a fraction of the mean edge."""
 
 
-def rest_along(run: "DifferentiableRun", adjoints: Adjoints, cloth: int, field: Floats) -> float:
+def rest_along(run: "Trace", adjoints: Adjoints, cloth: int, field: Floats) -> float:
     """Return dL along a displacement field of the rest shape of one cloth.
 
     Parameters
@@ -64,7 +64,7 @@ def rest_along(run: "DifferentiableRun", adjoints: Adjoints, cloth: int, field: 
     return variation.derivative(session.integrator, run.steps, adjoints)
 
 
-def rest_derivative(run: "DifferentiableRun", adjoints: Adjoints) -> Floats:
+def rest_derivative(run: "Trace", adjoints: Adjoints) -> Floats:
     """Return dL by the rest positions of a single cloth that is no flat pattern, (n, 3): 12 n sets of energies."""
     cloths = run.session.built.world.cloths
     if len(cloths) != 1 or cloths[0].flat:

@@ -4,7 +4,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from adjoint_cases import CONTACT, ELASTIC, FRICTION, STEADY, VARYING, Chain, falling_scene, stepped
+from adjoint_cases import (
+    CONTACT,
+    ELASTIC,
+    FALLING,
+    FRICTION,
+    STEADY,
+    VARYING,
+    Chain,
+    best_error,
+    falling_scene,
+    stepped,
+)
 
 from clothsim.adjoint import backward_pass as module
 from clothsim.adjoint import variation
@@ -124,3 +135,30 @@ def test_a_free_sheet_at_rest_has_no_derivative():
 def test_differences_have_orders():
     assert sum(weight * offset for offset, weight in variation.SECOND_ORDER) == pytest.approx(1)
     assert sum(weight * offset**3 for offset, weight in variation.FOURTH_ORDER) == pytest.approx(0)
+
+
+@pytest.mark.parametrize("friction", [False, True])
+def test_quasi_static_steps(friction):
+    """A sheet that hangs from two corners in contact with a ball: by pins and loads, and by the start with friction."""
+    effects = {name: keys for name, keys in (ELASTIC | CONTACT).items() if name != "inertia"}
+    effects |= {"pins": {"select": [0, 5]}} | (FRICTION if friction else {})
+    cloth = FALLING | {"velocity": [0.0, 0.0, 0.0], "position": [0.0, 0.0, 0.31], "rotation_degrees": [2.0, 1.0, 5.0]}
+    made = Chain(falling_scene(effects, cloth), (0.04,) * 3)
+    adjoints = made.adjoints()
+    if friction:
+        assert made.start_error(adjoints, "positions", "gradient") < WITH_FRICTION
+    else:
+        assert np.abs(adjoints.start[: made.n]).max() < 1e-12 * np.abs(adjoints.forces).max()
+    gravity = made.integrator.potential.energies["gravity"]
+    direction = np.array([0.4, -0.3, 1.0])
+    loads = np.array([record.step(made.integrator).load for record in made.records])
+    slope = float(np.einsum("k,knc,n,c->", loads, adjoints.forces, gravity.masses, direction))
+
+    def loss(h):
+        energies = dict(made.integrator.potential.energies)
+        energies["gravity"] = replace(gravity, acceleration=gravity.acceleration + h * direction)
+        return made.loss(
+            integrator=replace(made.integrator, potential=replace(made.integrator.potential, energies=energies))
+        )
+
+    assert best_error(slope, loss, (1e-3, 1e-4, 1e-5)) < WITH_FRICTION

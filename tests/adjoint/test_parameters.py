@@ -19,7 +19,7 @@ from adjoint_cases import (
 )
 
 from clothsim.adjoint.losses import Custom
-from clothsim.adjoint.run import DifferentiableRun
+from clothsim.adjoint.run import Trace
 from clothsim.adjoint.scene_values import affected_effects, value_at, with_value
 from clothsim.build.scene_world import build
 from clothsim.errors import InputError
@@ -39,7 +39,7 @@ class Case:
         ends = [replace(each.end, frame=each.end.step) for each in records]
         starts = [records[0].start, *ends[:-1]]
         steps = tuple(replace(r, start=s, end=e) for r, s, e in zip(records, starts, ends, strict=True))
-        self.run = DifferentiableRun(None, None, {}, session, steps)
+        self.run = Trace(session, steps)
         by_x = self.chain.by_x[: self.chain.n]
         self.gradient = self.run.gradient(Custom(lambda x: (float(np.vdot(by_x, x)), by_x)))
 

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +13,7 @@ from clothsim.adjoint.run import DifferentiableRun, simulate_differentiably
 from clothsim.adjoint.scene_values import value_at
 from clothsim.errors import ClothsimError, InputError
 from clothsim.scene.effects import EFFECTS
+from clothsim.scene.overrides import override
 
 WEIGHTS = np.random.default_rng(0).standard_normal((36, 3))
 LINEAR = Custom(lambda x: (float(np.vdot(WEIGHTS, x)), WEIGHTS))
@@ -28,7 +28,7 @@ def run(tmp_path_factory):
 def test_a_run_with_a_gradient(run):
     assert isinstance(run, DifferentiableRun)
     assert run.status == "completed"
-    assert len(run.frame_states) == len(run)
+    assert len(run.trace.frame_states) == len(run)
     np.testing.assert_allclose(run.cloth_positions(-1), run[-1].positions["cloth"], atol=1e-6)
     gradient = run.gradient(Height())
     assert gradient.value == pytest.approx(run.cloth_positions()[:, 2].mean())
@@ -47,9 +47,9 @@ def test_losses_of_frames_add_up(run):
 
 def test_euler_identity(run):
     """E is linear in E, D, density and kappa, so a common factor changes nothing: sum p dL/dp = 0."""
-    gradient, world = run.gradient(LINEAR), run.session.built.world
+    gradient, world = run.gradient(LINEAR), run.trace.session.built.world
     paths = "cloth.youngs_modulus", "cloth.bending_stiffness", "cloth.density"
-    parts = [float(gradient[path] * value_at(run.session.scene, world, path)) for path in paths]
+    parts = [float(gradient[path] * value_at(run.trace.session.scene, world, path)) for path in paths]
     parts.append(gradient.kappa_share)
     assert min(abs(part) for part in parts) > 1e-6
     assert abs(sum(parts)) < 1e-9 * sum(abs(part) for part in parts)
@@ -87,27 +87,29 @@ def test_held_stiffness_is_that_of_a_pilot_run():
     lines = []
     scene = falling_scene(ELASTIC | {"body_contact": {}})
     made = simulate_differentiably(scene, message=lines.append)
-    assert made.stiffness["body_contact"] > 1.0
+    assert made.trace.stiffness["body_contact"] > 1.0
     assert len(lines) == 1
-    contact = made.session.built.energies["body_contact"]
+    contact = made.trace.session.built.energies["body_contact"]
     assert not contact.adaptive
-    assert {float(step.end.memory["body_contact"]) for step in made.steps} == {contact.stiffness}
+    assert {float(step.end.memory["body_contact"]) for step in made.trace.steps} == {contact.stiffness}
 
 
 @pytest.mark.parametrize(
-    ("effects", "solver"),
+    "effects",
     [
-        ({"friction": {}}, {}),
-        ({"friction": {"eps_v": 1e-2, "iterations": 2}}, {}),
-        ({"plastic_bending": EFFECTS["plastic_bending"].example().keys}, {}),
-        ({}, {"error": 1e-3}),
+        {"friction": {}},
+        {"friction": {"eps_v": 1e-2, "iterations": 2}},
+        {"plastic_bending": EFFECTS["plastic_bending"].example().keys},
     ],
 )
-def test_what_has_no_gradient_is_refused(effects, solver):
-    scene = falling_scene(ELASTIC | CONTACT | effects, **solver)
-    scene = replace(scene, solver={key: value for key, value in scene.solver.items() if key != "dt"})
+def test_what_has_no_gradient_is_refused(effects):
     with pytest.raises(InputError):
-        simulate_differentiably(scene)
+        simulate_differentiably(falling_scene(ELASTIC | CONTACT | effects))
+
+
+def test_steps_that_depend_on_their_error_are_refused():
+    with pytest.raises(InputError):
+        simulate_differentiably(override(falling_scene(), "solver.error=0.001"))
 
 
 def test_a_failed_run_has_no_gradient():
