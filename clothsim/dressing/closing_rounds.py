@@ -7,8 +7,10 @@ import numpy as np
 from clothsim.arrays import Ints
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.dressing.sleeves import is_of_arm
+from clothsim.dressing.strings import runs_through
 from clothsim.mesh.pattern.pattern import Panel
 from clothsim.mesh.pattern.pattern_mesh import Seam
+from transfer.signed_distance import BodySurface
 
 SPEED = 0.5
 """Largest speed at which a gap closes [m/s]."""
@@ -69,34 +71,58 @@ class Round:
 
 @dataclass(frozen=True)
 class Turn:
-    """Seams that a round closes, seams that it keeps closed, and the factor of its stiffness."""
+    """Seams that a round closes.
+
+    Attributes
+    ----------
+    closing, closed : tuple of Seam
+        Seams that are drawn together, and seams that are kept together.
+    factor : float
+        Factor of the stiffness.
+    patient : bool
+        True: pairs whose string runs through the body wait. Once their neighbours are closed the panels lie on the
+        torso, and a string that ran through an arm passes below it.
+    """
 
     closing: tuple[Seam, ...]
     closed: tuple[Seam, ...] = ()
     factor: float = 1.0
+    patient: bool = False
 
-    def made(self, state: SewingState) -> Round:
+    def made(self, state: SewingState, surface: BodySurface) -> Round:
         """The round from the positions of `state`."""
         darts = [seam for seam in self.closing if order_of(seam, state) == DART]
         others = [seam for seam in self.closing if order_of(seam, state) != DART]
         parts, time = [], 0.0
         for group in (darts, others):
-            if group:
-                span = max(SHORTEST, max(float(state.gaps(seam).max(initial=0.0)) for seam in group) / SPEED)
-                parts += [Strings(state.pairs(seam), time, time + span) for seam in group]
+            strings = [pairs for seam in group if len(pairs := self.drawn(state, seam, surface))]
+            if strings:
+                span = max(SHORTEST, max(float(state.distances(pairs).max()) for pairs in strings) / SPEED)
+                parts += [Strings(pairs, time, time + span) for pairs in strings]
                 time += span
-        parts += [Strings(state.pairs(seam), 0.0, SHORTEST) for seam in self.closed]
+        parts += [Strings(state.pairs(seam), 0.0, SHORTEST) for seam in self.closed if len(state.pairs(seam))]
         held = torso(state) if self.closed else np.zeros(0, np.int64)
         return Round(joined_singles(parts), self.factor * STIFFNESS, held, time, self.factor > 1)
 
+    def is_partial(self, state: SewingState, surface: BodySurface) -> bool:
+        """True where open pairs of the seams wait, since their strings run through the body."""
+        return self.patient and any(
+            len(self.drawn(state, seam, surface)) < len(state.pairs(seam)) for seam in self.closing
+        )
+
+    def drawn(self, state: SewingState, seam: Seam, surface: BodySurface) -> Ints:
+        """Pairs of a seam that are drawn together, (k, 2)."""
+        pairs = state.pairs(seam)
+        return pairs[~runs_through(state.positions[pairs], surface)] if self.patient and len(pairs) else pairs
+
 
 def turns(state: SewingState) -> list[Turn]:
-    """Turns that draw every open seam together once."""
+    """Turns that draw every open seam together once; strings through the body wait."""
     seams = [state.mesh.seams[k] for k in state.open_seams]
     onto = [order_of(seam, state) == ONTO for seam in seams]
     inner = tuple(seam for seam, last in zip(seams, onto, strict=True) if not last)
     outer = tuple(seam for seam, last in zip(seams, onto, strict=True) if last)
-    return [turn for turn in (Turn(inner), Turn(outer, inner)) if turn.closing]
+    return [turn for turn in (Turn(inner, patient=True), Turn(outer, inner, patient=True)) if turn.closing]
 
 
 def further_turns(state: SewingState) -> list[Turn]:

@@ -1,6 +1,7 @@
 """Dressing: a skirt on a cylinder, sewn, welded and draped; and what cannot be dressed."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,12 +10,13 @@ from sewing_patterns import panel, specification, stitch
 
 import clothsim
 from clothsim.dressing.closing_rounds import DART, ONTO, WITHIN, order_of, turns
-from clothsim.dressing.lifting import lifted, strings_through
+from clothsim.dressing.lifting import lifted
 from clothsim.dressing.measurements import girths, section
 from clothsim.dressing.placing import placed_on
 from clothsim.dressing.separating import crossing_panels, separated
 from clothsim.dressing.sewing_state import as_placed
 from clothsim.dressing.sleeves import turned_to_arms
+from clothsim.dressing.strings import strings_through
 from clothsim.errors import InputError
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.penetration import counted
@@ -187,6 +189,21 @@ def test_order_of_seams():
     dart = panel([[0, 0], [4, 0], [5, 8], [6, 0], [10, 0], [10, 20], [0, 20]])
     state = as_placed(mesh_pattern(pattern_of(specification({"a": dart}, [stitch(("a", 1), ("a", 2))])), 0.02))
     assert order_of(state.mesh.seams[0], state) == DART
+
+
+def test_strings_through_the_body_wait_for_a_second_turn(body):
+    surface = body_surface(body.positions, body.triangles)
+    state = as_placed(placed_on(mesh_pattern(pattern_of(shirt()), SPACING), body)[0])
+    first = turns(state)[0]
+    through = sum(strings_through(state.positions[state.pairs(seam)], surface) for seam in first.closing)
+    drawn = sum(len(first.drawn(state, seam, surface)) for seam in first.closing)
+    assert through > 0
+    assert first.is_partial(state, surface)
+    every = sum(len(state.pairs(seam)) for seam in first.closing)
+    assert drawn == every - through
+    second = replace(first, patient=False)
+    assert not second.is_partial(state, surface)
+    assert sum(len(second.drawn(state, seam, surface)) for seam in first.closing) == every
 
 
 def test_low_shoulders_are_lifted(body):
