@@ -1,7 +1,7 @@
 """Backward pass over the steps of a run: the adjoint of each step, and the gradient by states and prescribed positions.
 
 Step k minimises E, so that G(x_k; past, lag, p) = dE/dx = 0 on the free rows, and v_k = (x_k - past.x)/past.dt. With
-(lx, lv) = (dL/dx_k, dL/dv_k) over all rows and H the exact Hessian at x_k (docs/howto/gradients.md#formulas):
+(lx, lv) = (dL/dx_k, dL/dv_k) over all rows and H the exact Hessian at x_k (docs/theory.md#gradients):
 
     w = lx + lv/past.dt,    H a = w on the free rows, a = 0 elsewhere
     d(past.x) = -lv/past.dt - d(a.G)/d(past.x),    d(past.v) = -d(a.G)/d(past.v),    d(x_(k-1)) = -d(a.G)/d(x_(k-1))
@@ -100,7 +100,7 @@ def backward_pass(
         if old:
             x[k - 1] += old * seen["past_positions"]
             v[k - 1] += old * seen["past_velocities"]
-        x[k + 1] = v[k + 1] = np.zeros(0)  # done with
+        x[k + 1] = v[k + 1] = np.zeros((0, 3))  # done with
     return Adjoints(forces, held, x[0], v[0], newton)
 
 

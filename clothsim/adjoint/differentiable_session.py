@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any, cast
 
 from clothsim.adjoint.polishing import MOST_STEPS, Polish
 from clothsim.adjoint.recorded_step import RecordedStep, recorded
@@ -99,7 +100,7 @@ def with_stiffness(session: Session, stiffness: Mapping[str, float]) -> Session:
 def held_energies(energies: Mapping[str, Energy], stiffness: Mapping[str, float]) -> dict[str, Energy]:
     """Return energies with the stiffnesses of contacts [Pa] in place of adaptive ones."""
     return {
-        name: replace(energy, adaptive=False, stiffness=stiffness[name])  # type: ignore[call-arg]
+        name: replace(cast(Any, energy), adaptive=False, stiffness=stiffness[name])
         if name in stiffness and isinstance(energy, AdaptiveStiffness)
         else energy
         for name, energy in energies.items()

@@ -8,6 +8,7 @@ stencils (the mean of a border, for the pressure of an open cloth), each row is 
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -110,6 +111,5 @@ def _with(step: Step, slot: str, values: Floats) -> Step:
     past = step.past
     held = replace(step, weighed=Past(past.positions, past.velocities, past.dt))
     name = slot.removeprefix("past_")
-    if name == slot:
-        return replace(held, **{name: values})
-    return replace(held, weighed=replace(past, **{name: values}))
+    changed: dict[str, Any] = {name: values}
+    return replace(held, **changed) if name == slot else replace(held, weighed=replace(past, **changed))

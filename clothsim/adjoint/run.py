@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from clothsim.adjoint.polishing import MOST_STEPS
 from clothsim.adjoint.recorded_step import RecordedStep, recorded
 from clothsim.arrays import Floats
 from clothsim.build.scene_world import build
+from clothsim.energies.protocols import AdaptiveStiffness
 from clothsim.errors import ClothsimError, InputError
 from clothsim.run.output_directory import new_output
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run
@@ -46,8 +48,10 @@ class Trace:
     @cached_property
     def stiffness(self) -> Mapping[str, float]:
         """The stiffness of each contact [Pa], held over the run, by effect."""
-        energies = self.session.built.energies.items()
-        return {name: energy.stiffness for name, energy in energies if hasattr(energy, "adaptive")}
+        contacts = {
+            name: each for name, each in self.session.built.energies.items() if isinstance(each, AdaptiveStiffness)
+        }
+        return {name: float(cast(Any, each).stiffness) for name, each in contacts.items()}
 
     @cached_property
     def frame_states(self) -> tuple[int, ...]:
@@ -188,7 +192,7 @@ def simulate_differentiably(
         if message is not None and "held at" in note:
             message(note)
     directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
-    state, steps = first_state(session.built.world, session.integrator.dt), []
+    state, steps = first_state(session.built.world, session.integrator.dt), list[RecordedStep]()
 
     def record(report: StepReport) -> None:
         steps.append(recorded(steps[-1].end if steps else state, report))

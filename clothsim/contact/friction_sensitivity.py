@@ -52,7 +52,7 @@ def friction_sensitivity(friction: "Friction", step: Step, x: Floats, adjoint: F
     by_lag = np.zeros_like(x)
     displacements = x - friction.contacts.start
     for name, barrier in ((each.name, each) for each in friction.contacts.barriers):
-        stiffness = float(step.memory.get(name, barrier.stiffness))  # type: ignore[arg-type]
+        stiffness = float(step.memory.get(name, barrier.stiffness))
         by_lag += _by_lag(friction, barrier, stiffness, step.positions, displacements, adjoint)
     return PastSensitivity(positions=by_lag, past_positions=by_start)
 

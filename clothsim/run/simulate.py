@@ -97,7 +97,7 @@ def simulate(
         _tell_cost(scene, message, force)
     if differentiable:  # by name: a higher floor, and no other run imports it
         adjoint = import_module("clothsim.adjoint.run")
-        return adjoint.simulate_differentiably(scene, output, progress, announce, on_step, message, overwrite)  # type: ignore[no-any-return]
+        return adjoint.simulate_differentiably(scene, output, progress, announce, on_step, message, overwrite)
     own: list[Scene] = []
 
     def run(some: Scene, sessions: list[Session]) -> Run:

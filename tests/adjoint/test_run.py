@@ -126,3 +126,16 @@ def test_others_do_not_import_it():
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_a_run_has_the_same_bits_beside_a_differentiable_one(tmp_path):
+    """Without polishing the record changes nothing, and a differentiable run leaves nothing behind."""
+    scene = falling_scene(ELASTIC | CONTACT | FRICTION, tolerance=1e-3)
+    before = clothsim.simulate(scene, tmp_path / "before")
+    with_record = simulate_differentiably(scene, tmp_path / "recorded", polish=0)
+    polished = clothsim.simulate(scene, tmp_path / "polished", differentiable=True)
+    after = clothsim.simulate(scene, tmp_path / "after")
+    last = [each[-1].positions["cloth"].tobytes() for each in (before, with_record, after, polished)]
+    assert last[0] == last[1] == last[2] != last[3]
+    assert before.summary["newton_iterations"] == with_record.summary["newton_iterations"]
+    assert not isinstance(after, DifferentiableRun)
