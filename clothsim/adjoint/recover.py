@@ -149,7 +149,7 @@ def _minimised(
     problem: Problem, first: Floats, start: int, progress: Callable[[int, Evaluation], None] | None
 ) -> list[Evaluation]:
     """All runs of a minimisation from a first point."""
-    taken, scale = list[Evaluation](), problem.first.loss or 1.0
+    taken, scale = list[Evaluation](), abs(problem.first.loss) or 1.0
 
     def scaled(logarithms: Floats) -> tuple[float, Floats]:
         each = problem.evaluated(logarithms)
