@@ -1,4 +1,4 @@
-"""The command `clothsim`: run, dress, fit, study, resume, bundle, render, export, check, explain, and lists."""
+"""The command `clothsim`: simulation, fitting, studies, gradients, and what is made of their output."""
 
 import contextlib
 import gc
@@ -16,7 +16,9 @@ from clothsim.cli import (
     export_command,
     fabrics_command,
     fit_command,
+    gradient_command,
     keys_command,
+    recover_command,
     render_command,
     run_command,
     scenes_command,
@@ -30,6 +32,8 @@ COMMANDS = (
     dress_command,
     fit_command,
     study_command,
+    gradient_command,
+    recover_command,
     bundle_command,
     render_command,
     export_command,
@@ -44,6 +48,8 @@ _RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` left."
 REMEDIES = {
     "run": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "study": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
+    "gradient": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
+    "recover": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "explain": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "dress": "The formats are those of GarmentCode and Garment-Pattern-Generator; units are given by --scale.",
     "fit": "`clothsim check FILE` examines a mesh; units are given by --scale.",
