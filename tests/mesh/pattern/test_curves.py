@@ -36,7 +36,7 @@ def test_quadratic_is_the_polynomial_of_its_control_point():
 def test_arc_lies_on_its_circle_on_the_side_that_it_names(large, right):
     radius = 0.7 * CHORD
     curve = Arc(radius, large, right)
-    centre, found, _, sweep = curve.circle(START, END)
+    centre, found, sweep = curve.circle(START, END)
     points = curve.at(START, END, np.linspace(0, 1, 9))
     assert np.abs(np.linalg.norm(points - centre, axis=1) - radius).max() < 1e-14
     assert found == radius
@@ -48,6 +48,16 @@ def test_arc_lies_on_its_circle_on_the_side_that_it_names(large, right):
 def test_arc_of_too_small_a_radius_is_a_half_circle():
     curve = Arc(0.1 * CHORD, False, True)
     assert np.isclose(curve.length(START, END), np.pi * CHORD / 2, rtol=1e-12)
+
+
+@pytest.mark.parametrize("radius", [1e3, 1e6, 1e9, 1e300])
+def test_a_flat_arc_keeps_its_digits(radius):
+    """Sagitta h^2 / 2 R of half the chord h, on the side that the arc names."""
+    point = Arc(radius, False, True).at(START, END, np.array([0.5]))[0]
+    across = np.array([(END - START)[1], -(END - START)[0]]) / CHORD
+    assert (
+        abs((point - (START + END) / 2) @ across - CHORD**2 / 8 / radius) < 1e-15 + 0.1 * CHORD * (CHORD / radius) ** 3
+    )
 
 
 def test_against_svgpathtools():

@@ -118,10 +118,30 @@ def test_a_sliver_sewn_to_a_long_edge_stays():
     assert without_slivers(pattern, 0.02) is pattern
 
 
-@pytest.mark.parametrize("spacing", [0.0, -1.0, float("nan")])
-def test_spacing_must_be_positive(spacing):
+def test_a_curve_given_as_a_polyline_keeps_its_shape():
+    """Edges of 1.6 mm and of .16 mm at a spacing of 2 cm: they are slivers, each for itself."""
+    for count in (1000, 10_000):
+        angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
+        circle = panel(np.column_stack([25 * np.cos(angles), 25 * np.sin(angles)]).tolist())
+        mesh = mesh_pattern(pattern_of(specification({"a": circle})), 0.02)
+        assert np.isclose(signed_areas(mesh).sum(), np.pi / 16, rtol=0.003)
+
+
+@pytest.mark.parametrize("spacing", [0.0, -1.0, float("nan"), float("inf"), 1e-300, 1e-5, "2cm", None])
+def test_spacing_must_be_a_length_that_can_be_meshed(spacing):
     with pytest.raises(InputError):
         mesh_pattern(pattern_of(skirt()), spacing)
+
+
+def test_spacing_may_be_a_whole_number_of_metres():
+    assert len(mesh_pattern(pattern_of(skirt()), 10).triangles) == 4
+
+
+def test_a_seam_within_one_triangle_is_named():
+    mesh = mesh_pattern(pattern_of(specification({"a": panel()}, [stitch(("a", 0), ("a", 1))])), 0.02)
+    with pytest.raises(InputError) as caught:
+        sewn_vertices(mesh, mesh.seams)
+    assert "a.0 to a.1" in str(caught.value)
 
 
 @needs_data
