@@ -12,7 +12,6 @@ from clothsim.dressing import pictures
 from clothsim.dressing.closing_rounds import DART, ONTO, WITHIN, order_of, turns
 from clothsim.dressing.garment_surfaces import seam_strokes
 from clothsim.dressing.lifting import lifted, strings_through
-from clothsim.dressing.measurements import girths, section
 from clothsim.dressing.placing import placed_on
 from clothsim.dressing.separating import crossing_panels, separated
 from clothsim.dressing.sewing_movie import frames_of
@@ -229,11 +228,3 @@ def test_low_shoulders_are_lifted(body):
     )
     assert after < before
     assert note
-
-
-def test_sections_and_girths(dressed, body):
-    cut = section(body.positions, body.triangles, body.up, 1.1)
-    assert np.allclose(cut[..., 1], 1.1)
-    rows = {girth.name: girth for girth in girths(dressed.state, body)}
-    assert np.isclose(rows["hem"].garment, 2 * WIDTH / 100, rtol=0.1)
-    assert all(girth.garment > 0.5 for girth in rows.values())
