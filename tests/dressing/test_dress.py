@@ -11,7 +11,9 @@ from sewing_patterns import panel, specification, stitch
 import clothsim
 from clothsim.dressing import pictures
 from clothsim.dressing.approaching import approached
+from clothsim.dressing.closing import worst_gap
 from clothsim.dressing.closing_rounds import BELOW, DART, ONTO, WITHIN, Strings, joined_singles, order_of, turns
+from clothsim.dressing.dress import _closed_seams
 from clothsim.dressing.garment_surfaces import seam_strokes
 from clothsim.dressing.lifting import lifted
 from clothsim.dressing.placing import placed_on
@@ -174,6 +176,13 @@ def test_a_panel_with_no_way_out_fails_by_name(body, tmp_path):
     assert done.status == "failed"
     assert "front" in done.reason
     assert done.run is None
+
+
+def test_the_reason_names_seams_that_strings_hold(dressed):
+    assert _closed_seams(dressed.state, "person") == dressed.reason
+    opened = dressed.placed
+    assert f"{len(opened.welded)} of {len(opened.mesh.seams)}" in _closed_seams(opened, "person")
+    assert worst_gap(opened)[1] in _closed_seams(opened, "person")
 
 
 def test_placement_by_axes_and_origin(body):
