@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.dressing.approaching import approached
 from clothsim.dressing.closing import close, stretch_range
 from clothsim.dressing.draping import drape
 from clothsim.dressing.legs import turned_to_legs
@@ -210,8 +211,8 @@ def dress(
 
 
 def _sewn(task: _Task, done: _Progress) -> _Progress:
-    """Place, separate, close and weld."""
-    for stage in (_placed, _separated, _closed, _welded):
+    """Place, separate, approach, close and weld."""
+    for stage in (_placed, _separated, _approached, _closed, _welded):
         done = stage(task, done)
         if done.failure:
             return done
@@ -251,6 +252,14 @@ def _separated(task: _Task, done: _Progress) -> _Progress:
         return done
     names = ", ".join(panels_in_contact(state, task.surface))
     return replace(done, failure=f"Placed panels intersect, and no way out was found: {names} ({counts}).")
+
+
+def _approached(task: _Task, done: _Progress) -> _Progress:
+    """Panels moved toward the body."""
+    if not done.state.open_seams:
+        return done
+    started = perf_counter()
+    return _after(task, done, "approach", *approached(done.state, task.body, task.surface), started)
 
 
 def _closed(task: _Task, done: _Progress) -> _Progress:
