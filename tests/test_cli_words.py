@@ -21,7 +21,20 @@ def test_debug_shows_the_traceback():
 
 @pytest.mark.parametrize(
     "command",
-    ["run", "fit", "resume", "bundle", "render", "check", "explain", "study", "gradient", "recover", "scenes"],
+    [
+        "run",
+        "fit",
+        "resume",
+        "bundle",
+        "render",
+        "export",
+        "check",
+        "explain",
+        "study",
+        "gradient",
+        "recover",
+        "scenes",
+    ],
 )
 def test_help_is_short_and_has_an_example(capsys, command):
     with pytest.raises(SystemExit) as end:

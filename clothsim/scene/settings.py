@@ -102,6 +102,7 @@ class Contact(KeyTable):
 FieldName: TypeAlias = Literal[
     "deformation_gradient", "rotation", "right_stretch", "principal_stretches", "principal_directions", "compression",
     "thickness", "vertex_frames", "stress", "energy_density", "contact_pressure",
+    "contact_force", "body_force", "body_pressure",
 ]  # fmt: skip
 """Names of the fields that a run can write; `clothsim.run.fields.FIELDS` has their formulas."""
 
@@ -134,6 +135,9 @@ class RunSettings(KeyTable):
     fields: Annotated[
         Sequence[FieldName], Key("Fields written with each frame, beside the positions and the principal stretches")
     ] = ()
+    forces: Annotated[
+        bool, Key("Record at each step the contact force on each body and the reaction of each group of pins")
+    ] = False
 
 
 @dataclass(frozen=True, kw_only=True)
