@@ -49,8 +49,8 @@ def seams(
         Each has `from` and `to`, two lines of vertices, and optionally `start` and `end` of closing [s] (0 and 1),
         `stiffness` [N/m] of a stitch (100 times the fabric's), `flip` = true to reverse `to`, `bends` = false for a
         seam that folds freely, and `match` = "vertices" for lines of equally many vertices that meet one by one, or a
-        single one ("length": at equal fractions of their lengths). A line is a table of `cloth`, its name, if there are
-        several, and one of `side` ("left", "right", from bottom to top, or "bottom", "top", from left to right), `through`,
+        single one ("length": at equal fractions of their lengths). A line is a table of `cloth`, its name, if there
+        are several, and one of `side` ("left", "right", from bottom to top, or "bottom", "top", from left to right), `through`,
         points [[x, y, z], ...] along the border in the coordinates of the mesh before its placement [m], and
         `vertices`, numbers in their order.
         `to` = { nearest = true } stitches each vertex of `from` to the nearest edge of another piece of cloth at rest.
