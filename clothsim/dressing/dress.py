@@ -10,7 +10,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.dressing.approaching import approached
-from clothsim.dressing.closing import close, stretch_range
+from clothsim.dressing.closing import NEAR, close, mean_edge, stretch_range, worst_gap
 from clothsim.dressing.draping import drape
 from clothsim.dressing.facing import refuse_unsuitable
 from clothsim.dressing.legs import turned_to_legs
@@ -38,6 +38,8 @@ from transfer.signed_distance import BodySurface, body_surface
 
 TOUCHING = 1e-4
 """Gap of a seam that is closed as placed [m]."""
+SLID = 0.07
+"""Way down from the placement, as a fraction of the body's height, beyond which a note says so."""
 
 
 @dataclass(frozen=True)
@@ -213,9 +215,9 @@ def dress(
     )
     done = _sewn(task, begun)
     status = "failed" if done.failure else "completed"
-    reason = done.failure or f"All {len(mesh.seams)} seams are closed and the garment rests on {body.name}."
+    reason = done.failure
     if not done.failure:
-        done, status, reason = _draped(task, done, reason)
+        done, status, reason = _draped(task, done)
     worn = Dress(
         directory, status, reason, read, begun.state, done.state, body, done.stages, done.run, done.notes, done.closing
     )
@@ -322,7 +324,7 @@ def _welded(task: _Task, done: _Progress) -> _Progress:
     return _after(task, done, "weld", state, f"{welded}, {len(strings)} stay strings" if strings else welded, started)
 
 
-def _draped(task: _Task, done: _Progress, reason: str) -> tuple[_Progress, str, str]:
+def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
     """Drape; where it cannot start or complete, the sewn garment is the result."""
     started = perf_counter()
     try:
@@ -337,11 +339,30 @@ def _draped(task: _Task, done: _Progress, reason: str) -> tuple[_Progress, str, 
     counts = draped.stages[-1].counts
     if not counts.clean:
         return draped, "failed", f"The drape ended with {counts}, {counts.where}."
-    moved = float(np.abs((draped.state.positions - done.state.positions) @ task.body.up).max())
+    levels = draped.state.positions @ task.body.up
+    moved = float(np.abs(levels - done.state.positions @ task.body.up).max())
     height = float(np.ptp(task.body.positions @ task.body.up))
     if moved > 0.5 * height:
         return draped, "failed", f"The garment falls off {task.body.name}: it moved by {moved:.2g} m."
-    return draped, "completed", reason
+    gap, name = worst_gap(draped.state)
+    if gap > 2 * NEAR * mean_edge(draped.state):
+        return draped, "failed", f"Seam {name}, held by strings, opened to {1e3 * gap:.3g} mm in the drape."
+    slid = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
+    if slid > SLID * height:
+        note = f"the top of the garment lies {1e3 * slid:.0f} mm below where its pattern places it"
+        draped = replace(draped, notes=(*draped.notes, note))
+    return draped, "completed", _closed_seams(draped.state, task.body.name)
+
+
+def _closed_seams(state: SewingState, body: str) -> str:
+    """What was closed, in a sentence."""
+    seams, (gap, name) = len(state.mesh.seams), worst_gap(state)
+    if not state.open_seams:
+        return f"All {seams} seams are closed and the garment rests on {body}."
+    return (
+        f"{len(state.welded)} of {seams} seams are welded throughout, strings hold the rest, within {1e3 * gap:.2g} mm"
+        f" ({name}); the garment rests on {body}."
+    )
 
 
 __all__ = ["GARMENT", "Dress", "dress"]

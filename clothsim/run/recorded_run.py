@@ -107,10 +107,7 @@ def recorded_run(
 
         certificate = replace(certificate, carried=PinchRecord())
     check = intersection_check_of(surfaces, session.scene.effects, session.built.energies)
-    arrays = [
-        _frame_array(name, values.shape[1:])
-        for name, values in _written_fields(session, state, None).items()
-    ]
+    arrays = [_frame_array(name, values.shape[1:]) for name, values in _written_fields(session, state, None).items()]
     resume_frame = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
     if not resumed:
         # The checkpoint first: where the disk is full before the first frame is written, the run can still go on.

@@ -42,7 +42,9 @@ class Solver(KeyTable):
         Key("Linear solver; auto takes the fastest installed, mixed is PARDISO in single precision with refinement"),
     ] = "auto"
     threads: Annotated[int, Key("Number of threads; 0 takes all cores, 1 repeats every bit", "1", least=0)] = 0
-    max_iterations: Annotated[int, Key("Newton iterations of a step before dt is halved", "1", least=1)] = 100
+    max_iterations: Annotated[
+        int, Key("Newton iterations of a step before dt is halved; without inertia ten times as many", "1", least=1)
+    ] = 100
     unstable_equilibrium: Annotated[
         Literal["leave", "keep"],
         Key("Unstable equilibria are left along their lowest mode, or kept; recorded either way"),

@@ -11,7 +11,9 @@ from sewing_patterns import panel, specification, stitch
 import clothsim
 from clothsim.dressing import pictures
 from clothsim.dressing.approaching import approached
-from clothsim.dressing.closing_rounds import BELOW, DART, ONTO, WITHIN, Strings, joined_singles, order_of, turns
+from clothsim.dressing.closing import worst_gap
+from clothsim.dressing.closing_rounds import BELOW, DART, ONTO, WITHIN, order_of, turns
+from clothsim.dressing.dress import _closed_seams
 from clothsim.dressing.garment_surfaces import seam_strokes
 from clothsim.dressing.lifting import lifted
 from clothsim.dressing.placing import placed_on
@@ -176,6 +178,13 @@ def test_a_panel_with_no_way_out_fails_by_name(body, tmp_path):
     assert done.run is None
 
 
+def test_the_reason_names_seams_that_strings_hold(dressed):
+    assert _closed_seams(dressed.state, "person") == dressed.reason
+    opened = dressed.placed
+    assert f"{len(opened.welded)} of {len(opened.mesh.seams)}" in _closed_seams(opened, "person")
+    assert worst_gap(opened)[1] in _closed_seams(opened, "person")
+
+
 def test_placement_by_axes_and_origin(body):
     mesh = mesh_pattern(pattern_of(skirt()), SPACING)
     placed, _ = placed_on(mesh, body)
@@ -222,15 +231,6 @@ def test_order_of_seams():
     dart = panel([[0, 0], [4, 0], [5, 8], [6, 0], [10, 0], [10, 20], [0, 20]])
     state = as_placed(mesh_pattern(pattern_of(specification({"a": dart}, [stitch(("a", 1), ("a", 2))])), 0.02))
     assert order_of(state.mesh.seams[0], state) == DART
-
-
-def test_a_single_pair_goes_to_the_seam_of_its_time():
-    pairs = np.arange(12).reshape(-1, 2)
-    parts = [Strings(pairs[:2], 0.0, 0.5), Strings(pairs[2:4], 0.5, 0.9), Strings(pairs[4:5], 0.0, 0.5)]
-    lines = joined_singles(parts)
-    assert [len(line.pairs) for line in lines] == [3, 2]
-    assert np.array_equal(lines[0].pairs[-1], pairs[4])
-    assert joined_singles(parts[2:]) == ()
 
 
 def test_panels_approach_the_body(body):
