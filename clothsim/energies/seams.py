@@ -50,9 +50,9 @@ def seams(
         `stiffness` [N/m] of a stitch (100 times the fabric's), `flip` = true to reverse `to`, `bends` = false for a
         seam that folds freely, and `match` = "vertices" for lines of equally many vertices that meet one by one, or a
         single one ("length": at equal fractions of their lengths). A line is a table of `cloth`, its name, if there
-        are several, and one of `side` ("left", "right", from bottom to top, or "bottom", "top", from left to right), `through`,
-        points [[x, y, z], ...] along the border in the coordinates of the mesh before its placement [m], and
-        `vertices`, numbers in their order.
+        are several, and one of `side` ("left", "right", from bottom to top, or "bottom", "top", from left to right),
+        `through`, points [[x, y, z], ...] along the border in the coordinates of the mesh before its placement [m],
+        and `vertices`, numbers in their order.
         `to` = { nearest = true } stitches each vertex of `from` to the nearest edge of another piece of cloth at rest.
     built : mapping, optional
         The energies built so far: seams bend if bending is on, and leave a gap for self_contact.
