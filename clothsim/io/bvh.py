@@ -72,8 +72,8 @@ def read_bvh(path: Path) -> Clip:
 def _hierarchy(path: Path, text: str) -> _Hierarchy:
     joints, braces = _Hierarchy(), [ABOVE]
     for number, line in enumerate(text.splitlines(), start=1):
-        words = line.split()
-        if not words or words[0] in ("HIERARCHY", "{"):
+        words = line.replace("{", " ").split()  # some exporters open the brace behind the name
+        if not words or words[0] == "HIERARCHY":
             continue
         try:
             _read_line(joints, braces, words)

@@ -19,7 +19,8 @@ class ClipKeys(KeyTable):
     section: ClassVar[str] = "body.motion"
 
     clip: Annotated[
-        str, Key('"walk" or "turn"; a .bvh file, an AMASS .npz file; or "own", the animation of the model\'s file')
+        str,
+        Key('A clip: "walk" or "turn"; a .bvh file, an AMASS .npz file; or "own", the animation of the model\'s file'),
     ]
     animation: Annotated[str | None, Key("Name of the animation, with `own`", shown="the first")] = None
     scale: Annotated[
@@ -42,7 +43,8 @@ class ModelTable(PlacedKeys):
     section: ClassVar[str] = "body"
 
     model: Annotated[
-        str, Key('"mannequin"; a rigged .glb or .gltf; or an .npz with the keys of SMPL, in place of mesh')
+        str,
+        Key('A body model: "mannequin"; a rigged .glb or .gltf; or an .npz with the keys of SMPL, in place of mesh'),
     ]
     shape: Annotated[
         Sequence[float] | Mapping[str, float] | None,

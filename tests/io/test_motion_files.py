@@ -116,6 +116,13 @@ def test_a_broken_bvh_is_named(tmp_path, old, new):
         read_bvh(tmp_path / "bad.bvh")
 
 
+def test_a_brace_may_stand_behind_the_name(tmp_path):
+    text = bvh_text(random_angles(1, FRAMES), "ZXY", ROOT)
+    (tmp_path / "behind.bvh").write_text(text.replace("JOINT Spine\n  {", "JOINT Spine {", 1))
+    assert "JOINT Spine {" in (tmp_path / "behind.bvh").read_text()
+    assert read_bvh(tmp_path / "behind.bvh").skeleton.names[1] == "Spine"
+
+
 def test_a_second_root_inside_of_the_first_is_a_joint_of_it(tmp_path):
     text = bvh_text(random_angles(1, FRAMES), "ZXY", ROOT)
     (tmp_path / "two.bvh").write_text(text.replace("JOINT Spine\n", "ROOT Spine\n", 1))
