@@ -37,12 +37,11 @@ class Size:
 
 def sized(garment: Garment, source: Figure, target: Figure, positions: Floats, body: BodySurface, graded: bool) -> Size:
     """The garment near `positions` (n, 3) [m] on the target, `body`, with its own or with graded lengths."""
-    from transfer.body_parts import body_parts
     from transfer.keep_lengths import with_lengths
     from transfer.size_factors import graded_metric, size_factors
 
     try:
-        parts = [body_parts(figure.positions, figure.triangles) for figure in (source, target)]
+        parts = [figure.parts for figure in (source, target)]
     except TransferError:
         return Size(positions, "transferred", positions)
     triangles, given = garment.triangles, garment.positions

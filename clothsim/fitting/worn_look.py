@@ -8,7 +8,7 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.stage import Garment
-from transfer.body_frame import BodyFrame, body_frame
+from transfer.body_frame import BodyFrame
 from transfer.errors import TransferError
 from transfer.gradients import doubled_areas
 from transfer.triangle_surface import edges_of
@@ -96,7 +96,7 @@ def look_of(garment: Garment, positions: Floats, source: Figure, target: Figure)
 def _frames(source: Figure, target: Figure) -> tuple[BodyFrame, ...]:
     """Frames of both bodies; none where one is no standing body."""
     try:
-        return tuple(body_frame(figure.positions, figure.triangles) for figure in (source, target))
+        return source.frame, target.frame
     except TransferError:
         return ()
 
