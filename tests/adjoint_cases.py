@@ -8,7 +8,7 @@ from small_scenes import BALL, SHEET
 from clothsim import Scene
 from clothsim.adjoint.backward_pass import backward_pass
 from clothsim.adjoint.differentiable_session import differentiable_session
-from clothsim.adjoint.recorded_step import recorded
+from clothsim.adjoint.recorded_step import bound_to, recorded
 from clothsim.build.scene_world import build
 from clothsim.run.session import prepare
 from clothsim.sim.state import first_state
@@ -99,3 +99,27 @@ def best_error(derivative, loss, sizes):
     assert derivative != 0.0
     found = [(loss(h) - loss(-h)) / (2 * h) for h in sizes]
     return min(abs(each - derivative) for each in found) / abs(derivative)
+
+
+def stacked_scene(effects=ELASTIC | CONTACT | FRICTION, turn=0.5, shift=(0.021, 0.013), **solver):
+    """Two sheets with nearly parallel edges, one falling on the other, which hangs from its corners."""
+    sheet = {key: FALLING[key] for key in ("mesh", "fabric", "youngs_modulus", "bending_stiffness")}
+    sheet |= {"size": [0.4, 0.4], "cells": [3, 3]}
+    lower = sheet | {"name": "lower", "velocity": [0.0, 0.0, 0.5]}
+    upper = sheet | {"name": "upper", "position": [*shift, 0.012], "rotation_degrees": [0.3, 0.2, turn]}
+    upper |= {"velocity": [0.2, 0.1, -1.0]}
+    effects = effects | {"pins": {"select": [0, 3, 12, 15]}}
+    solver = {"dt": 0.01, "threads": 1, "tolerance": 1e-5, "unstable_equilibrium": "keep"} | solver
+    return Scene(cloth=[lower, upper], effects=effects, solver=solver, run={"duration": 0.1, "frames_per_second": 25})
+
+
+def mollified_pairs(chain):
+    """Largest number of active pairs of nearly parallel edges in a step."""
+    counts = []
+    for record in chain.records:
+        contact = bound_to(chain.integrator, record)[1].energies["self_contact"]
+        pairs, x = contact.distinct(record.solution), record.solution
+        a, b, c, d = (x[pairs.elements[:, k]] for k in range(4))
+        crossed = (np.cross(b - a, d - c) ** 2).sum(axis=1)
+        counts.append(int(((pairs.thresholds > 0) & (crossed < pairs.thresholds)).sum()))
+    return max(counts)

@@ -14,6 +14,8 @@ from adjoint_cases import (
     Chain,
     best_error,
     falling_scene,
+    mollified_pairs,
+    stacked_scene,
     stepped,
 )
 
@@ -66,6 +68,30 @@ def test_one_step_and_more_steps():
         made.start = replace(made.start, positions=made.records[-1].end.positions)  # in contact from the start
         made.records = stepped(made.integrator, made.start, lengths)
         assert made.start_error(made.adjoints(), "positions", "gradient") < WITH_FRICTION
+
+
+STACKS = {
+    "nearly parallel edges": {"turn": 0.3, "shift": (0.0005, 0.0003)},
+    "closest features that change nearby": {"turn": 5.0},
+    "at an angle": {"turn": 40.0},
+}
+
+
+@pytest.mark.parametrize("friction", [False, True])
+@pytest.mark.parametrize("stack", STACKS)
+def test_cloth_on_cloth(stack, friction):
+    effects = ELASTIC | CONTACT | (FRICTION if friction else {})
+    made = Chain(stacked_scene(effects, **STACKS[stack], integrator="bdf2"), (0.01, 0.007, 0.01, 0.006, 0.008))
+    if stack == "nearly parallel edges":
+        assert mollified_pairs(made) > 40
+    adjoints, bar = made.adjoints(), WITH_FRICTION if friction else BAR
+    for name, how in (("positions", "random"), ("positions", "gradient"), ("velocities", "gradient")):
+        assert made.start_error(adjoints, name, how) < bar
+
+
+def test_twenty_steps():
+    made = Chain(stacked_scene(turn=5.0, integrator="bdf2"), (0.01,) * 20)
+    assert made.start_error(made.adjoints(), "positions", "gradient") < WITH_FRICTION
 
 
 def without_inverse(self, forces):
