@@ -7,5 +7,6 @@ was compiled before the change is found again once it is undone. The files lie i
 """
 
 from clothsim.kernel_cache.cache import KernelCache, can_store, is_cached
+from clothsim.kernel_cache.pipelines import KernelCompiler, PartCompiler
 
-__all__ = ["KernelCache", "can_store", "is_cached"]
+__all__ = ["KernelCache", "KernelCompiler", "PartCompiler", "can_store", "is_cached"]
