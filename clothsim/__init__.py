@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 if _TYPE_CHECKING:
     from clothsim.accuracy.study import Study, study_accuracy
+    from clothsim.adjoint.recover import recover
     from clothsim.dressing.dress import Dress, dress
     from clothsim.errors import ClothsimError, InputError, IntersectionWarning
     from clothsim.fitting.fit import Fit, fit
@@ -100,6 +101,7 @@ _HOMES = {
     "fit": "clothsim.fitting.fit",
     "load_scene": "clothsim.scene.toml_file",
     "open_run": "clothsim.run.results",
+    "recover": "clothsim.adjoint.recover:recover",
     "register_effect": "clothsim.scene.effects",
     "resume": "clothsim.run.resume",
     "simulate": "clothsim.run.simulate",
@@ -156,6 +158,7 @@ __all__ = [
     "fit",
     "load_scene",
     "open_run",
+    "recover",
     "register_effect",
     "resume",
     "simulate",

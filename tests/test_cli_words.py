@@ -19,7 +19,10 @@ def test_debug_shows_the_traceback():
         main(["run", "missing.toml", "--debug"])
 
 
-@pytest.mark.parametrize("command", ["run", "fit", "resume", "bundle", "render", "check", "explain", "study", "scenes"])
+@pytest.mark.parametrize(
+    "command",
+    ["run", "fit", "resume", "bundle", "render", "check", "explain", "study", "gradient", "recover", "scenes"],
+)
 def test_help_is_short_and_has_an_example(capsys, command):
     with pytest.raises(SystemExit) as end:
         main([command, "--help"])

@@ -1,4 +1,4 @@
-"""The command `clothsim`: run, dress, fit, study, resume, bundle, render, check, explain, fabrics, scenes, keys."""
+"""The command `clothsim`: simulation, fitting, studies, gradients, and what is made of their output."""
 
 import contextlib
 import gc
@@ -13,9 +13,12 @@ from clothsim.cli import (
     check_command,
     dress_command,
     explain_command,
+    export_command,
     fabrics_command,
     fit_command,
+    gradient_command,
     keys_command,
+    recover_command,
     render_command,
     run_command,
     scenes_command,
@@ -29,8 +32,11 @@ COMMANDS = (
     dress_command,
     fit_command,
     study_command,
+    gradient_command,
+    recover_command,
     bundle_command,
     render_command,
+    export_command,
     check_command,
     explain_command,
     fabrics_command,
@@ -42,6 +48,8 @@ _RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` left."
 REMEDIES = {
     "run": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "study": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
+    "gradient": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
+    "recover": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "explain": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "dress": "The formats are those of GarmentCode and Garment-Pattern-Generator; units are given by --scale.",
     "fit": "`clothsim check FILE` examines a mesh; units are given by --scale.",
@@ -49,6 +57,7 @@ REMEDIES = {
     "resume": _RUN_DIRECTORY,
     "bundle": _RUN_DIRECTORY,
     "render": _RUN_DIRECTORY,
+    "export": _RUN_DIRECTORY,
 }
 """Remedies of errors that have none of their own, by command."""
 

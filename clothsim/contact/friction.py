@@ -13,7 +13,7 @@ from clothsim.contact.barrier import Barrier
 from clothsim.energies.base import Energy
 from clothsim.energies.elementwise import Elementwise
 from clothsim.energies.hessians import ElementHessian
-from clothsim.energies.protocols import History, Idling, Lagged, Report, Storing
+from clothsim.energies.protocols import History, Idling, Lagged, PastSensitivity, Report, SeesPast, Storing
 from clothsim.energies.step import Step
 
 NAME = "friction"
@@ -43,7 +43,7 @@ NO_ANCHORS = anchors_from(())
 
 
 @dataclass(frozen=True)
-class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
+class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, Storing):
     """E = sum mu F f0(|u|), u = z + (I - n n') sum_i g_i (x_i - x_i(start)) (Li et al. 2020, IPC, section 5).
 
     F [N], n and g: normal force, normal and weights of the closest points of each pair, lagged. f0 is |u| beyond e and
@@ -185,6 +185,12 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, Storing):
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """Blocks (p, 12, 12) [N/m]; positive semi-definite without projection."""
         return ElementHessian(self.elements, kernels.hessian(x, *self._lagged))
+
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+        """By the start of the displacements, and by what is lagged; for contacts that creep."""
+        from clothsim.contact.friction_sensitivity import friction_sensitivity  # for differentiable runs alone
+
+        return friction_sensitivity(self, step, x, adjoint)
 
     def defaults_used(self) -> tuple[str, ...]:
         """Elastic slip or eps_v, and the number of lagged solves a step."""

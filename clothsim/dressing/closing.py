@@ -6,7 +6,8 @@ and collars are sewn to the torso, which is held. Whether a seam is closed is me
 """
 
 import warnings
-from dataclasses import dataclass
+from collections import deque
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from clothsim.arrays import Floats
 from clothsim.build.scene_world import build
 from clothsim.dressing.closing_rounds import Round, Strings, further_turns, turns
 from clothsim.dressing.sewing_state import SewingState
+from clothsim.dressing.welding import welded_where_closed
 from clothsim.energies.protocols import ContactGap
 from clothsim.errors import IntersectionWarning
 from clothsim.fitting.inputs import Figure
@@ -24,6 +26,7 @@ from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.scene import Scene
+from transfer.signed_distance import BodySurface
 
 HOLD = 0.3
 """Time for which the closed seams come to rest [s]."""
@@ -32,7 +35,10 @@ THICKNESS = 0.1
 FRICTION = 0.5
 """Friction with the body once all seams were drawn together: stiffer strings would pull the garment off."""
 CLOSED = 1.5
-"""Gap of a closed seam, as a multiple of the distance at which contact begins."""
+"""Gap of a closed seam while others are open, as a multiple of the distance at which contact begins."""
+NEAR = 0.3
+"""Gap of a closed seam once all were drawn together, as a fraction of the mean edge: at the corners of several panels
+contact keeps strings apart that the weld closes."""
 SETTINGS: dict[str, Any] = {
     "effects": {
         "inertia": {},
@@ -66,25 +72,38 @@ class Closing:
     runs: tuple[Run, ...]
 
 
-def close(state: SewingState, body: Figure, fabric: str, folder: Path, listener: Listener | None) -> Closing:
-    """Draw all open seams together. InputError for a start that cannot be simulated."""
+def close(
+    state: SewingState, body: Figure, surface: BodySurface, fabric: str, folder: Path, listener: Listener | None
+) -> Closing:
+    """Draw all open seams together. InputError for a start that cannot be simulated.
+
+    After each round the pairs that are closed are welded: at the corners of several panels strings against contact
+    would keep one another apart.
+    """
     runs: list[Run] = []
-    planned = turns(state)
-    for number, turn in enumerate([*planned, *further_turns(state)]):
-        scene = _scene(state, body, fabric, turn.made(state))
-        limit = CLOSED * contact_gap(scene)
+    waiting, further = deque(turns(state)), deque(further_turns(state))
+    largest, name, limit = 0.0, "", np.inf
+    while waiting or (largest > limit and further):
+        turn = waiting.popleft() if waiting else further.popleft()
+        made = turn.made(state, surface)
+        if turn.is_partial(state, surface):
+            waiting.appendleft(replace(turn, patient=False))
+        if not made.strings:
+            continue
+        scene = _scene(state, body, fabric, made)
+        limit = CLOSED * contact_gap(scene) if waiting else NEAR * mean_edge(state)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IntersectionWarning)
-            run = simulate(scene, folder / f"close{number}", listener, overwrite=True)
+            run = simulate(scene, folder / f"close{len(runs)}", listener, overwrite=True)
         runs.append(run)
         state = state.at(run.positions(-1))
         if run.status != "completed":
             return Closing(state, f"While the seams were closed: {run.reason}", "", tuple(runs))
+        state = welded_where_closed(state, limit, surface)
         largest, name = worst_gap(state)
-        if largest <= limit and number >= len(planned) - 1:
-            break
     seconds = sum(float(run.times[-1]) for run in runs)
-    description = f"{len(runs)} rounds, {seconds:.2g} s; largest gap {1e3 * largest:.2g} mm"
+    welded = f"pairs within {1e3 * limit:.2g} mm welded, largest gap left {1e3 * largest:.2g} mm"
+    description = f"{len(runs)} rounds, {seconds:.2g} s; {welded}"
     failure = ""
     if largest > limit:
         failure = f"Seam {name} stays open by {1e3 * largest:.3g} mm (closed: {1e3 * limit:.2g} mm)."
@@ -116,7 +135,7 @@ def _scene(state: SewingState, body: Figure, fabric: str, turn: Round) -> Scene:
         "self_contact": contact,
         "seams": {"seam": [_seam_table(strings, turn.stiffness) for strings in turn.strings]},
     }
-    if turn.free:
+    if turn.friction:
         effects["friction"] = {"coefficient": FRICTION}
     if len(turn.held):
         effects["pins"] = {"select": turn.held.tolist()}

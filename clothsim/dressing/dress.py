@@ -9,17 +9,20 @@ from typing import Any
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.dressing.approaching import approached
 from clothsim.dressing.closing import close, stretch_range
 from clothsim.dressing.draping import drape
+from clothsim.dressing.legs import turned_to_legs
 from clothsim.dressing.lifting import lifted
 from clothsim.dressing.placing import placed_on
 from clothsim.dressing.separating import crossing_panels, panels_in_contact, separated
 from clothsim.dressing.sewing_state import SewingState, as_placed
 from clothsim.dressing.sleeves import turned_to_arms
+from clothsim.dressing.welding import welded_where_closed
 from clothsim.dressing.written_files import GARMENT, write_results
 from clothsim.errors import InputError
 from clothsim.fitting.inputs import Figure, figure_of, read_figure
-from clothsim.fitting.penetration import Counts, counted
+from clothsim.fitting.penetration import Counts
 from clothsim.fitting.stage import Stage, StageCallback, staged
 from clothsim.mesh.pattern.pattern import Pattern
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
@@ -190,10 +193,13 @@ def dress(
     name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
     body = read_figure(on, scale=scale, group=body_group) if isinstance(on, str | Path) else figure_of(on)
     mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
-    mesh, turning_notes = turned_to_arms(mesh, body)
     surface = body_surface(body.positions, body.triangles)
+    mesh, arm_notes = turned_to_arms(mesh, body)
+    mesh, leg_notes = turned_to_legs(mesh, body, surface)
     task = _Task(body, surface, fabric, directory, on_stage, progress, announce)
-    begun = _Progress(as_placed(mesh), (), notes=(*mesh.pattern.notes, *placing_notes, *turning_notes, *body.notes))
+    begun = _Progress(
+        as_placed(mesh), (), notes=(*mesh.pattern.notes, *placing_notes, *arm_notes, *leg_notes, *body.notes)
+    )
     done = _sewn(task, begun)
     status = "failed" if done.failure else "completed"
     reason = done.failure or f"All {len(mesh.seams)} seams are closed and the garment rests on {body.name}."
@@ -205,8 +211,8 @@ def dress(
 
 
 def _sewn(task: _Task, done: _Progress) -> _Progress:
-    """Place, separate, close and weld."""
-    for stage in (_placed, _separated, _closed, _welded):
+    """Place, separate, approach, close and weld."""
+    for stage in (_placed, _separated, _approached, _closed, _welded):
         done = stage(task, done)
         if done.failure:
             return done
@@ -248,13 +254,21 @@ def _separated(task: _Task, done: _Progress) -> _Progress:
     return replace(done, failure=f"Placed panels intersect, and no way out was found: {names} ({counts}).")
 
 
+def _approached(task: _Task, done: _Progress) -> _Progress:
+    """Panels moved toward the body."""
+    if not done.state.open_seams:
+        return done
+    started = perf_counter()
+    return _after(task, done, "approach", *approached(done.state, task.body, task.surface), started)
+
+
 def _closed(task: _Task, done: _Progress) -> _Progress:
     """Seams drawn together under contact."""
     if not done.state.open_seams:
         return done
     started = perf_counter()
     try:
-        closing = close(done.state, task.body, task.fabric, task.directory, task.progress)
+        closing = close(done.state, task.body, task.surface, task.fabric, task.directory, task.progress)
     except InputError as error:
         return replace(done, failure=f"The closing could not start: {error.sentence}")
     done = _after(task, done, "close", closing.state, closing.description, started)
@@ -263,21 +277,13 @@ def _closed(task: _Task, done: _Progress) -> _Progress:
 
 def _welded(task: _Task, done: _Progress) -> _Progress:
     """Seams welded; those whose weld would intersect stay strings, and are named."""
-    started, before = perf_counter(), done.state
-    state, strings = before.weld(before.open_seams), []
-    welded = _after(task, done, "weld", state, "all seams", started)
-    if not welded.stages[-1].counts.clean:
-        state = before
-        for seam in before.open_seams:
-            tried = state.weld([seam])
-            if counted(tried.positions, tried.triangles, task.surface).clean:
-                state = tried
-            else:
-                strings.append(before.mesh.seams[seam].name)
+    started, state = perf_counter(), welded_where_closed(done.state, np.inf, task.surface)
+    strings = [state.mesh.seams[k].name for k in state.open_seams]
+    if strings:
         note = f"stay strings, as their weld would intersect: {', '.join(strings)}"
         done = replace(done, notes=(*done.notes, note))
-        welded = _after(task, done, "weld", state, f"{len(strings)} seams stay strings", started)
-    return welded
+    welded = f"{len(state.welded)} seams"
+    return _after(task, done, "weld", state, f"{welded}, {len(strings)} stay strings" if strings else welded, started)
 
 
 def _draped(task: _Task, done: _Progress, reason: str) -> tuple[_Progress, str, str]:

@@ -6,10 +6,10 @@ drawn together there, the garment slips down over the arms.
 
 import numpy as np
 
-from clothsim.arrays import Floats
 from clothsim.dressing.closing_rounds import WITHIN, order_of
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.dressing.sleeves import is_of_arm
+from clothsim.dressing.strings import strings_through
 from clothsim.fitting.inputs import Figure
 from transfer.signed_distance import BodySurface
 
@@ -39,15 +39,6 @@ def lifted(state: SewingState, body: Figure, surface: BodySurface) -> tuple[Sewi
     positions[rows] += height * body.up
     note = f"the torso was lifted by {1e3 * height:.0f} mm: {through[0]} strings of its seams ran through the body"
     return state.at(positions), f"{note}, {through[best]} do now"
-
-
-def strings_through(ends: Floats, surface: BodySurface) -> int:
-    """Number of the segments (k, 2, 3) that meet the body."""
-    along = ends[:, 1] - ends[:, 0]
-    lengths = np.linalg.norm(along, axis=1)
-    directions = along / np.maximum(lengths, np.finfo(float).tiny)[:, None]
-    distance, _ = surface.exits(ends[:, 0], directions)
-    return int((distance < lengths).sum())
 
 
 def _of_arm(state: SewingState, seam: int) -> bool:

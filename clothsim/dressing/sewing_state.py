@@ -1,7 +1,7 @@
 """State of a garment in sewing: vertices that are welded already, and seams that are open."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from clothsim.fitting.stage import Garment
 from clothsim.kinematics.deformation_gradient import deformation_gradients
 from clothsim.kinematics.stretch import principal_stretches
 from clothsim.mesh.pattern.pattern_mesh import PatternMesh, Seam
-from clothsim.mesh.pattern.sewing import sewn_vertices
+from clothsim.mesh.pattern.sewing import joined_vertices
 from clothsim.mesh.weld import mean_of_parts
 
 
@@ -26,14 +26,14 @@ class SewingState:
         Vertex of the garment of each vertex of the panels.
     positions : (k, 3) array
         Vertices of the garment [m].
-    welded : tuple of int
-        Seams that are welded.
+    joined : (j, 2) int array
+        Pairs of vertices of the panels that are welded.
     """
 
     mesh: PatternMesh
     number: Ints
     positions: Floats
-    welded: tuple[int, ...] = ()
+    joined: Ints = field(default_factory=lambda: np.zeros((0, 2), np.int64))
 
     @property
     def triangles(self) -> Ints:
@@ -42,8 +42,13 @@ class SewingState:
 
     @property
     def open_seams(self) -> tuple[int, ...]:
-        """Seams that are not welded."""
-        return tuple(k for k in range(len(self.mesh.seams)) if k not in self.welded)
+        """Seams with a pair that is not welded."""
+        return tuple(k for k, seam in enumerate(self.mesh.seams) if len(self.pairs(seam)))
+
+    @property
+    def welded(self) -> tuple[int, ...]:
+        """Seams that are welded throughout."""
+        return tuple(sorted(set(range(len(self.mesh.seams))) - set(self.open_seams)))
 
     def pairs(self, seam: Seam) -> Ints:
         """Pairs of different vertices of the garment that a seam joins, (k, 2)."""
@@ -52,15 +57,22 @@ class SewingState:
 
     def gaps(self, seam: Seam) -> Floats:
         """Distance of each pair of a seam [m]; empty where it is closed."""
-        ends = self.positions[self.pairs(seam)]
+        return self.distances(self.pairs(seam))
+
+    def distances(self, pairs: Ints) -> Floats:
+        """Distance of each pair (k, 2) of vertices of the garment [m]."""
+        ends = self.positions[pairs]
         return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1), np.float64)
 
     def weld(self, seams: Sequence[int]) -> "SewingState":
-        """Copy in which these seams are welded too, each vertex at the mean of its group. InputError as for a mesh."""
-        welded = tuple(sorted({*self.welded, *seams}))
-        number = sewn_vertices(self.mesh, [self.mesh.seams[k] for k in welded])
-        of_panels = self.positions[self.number]
-        return replace(self, number=number, positions=mean_of_parts(of_panels, number), welded=welded)
+        """Copy in which these seams are welded too. InputError as for a mesh."""
+        return self.join(np.concatenate([np.zeros((0, 2), np.int64), *(self.mesh.seams[k].pairs for k in seams)]))
+
+    def join(self, pairs: Ints) -> "SewingState":
+        """Copy in which these pairs (k, 2) of vertices of the panels are welded too, each group at its mean."""
+        joined = np.concatenate([self.joined, pairs])
+        number = joined_vertices(self.mesh, joined)
+        return replace(self, number=number, positions=mean_of_parts(self.positions[self.number], number), joined=joined)
 
     def at(self, positions: Floats) -> "SewingState":
         """Copy at other positions (k, 3) [m]."""

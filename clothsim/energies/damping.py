@@ -11,14 +11,14 @@ from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_
 from clothsim.energies.elementwise import Elementwise
 from clothsim.energies.example import Example
 from clothsim.energies.hessians import ByElement, ElementHessian
-from clothsim.energies.protocols import Restrictable, restricted
+from clothsim.energies.protocols import PastSensitivity, Restrictable, SeesPast, restricted
 from clothsim.energies.step import Step
 from clothsim.energies.varying_values import over_cloth
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class MassDamping(Elementwise, Energy):
+class MassDamping(Elementwise, Energy, SeesPast):
     """E = rate sum m |x - x_n|^2 / (2 h): the force is -rate m v (Rayleigh's mass term).
 
     With BDF2 x^ and b h replace x_n and h (docs/theory.md#time-integration).
@@ -58,6 +58,11 @@ class MassDamping(Elementwise, Energy):
     def gradient(self, x: Floats) -> Floats:
         """rate m (x - x_n) / h, (N, 3) [N]."""
         return weighted_difference(self.rows, self.rate * self.masses / self.dt, x, self.start)
+
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+        """-rate m a / h by x_n."""
+        weights, zero = -self.rate * self.masses / self.dt, np.zeros_like(self.start)
+        return PastSensitivity(past_positions=weighted_difference(self.rows, weights, adjoint, zero))
 
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """rate m / h on the diagonal [N/m]."""

@@ -13,13 +13,14 @@ from clothsim.energies.diagonal import diagonal_hessian, every_vertex
 from clothsim.energies.elementwise import Elementwise
 from clothsim.energies.example import Example
 from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.protocols import PastSensitivity, SeesPast
 from clothsim.energies.step import Step
 from clothsim.indexing import as_rows, taken
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class Gravity(Elementwise, Energy):
+class Gravity(Elementwise, Energy, SeesPast):
     """E = -sum m g.(x - origin).
 
     Parameters
@@ -58,6 +59,10 @@ class Gravity(Elementwise, Energy):
         out = np.zeros_like(x)
         out[as_rows(self.rows[:, 0])] = self._gradient
         return out
+
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+        """Zero: only the load differs from step to step."""
+        return PastSensitivity()
 
     @cached_property
     def _gradient(self) -> Floats:

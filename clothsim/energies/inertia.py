@@ -4,18 +4,21 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
+import numpy as np
+
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy
 from clothsim.energies.diagonal import diagonal_hessian, every_vertex, weighted_difference, weighted_square
 from clothsim.energies.elementwise import Elementwise
 from clothsim.energies.example import Example
 from clothsim.energies.hessians import ElementHessian
+from clothsim.energies.protocols import PastSensitivity, SeesPast
 from clothsim.energies.step import Step
 from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class Inertia(Elementwise, Energy):
+class Inertia(Elementwise, Energy, SeesPast):
     """E = sum m |x - x~|^2 / (2 h^2), x~ = x_n + h v_n.
 
     With BDF2 x^, v^ and b h replace them (docs/theory.md#time-integration).
@@ -58,6 +61,11 @@ class Inertia(Elementwise, Energy):
     def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
         """m / h^2 on the diagonal [N/m]."""
         return self._hessian
+
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+        """-m a / h^2 by x_n, and h times that by v_n."""
+        by_positions = weighted_difference(self.rows, -self.masses / self.dt**2, adjoint, np.zeros_like(self.target))
+        return PastSensitivity(past_positions=by_positions, past_velocities=self.dt * by_positions)
 
     @cached_property
     def _hessian(self) -> ElementHessian:

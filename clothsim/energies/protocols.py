@@ -5,12 +5,14 @@ An energy takes part by deriving from a class of this file; callers ask by `isin
 
 import abc
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Self, TypeVar
 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.base import Energy
+from clothsim.energies.step import Step
 
 
 class Idling(abc.ABC):
@@ -160,6 +162,37 @@ AnyEnergy = TypeVar("AnyEnergy", bound=Energy)
 def restricted(energy: AnyEnergy, moving: np.ndarray, x: Floats) -> AnyEnergy:
     """The energy restricted to moving vertices; the energy itself, as correct and more expensive, if it cannot be."""
     return energy.restricted_to(moving, x) if isinstance(energy, Restrictable) else energy
+
+
+@dataclass(frozen=True)
+class PastSensitivity:
+    """Derivatives of a.(gradient of a bound energy) by the start of its step, (N, 3) each; None for zero.
+
+    Parameters
+    ----------
+    positions : array
+        By `Step.positions` [N/m times the unit of a].
+    velocities : array
+        By `Step.velocities`.
+    past_positions, past_velocities : array
+        By those of `Step.past`.
+    """
+
+    positions: Floats | None = None
+    velocities: Floats | None = None
+    past_positions: Floats | None = None
+    past_velocities: Floats | None = None
+
+
+class SeesPast(abc.ABC):
+    """An energy with a closed form of its derivative by the start of the step, for differentiable runs.
+
+    For others that differ from step to step it is found by differences (`adjoint.past_differences`).
+    """
+
+    @abc.abstractmethod
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+        """d(adjoint . gradient(x)) by the start of the `step` that the energy is bound to; adjoint (N, 3) [m]."""
 
 
 class Report:

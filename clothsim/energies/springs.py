@@ -15,7 +15,7 @@ from clothsim.arrays import Floats, Ints, as_points, as_positive, as_vector
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example, Idle
 from clothsim.energies.links import Links
-from clothsim.energies.protocols import Anchored, Driven
+from clothsim.energies.protocols import Anchored, Driven, PastSensitivity, SeesPast
 from clothsim.energies.selection import as_flag, check_tables, selected_vertices
 from clothsim.energies.step import Step
 from clothsim.energies.varying_values import Schedule, schedule
@@ -60,7 +60,7 @@ class Anchors:
 
 
 @dataclass(frozen=True)
-class Springs(Links, Anchored, Driven):
+class Springs(Links, Anchored, Driven, SeesPast):
     """Links of single vertices; `anchors`: the end positions of each table's springs over time."""
 
     anchors: tuple[Anchors, ...]
@@ -84,6 +84,10 @@ class Springs(Links, Anchored, Driven):
             targets=np.concatenate([anchors.at(now) for anchors in self.anchors]),
             stiffnesses=np.concatenate(levels),
         )
+
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+        """Zero: anchors and stiffnesses are functions of time."""
+        return PastSensitivity()
 
 
 def springs(world: World, *, spring: Sequence[Mapping[str, Any]] = ()) -> Energy | Off:

@@ -94,8 +94,9 @@ def recorded_run(
     listeners: tuple[Listener | None, StepListener | None],
     log: IterateLog | None,
     resumed: bool,
+    on_report: Callable[[StepReport], None] | None = None,
 ) -> Run:
-    """Step to the end of the scene and write each frame when it is done."""
+    """Step to the end of the scene and write each frame when it is done; on_report: called with each step taken."""
     surfaces = world_surfaces(session.built.world)
     scripted = _scripted(session.built)
     asked = session.scene.solver_settings.error
@@ -130,6 +131,8 @@ def recorded_run(
                 progress(progress_of(report, session, perf_counter() - started))
             if on_step is not None:
                 on_step(state_after(session.built.world, report))
+            if on_report is not None:
+                on_report(report)
 
         with interruption() as flag:
             output = replace(output, session=interruptible(session, flag))

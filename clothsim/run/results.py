@@ -31,6 +31,7 @@ from clothsim.sim.intersection_history import occurrence_text
 
 if TYPE_CHECKING:
     from clothsim.build.scene_world import Built
+    from clothsim.run.export import Exported
     from clothsim.run.fields import Configuration
 
 RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` or clothsim.simulate left."
@@ -331,6 +332,26 @@ class Run(Sequence[Frame]):
         given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
         draw_movie(self.trajectory, target, progress, **given)
         return target if target.is_file() else target.with_suffix(".gif")
+
+    def export(self, path: str | Path, **settings: Any) -> "Exported":
+        """Write the frames for other programs, in the format that the ending of the file names.
+
+        Parameters
+        ----------
+        path : str or Path
+            .obj, .ply, .pc2, .mdd, .glb, .usd, .usda, .usdc (with ``clothsim[usd]``) or .vtkhdf.
+        **settings
+            frame, fps, scale, up, colour and overwrite, as of `clothsim.run.export.export`.
+
+        Returns
+        -------
+        Exported
+            Files, frames, rate, unit, axis and notes. InputError for bad input, MissingPackageError without usd-core.
+        """
+        from clothsim.run.export import SETTINGS, export
+
+        refuse_unknown("Run.export", settings, SETTINGS)
+        return export(self, path, **settings)
 
     def _field_settings(self, field: str | None) -> dict[str, Any]:
         return {} if field is None else field_settings(self, field)

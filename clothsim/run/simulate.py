@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Callable, Iterable
+from importlib import import_module
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -25,6 +26,7 @@ def simulate(
     message: Callable[[str], None] | None = None,
     overwrite: bool = False,
     force: bool = False,
+    differentiable: bool = False,
 ) -> "Run":
     """Simulate a scene to its end.
 
@@ -49,11 +51,14 @@ def simulate(
         True: an earlier run in the directory is replaced.
     force : bool
         True: a run is begun whatever it is expected to cost, and however far something moves in a step.
+    differentiable : bool
+        True: the run keeps its steps and has a method `gradient` (docs/howto/gradients.md).
 
     Returns
     -------
     Run
         A run that cannot go on has the status "failed" and a reason, and keeps its frames and its last good state.
+        With `differentiable` a `clothsim.adjoint.run.DifferentiableRun`.
 
     Raises
     ------
@@ -89,6 +94,9 @@ def simulate(
     refuse_earlier_run(directory, overwrite)  # before minutes of building, and again under the lock
     if isinstance(scene, Scene):
         _tell_cost(scene, message, force)
+    if differentiable:  # by name: a higher floor, and no other run imports it
+        adjoint = import_module("clothsim.adjoint.run")
+        return adjoint.simulate_differentiably(scene, output, progress, announce, on_step, message, overwrite)
     own: list[Scene] = []
 
     def run(some: "Scene", sessions: "list[Session]") -> "Run":

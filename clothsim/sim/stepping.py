@@ -38,6 +38,9 @@ an obstacle that did not yield in four steps of any length will not yield in a f
 
 PINCH_REMEDY = 'Where parts of a body close on the cloth, [contact] pinch = "carry" lets one of them carry it.'
 
+Refine = Callable[[Potential, NewtonResult, Prescribed], NewtonResult]
+"""Callback after a converged solve, with the bound potential, the result and the prescribed positions."""
+
 Watch = Callable[[int, float, Potential], Observer]
 """Callback at each solve of a step, with its number from 1, dt [s] and the bound potential; returns an Observer."""
 
@@ -45,6 +48,11 @@ Watch = Callable[[int, float, Potential], Observer]
 def unwatched(step: int, dt: float, potential: Potential) -> Observer:
     """Return the observer that does nothing."""
     return unobserved
+
+
+def unrefined(potential: Potential, result: NewtonResult, target: Prescribed) -> NewtonResult:
+    """Return the result as it is."""
+    return result
 
 
 @dataclass(frozen=True)
@@ -81,6 +89,8 @@ class Integrator:
         Chooses the side.
     carries_pinched : bool
         True where cloth in a pinch of bodies is carried (`sim.pinch`).
+    refine : callable
+        Refinement of each converged solve (differentiable runs).
     """
 
     world: World
@@ -97,6 +107,7 @@ class Integrator:
     leaves_unstable: bool = True
     perturbation_seed: int = 0
     carries_pinched: bool = False
+    refine: Refine = unrefined
 
     def load(self, time: float) -> float:
         """Return the fraction of the loads that acts at `time` [s]."""
@@ -250,15 +261,19 @@ def _blocked(state: State, result: NewtonResult, target: Prescribed, h: float) -
     return replace(state, blocked_at=float(at), blocked=state.blocked + 1 if again else 1)
 
 
-def _solve(
-    integrator: Integrator, state: State, formula: Formula, h: float, end: float, target: Prescribed
-) -> tuple[Potential, NewtonResult]:
+def step_of(integrator: Integrator, state: State, formula: Formula, h: float, end: float) -> Step:
+    """Return the step of length h [s] from `state` to the time `end`, as the energies are bound to it."""
     zero = np.zeros_like(state.positions)
     start = Step(state.time, h, state.positions, state.velocities, integrator.load(end), zero, memory=state.memory)
     control = integrator.control
     scale = max(h, CONTACT_TIME_SCALE) if control is None else control.contact_time_scale
-    start = replace(start, weighed=formula.past, contact_time_scale=scale)
-    bound = integrator.potential.begin(start)
+    return replace(start, weighed=formula.past, contact_time_scale=scale)
+
+
+def _solve(
+    integrator: Integrator, state: State, formula: Formula, h: float, end: float, target: Prescribed
+) -> tuple[Potential, NewtonResult]:
+    bound = integrator.potential.begin(step_of(integrator, state, formula, h, end))
     integrator.system.begin(bound.couplings(state.positions, h * state.velocities))
     result = _newton(integrator, state, formula, h, bound, target).minimise(state.positions, target)
     for _ in range(1, bound.lag_iterations):
@@ -274,7 +289,7 @@ def _solve(
             iterations=iterations + result.iterations,
             elimination_iterations=elimination_iterations + result.elimination_iterations,
         )
-    return bound, result
+    return bound, integrator.refine(bound, result, target) if result.outcome.converged else result
 
 
 def _newton(

@@ -1,6 +1,7 @@
 """Dressing: a skirt on a cylinder, sewn, welded and draped; and what cannot be dressed."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,13 +9,15 @@ from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
 import clothsim
-from clothsim.dressing.closing_rounds import DART, ONTO, WITHIN, order_of, turns
-from clothsim.dressing.lifting import lifted, strings_through
+from clothsim.dressing.approaching import approached
+from clothsim.dressing.closing_rounds import BELOW, DART, ONTO, WITHIN, Strings, joined_singles, order_of, turns
+from clothsim.dressing.lifting import lifted
 from clothsim.dressing.measurements import girths, section
 from clothsim.dressing.placing import placed_on
 from clothsim.dressing.separating import crossing_panels, separated
 from clothsim.dressing.sewing_state import as_placed
 from clothsim.dressing.sleeves import turned_to_arms
+from clothsim.dressing.strings import strings_through
 from clothsim.errors import InputError
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.penetration import counted
@@ -76,7 +79,7 @@ def test_a_skirt_is_sewn_and_rests_on_the_body(dressed, body):
     low, high = dressed.stretch
     assert low > 0.9
     assert high < 1.1
-    assert [stage.name for stage in dressed.stages] == ["place", "close", "weld", "drape"]
+    assert [stage.name for stage in dressed.stages] == ["place", "approach", "close", "weld", "drape"]
     height = dressed.positions[:, 1]
     assert 0.3 < height.min() < height.max() < 1.35
 
@@ -184,9 +187,54 @@ def test_order_of_seams():
     state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
     assert order_of(state.mesh.seams[-1], state) == ONTO
     assert [len(turn.closing) for turn in turns(state)] == [len(state.mesh.seams) - 1, 1]
+    entries["pattern"]["panels"]["skirt"] = panel([[-25, -40], [25, -40], [25, 0], [-25, 0]], translation=[0, 80, 22])
+    entries["pattern"]["stitches"].append(stitch(("back", 0), ("skirt", 2)))
+    state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
+    assert order_of(state.mesh.seams[-1], state) == BELOW
+    assert [len(turn.closing) for turn in turns(state)] == [len(state.mesh.seams) - 2, 1, 1]
+    assert [turn.hold for turn in turns(state)] == [False, False, True]
     dart = panel([[0, 0], [4, 0], [5, 8], [6, 0], [10, 0], [10, 20], [0, 20]])
     state = as_placed(mesh_pattern(pattern_of(specification({"a": dart}, [stitch(("a", 1), ("a", 2))])), 0.02))
     assert order_of(state.mesh.seams[0], state) == DART
+
+
+def test_a_single_pair_goes_to_the_seam_of_its_time():
+    pairs = np.arange(12).reshape(-1, 2)
+    parts = [Strings(pairs[:2], 0.0, 0.5), Strings(pairs[2:4], 0.5, 0.9), Strings(pairs[4:5], 0.0, 0.5)]
+    lines = joined_singles(parts)
+    assert [len(line.pairs) for line in lines] == [3, 2]
+    assert np.array_equal(lines[0].pairs[-1], pairs[4])
+    assert joined_singles(parts[2:]) == ()
+
+
+def test_panels_approach_the_body(body):
+    surface = body_surface(body.positions, body.triangles)
+    state = as_placed(placed_on(mesh_pattern(pattern_of(skirt(60)), SPACING), body)[0])
+    nearer, _ = approached(state, body, surface)
+    assert counted(nearer.positions, nearer.triangles, surface).clean
+    moved = nearer.positions - state.positions
+    rigid = [moved[rows] - moved[rows][0] for rows in state.mesh.vertices.values()]
+    assert max(np.abs(rows).max() for rows in rigid) < 1e-15
+    distance = surface.closest(nearer.positions).signed_distance
+    assert min(distance[rows].min() for rows in state.mesh.vertices.values()) > 0
+    for rows in state.mesh.vertices.values():
+        assert 0.01 < distance[rows].min() < 0.03
+    assert np.abs(moved).max() > 0.3
+
+
+def test_strings_through_the_body_wait_for_a_second_turn(body):
+    surface = body_surface(body.positions, body.triangles)
+    state = as_placed(placed_on(mesh_pattern(pattern_of(shirt()), SPACING), body)[0])
+    first = turns(state)[0]
+    through = sum(strings_through(state.positions[state.pairs(seam)], surface) for seam in first.closing)
+    drawn = sum(len(first.drawn(state, seam, surface)) for seam in first.closing)
+    assert through > 0
+    assert first.is_partial(state, surface)
+    every = sum(len(state.pairs(seam)) for seam in first.closing)
+    assert drawn == every - through
+    second = replace(first, patient=False)
+    assert not second.is_partial(state, surface)
+    assert sum(len(second.drawn(state, seam, surface)) for seam in first.closing) == every
 
 
 def test_low_shoulders_are_lifted(body):

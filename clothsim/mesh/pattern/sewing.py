@@ -1,6 +1,6 @@
 """Sewn topology: vertices that stitches join, merged."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -12,12 +12,16 @@ from clothsim.mesh.pattern.pattern_mesh import PatternMesh, Seam
 
 
 def sewn_vertices(mesh: PatternMesh, seams: Sequence[Seam]) -> Ints:
-    """Number of each vertex after `seams` are closed, (n,): ascending in the order of the first of each group.
+    """Number of each vertex after `seams` are closed, (n,), as `joined_vertices`."""
+    return joined_vertices(mesh, np.concatenate([np.zeros((0, 2), np.int64), *(seam.pairs for seam in seams)]))
 
-    InputError for seams that join two corners of one triangle.
+
+def joined_vertices(mesh: PatternMesh, pairs: Ints) -> Ints:
+    """Number of each vertex after `pairs` (k, 2) are joined, (n,): ascending in the order of the first of each group.
+
+    InputError for pairs that join two corners of one triangle.
     """
-    n = len(mesh.positions)
-    number = _merged(n, (seam.pairs for seam in seams))
+    number = _merged(len(mesh.positions), pairs)
     corners = number[mesh.triangles]
     collapsed = (corners == np.roll(corners, 1, axis=1)).any(axis=1)
     if collapsed.any():
@@ -30,8 +34,7 @@ def sewn_vertices(mesh: PatternMesh, seams: Sequence[Seam]) -> Ints:
     return number
 
 
-def _merged(n: int, pairs: Iterable[Ints]) -> Ints:
-    joined = np.concatenate([np.zeros((0, 2), np.int64), *pairs])
+def _merged(n: int, joined: Ints) -> Ints:
     graph = coo_array((np.ones(len(joined)), (joined[:, 0], joined[:, 1])), shape=(n, n))
     labels = connected_components(graph, directed=False)[1]
     _, first, inverse = np.unique(labels, return_index=True, return_inverse=True)

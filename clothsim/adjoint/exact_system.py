@@ -1,0 +1,99 @@
+"""Solution with the exact Hessian of a bound potential at its minimum."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.energies.hessians import explicit, split
+from clothsim.errors import ClothsimError
+from clothsim.solve.direct_solver import LinearSolver, NotPositiveDefiniteError
+from clothsim.solve.linear_system import System
+from clothsim.solve.potential import Potential
+from clothsim.solve.sparsity import Explicit, times
+
+ACCURACY = 1e-12
+"""Relative error of a solution in the norm of the matrix."""
+
+
+class NoMinimumError(ClothsimError):
+    """State at which the exact Hessian is not positive definite: no minimum of E, and so without a derivative."""
+
+
+@dataclass(frozen=True)
+class ExactSystem:
+    """The factored exact Hessian H of E at x, and its products.
+
+    Parameters
+    ----------
+    hessians : list
+        Parts of H over all rows of x [N/m].
+    free : (n,) bool
+        Cloth vertices whose positions are not prescribed.
+    solver : LinearSolver
+        Holds the factor of H on the free vertices.
+    data : (9 b,) float64
+        H in the pattern of the solver, rows of other vertices those of the identity.
+    """
+
+    hessians: list[Explicit]
+    free: np.ndarray
+    solver: LinearSolver
+    data: Floats
+
+    def solve(self, forces: Floats) -> Floats:
+        """Return a (N, 3) with H a = forces at the free vertices and a = 0 elsewhere.
+
+        Raises
+        ------
+        NoMinimumError
+            Where H is not positive definite.
+        """
+        n = len(self.free)
+        right = np.where(self.free[:, None], forces[:n], 0.0).ravel()
+        out = np.zeros_like(forces)
+        if right.any():
+            out[:n] = self.solver.solve(self.data, right, ACCURACY).reshape(-1, 3)
+        return out
+
+    def times(self, vectors: Floats) -> Floats:
+        """Return H v for v (N, 3), over all rows."""
+        return times(self.hessians, vectors)
+
+
+def exact_system(potential: Potential, x: Floats, system: System, prescribed: np.ndarray) -> ExactSystem:
+    """Assemble the exact Hessian of a bound potential at x.
+
+    Parameters
+    ----------
+    potential : Potential
+        Bound to the step.
+    x : (N, 3) float64
+        Its minimiser [m].
+    system : System
+        Newton's system, whose pattern is extended in a copy.
+    prescribed : (k,) int array
+        Rows of x with prescribed positions.
+    """
+    given = [energy.hessian(x, False) for energy in potential.acting.values()]
+    implicit = split(given)[1]
+    wider = system.widened([part.elements for part in implicit])
+    wider.begin(potential.couplings(x, np.zeros_like(x)))
+    hessians = explicit(given)
+    data = wider.assemble(list(hessians))
+    n = wider.base.n_vertices
+    free = np.ones(n, bool)
+    free[prescribed[prescribed < n]] = False
+    wider.pattern.fix(data, ~free)
+    return ExactSystem(hessians, free, wider.solver, data)
+
+
+def solved(system: ExactSystem, forces: Floats, where: str) -> Floats:
+    """`ExactSystem.solve`, with the error for the user; where: names the state in a sentence."""
+    try:
+        return system.solve(forces)
+    except NotPositiveDefiniteError as error:
+        raise NoMinimumError(
+            f"The state {where} is no minimum of the energy: it has no derivative.",
+            "Its equilibrium is unstable, or it is free to move: add effects.inertia or pins, or change dt.",
+        ) from error

@@ -1,0 +1,144 @@
+"""`clothsim recover`: numbers of a scene from a drape."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from clothsim.cli.arguments import as_count, as_positive_number
+from clothsim.cli.loss_arguments import words
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim.adjoint.recover import Recovery
+    from clothsim.adjoint.recovery_problem import Evaluation
+
+RECOVERY_NAME = "recovery.json"
+
+_DESCRIPTION = """\
+Find the numbers of a scene, as those of its fabric, for which it hangs as a target does: runs with gradients, from
+several starts, with the standard error of each number and what the target does not tell. With -o the run of the
+recovered scene and recovery.json are left there.
+
+  clothsim recover scene.toml --target drape.obj --free youngs_modulus,bending_stiffness -o recovered
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    recover = commands.add_parser("recover", help="find numbers of a scene from a drape", description=_DESCRIPTION)
+    recover.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
+    recover.add_argument(
+        "--target",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="a drape: a mesh, points (.xyz), or a run's directory",
+    )
+    recover.add_argument("--free", required=True, metavar="NAMES", help="youngs_modulus,effects.friction.coefficient")
+    recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
+    recover.add_argument("--starts", default="2", metavar="N", help="starts of the search (default 2)")
+    recover.add_argument("--scale", default="1", metavar="FACTOR", help="metres per unit of the target")
+    recover.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
+    recover.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
+    recover.add_argument("--quiet", action="store_true", help="print the end only")
+    recover.add_argument("--json", action="store_true", help="print recovery.json, the rest on stderr")
+    recover.add_argument("--debug", action="store_true", help="show tracebacks")
+    recover.set_defaults(handler=_recover)
+
+
+def _recover(arguments: argparse.Namespace) -> int:
+    from clothsim import __version__
+    from clothsim.adjoint.recover import recover
+    from clothsim.adjoint.targets import target_loss
+    from clothsim.build.scene_world import build
+    from clothsim.io.record import to_json
+    from clothsim.run.example_scenes import scene_file
+    from clothsim.run.output_directory import refuse_earlier_run
+    from clothsim.scene.overrides import override
+    from clothsim.scene.toml_file import load_scene
+
+    free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts)
+    scale = as_positive_number("--scale", arguments.scale)
+    if not arguments.target.exists():
+        raise InputError(f"There is no {arguments.target}.", "Name a mesh, an .xyz file or a run with --target.")
+    scene = load_scene(scene_file(arguments.scene))
+    for assignment in arguments.set:
+        scene = override(scene, assignment)
+    if arguments.output is not None:
+        refuse_earlier_run(arguments.output, arguments.overwrite)
+    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
+    if not arguments.quiet:
+        print(f"clothsim {__version__}: recover {', '.join(free)} of {arguments.scene}", file=talk, flush=True)
+    loss = target_loss(arguments.target, build(scene).world, scale)
+    found = recover(scene, loss, free, starts, None if arguments.quiet else _shown)
+    content = summary(found, type(loss).__name__)
+    code = 0 if found.best.intersecting_pairs == 0 else 1
+    if arguments.output is not None:
+        code = max(code, _run(found, arguments))
+        (arguments.output / RECOVERY_NAME).write_text(to_json(content), encoding="utf-8")
+    if arguments.json:
+        print(to_json(content))
+    print("\n".join(lines(found, arguments.output)), file=talk)
+    return code
+
+
+def _run(found: "Recovery", arguments: argparse.Namespace) -> int:
+    from clothsim.run.simulate import simulate
+
+    run = simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
+    return 0 if run.status == "completed" else 1
+
+
+def _shown(start: int, each: "Evaluation") -> None:
+    numbers = ", ".join(f"{path} {value:.4g}" for path, value in each.values.items())
+    state = each.failure or f"loss {each.loss:.4g}"
+    print(f"start {start}: {numbers}: {state}", file=sys.stderr, flush=True)
+
+
+def summary(found: "Recovery", loss: str) -> dict[str, Any]:
+    """Return the content of recovery.json; errors that are infinite or not known are null."""
+    import numpy as np
+
+    def finite(error: float) -> float | None:
+        return error if np.isfinite(error) else None
+
+    return {
+        "values": dict(found.values),
+        "relative_errors": {path: finite(error) for path, error in found.errors.items()},
+        "ratios": [
+            {"first": each.first, "second": each.second, "value": each.value, "relative_error": finite(each.error)}
+            for each in found.ratios
+        ],
+        "undetermined": [dict(weights) for weights in found.undetermined],
+        "at_limit": list(found.at_limit),
+        "loss": {"name": loss, "value": found.best.loss, "of_starts": list(found.minima)},
+        "newton_error": finite(found.best.newton_error),
+        "intersecting_pairs": found.best.intersecting_pairs,
+        "runs": found.runs,
+    }
+
+
+def lines(found: "Recovery", directory: Path | None) -> list[str]:
+    """Return the result in lines for the user."""
+    from clothsim.adjoint.recover import RANGE
+
+    out = [f"  {path:32} {value:.6g} {_error(found.errors[path])}" for path, value in found.values.items()]
+    out += [f"  {each.first} / {each.second}: {each.value:.6g} {_error(each.error)}" for each in found.ratios]
+    for weights in found.undetermined:
+        moves = " ".join(f"{path}^{weight:+.2f}" for path, weight in weights.items() if abs(weight) > 0.05)
+        out.append(f"  The target says nothing of {moves}.")
+    out += [f"  {path} is at the end of its range, {RANGE:g} times the scene's value." for path in found.at_limit]
+    others = ", ".join(f"{each:.4g}" for each in found.minima)
+    out.append(f"  loss {found.best.loss:.4g} after {found.runs} runs (by starts: {others})")
+    if found.best.intersecting_pairs:
+        out.append(f"  {found.best.intersecting_pairs} pairs of triangles intersect in the last state.")
+    return out if directory is None else [*out, f"  files     {directory}: {RECOVERY_NAME} and the run"]
+
+
+def _error(error: float) -> str:
+    import numpy as np
+
+    if np.isnan(error):
+        return "(no standard error: the loss is no sum of squares)"
+    return f"+- {100 * error:.2g} %" if np.isfinite(error) else "(not determined by the target)"

@@ -1,0 +1,86 @@
+"""`clothsim gradient` and `clothsim recover` in this process: printed text, files, and bad input in one sentence."""
+
+import json
+
+import numpy as np
+import pytest
+from command_line import refused
+
+from clothsim.cli import main
+
+SCENE = """
+[cloth]
+mesh = "rectangle"
+size = [0.2, 0.2]
+cells = [3, 3]
+youngs_modulus = 4e4
+rotation_degrees = [3.0, 2.0, 0.0]
+[effects.membrane]
+[effects.bending]
+model = "hinge"
+[effects.gravity]
+[effects.pins]
+select = [0, 3]
+[solver]
+linear = "superlu"
+dt = 0.05
+[run]
+duration = 0.1
+frames_per_second = 20
+"""
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sheet.toml").write_text(SCENE)
+
+
+def test_a_gradient_in_json_and_in_a_file(capsys):
+    words = ["gradient", "sheet.toml", "--loss", "height", "--wrt", "youngs_modulus,force,effects.gravity.acceleration"]
+    assert main([*words, "--json", "-o", "gradient.npz"]) == 0
+    content = json.loads(capsys.readouterr().out)
+    arrays = np.load("gradient.npz")
+    assert set(arrays) == set(content["gradient"])
+    assert arrays["force"].shape == (16, 3)
+    assert content["gradient"]["youngs_modulus"] == float(arrays["youngs_modulus"]) > 0
+    assert abs(content["newton_error"]) < 1e-9
+    assert main(words) == 0
+    out = capsys.readouterr().out
+    assert "d/d youngs_modulus" in out
+    assert "16 rows" in out
+
+
+def test_a_recovery_leaves_a_run_and_its_numbers(capsys, tmp_path):
+    assert (
+        main(["run", "sheet.toml", "-o", "true", "--no-picture", "--quiet", "--set", "cloth.youngs_modulus=3e4"]) == 0
+    )
+    capsys.readouterr()
+    words = ["recover", "sheet.toml", "--target", "true", "--free", "youngs_modulus", "--starts", "1", "-o", "found"]
+    assert main([*words, "--json"]) == 0
+    out, err = capsys.readouterr()
+    content = json.loads(out)
+    assert content == json.loads((tmp_path / "found" / "recovery.json").read_text())
+    assert content["values"]["cloth.youngs_modulus"] == pytest.approx(3e4, rel=1e-3)
+    assert content["loss"]["name"] == "Distance"
+    assert json.loads((tmp_path / "found" / "summary.json").read_text())["status"] == "completed"
+    assert err.count("start 1: cloth.youngs_modulus") > 3
+    refused(capsys, *words)  # there is a run in "found"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["gradient", "sheet.toml", "--loss", "beauty", "--wrt", "start"],
+        ["gradient", "sheet.toml", "--loss", "girth=wide", "--wrt", "start"],
+        ["gradient", "sheet.toml", "--loss", "height", "--wrt", ","],
+        ["gradient", "sheet.toml", "--loss", "height", "--wrt", "body.position"],
+        ["gradient", "sheet.toml", "--loss", "height", "--wrt", "start", "-o", "gradient.txt"],
+        ["gradient", "sheet.toml", "--wrt", "start"],
+        ["recover", "sheet.toml", "--target", "missing.obj", "--free", "density"],
+        ["recover", "sheet.toml", "--target", "sheet.toml", "--free", "density"],
+        ["recover", "sheet.toml", "--target", ".", "--free", "density"],
+    ],
+)
+def test_bad_input(capsys, words):
+    refused(capsys, *words)
