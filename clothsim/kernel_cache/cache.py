@@ -95,6 +95,12 @@ def is_cached(kernel: Any) -> bool:
     return any(any(folder.glob(f"{stem.name}-*{storage.SUFFIX}")) for folder in folders)
 
 
+def cached_kernels() -> int:
+    """Number of files of machine code that were compiled here, by any process and for any compiler's identity."""
+    root = storage.root(config.CACHE_DIR)
+    return 0 if root is None else sum(1 for _ in root.glob(f"*/*{storage.SUFFIX}"))
+
+
 def can_store() -> bool:
     """True where the folder for machine code exists and can be written."""
     root = storage.root(config.CACHE_DIR)
