@@ -17,6 +17,7 @@ from threading import Thread
 from typing import TYPE_CHECKING
 
 from clothsim.cli.compilation_notice import kernels_are_compiled
+from clothsim.solve.threads import available_cores
 
 if TYPE_CHECKING:
     from clothsim.arrays import Floats
@@ -30,7 +31,7 @@ CORES = 2
 
 def start() -> "subprocess.Popen[bytes] | None":
     """The process; None where the kernels are compiled, or where one core has to do it all."""
-    if (os.cpu_count() or 1) < CORES or kernels_are_compiled():
+    if available_cores() < CORES or kernels_are_compiled():
         return None
     command = [sys.executable, "-P", "-m", "clothsim.cli.precompile"]  # -P: not one of the cwd
     here = os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH")]))

@@ -221,3 +221,15 @@ def test_a_factor_of_one_thread_leaves_that_of_two_alone(name):
     assert np.array_equal(large.solve(*system), first)
     del small
     assert np.array_equal(large.solve(*system), first)
+
+
+def test_the_memory_of_a_factor_is_freed_with_it(monkeypatch):
+    pytest.importorskip("pypardiso")
+    from clothsim.solve.pardiso import RELEASE, Factor
+
+    phases, call = [], Factor._call
+    monkeypatch.setattr(Factor, "_call", lambda factor, phase, b: phases.append(phase) or call(factor, phase, b))
+    solver = make_solver("mixed", newton_matrix()[0], threads=1)
+    assert RELEASE not in phases
+    del solver
+    assert phases.count(RELEASE) == 1
