@@ -2,6 +2,7 @@
 
 import argparse
 import re
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ def add_to(commands: Any) -> None:
     export.add_argument("--colour", choices=("stretch", "plain"), default="stretch", help="of the cloth's vertices")
     export.add_argument("--overwrite", action="store_true", help="replace files that exist")
     export.add_argument("--quiet", action="store_true", help="print nothing")
+    export.add_argument("--json", action="store_true", help="print files, frames, rate, unit and axis as JSON")
     export.add_argument("--debug", action="store_true", help="show tracebacks")
     export.set_defaults(handler=_export)
 
@@ -51,7 +53,11 @@ def _export(arguments: argparse.Namespace) -> int:
         colour=arguments.colour,
         overwrite=arguments.overwrite,
     )
-    if not arguments.quiet:
+    if arguments.json:
+        from clothsim.io.record import to_json
+
+        print(to_json({**asdict(done), "files": [str(file) for file in done.files]}))
+    elif not arguments.quiet:
         size = sum(file.stat().st_size for file in done.files)
         files = f"{done.files[0]}" + (f" and {len(done.files) - 1} more" if len(done.files) > 1 else "")
         between = f" ({done.interpolated} interpolated)" if done.interpolated else ""

@@ -83,7 +83,7 @@ def close(
     runs: list[Run] = []
     waiting, further = deque(turns(state)), deque(further_turns(state))
     largest, name, limit = 0.0, "", np.inf
-    while waiting or (largest > limit and further):
+    while waiting or (state.open_seams and further):
         turn = waiting.popleft() if waiting else further.popleft()
         made = turn.made(state, surface)
         if turn.is_partial(state, surface):

@@ -1,6 +1,6 @@
 """Rounds of closing: which seams are drawn together when, how stiff their strings are, and what is held."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -35,7 +35,7 @@ class Strings:
     Attributes
     ----------
     pairs : (k, 2) int array
-        Vertices of the garment; k > 1.
+        Vertices of the garment.
     start, end : float
         Time of closing [s].
     """
@@ -109,7 +109,7 @@ class Turn:
                 time += span
         parts += [Strings(state.pairs(seam), 0.0, SHORTEST) for seam in self.closed if len(state.pairs(seam))]
         held = torso(state) if self.hold else np.zeros(0, np.int64)
-        return Round(joined_singles(parts), self.factor * STIFFNESS, held, time, self.friction)
+        return Round(tuple(parts), self.factor * STIFFNESS, held, time, self.friction)
 
     def is_partial(self, state: SewingState, surface: BodySurface) -> bool:
         """True where open pairs of the seams wait, since their strings run through the body."""
@@ -146,15 +146,6 @@ def further_turns(state: SewingState) -> list[Turn]:
     """Turns with stiffer and stiffer strings, for seams that are not closed yet."""
     seams = tuple(state.mesh.seams[k] for k in state.open_seams)
     return [Turn(seams, factor=STIFFER**number, friction=True) for number in range(1, FURTHER + 1)]
-
-
-def joined_singles(parts: list[Strings]) -> tuple[Strings, ...]:
-    """The strings without seams of a single pair, which go to a seam that closes at their time: a line has two ends."""
-    lines = [part for part in parts if len(part.pairs) > 1]
-    for single in (part for part in parts if len(part.pairs) == 1 and lines):
-        k = min(range(len(lines)), key=lambda k: abs(lines[k].start - single.start) + abs(lines[k].end - single.end))
-        lines[k] = replace(lines[k], pairs=np.concatenate([lines[k].pairs, single.pairs]))
-    return tuple(lines)
 
 
 def order_of(seam: Seam, state: SewingState) -> int:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, as_positive
 from clothsim.errors import InputError
 from clothsim.io.exchange.animation import Animation
 from clothsim.io.exchange.formats import Format, format_of
@@ -124,8 +124,8 @@ def _refuse_settings(run: "Run", target: Path, kind: Format, given: dict[str, An
     if not len(run.times):
         raise InputError(f"{run.directory} holds no frame.", "Export a run that has begun.")
     for name in ("fps", "scale"):
-        if given[name] is not None and not 0 < given[name] < float("inf"):
-            raise InputError(f"{name} is {given[name]!r}.", "Give a positive number.")
+        if given[name] is not None:
+            as_positive(name, given[name])
     if kind.metres and given["scale"] != 1:
         raise InputError(f"{target.suffix} files are in metres.", "Leave the scale out.")
     if given["frame"] is not None and given["fps"] is not None:
@@ -166,9 +166,9 @@ def _refuse_files(target: Path, files: tuple[Path, ...], overwrite: bool) -> Non
     if not target.parent.is_dir():
         raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
     there = [file for file in files if file.exists()]
-    if there and not overwrite:
-        more = f" ({len(there)} of {len(files)} files)" if len(files) > 1 else ""
-        raise InputError(f"{there[0]} exists{more}.", "Choose another name, or replace it with --overwrite.")
     folder = next((file for file in there if file.is_dir()), None)
     if folder is not None:
         raise InputError(f"{folder} is a directory.", "Choose another name.")
+    if there and not overwrite:
+        more = f" ({len(there)} of {len(files)} files)" if len(files) > 1 else ""
+        raise InputError(f"{there[0]} exists{more}.", "Choose another name, or replace it with --overwrite.")

@@ -25,6 +25,8 @@ USUAL_RATE = 24.0
 """Frames a second of a run with one frame."""
 FAR = 8.0
 """Largest coordinate [m] that single precision still keeps to half a micrometre."""
+MOST_FRAMES = 20_000
+"""Largest number of frames of an export at a rate of its own."""
 SAME_TIME = 1e-6
 """Fraction of the distance of two frames below which a time is that of a frame."""
 
@@ -49,6 +51,8 @@ def samples_of(trajectory: Trajectory, frame: int | None, fps: float | None) -> 
     if fps is None:
         return [Sample(float(time), k, 0.0) for k, time in enumerate(times)], own
     count = int((times[-1] - times[0]) * fps * (1 + 1e-12) + SAME_TIME) + 1
+    if count > MOST_FRAMES:
+        raise InputError(f"fps = {fps:g} makes {count:,} frames, more than {MOST_FRAMES:,}.", "Take a lower rate.")
     return [_sample(times, times[0] + k / fps) for k in range(count)], float(fps)
 
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from clothsim.build.scene_world import Built
     from clothsim.run.export import Exported
     from clothsim.run.fields import Configuration
+    from clothsim.run.forces import Forces
 
 RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` or clothsim.simulate left."
 
@@ -212,8 +213,7 @@ class Run(Sequence[Frame]):
         Parameters
         ----------
         name : str
-            "deformation_gradient", "rotation", "right_stretch", "principal_stretches", "principal_directions",
-            "compression", "thickness", "vertex_frames", "stress", "energy_density" or "contact_pressure"; "carried" in
+            A key of `clothsim.run.fields.FIELDS`: "stress", "contact_pressure", "body_pressure", ...; "carried" in
             a run with ``contact.pinch = "carry"``: 1 for a vertex that a body carries through a pinch.
         frame : int
             Its number; negative ones count from the end.
@@ -221,13 +221,13 @@ class Run(Sequence[Frame]):
         Returns
         -------
         ndarray
-            (m, ...) for a field of the triangles, (n, ...) for one of the vertices, in SI units; float32 where the run
-            wrote it (``run.fields`` of the scene), else float64.
+            (m, ...) for a field of the triangles, (n, ...) of the vertices, (b, ...) of the bodies', in SI units;
+            float32 where the run wrote it (``run.fields`` of the scene), else float64.
 
         Raises
         ------
         InputError
-            For an unknown name, for "contact_pressure" where the run did not write it, or where the scene in the
+            For an unknown name, for a field of contact that the run did not write, or where the scene in the
             checkpoint cannot be built again.
 
         Examples
@@ -271,6 +271,12 @@ class Run(Sequence[Frame]):
         """The entries of the record, one a step; none where the run kept no record."""
         path = self.directory / RECORD_NAME
         return read_record(path) if path.is_file() else []
+
+    def forces(self) -> "Forces":
+        """Contact force on each body and reaction of each group of pins at each step; needs ``run.forces``."""
+        from clothsim.run.forces import forces_of
+
+        return forces_of(self.record(), str(self.directory))
 
     def plot(
         self, frame: int = -1, path: str | Path | None = None, field: str | None = None, **settings: Any

@@ -9,12 +9,16 @@ from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
 import clothsim
+from clothsim.dressing import pictures
 from clothsim.dressing.approaching import approached
-from clothsim.dressing.closing_rounds import BELOW, DART, ONTO, WITHIN, Strings, joined_singles, order_of, turns
+from clothsim.dressing.closing import worst_gap
+from clothsim.dressing.closing_rounds import BELOW, DART, ONTO, WITHIN, order_of, turns
+from clothsim.dressing.dress import _closed_seams
+from clothsim.dressing.garment_surfaces import seam_strokes
 from clothsim.dressing.lifting import lifted
-from clothsim.dressing.measurements import girths, section
 from clothsim.dressing.placing import placed_on
 from clothsim.dressing.separating import crossing_panels, separated
+from clothsim.dressing.sewing_movie import frames_of
 from clothsim.dressing.sewing_state import as_placed
 from clothsim.dressing.sleeves import turned_to_arms
 from clothsim.dressing.strings import strings_through
@@ -114,6 +118,30 @@ def test_files_of_a_dressed_garment(dressed):
     assert [line for line in lines if line.startswith("g ")] == ["g front", "g back"]
 
 
+def test_pictures_of_a_dressed_garment(dressed, monkeypatch):
+    monkeypatch.setattr(pictures, "SIZE", (100, 150))
+    monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")
+    files = pictures.draw_dress(dressed)
+    assert [file.name for file in files] == ["placed.png", "worn.png", "stretch.png"]
+    assert all(file.stat().st_size > 5_000 for file in files)
+
+
+def test_frames_of_the_sewing(dressed):
+    frames = frames_of(dressed)
+    assert len(frames) == 1 + sum(len(run) for run in dressed.closing) + len(dressed.run)
+    panels, welded = len(dressed.state.mesh.positions), len(dressed.positions)
+    assert [len(garment.positions) for garment, _ in frames[:: len(frames) - 1]] == [panels, welded]
+    assert np.array_equal(frames[-1][0].positions, dressed.positions)
+
+
+def test_seams_are_drawn_along_all_sewn_edges(dressed):
+    strokes = seam_strokes(dressed.state, dressed.positions)
+    lengths = np.linalg.norm(strokes[:, 0, 1] - strokes[:, 0, 0], axis=1)
+    assert np.isclose(lengths.sum(), 2 * HEIGHT / 100, rtol=0.05)
+    both = strokes[:, :, 1] - strokes[:, :, 0]
+    assert np.allclose((both[:, 0] * both[:, 1]).sum(axis=1), 0, atol=1e-12)
+
+
 def test_an_earlier_run_is_not_replaced_unasked(dressed, body):
     worn = clothsim.Body(body.positions, body.triangles, name="person")
     with pytest.raises(InputError):
@@ -148,6 +176,13 @@ def test_a_panel_with_no_way_out_fails_by_name(body, tmp_path):
     assert done.status == "failed"
     assert "front" in done.reason
     assert done.run is None
+
+
+def test_the_reason_names_seams_that_strings_hold(dressed):
+    assert _closed_seams(dressed.state, "person") == dressed.reason
+    opened = dressed.placed
+    assert f"{len(opened.welded)} of {len(opened.mesh.seams)}" in _closed_seams(opened, "person")
+    assert worst_gap(opened)[1] in _closed_seams(opened, "person")
 
 
 def test_placement_by_axes_and_origin(body):
@@ -198,15 +233,6 @@ def test_order_of_seams():
     assert order_of(state.mesh.seams[0], state) == DART
 
 
-def test_a_single_pair_goes_to_the_seam_of_its_time():
-    pairs = np.arange(12).reshape(-1, 2)
-    parts = [Strings(pairs[:2], 0.0, 0.5), Strings(pairs[2:4], 0.5, 0.9), Strings(pairs[4:5], 0.0, 0.5)]
-    lines = joined_singles(parts)
-    assert [len(line.pairs) for line in lines] == [3, 2]
-    assert np.array_equal(lines[0].pairs[-1], pairs[4])
-    assert joined_singles(parts[2:]) == ()
-
-
 def test_panels_approach_the_body(body):
     surface = body_surface(body.positions, body.triangles)
     state = as_placed(placed_on(mesh_pattern(pattern_of(skirt(60)), SPACING), body)[0])
@@ -250,11 +276,3 @@ def test_low_shoulders_are_lifted(body):
     )
     assert after < before
     assert note
-
-
-def test_sections_and_girths(dressed, body):
-    cut = section(body.positions, body.triangles, body.up, 1.1)
-    assert np.allclose(cut[..., 1], 1.1)
-    rows = {girth.name: girth for girth in girths(dressed.state, body)}
-    assert np.isclose(rows["hem"].garment, 2 * WIDTH / 100, rtol=0.1)
-    assert all(girth.garment > 0.5 for girth in rows.values())

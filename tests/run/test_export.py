@@ -1,5 +1,6 @@
 """Export of runs, each format opened by a reader of another project."""
 
+import importlib.util
 import json
 import struct
 
@@ -8,6 +9,7 @@ import pytest
 from command_line import refused
 from exported_runs import Y_UP, all_points, exported_run, glb_frames
 
+import clothsim
 from clothsim import InputError, open_run
 from clothsim.cli import main
 from clothsim.io.exchange.formats import FORMATS
@@ -223,6 +225,8 @@ def test_without_its_mesh_file_a_run_loses_texture_and_panels_with_a_note(tmp_pa
         {"name": "a.glb", "up": "z"},
         {"name": "a.obj", "up": "x"},
         {"name": "a.obj", "scale": 0},
+        {"name": "a.obj", "scale": "big"},
+        {"name": "a.obj", "fps": 1e9},
         {"name": "a.obj", "fps": float("nan")},
         {"name": "a.obj", "frame": 4},
         {"name": "a.obj", "frame": 1, "fps": 25},
@@ -244,6 +248,28 @@ def test_files_that_exist_are_kept_unless_they_are_to_be_replaced(run, tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == ["a_0002.obj"]
     run.export(tmp_path / "a.obj", overwrite=True)
     assert len(read_mesh(tmp_path / "a_0002.obj").positions) == 39
+
+
+def test_surfaces_of_like_names_stay_apart(tmp_path):
+    names = ["coat a", "coat_a", "coat/a"]
+    triangle = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
+    cloths = [clothsim.Cloth(triangle + np.array([0, 0, k]), [[0, 1, 2]], name=name) for k, name in enumerate(names)]
+    scene = clothsim.Scene(cloths, effects=[clothsim.Inertia()], run=clothsim.RunSettings(duration=0.04))
+    run = clothsim.simulate(scene, tmp_path / "run")
+    files = run.export(tmp_path / "a.pc2").files
+    assert len(set(files)) == len(files) == 6
+    (tmp_path / "b").mkdir()
+    mesh = read_mesh(run.export(tmp_path / "b/a.obj", frame=0).files[0])
+    assert [len(own) for own in mesh.groups.values()] == [1, 1, 1]
+    if importlib.util.find_spec("pxr") is not None:
+        mesh = read_mesh(run.export(tmp_path / "a.usda").files[0])
+        assert [len(own) for own in mesh.groups.values()] == [1, 1, 1]
+
+
+def test_a_directory_of_the_name_is_never_replaced(run, tmp_path):
+    (tmp_path / "a.glb").mkdir()
+    with pytest.raises(InputError, match="directory"):
+        run.export(tmp_path / "a.glb", overwrite=True)
 
 
 def test_the_command_exports_and_refuses_in_one_sentence(run, tmp_path, capsys):

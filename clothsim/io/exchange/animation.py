@@ -1,6 +1,6 @@
 """Animated surfaces as a file format takes them: in its unit and axes, with normals, texture and colours."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -165,7 +165,29 @@ def group_runs(part: Part) -> list[tuple[tuple[str, ...], int, int]]:
     ]
 
 
-def plain_name(name: str, separators: str = "") -> str:
-    """`name` as one word: letters, digits and the separators; "_" for all else."""
-    word = "".join(c if (c.isascii() and c.isalnum()) or c in "_-" + separators else "_" for c in name)
-    return word or "part"
+def one_word(name: str) -> str:
+    """`name` with "_" for spaces."""
+    return "_".join(name.split()) or "part"
+
+
+def plain_word(name: str) -> str:
+    """`name` as letters of ASCII, digits, "_" and "-", with "_" for all else: for the names of files."""
+    return "".join(c if c.isascii() and (c.isalnum() or c in "_-") else "_" for c in name) or "part"
+
+
+def identifier(name: str) -> str:
+    """`name` as letters of ASCII, digits and "_" that do not begin with a digit."""
+    word = plain_word(name).replace("-", "_")
+    return f"_{word}" if word[0].isdigit() else word
+
+
+def different(names: Sequence[str], word: Callable[[str], str]) -> list[str]:
+    """The `word` of each name, with a number where an earlier one has it."""
+    found: list[str] = []
+    for name in names:
+        own, number = word(name), 1
+        while own in found:
+            number += 1
+            own = f"{word(name)}_{number}"
+        found.append(own)
+    return found

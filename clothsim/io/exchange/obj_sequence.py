@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from clothsim.io.atomic import write_atomically
-from clothsim.io.exchange.animation import Animation, Part, PartFrame, flat_texture, group_runs, plain_name
+from clothsim.io.exchange.animation import Animation, Part, PartFrame, different, flat_texture, group_runs, one_word
 
 
 def files(animation: Animation, target: Path) -> list[Path]:
@@ -28,14 +28,15 @@ def frame_text(animation: Animation, frame: int) -> str:
     if any(len(part.texture) for part in animation.parts):
         lines.append("vt 0.0 0.0")  # of the parts without texture: some readers drop all where some corners have none
         counts[1] = 1
-    for part, shape in zip(animation.parts, animation.at(frame), strict=True):
-        lines += part_lines(part, shape, counts)
+    names = different([part.name for part in animation.parts], one_word)
+    for name, part, shape in zip(names, animation.parts, animation.at(frame), strict=True):
+        lines += _part_lines(name, part, shape, counts)
     return "\n".join(lines) + "\n"
 
 
-def part_lines(part: Part, shape: PartFrame, counts: list[int]) -> list[str]:
+def _part_lines(name: str, part: Part, shape: PartFrame, counts: list[int]) -> list[str]:
     """The lines of a surface; counts: vertices and texture coordinates before it, which grow."""
-    lines = [f"o {plain_name(part.name)}"]
+    lines = [f"o {name}"]
     lines += [f"v {x!r} {y!r} {z!r}" for x, y, z in shape.points.tolist()]
     lines += [f"vn {x:.7g} {y:.7g} {z:.7g}" for x, y, z in shape.normals.tolist()]
     vertex = (part.triangles + counts[0] + 1).tolist()
@@ -49,7 +50,7 @@ def part_lines(part: Part, shape: PartFrame, counts: list[int]) -> list[str]:
         none = "1" if counts[1] else ""
         faces = [" ".join(f"{i}/{none}/{i}" for i in a) for a in vertex]
     for names, first, stop in group_runs(part):
-        lines.append(f"g {' '.join(map(plain_name, names)) if names else plain_name(part.name)}")
+        lines.append(f"g {' '.join(map(one_word, names)) if names else name}")
         lines += [f"f {face}" for face in faces[first:stop]]
     counts[0] += len(shape.points)
     return lines
@@ -57,4 +58,4 @@ def part_lines(part: Part, shape: PartFrame, counts: list[int]) -> list[str]:
 
 def still_mesh(part: Part, shape: PartFrame) -> bytes:
     """An OBJ of one surface."""
-    return ("\n".join(part_lines(part, shape, [0, 0])) + "\n").encode()
+    return ("\n".join(_part_lines(one_word(part.name), part, shape, [0, 0])) + "\n").encode()

@@ -13,7 +13,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.io.atomic import replacing, write_atomically
-from clothsim.io.exchange.animation import Animation, plain_name
+from clothsim.io.exchange.animation import Animation, different, plain_word
 from clothsim.io.exchange.obj_sequence import still_mesh
 
 
@@ -26,15 +26,13 @@ class PartFiles:
 
 
 def part_files(animation: Animation, target: Path) -> list[PartFiles]:
-    """The files of each part; the first is a cloth. Names that are alike as one word get a number."""
-    listed: list[PartFiles] = []
-    for number, part in enumerate(animation.parts):
-        stem = target.stem if number == 0 else f"{target.stem}_{plain_name(part.name)}"
-        if any(other.mesh.stem == stem for other in listed):
-            stem = f"{stem}_{number}"
-        mesh = target.with_name(f"{stem}.obj")
-        listed.append(PartFiles(mesh.with_suffix(target.suffix) if part.moving else None, mesh))
-    return listed
+    """The files of each part; the first is a cloth. Names that are alike as file names get a number."""
+    names = different([part.name for part in animation.parts[1:]], plain_word)
+    stems = [target.stem, *(f"{target.stem}_{name}" for name in names)]
+    return [
+        PartFiles(target.with_name(f"{stem}{target.suffix}") if part.moving else None, target.with_name(f"{stem}.obj"))
+        for stem, part in zip(stems, animation.parts, strict=True)
+    ]
 
 
 def cache_files(animation: Animation, target: Path) -> list[Path]:

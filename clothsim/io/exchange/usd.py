@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.errors import MissingPackageError
+from clothsim.errors import InputError, MissingPackageError
 from clothsim.io.atomic import replacing
-from clothsim.io.exchange.animation import Animation, Part, PartFrame, flat_texture, linear_rgb, plain_name
+from clothsim.io.exchange.animation import Animation, Part, PartFrame, different, flat_texture, identifier, linear_rgb
 
 ROOT = "/World"
 BODY_COLOUR = (0.2, 0.2, 0.2)
@@ -26,7 +26,7 @@ def files(animation: Animation, target: Path) -> list[Path]:
 def write(animation: Animation, target: Path) -> None:
     """Write the file. MissingPackageError without usd-core."""
     try:
-        from pxr import Sdf, Usd, UsdGeom
+        from pxr import Sdf, Tf, Usd, UsdGeom
     except ImportError as error:
         raise MissingPackageError(
             f"{target.suffix} files need the package usd-core.", "Run: pip install 'clothsim[usd]'"
@@ -37,7 +37,7 @@ def write(animation: Animation, target: Path) -> None:
     _describe(stage, animation)
     root = UsdGeom.Xform.Define(stage, ROOT)
     stage.SetDefaultPrim(root.GetPrim())
-    names = _unique([part.name for part in animation.parts])
+    names = different([part.name for part in animation.parts], identifier)
     first = animation.at(0)
     meshes = [
         _mesh(stage, f"{ROOT}/{name}", part, shape, animation)
@@ -53,6 +53,8 @@ def write(animation: Animation, target: Path) -> None:
         try:
             layer.Export(str(ended))
             ended.replace(beside)
+        except Tf.ErrorException as error:
+            raise InputError(f"{target} cannot be written by usd-core.", "Free space, or choose another.") from error
         finally:
             ended.unlink(missing_ok=True)
 
@@ -96,7 +98,7 @@ def _mesh(stage: Any, path: str, part: Part, shape: PartFrame, animation: Animat
         st.Set(Vt.Vec2fArray.FromNumpy(rows.astype(np.float32)))
         st.SetIndices(Vt.IntArray.FromNumpy(corners.astype(np.int32).ravel()))
     if part.groups:
-        for name, (label, faces) in zip(_unique(list(part.groups)), part.groups.items(), strict=True):
+        for name, (label, faces) in zip(different(list(part.groups), identifier), part.groups.items(), strict=True):
             indices = Vt.IntArray.FromNumpy(np.asarray(faces, np.int32))
             subset = UsdGeom.Subset.CreateGeomSubset(mesh, name, UsdGeom.Tokens.face, indices, "panel")
             subset.GetPrim().SetDisplayName(label)
@@ -125,17 +127,3 @@ def _sample(mesh: Any, shape: PartFrame, code: Any) -> None:
         mesh.GetDisplayColorAttr().Set(Vt.Vec3fArray.FromNumpy(colours), code)
     if len(shape.stretch):
         primvars.GetPrimvar("stretch").Set(Vt.FloatArray.FromNumpy(shape.stretch.astype(np.float32)), code)
-
-
-def _unique(names: list[str]) -> list[str]:
-    """Names of prims, all different: words that begin with a letter or "_"."""
-    found: list[str] = []
-    for name in names:
-        word = plain_name(name).replace("-", "_")
-        word = f"_{word}" if word[0].isdigit() else word
-        stem, number = word, 1
-        while word in found:
-            number += 1
-            word = f"{stem}_{number}"
-        found.append(word)
-    return found
