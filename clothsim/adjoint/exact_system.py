@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.energies.hessians import explicit, split
+from clothsim.energies.hessians import ByElement, explicit, split
 from clothsim.errors import ClothsimError
 from clothsim.solve.direct_solver import LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.linear_system import System
@@ -56,9 +56,12 @@ class ExactSystem:
             out[:n] = self.solver.solve(self.data, right, ACCURACY).reshape(-1, 3)
         return out
 
-    def times(self, vectors: Floats) -> Floats:
-        """Return H v for v (N, 3), over all rows."""
-        return times(self.hessians, vectors)
+    def prescribed_rows_times(self, vectors: Floats) -> Floats:
+        """Return (N, 3), of which the prescribed rows are those of H v, v (N, 3): other parts of H are left out."""
+        prescribed = np.ones(len(vectors), bool)
+        prescribed[: len(self.free)] = ~self.free
+        parts = [part for part in self.hessians if not isinstance(part, ByElement) or prescribed[part.elements].any()]
+        return times(parts, vectors)
 
 
 def exact_system(potential: Potential, x: Floats, system: System, prescribed: np.ndarray) -> ExactSystem:
