@@ -10,7 +10,7 @@ from clothsim.errors import ClothsimError
 from clothsim.solve.direct_solver import LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.linear_system import System
 from clothsim.solve.potential import Potential
-from clothsim.solve.sparsity import Explicit, times
+from clothsim.solve.sparsity import Explicit, couplings, times
 
 ACCURACY = 1e-12
 """Relative error of a solution in the norm of the matrix."""
@@ -81,9 +81,11 @@ def exact_system(potential: Potential, x: Floats, system: System, prescribed: np
     given = [energy.hessian(x, False) for energy in potential.acting.values()]
     implicit = split(given)[1]
     wider = system.widened([part.elements for part in implicit])
-    wider.begin(potential.couplings(x, np.zeros_like(x)))
-    hessians = explicit(given)
+    hessians, before = explicit(given), wider.pattern
     data = wider.assemble(list(hessians))
+    if wider.pattern is not before:  # it has grown: leave out what only earlier states coupled
+        wider.begin([couplings(part) for part in hessians])
+        data = wider.assemble(list(hessians))
     n = wider.base.n_vertices
     free = np.ones(n, bool)
     free[prescribed[prescribed < n]] = False
