@@ -42,3 +42,13 @@ PATTERN_FILES = (
     "tee.json",
     *(f"random/r{number:03}.json" for number in range(20)),
 )
+
+BODY_OF_MOST = "mean_all"
+"""Body that GarmentCode's programs made their patterns for."""
+BODIES_OF = dict.fromkeys(("skirt_2_panels", "skirt_4_panels", "tee"), "f_smpl_average_A40")
+"""Body of the patterns of Garment-Pattern-Generator."""
+
+
+def body_of(pattern: str) -> str:
+    """Name of the shared body that a pattern file was made for."""
+    return BODIES_OF.get(pattern.rsplit("/", 1)[-1].removesuffix(".json"), BODY_OF_MOST)

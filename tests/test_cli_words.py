@@ -21,7 +21,20 @@ def test_debug_shows_the_traceback():
 
 @pytest.mark.parametrize(
     "command",
-    ["run", "fit", "resume", "bundle", "render", "check", "explain", "study", "gradient", "recover", "scenes"],
+    [
+        "run",
+        "fit",
+        "resume",
+        "bundle",
+        "render",
+        "export",
+        "check",
+        "explain",
+        "study",
+        "gradient",
+        "recover",
+        "scenes",
+    ],
 )
 def test_help_is_short_and_has_an_example(capsys, command):
     with pytest.raises(SystemExit) as end:
@@ -74,8 +87,13 @@ def test_lines_come_at_the_first_step_the_last_and_seldom_between(capsys):
         ({"total": 9e-3, "known": False}, "not known, about 9 mm"),
         ({"total": "not estimated (failed)", "known": False}, "error not estimated (failed) in all; Newton"),
         (
-            {"total": 9e-3, "known": True, "fixed": {"cells": ""}},
-            "about 9 mm in all, without that of cells; Newton",
+            {"total": 9e-3, "known": False, "fixed": {"cells": ""}, "of_refined": {"known": True}},
+            "not known in all, as that of cells is not; others about 9 mm; Newton",
+        ),
+        (
+            {"total": 9e-4, "known": False, "met": False, "asked": 1e-3, "fixed": {"cells": ""}}
+            | {"of_refined": {"known": True, "met": True}},
+            "others about 900 um (met by these: 1 mm requested); Newton",
         ),
         ({"temporal": "not estimated (quasi-static)"}, "not estimated (quasi-static), Newton 0 um"),
     ],

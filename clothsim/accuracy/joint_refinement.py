@@ -155,12 +155,24 @@ def _scaled(summed: Floats, mismatch: Floats, factor: float, apart: float, norm:
 def _limit_of_joint(
     base: Floats, joint: Mapping[int, Floats], order: float, limits: Mapping[str, Limit], norm: Norm, noise: float
 ) -> list[_Estimate]:
-    """The limit of the joint runs as one sweep, where three levels have a believed order."""
-    found = limit({0: base, **joint}, 2, order, norm, noise)
-    if not found.extrapolated or not np.isfinite(found.order):
+    """The limit of the joint runs as one sweep, where three levels have a believed order or fall faster.
+
+    Differences that fall faster may do so by chance: the finest run is then the limit, and its error at least what the
+    first difference leaves of it with the expected order.
+    """
+    sweep = {0: base, **joint}
+    found = limit(sweep, 2, order, norm, noise)
+    if not np.isfinite(found.order):
         return []
+    error = found.error
+    if not found.extrapolated:
+        if found.order <= order:
+            return []
+        finest = max(sweep)
+        first = norm(sweep[finest - 2] - sweep[finest - 1])
+        error = max(error, first / (2.0**order * (2.0**order - 1.0)))
     whole = sum((each.field - base for each in limits.values()), start=np.zeros_like(base))
-    return [_Estimate(found.field - base - whole, found.error)]
+    return [_Estimate(found.field - base - whole, error)]
 
 
 def _product(

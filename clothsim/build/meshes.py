@@ -87,6 +87,7 @@ def cloth_of(
         material_coordinates=shape.texture if in_plane else None,
         velocity=as_vector(f"{where}.velocity", keys.get("velocity", (0, 0, 0))),
         groups=shape.groups,
+        texture=shape.texture,
     )
     return cloth, (*warnings, fabric_note)
 

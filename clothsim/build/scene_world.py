@@ -151,6 +151,11 @@ def _take_over(
         off[name] = before.off[name]
 
 
+def world_of(scene: Scene) -> World:
+    """The cloths and bodies of a scene, without its effects. InputError as of `build`."""
+    return _world(scene)[0]
+
+
 def _world(scene: Scene) -> tuple[World, list[str]]:
     notes: list[str] = []
     cloths, bodies = [], []

@@ -11,8 +11,10 @@ from collections.abc import Sequence
 from clothsim.cli import (
     bundle_command,
     check_command,
+    completion_command,
     dress_command,
     explain_command,
+    export_command,
     fabrics_command,
     fit_command,
     gradient_command,
@@ -24,6 +26,7 @@ from clothsim.cli import (
     study_command,
 )
 from clothsim.cli.arguments import Parser, join_vectors
+from clothsim.cli.events import events, stream
 from clothsim.errors import ClothsimError, IntersectionWarning
 
 COMMANDS = (
@@ -35,11 +38,13 @@ COMMANDS = (
     recover_command,
     bundle_command,
     render_command,
+    export_command,
     check_command,
     explain_command,
     fabrics_command,
     scenes_command,
     keys_command,
+    completion_command,
 )
 
 _RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` left."
@@ -55,6 +60,7 @@ REMEDIES = {
     "resume": _RUN_DIRECTORY,
     "bundle": _RUN_DIRECTORY,
     "render": _RUN_DIRECTORY,
+    "export": _RUN_DIRECTORY,
 }
 """Remedies of errors that have none of their own, by command."""
 
@@ -68,6 +74,8 @@ _DESCRIPTION = """\
 Finite-element cloth with intersection-free contact.
 
   clothsim run sphere -o drape
+
+Exit codes: 0 done; 1 the run failed or a check found a fault; 2 bad input; 130 stopped by Ctrl-C.
 """
 
 
@@ -80,6 +88,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = join_vectors(sys.argv[1:] if argv is None else argv)
     if argv is None:  # called as a program, whose settings are its own
         gc.set_threshold(*_MANY_OBJECTS)
+    with events(words):
+        return _guarded(words)
+
+
+def _guarded(words: Sequence[str]) -> int:
+    """The exit code of a command; errors become two lines, or an event."""
     try:
         return _dispatch(words)
     except ClothsimError as error:
@@ -101,12 +115,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         return UNEXPECTED
 
 
-def _dispatch(words: Sequence[str]) -> int:
+def parser_of_all() -> Parser:
+    """The parser of all commands."""
     parser = Parser(prog="clothsim", description=_DESCRIPTION)
     parser.add_argument("--version", action="store_true", help="print the version and stop")
     commands = parser.add_subparsers(metavar="COMMAND", title="commands", dest="command", parser_class=Parser)
     for module in COMMANDS:
         module.add_to(commands)
+    return parser
+
+
+def _dispatch(words: Sequence[str]) -> int:
+    parser = parser_of_all()
     arguments = parser.parse_args(words)
     if arguments.version:
         from clothsim import __version__
@@ -141,4 +161,7 @@ def _remedy(sentence: str, words: Sequence[str]) -> str:
 
 
 def _two_lines(sentence: str, remedy: str) -> None:
+    if (own := stream()) is not None:
+        own.event("error", sentence=" ".join(sentence.split()), remedy=remedy)
+        return
     print(f"{' '.join(sentence.split())}\n{remedy}", file=sys.stderr)

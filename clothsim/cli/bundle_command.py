@@ -20,6 +20,7 @@ def add_to(commands: Any) -> None:
     bundle = commands.add_parser("bundle", help="pack a run to replay it elsewhere", description=_DESCRIPTION)
     bundle.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     bundle.add_argument("-o", "--output", type=Path, metavar="FILE", help="the archive (default: DIR.zip)")
+    bundle.add_argument("--json", action="store_true", help="print file and size as JSON")
     bundle.add_argument("--debug", action="store_true", help="show tracebacks")
     bundle.set_defaults(handler=_bundle)
 
@@ -36,6 +37,11 @@ def _bundle(arguments: argparse.Namespace) -> int:
     if not target.parent.is_dir():
         raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
     write_bundle(directory, target)
+    if arguments.json:
+        from clothsim.io.record import to_json
+
+        print(to_json({"file": str(target), "bytes": target.stat().st_size}))
+        return 0
     print(
         f"{target}: {target.stat().st_size / 1e6:.2g} MB. Replay it with: {program()} resume {shlex.quote(str(target))}"
     )

@@ -1,6 +1,8 @@
 """`clothsim check`: all faults of a mesh, a scene or a run."""
 
 import argparse
+import contextlib
+import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +19,7 @@ if TYPE_CHECKING:
     from clothsim.sim.intersection_check import IntersectionCheck
 
 _DESCRIPTION = """\
-Examine a mesh file, build a scene, test every frame of a run for intersections, or a garment on a body.
-Exit code 1 if something is wrong.
+Examine a mesh file, a scene, every frame of a run, or a garment on a body. Exit code 1: something is wrong.
 
   clothsim check shirt.obj
   clothsim check suit.mhclo --on base.obj --body-group body -o suit.png
@@ -43,8 +44,27 @@ def add_to(commands: Any) -> None:
     worn.add_argument("--part", metavar="LO:HI", help="only these vertices of MESH")
     worn.add_argument("--weld", metavar="M", help="sew borders closer than that [m]")
     worn.add_argument("-o", dest="output", type=Path, metavar="PNG", help="a picture with the bad places marked")
+    check.add_argument("--json", action="store_true", help="as JSON: {target, code, errors, warnings, notes}")
     check.add_argument("--debug", action="store_true", help="show tracebacks")
-    check.set_defaults(handler=_check)
+    check.set_defaults(handler=_reported)
+
+
+def _reported(arguments: argparse.Namespace) -> int:
+    """Print the lines of the check, or with --json one document of them."""
+    if not arguments.json:
+        return _check(arguments)
+    text = io.StringIO()
+    with contextlib.redirect_stdout(text):
+        code = _check(arguments)
+    found: dict[str, list[str]] = {"errors": [], "warnings": [], "notes": []}
+    for line in text.getvalue().splitlines()[1:-1]:  # the first names the target, the last sums up
+        severity, _, sentence = line.strip().partition(": ")
+        kind = f"{severity}s" if severity in ("error", "warning") else "notes"
+        found[kind].append(sentence if kind != "notes" else line.strip())
+    from clothsim.io.record import to_json
+
+    print(to_json({"target": str(arguments.target), "code": code, **found}))
+    return code
 
 
 def _check(arguments: argparse.Namespace) -> int:

@@ -39,6 +39,7 @@ def add_to(commands: Any) -> None:
     dress.add_argument("--body-group", metavar="NAME", help="this group of the body's file (default: the largest)")
     dress.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
     dress.add_argument("--no-picture", action="store_true", help="draw nothing")
+    dress.add_argument("--movie", action="store_true", help="leave movie.mp4 of the sewing, movie.gif without ffmpeg")
     dress.add_argument("--quiet", action="store_true", help="print the end only")
     dress.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
     dress.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -83,7 +84,7 @@ def _dress(arguments: argparse.Namespace) -> int:
             on_stage=lambda stage: report(_stage(stage)),
             progress=listener,
         )
-    trouble = [] if arguments.no_picture else _pictures(done)
+    trouble = _pictures(done, not arguments.no_picture, arguments.movie)
     if arguments.json:
         from clothsim.io.record import SUMMARY_NAME
 
@@ -109,12 +110,24 @@ def _verdict(done: "Dress") -> list[str]:
     ]
 
 
-def _pictures(done: "Dress") -> list[str]:
+def _pictures(done: "Dress", pictures: bool, movie: bool) -> list[str]:
+    """Draw pictures and movie; a line for each that could not be drawn."""
     from clothsim.dressing.pictures import draw_dress
+    from clothsim.dressing.sewing_movie import draw_sewing
     from clothsim.errors import ClothsimError
+    from clothsim.render.movie import has_ffmpeg
+    from clothsim.run.pictures import GIF_NAME, MOVIE_NAME
 
-    try:
-        draw_dress(done)
-    except (ClothsimError, OSError, ImportError) as error:
-        return [f"No picture: {error}"]
-    return []
+    film, trouble = done.directory / (MOVIE_NAME if has_ffmpeg() else GIF_NAME), []
+    if movie and film.name == GIF_NAME:
+        trouble.append(f"{film.name}, not {MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")
+    for wanted, name, draw in (
+        (pictures, "picture", lambda: draw_dress(done)),
+        (movie, film.name, lambda: draw_sewing(done, film)),
+    ):
+        try:
+            if wanted:
+                draw()
+        except (ClothsimError, OSError, ImportError) as error:
+            trouble.append(f"No {name}: {error}")
+    return trouble

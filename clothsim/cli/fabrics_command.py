@@ -43,6 +43,7 @@ def add_to(commands: Any) -> None:
     fabrics.add_argument(
         "--swatches", type=Path, metavar="PNG", help="a picture of a Cusick drape of each (or of NAME)"
     )
+    fabrics.add_argument("--json", action="store_true", help="as JSON in SI units: {name: {values, sources}}")
     fabrics.add_argument("--debug", action="store_true", help="show tracebacks")
     fabrics.set_defaults(handler=_fabrics)
 
@@ -56,8 +57,20 @@ def _fabrics(arguments: argparse.Namespace) -> int:
         fabric_named("NAME", name)
     if file is not None:
         return _swatches([name] if name is not None else list(TABLE), file)
+    if arguments.json:
+        chosen = TABLE.values() if name is None else [TABLE[name]]
+        from clothsim.io.record import to_json
+
+        print(to_json({each.fabric.name: _document(each) for each in chosen}))
+        return 0
     print(table(TABLE.values()) if name is None else sheet(TABLE[name]))
     return 0
+
+
+def _document(named: "NamedFabric") -> dict[str, Any]:
+    """Values of a fabric in SI units, null where no source gives one, and their sources."""
+    values = {key: getattr(named.fabric, key) for key in _VALUES}
+    return {"made_of": named.made_of, "values": values, "sources": dict(named.sources)}
 
 
 def _swatches(names: list[str], file: Path) -> int:

@@ -26,6 +26,7 @@ def add_to(commands: Any) -> None:
     )
     keys.add_argument("--json-schema", action="store_true", help="print the JSON schema, for editors")
     keys.add_argument("--markdown", action="store_true", help="print the reference page")
+    keys.add_argument("--json", action="store_true", help="as JSON: {section: {summary, keys}}")
     keys.add_argument("--debug", action="store_true", help="show tracebacks")
     keys.set_defaults(handler=_keys)
 
@@ -37,6 +38,8 @@ def _keys(arguments: argparse.Namespace) -> int:
         from clothsim.scene.json_schema import json_schema
 
         print(json.dumps(json_schema(), indent=2))
+    elif arguments.json:
+        print(json.dumps(document(arguments.section)))
     elif arguments.markdown:
         from clothsim.scene.reference import markdown
 
@@ -63,8 +66,39 @@ def keys_of_section(name: str) -> str:
     InputError
         For a name that is no section, with the nearest known one.
     """
-    from clothsim.scene.reference import COLUMNS, row, sections
+    from clothsim.scene.reference import COLUMNS, row
     from clothsim.text_table import text_table
+
+    matching, only = _matching(name)
+    parts = []
+    for section in matching:
+        rows = [row(key) for key in section.keys.values() if only in (None, key.name)]
+        head = f"[{section.name}]" if "=" not in section.name else section.name
+        parts.append(f"{head}: {section.summary}\n" + (text_table(COLUMNS, rows) if rows else "It takes no keys."))
+    return "\n\n".join(parts)
+
+
+def document(name: str | None) -> dict[str, Any]:
+    """The sections that a name matches, or all: summary, and the columns of `clothsim keys` of each key."""
+    from clothsim.scene.reference import COLUMNS, row, sections
+
+    matching, only = (list(sections().values()), None) if name is None else _matching(name)
+    return {
+        section.name: {
+            "summary": section.summary,
+            "keys": {
+                key.name: dict(zip(COLUMNS[1:], row(key)[1:], strict=True))
+                for key in section.keys.values()
+                if only in (None, key.name)
+            },
+        }
+        for section in matching
+    }
+
+
+def _matching(name: str) -> tuple[list[Any], str | None]:
+    """The sections of a name, and the name of the only key that is meant. InputError for an unknown one."""
+    from clothsim.scene.reference import sections
 
     known = sections()
     words = _words(name)
@@ -78,12 +112,7 @@ def keys_of_section(name: str) -> str:
         matching = [section for section in matching if only in section.keys]
     if not matching:
         raise InputError(f"There is no section or key {name!r}.", _near(name))
-    parts = []
-    for section in matching:
-        rows = [row(key) for key in section.keys.values() if only in (None, key.name)]
-        head = f"[{section.name}]" if "=" not in section.name else section.name
-        parts.append(f"{head}: {section.summary}\n" + (text_table(COLUMNS, rows) if rows else "It takes no keys."))
-    return "\n\n".join(parts)
+    return matching, only
 
 
 def _near(name: str) -> str:

@@ -3,8 +3,11 @@
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import asdict
 from time import perf_counter
 from typing import TYPE_CHECKING, TypeVar, cast
+
+from clothsim.cli.events import stream
 
 if TYPE_CHECKING:
     from clothsim.run.summary import Progress
@@ -19,9 +22,12 @@ Listener = TypeVar("Listener", bound=Callable[..., None])
 def listener_for(
     quiet: bool, bar: "Callable[[], AbstractContextManager[Listener]]", lines: Listener
 ) -> "Iterator[Listener]":
-    """The callback of a command: none where `quiet`, a bar on a terminal, else lines."""
+    """The callback of a command: none where `quiet`, events with --json, a bar on a terminal, else lines."""
+    own = stream()
     if quiet:
         yield cast(Listener, lambda progress: None)
+    elif own is not None and isinstance(lines, Lines):
+        yield cast(Listener, lambda progress: own.event("progress", **asdict(progress)))
     elif sys.stderr.isatty():
         with bar() as listener:
             yield listener

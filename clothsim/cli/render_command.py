@@ -39,6 +39,7 @@ def add_to(commands: Any) -> None:
     )
     render.add_argument("--frames-per-second", metavar="N", help="of a movie (default: as fast as it was)")
     render.add_argument("--quiet", action="store_true", help="print nothing")
+    render.add_argument("--json", action="store_true", help="print the file as JSON")
     render.add_argument("--debug", action="store_true", help="show tracebacks")
     render.set_defaults(handler=_render)
 
@@ -74,7 +75,11 @@ def _render(arguments: argparse.Namespace) -> int:
         note = draw_movie(run.trajectory, target, progress=frame_counter(arguments.quiet), **settings)
     else:
         raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4 or .gif.")
-    if not arguments.quiet:
+    if arguments.json:
+        from clothsim.io.record import to_json
+
+        print(to_json({"file": str(target), "note": note}))
+    elif not arguments.quiet:
         print(f"{target}: {note}")
     return 0
 

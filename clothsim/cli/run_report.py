@@ -216,10 +216,15 @@ def _error(certificate: dict[str, Any]) -> str:
     request = f" ({'' if estimate['met'] else 'MISSED: '}{length(asked)} requested)" if asked else ""
     if total is not None:
         known = f"about {length(total)}" if isinstance(total, float) else total
-        if isinstance(total, float) and not estimate["known"]:
+        of_refined = estimate.get("of_refined", estimate)
+        if isinstance(total, float) and not of_refined["known"]:
             known = f"not known, {known} by the last difference"
-        left_out = f", without that of {', '.join(estimate['fixed'])}" if estimate.get("fixed") else ""
-        return f"{known} in all{request}{left_out}; {parts}"
+        if not estimate.get("fixed"):
+            return f"{known} in all{request}; {parts}"
+        if asked:
+            request = f" ({'met by these' if of_refined['met'] else 'MISSED'}: {length(asked)} requested)"
+        unknown = " and ".join(estimate["fixed"])
+        return f"not known in all, as that of {unknown} is not; others {known}{request}; {parts}"
     temporal = estimate["temporal"]
     steps = temporal if isinstance(temporal, str) else length(temporal)
     if certificate["at_rest"] and not isinstance(temporal, str):

@@ -35,7 +35,10 @@ THICKNESS = 0.1
 FRICTION = 0.5
 """Friction with the body once all seams were drawn together: stiffer strings would pull the garment off."""
 CLOSED = 1.5
-"""Gap of a closed seam, as a multiple of the distance at which contact begins."""
+"""Gap of a closed seam while others are open, as a multiple of the distance at which contact begins."""
+NEAR = 0.3
+"""Gap of a closed seam once all were drawn together, as a fraction of the mean edge: at the corners of several panels
+contact keeps strings apart that the weld closes."""
 SETTINGS: dict[str, Any] = {
     "effects": {
         "inertia": {},
@@ -80,7 +83,7 @@ def close(
     runs: list[Run] = []
     waiting, further = deque(turns(state)), deque(further_turns(state))
     largest, name, limit = 0.0, "", np.inf
-    while waiting or (largest > limit and further):
+    while waiting or (state.open_seams and further):
         turn = waiting.popleft() if waiting else further.popleft()
         made = turn.made(state, surface)
         if turn.is_partial(state, surface):
@@ -88,7 +91,7 @@ def close(
         if not made.strings:
             continue
         scene = _scene(state, body, fabric, made)
-        limit = CLOSED * contact_gap(scene)
+        limit = CLOSED * contact_gap(scene) if waiting else NEAR * mean_edge(state)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IntersectionWarning)
             run = simulate(scene, folder / f"close{len(runs)}", listener, overwrite=True)
@@ -99,7 +102,8 @@ def close(
         state = welded_where_closed(state, limit, surface)
         largest, name = worst_gap(state)
     seconds = sum(float(run.times[-1]) for run in runs)
-    description = f"{len(runs)} rounds, {seconds:.2g} s; largest gap {1e3 * largest:.2g} mm"
+    welded = f"pairs within {1e3 * limit:.2g} mm welded, largest gap left {1e3 * largest:.2g} mm"
+    description = f"{len(runs)} rounds, {seconds:.2g} s; {welded}"
     failure = ""
     if largest > limit:
         failure = f"Seam {name} stays open by {1e3 * largest:.3g} mm (closed: {1e3 * limit:.2g} mm)."
@@ -131,7 +135,7 @@ def _scene(state: SewingState, body: Figure, fabric: str, turn: Round) -> Scene:
         "self_contact": contact,
         "seams": {"seam": [_seam_table(strings, turn.stiffness) for strings in turn.strings]},
     }
-    if turn.free:
+    if turn.friction:
         effects["friction"] = {"coefficient": FRICTION}
     if len(turn.held):
         effects["pins"] = {"select": turn.held.tolist()}

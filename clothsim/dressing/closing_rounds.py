@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clothsim.arrays import Ints
+from clothsim.arrays import Floats, Ints
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.dressing.sleeves import is_of_arm
 from clothsim.dressing.strings import runs_through
@@ -23,8 +23,9 @@ FURTHER = 3
 """Bound on the rounds after all seams were drawn together once."""
 ON_TOP = ("collar", "hood", "lapel", "strap")
 """Words in the name of a panel that is sewn to the finished torso."""
-DART, WITHIN, ONTO = 0, 1, 2
-"""Order of seams: darts, seams within the torso and within sleeves, seams that join the rest to the torso."""
+DART, WITHIN, BELOW, ONTO = 0, 1, 2, 3
+"""Order of seams: darts, seams round the torso and within sleeves, seams that join one piece of the torso below
+another, seams that join the rest to the torso."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,7 @@ class Strings:
     Attributes
     ----------
     pairs : (k, 2) int array
-        Vertices of the garment; k > 1.
+        Vertices of the garment.
     start, end : float
         Time of closing [s].
     """
@@ -58,15 +59,15 @@ class Round:
         Vertices that do not move.
     duration : float
         Time until the last seam is closed [s].
-    free : bool
-        True where all seams were drawn together before, and nothing is held.
+    friction : bool
+        True for friction with the body.
     """
 
     strings: tuple[Strings, ...]
     stiffness: float
     held: Ints
     duration: float
-    free: bool
+    friction: bool
 
 
 @dataclass(frozen=True)
@@ -79,6 +80,10 @@ class Turn:
         Seams that are drawn together, and seams that are kept together.
     factor : float
         Factor of the stiffness.
+    hold : bool
+        True: the torso does not move.
+    friction : bool
+        True: friction with the body; strings would pull a garment off that is closed round it.
     patient : bool
         True: pairs whose string runs through the body wait. Once their neighbours are closed the panels lie on the
         torso, and a string that ran through an arm passes below it.
@@ -87,6 +92,8 @@ class Turn:
     closing: tuple[Seam, ...]
     closed: tuple[Seam, ...] = ()
     factor: float = 1.0
+    hold: bool = False
+    friction: bool = False
     patient: bool = False
 
     def made(self, state: SewingState, surface: BodySurface) -> Round:
@@ -101,8 +108,8 @@ class Turn:
                 parts += [Strings(pairs, time, time + span) for pairs in strings]
                 time += span
         parts += [Strings(state.pairs(seam), 0.0, SHORTEST) for seam in self.closed if len(state.pairs(seam))]
-        held = torso(state) if self.closed else np.zeros(0, np.int64)
-        return Round(joined_singles(parts), self.factor * STIFFNESS, held, time, self.factor > 1)
+        held = torso(state) if self.hold else np.zeros(0, np.int64)
+        return Round(tuple(parts), self.factor * STIFFNESS, held, time, self.friction)
 
     def is_partial(self, state: SewingState, surface: BodySurface) -> bool:
         """True where open pairs of the seams wait, since their strings run through the body."""
@@ -117,34 +124,32 @@ class Turn:
 
 
 def turns(state: SewingState) -> list[Turn]:
-    """Turns that draw every open seam together once; strings through the body wait."""
+    """Turns that draw every open seam together once; strings through the body wait.
+
+    A skirt is sewn to a bodice that hangs on its closed shoulders: drawn together with them it would pull them down.
+    """
     seams = [state.mesh.seams[k] for k in state.open_seams]
-    onto = [order_of(seam, state) == ONTO for seam in seams]
-    inner = tuple(seam for seam, last in zip(seams, onto, strict=True) if not last)
-    outer = tuple(seam for seam, last in zip(seams, onto, strict=True) if last)
-    return [turn for turn in (Turn(inner, patient=True), Turn(outer, inner, patient=True)) if turn.closing]
+    order = [order_of(seam, state) for seam in seams]
+    within, below, onto = (
+        tuple(seam for seam, place in zip(seams, order, strict=True) if place in places)
+        for places in ((DART, WITHIN), (BELOW,), (ONTO,))
+    )
+    planned = (
+        Turn(within, patient=True),
+        Turn(below, within, patient=True),
+        Turn(onto, within + below, hold=True, patient=True),
+    )
+    return [turn for turn in planned if turn.closing]
 
 
 def further_turns(state: SewingState) -> list[Turn]:
     """Turns with stiffer and stiffer strings, for seams that are not closed yet."""
     seams = tuple(state.mesh.seams[k] for k in state.open_seams)
-    return [Turn(seams, factor=STIFFER**number) for number in range(1, FURTHER + 1)]
-
-
-def joined_singles(parts: list[Strings]) -> tuple[Strings, ...]:
-    """The strings without seams of a single pair, which go to the seam that closes last: a line has two ends."""
-    lines = [part for part in parts if len(part.pairs) > 1]
-    single = [part.pairs for part in parts if len(part.pairs) == 1]
-    if not single or not lines:
-        return tuple(lines)
-    last = max(range(len(lines)), key=lambda k: lines[k].end)
-    pairs = np.concatenate([lines[last].pairs, *single])
-    lines[last] = Strings(pairs, lines[last].start, lines[last].end)
-    return tuple(lines)
+    return [Turn(seams, factor=STIFFER**number, friction=True) for number in range(1, FURTHER + 1)]
 
 
 def order_of(seam: Seam, state: SewingState) -> int:
-    """DART, WITHIN or ONTO.
+    """DART, WITHIN, BELOW or ONTO.
 
     Sleeves and collars that close while they are sewn on would drag the shoulders of the garment off the body.
     """
@@ -153,7 +158,15 @@ def order_of(seam: Seam, state: SewingState) -> int:
         return DART
     if is_on_top(first) or is_on_top(second):
         return ONTO
-    return ONTO if is_of_arm(first) != is_of_arm(second) else WITHIN
+    if is_of_arm(first) != is_of_arm(second):
+        return ONTO
+    across, up, ahead = np.abs(_middle(second) - _middle(first))
+    return BELOW if up > max(across, ahead) and not is_of_arm(first) else WITHIN
+
+
+def _middle(panel: Panel) -> Floats:
+    """Middle of the corners of a panel where the pattern places it, y upward, (3,) [m]."""
+    return np.asarray(panel.placed(panel.vertices).mean(axis=0), np.float64)
 
 
 def is_on_top(panel: Panel) -> bool:

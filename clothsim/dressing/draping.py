@@ -43,7 +43,7 @@ def drape(
     strings = [state.pairs(state.mesh.seams[k]) for k in state.open_seams]
     seam = [
         {"from": {"vertices": a.tolist()}, "to": {"vertices": b.tolist()}, "match": "vertices", "end": 1e-3}
-        for a, b in (pairs.T for pairs in strings if len(pairs) > 1)
+        for a, b in (pairs.T for pairs in strings)
     ]
     effects = {**SETTINGS["effects"], "gravity": {"acceleration": (-9.81 * body.up).tolist()}}
     scene = Scene(

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.dressing.closing import close, stretch_range
+from clothsim.dressing.approaching import approached
+from clothsim.dressing.closing import NEAR, close, mean_edge, stretch_range, worst_gap
 from clothsim.dressing.draping import drape
+from clothsim.dressing.facing import refuse_unsuitable
 from clothsim.dressing.legs import turned_to_legs
 from clothsim.dressing.lifting import lifted
 from clothsim.dressing.placing import placed_on
@@ -25,15 +27,19 @@ from clothsim.fitting.penetration import Counts
 from clothsim.fitting.stage import Stage, StageCallback, staged
 from clothsim.mesh.pattern.pattern import Pattern
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
+from clothsim.mesh.pattern.sewing import sewn_vertices
 from clothsim.mesh.pattern.specification import read_specification
-from clothsim.run.output_directory import refuse_earlier_run
+from clothsim.run.output_directory import make_directory, refuse_earlier_run
 from clothsim.run.recorded_run import Announcement, Listener
 from clothsim.run.results import Run
 from clothsim.scene.fabrics import fabric_named
+from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 
 TOUCHING = 1e-4
 """Gap of a seam that is closed as placed [m]."""
+SLID = 0.07
+"""Way down from the placement, as a fraction of the body's height, beyond which a note says so."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +69,8 @@ class Dress:
         Drape; None where none was started.
     notes : tuple of str
         Defaults used in reading and dressing.
+    closing : tuple of Run
+        Rounds in which the seams were closed.
 
     Examples
     --------
@@ -82,6 +90,7 @@ class Dress:
     stages: tuple[Stage, ...]
     run: Run | None
     notes: tuple[str, ...]
+    closing: tuple[Run, ...] = ()
 
     @property
     def positions(self) -> Floats:
@@ -121,6 +130,7 @@ class _Progress:
     failure: str = ""
     notes: tuple[str, ...] = ()
     run: Run | None = None
+    closing: tuple[Run, ...] = ()
 
 
 def dress(
@@ -186,32 +196,56 @@ def dress(
     """
     started = perf_counter()
     fabric_named("fabric", fabric)
-    directory = Path(tempfile.mkdtemp(prefix="clothsim-dress-") if output is None else output)
-    refuse_earlier_run(directory, overwrite)
+    directory = _directory(output, overwrite)
+    if not isinstance(pattern, str | Path | Pattern):
+        raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
     read = pattern if isinstance(pattern, Pattern) else read_specification(pattern, rotation_order)
     name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
     body = read_figure(on, scale=scale, group=body_group) if isinstance(on, str | Path) else figure_of(on)
+    refuse_unsuitable(body)
     mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
-    surface = body_surface(body.positions, body.triangles)
+    sewn_vertices(mesh, mesh.seams)  # an error now, not after the closing
+    surface = _surface(body)
     mesh, arm_notes = turned_to_arms(mesh, body)
     mesh, leg_notes = turned_to_legs(mesh, body, surface)
+    make_directory(directory)
     task = _Task(body, surface, fabric, directory, on_stage, progress, announce)
     begun = _Progress(
         as_placed(mesh), (), notes=(*mesh.pattern.notes, *placing_notes, *arm_notes, *leg_notes, *body.notes)
     )
     done = _sewn(task, begun)
     status = "failed" if done.failure else "completed"
-    reason = done.failure or f"All {len(mesh.seams)} seams are closed and the garment rests on {body.name}."
+    reason = done.failure
     if not done.failure:
-        done, status, reason = _draped(task, done, reason)
-    worn = Dress(directory, status, reason, read, begun.state, done.state, body, done.stages, done.run, done.notes)
+        done, status, reason = _draped(task, done)
+    worn = Dress(
+        directory, status, reason, read, begun.state, done.state, body, done.stages, done.run, done.notes, done.closing
+    )
     write_results(worn, name, size, perf_counter() - started)
     return worn
 
 
+def _directory(output: str | Path | None, overwrite: bool) -> Path:
+    """Output directory. InputError where it holds an earlier run."""
+    if output is None:
+        return Path(tempfile.mkdtemp(prefix="clothsim-dress-"))
+    if not isinstance(output, str | Path):
+        raise InputError(f"output is of the type {type(output).__name__}.", "Give the name of a directory.")
+    directory = Path(output)
+    refuse_earlier_run(directory, overwrite)
+    return directory
+
+
+def _surface(body: Figure) -> BodySurface:
+    try:
+        return body_surface(body.positions, body.triangles)
+    except TransferError as error:
+        raise InputError(f"{body.name}: {error}") from error
+
+
 def _sewn(task: _Task, done: _Progress) -> _Progress:
-    """Place, separate, close and weld."""
-    for stage in (_placed, _separated, _closed, _welded):
+    """Place, separate, approach, close and weld."""
+    for stage in (_placed, _separated, _approached, _closed, _welded):
         done = stage(task, done)
         if done.failure:
             return done
@@ -225,12 +259,17 @@ def _after(task: _Task, done: _Progress, name: str, state: SewingState, descript
     return replace(done, state=state, stages=(*done.stages, stage))
 
 
+def touching_seams(state: SewingState) -> list[int]:
+    """Seams that are closed as placed, except those of panels that intersect, which must be moved apart."""
+    touching = [k for k in state.open_seams if state.gaps(state.mesh.seams[k]).max(initial=0.0) < TOUCHING]
+    crossing = crossing_panels(state.weld(touching))
+    return [k for k in touching if not crossing & {side.panel for side in state.mesh.seams[k].stitch.sides}]
+
+
 def _placed(task: _Task, done: _Progress) -> _Progress:
     """Panels as placed; seams that touch are welded."""
     started, state = perf_counter(), done.state
-    touching = [k for k in state.open_seams if state.gaps(state.mesh.seams[k]).max(initial=0.0) < TOUCHING]
-    crossing = crossing_panels(state.weld(touching))  # a weld would keep them from being moved apart
-    touching = [k for k in touching if not crossing & {side.panel for side in state.mesh.seams[k].stitch.sides}]
+    touching = touching_seams(state)
     state = state.weld(touching)
     state, lift_note = lifted(state, task.body, task.surface)
     done = replace(done, notes=(*done.notes, *([lift_note] if lift_note else [])))
@@ -253,6 +292,14 @@ def _separated(task: _Task, done: _Progress) -> _Progress:
     return replace(done, failure=f"Placed panels intersect, and no way out was found: {names} ({counts}).")
 
 
+def _approached(task: _Task, done: _Progress) -> _Progress:
+    """Panels moved toward the body."""
+    if not done.state.open_seams:
+        return done
+    started = perf_counter()
+    return _after(task, done, "approach", *approached(done.state, task.body, task.surface), started)
+
+
 def _closed(task: _Task, done: _Progress) -> _Progress:
     """Seams drawn together under contact."""
     if not done.state.open_seams:
@@ -263,7 +310,7 @@ def _closed(task: _Task, done: _Progress) -> _Progress:
     except InputError as error:
         return replace(done, failure=f"The closing could not start: {error.sentence}")
     done = _after(task, done, "close", closing.state, closing.description, started)
-    return replace(done, failure=closing.failure)
+    return replace(done, failure=closing.failure, closing=closing.runs)
 
 
 def _welded(task: _Task, done: _Progress) -> _Progress:
@@ -277,7 +324,7 @@ def _welded(task: _Task, done: _Progress) -> _Progress:
     return _after(task, done, "weld", state, f"{welded}, {len(strings)} stay strings" if strings else welded, started)
 
 
-def _draped(task: _Task, done: _Progress, reason: str) -> tuple[_Progress, str, str]:
+def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
     """Drape; where it cannot start or complete, the sewn garment is the result."""
     started = perf_counter()
     try:
@@ -292,11 +339,30 @@ def _draped(task: _Task, done: _Progress, reason: str) -> tuple[_Progress, str, 
     counts = draped.stages[-1].counts
     if not counts.clean:
         return draped, "failed", f"The drape ended with {counts}, {counts.where}."
-    moved = float(np.abs((draped.state.positions - done.state.positions) @ task.body.up).max())
+    levels = draped.state.positions @ task.body.up
+    moved = float(np.abs(levels - done.state.positions @ task.body.up).max())
     height = float(np.ptp(task.body.positions @ task.body.up))
     if moved > 0.5 * height:
         return draped, "failed", f"The garment falls off {task.body.name}: it moved by {moved:.2g} m."
-    return draped, "completed", reason
+    gap, name = worst_gap(draped.state)
+    if gap > 2 * NEAR * mean_edge(draped.state):
+        return draped, "failed", f"Seam {name}, held by strings, opened to {1e3 * gap:.3g} mm in the drape."
+    slid = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
+    if slid > SLID * height:
+        note = f"the top of the garment lies {1e3 * slid:.0f} mm below where its pattern places it"
+        draped = replace(draped, notes=(*draped.notes, note))
+    return draped, "completed", _closed_seams(draped.state, task.body.name)
+
+
+def _closed_seams(state: SewingState, body: str) -> str:
+    """What was closed, in a sentence."""
+    seams, (gap, name) = len(state.mesh.seams), worst_gap(state)
+    if not state.open_seams:
+        return f"All {seams} seams are closed and the garment rests on {body}."
+    return (
+        f"{len(state.welded)} of {seams} seams are welded throughout, strings hold the rest, within {1e3 * gap:.2g} mm"
+        f" ({name}); the garment rests on {body}."
+    )
 
 
 __all__ = ["GARMENT", "Dress", "dress"]

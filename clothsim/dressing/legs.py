@@ -10,7 +10,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from clothsim.arrays import Floats, Ints
-from clothsim.dressing.sleeves import front_of, middle_of
+from clothsim.dressing.facing import front_of
+from clothsim.dressing.sleeves import middle_of
 from clothsim.fitting.inputs import Figure
 from clothsim.mesh.pattern.pattern import Panel
 from clothsim.mesh.pattern.pattern_mesh import PatternMesh

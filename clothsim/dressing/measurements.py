@@ -7,13 +7,18 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.dressing.sewing_state import SewingState
+from clothsim.dressing.sleeves import is_of_arm
 from clothsim.fitting.inputs import Figure
+from clothsim.mesh.pattern.pattern import Pattern
 from clothsim.mesh.topology import border_edges, components
 
-LEVELS = {"chest": 0.70, "waist": 0.62, "hip": 0.52}
-"""Levels as fractions of the body's height, of an adult (ISO 8559-1 measures them at the body; these are means)."""
-TORSO = 0.32
-"""Largest distance of the torso from the axis of the body, as a fraction of its height: arms lie beyond."""
+LEVELS = {"chest": np.array([0.72]), "waist": np.arange(0.58, 0.685, 0.01), "hip": np.arange(0.46, 0.555, 0.01)}
+"""Levels as fractions of an adult's height: the waist has the least girth of its levels, the hip the largest (ISO
+8559-1); the chest is measured at one level, as the armpits begin 3 % above."""
+ASIDE = 0.16
+"""Distance of the middle of a leg from the axis of the body, as a fraction of its height: arms and hands lie beyond."""
+FABRIC_WIDTH, SELVEDGE = 1.4, 0.01
+"""Usual width of fabric, and the distance of panels in a marker [m]."""
 
 
 @dataclass(frozen=True)
@@ -45,46 +50,80 @@ def girths(state: SewingState, body: Figure) -> list[Girth]:
     """Girths at chest, waist and hip where the garment reaches, and at its hem."""
     low, high = _span(body.positions @ body.up)
     garment_low, garment_high = _span(state.positions @ body.up)
-    levels = {name: low + share * (high - low) for name, share in LEVELS.items()}
-    reach = TORSO / 2 * (high - low)
+    torso = _torso_triangles(state)
     found = []
-    for name, level in levels.items():
-        if garment_low <= level <= garment_high:
-            both = [
-                _hull_girth(positions, triangles, level, body, reach)
-                for positions, triangles in ((body.positions, body.triangles), (state.positions, state.triangles))
-            ]
-            found.append(Girth(name, level - low, *both))
+    for name, shares in LEVELS.items():
+        both = [(torso_girth(body, low + share * (high - low)), low + share * (high - low)) for share in shares]
+        both = [each for each in both if each[0] > 0]
+        if both:
+            girth, level = min(both) if name == "waist" else max(both)
+            if garment_low <= level <= garment_high:
+                found.append(Girth(name, level - low, girth, _garment_girth(state, torso, body, level)))
     hem, level = hem_of(state, body)
-    return [*found, Girth("hem", level - low, _hull_girth(body.positions, body.triangles, level, body, reach), hem)]
+    return [*found, Girth("hem", level - low, torso_girth(body, level) or _girth_of_legs(body, level), hem)]
 
 
 def hem_of(state: SewingState, body: Figure) -> tuple[float, float]:
-    """Length of the lowest border loop of the garment [m], and its mean level [m]."""
+    """Length of the lowest border loop of the garment [m], and its mean level [m]; the ends of sleeves do not count."""
     edges = border_edges(state.triangles)[0]
     loop = components(np.column_stack([edges, edges[:, 1]]), len(state.positions))[edges[:, 0]]
+    torso = _torso_triangles(state)
+    of_torso = np.isin(edges[:, 0], torso) & np.isin(edges[:, 1], torso)
     levels = (state.positions @ body.up)[edges].mean(axis=1)
     lengths = np.linalg.norm(np.diff(state.positions[edges], axis=1)[:, 0], axis=1)
-    mean = {name: float(np.average(levels[loop == name], weights=lengths[loop == name])) for name in np.unique(loop)}
+    mean = {
+        name: float(np.average(levels[loop == name], weights=lengths[loop == name]))
+        for name in np.unique(loop)
+        if of_torso[loop == name].mean() > 0.5 or not of_torso.any()
+    }
     lowest = min(mean, key=lambda name: mean[name])
     return float(lengths[loop == lowest].sum()), mean[lowest]
 
 
-def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> Floats:
-    """Segments in which a horizontal plane cuts a mesh, (k, 2, 3) [m]."""
-    heights = (positions @ up)[triangles] - level
+def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> tuple[Floats, Ints]:
+    """Cut of a mesh by a horizontal plane: points (k, 3) [m] on its edges, and the segments (s, 2) that join them."""
+    heights = positions @ up - level
     above = heights > 0
-    cut = np.flatnonzero(above.any(axis=1) & ~above.all(axis=1))
-    segments = []
-    for face in cut:
-        ends = []
-        for a, b in ((0, 1), (1, 2), (2, 0)):
-            if above[face, a] != above[face, b]:
-                share = heights[face, a] / (heights[face, a] - heights[face, b])
-                first, second = positions[triangles[face, a]], positions[triangles[face, b]]
-                ends.append(first + share * (second - first))
-        segments.append(ends)
-    return np.array(segments).reshape(-1, 2, 3)
+    corners = triangles[above[triangles].any(axis=1) & ~above[triangles].all(axis=1)]
+    sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)  # two of three cross the plane
+    crossing = sides[above[sides[:, :, 0]] != above[sides[:, :, 1]]]
+    edges, number = np.unique(np.sort(crossing, axis=1), axis=0, return_inverse=True)
+    a, b = heights[edges[:, 0]], heights[edges[:, 1]]
+    share = (a / (a - b))[:, None]
+    points = (1 - share) * positions[edges[:, 0]] + share * positions[edges[:, 1]]
+    return points, number.reshape(-1, 2)
+
+
+def torso_girth(body: Figure, level: float) -> float:
+    """Girth of the convex hull of that loop of the body's section that goes round its axis [m]; 0 without one."""
+    points, label = _loops(body, level)
+    axis = _axis(body)
+    hulls = [_hull(points[label == name]) for name in np.unique(label)]
+    round_axis = [hull for hull in hulls if hull is not None and (hull.equations @ [*axis, 1.0] < 0).all()]
+    return max((float(hull.area) for hull in round_axis), default=0.0)
+
+
+def _girth_of_legs(body: Figure, level: float) -> float:
+    """Girth of the convex hull of both legs [m]; 0 below the feet."""
+    points, label = _loops(body, level)
+    reach, axis = ASIDE * float(np.ptp(body.positions @ body.up)), _axis(body)
+    legs = [points[label == name] for name in np.unique(label)]
+    legs = [leg for leg in legs if np.linalg.norm(leg.mean(axis=0) - axis) < reach]
+    hull = _hull(np.concatenate(legs)) if legs else None
+    return 0.0 if hull is None else float(hull.area)
+
+
+def _garment_girth(state: SewingState, torso: Ints, body: Figure, level: float) -> float:
+    """Girth of the convex hull of the garment without its sleeves, as a tape measures it [m]; 0 where it is not."""
+    hull = _hull(section(state.positions, torso, body.up, level)[0][:, _across(body)])
+    return 0.0 if hull is None else float(hull.area)
+
+
+def _torso_triangles(state: SewingState) -> Ints:
+    """Triangles of all panels that are not of an arm, (k, 3)."""
+    panels = state.mesh.pattern.panels
+    rows = [state.triangles[faces] for name, faces in state.mesh.faces.items() if not is_of_arm(panels[name])]
+    return np.concatenate([np.zeros((0, 3), np.int64), *rows])
 
 
 def areas_of_panels(state: SewingState) -> dict[str, float]:
@@ -99,22 +138,57 @@ def measurement_entries(state: SewingState, body: Figure) -> dict[str, Any]:
     """Measurements as in summary.json."""
     areas = areas_of_panels(state)
     rows = [{**asdict(girth), "ease": girth.ease} for girth in girths(state, body)]
-    return {"girths": rows, "panel_areas": areas, "cloth_area": sum(areas.values())}
+    total = sum(areas.values())
+    width, length = marker(state.mesh.pattern)
+    laid = {"width": width, "length": length, "use": total / (width * length)}
+    return {"girths": rows, "panel_areas": areas, "cloth_area": total, "marker": laid}
+
+
+def marker(pattern: Pattern) -> tuple[float, float]:
+    """Width and length of the fabric from which all panels are cut, warp along its length [m].
+
+    Bounding boxes in rows, the longest panels first: an upper bound of what a marker needs.
+    """
+    from clothsim.render.pattern_drawing import outline
+
+    sizes = sorted(
+        (np.ptp(outline(panel), axis=0) + SELVEDGE for panel in pattern.panels.values()), key=lambda s: -s[1]
+    )
+    width = max(FABRIC_WIDTH, *(float(size[0]) for size in sizes))
+    length, left = 0.0, 0.0
+    for across, along in sizes:
+        if across > left:  # a new row, as long as its first panel
+            length, left = length + float(along), width
+        left -= float(across)
+    return width, length
 
 
 def _span(levels: Floats) -> tuple[float, float]:
     return float(levels.min()), float(levels.max())
 
 
-def _hull_girth(positions: Floats, triangles: Ints, level: float, body: Figure, reach: float) -> float:
-    """Girth of the convex hull of the section near the axis of the body, as a tape measures it [m]; 0 without one."""
+def _across(body: Figure) -> list[int]:
+    """Horizontal axes."""
+    return [k for k in range(3) if body.up[k] == 0]
+
+
+def _axis(body: Figure) -> Floats:
+    """Vertical line through the middle of the bounding box, (2,) [m]."""
+    flat = body.positions[:, _across(body)]
+    return np.asarray((flat.min(axis=0) + flat.max(axis=0)) / 2, np.float64)
+
+
+def _loops(body: Figure, level: float) -> tuple[Floats, Ints]:
+    """Points (k, 2) [m] of a section of the body, and the loop that each is of (k,)."""
+    points, segments = section(body.positions, body.triangles, body.up, level)
+    return points[:, _across(body)], components(np.column_stack([segments, segments[:, 1]]), len(points))
+
+
+def _hull(points: Floats) -> Any:
+    """Convex hull of points (k, 2), whose `area` is its girth; None without one."""
     from scipy.spatial import ConvexHull, QhullError
 
-    across = [k for k in range(3) if body.up[k] == 0]
-    points = section(positions, triangles, body.up, level).reshape(-1, 3)[:, across]
-    axis = np.array([np.ptp(body.positions[:, k]) / 2 + body.positions[:, k].min() for k in across])
-    points = points[np.linalg.norm(points - axis, axis=1) < reach]
     try:
-        return float(ConvexHull(points).area) if len(points) > 2 else 0.0
+        return ConvexHull(points) if len(points) > 2 else None
     except QhullError:
-        return 0.0
+        return None

@@ -1,13 +1,13 @@
-"""Pictures of a dressed garment: the panels as placed, and worn, from the front and from the back."""
+"""Pictures of a dressed garment: panels as placed, the garment worn and its stretch, from the front and the back."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.dressing.sewing_state import SewingState
+from clothsim.dressing.facing import front_of
+from clothsim.dressing.garment_surfaces import body_surface_look, garment_surface
 from clothsim.fitting.inputs import Figure
 from clothsim.render.surface_look import Surface
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from clothsim.dressing.dress import Dress
 
 SIZE = (640, 960)
-PLACED, WORN = "placed.png", "worn.png"
+PLACED, WORN, STRETCH = "placed.png", "worn.png", "stretch.png"
 VIEWS = (("front", (0.3, 0.12, 1.0)), ("back", (0.3, 0.12, -1.0)))
 """View directions along x, up, and the direction that the body faces."""
 ABOVE = 0.25
@@ -23,45 +23,47 @@ ABOVE = 0.25
 
 
 def draw_dress(done: "Dress") -> list[Path]:
-    """Write placed.png and worn.png; returns their paths."""
-    plain = np.zeros((0, 2))
+    """Write placed.png, worn.png in plain colour with its seams, and stretch.png; returns their paths."""
     title = {"completed": "worn", "sewn": "sewn, not draped"}.get(done.status, done.status)
+    placed = garment_surface(done.placed, done.placed.positions)
+    worn = garment_surface(done.state, done.state.positions)
+    stretched = garment_surface(done.state, done.state.positions, done.state.stretches())
     return [
-        _pair(done.directory / PLACED, "as placed", done.placed, plain, done.body),
-        _pair(done.directory / WORN, title, done.state, done.state.stretches(), done.body),
+        _pair(done.directory / PLACED, "as placed", placed, done.body),
+        _pair(done.directory / WORN, title, worn, done.body),
+        _pair(done.directory / STRETCH, f"{title}, stretch", stretched, done.body),
     ]
 
 
-def _pair(file: Path, title: str, state: SewingState, stretches: Floats, body: Figure) -> Path:
+def _pair(file: Path, title: str, garment: Surface, body: Figure) -> Path:
     """Write a picture from the front and from the back side by side."""
     from PIL import Image
 
     from clothsim.render.picture import picture_setup, rendered
 
-    surfaces = [
-        Surface("garment", state.positions, state.triangles, "cloth", stretches),
-        Surface(body.name, body.positions, body.triangles, "body", np.zeros((0, 2))),
-    ]
+    surfaces = [garment, body_surface_look(body)]
     panels = []
     for side, view in VIEWS:
         setup = picture_setup(
             [surfaces],
             size=SIZE,
-            colour="stretch" if len(stretches) else "plain",
+            colour="stretch" if len(garment.principal_stretches) else "plain",
             up=body.up,
-            view=_view(view, body),
+            view=view_of(view, body),
             title=f"{title}, {side}",
             renderer="auto",
-            focus=_focus(state.positions, body),
+            focus=_focus(garment.positions, body),
         )
         panels.append(rendered(setup, surfaces))
     Image.fromarray(np.hstack(panels)).save(file, format="PNG")
     return file
 
 
-def _view(view: Sequence[float], body: Figure) -> tuple[float, float, float]:
-    right, up, front = view
-    return (right, up, front) if body.up[1] else (right, -front, up)
+def view_of(view: tuple[float, float, float], body: Figure) -> Floats:
+    """Direction (3,) from a body to the camera, given along its left, up and front."""
+    left, up, front = view
+    forward = front_of(body)
+    return np.asarray(left * np.cross(body.up, forward) + up * body.up + front * forward, np.float64)
 
 
 def _focus(positions: Floats, body: Figure) -> Floats:

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.dressing.facing import front_of, turn_to_front, usual_front
 from clothsim.errors import InputError
 from clothsim.fitting.inputs import Figure
 from clothsim.mesh.pattern.pattern_mesh import PatternMesh
@@ -52,7 +53,13 @@ def placed_on(mesh: PatternMesh, body: Figure, origin: str = "auto") -> tuple[Pa
     if np.linalg.norm(middles) > ASIDE:
         shift = shift + middles[0] * across[0] + middles[1] * across[1]
         notes.append("the body is away from the vertical axis: the pattern follows it")
-    positions = _upright(mesh.positions, body.up) + shift
+    positions = _upright(mesh.positions, body.up)
+    front = front_of(body)
+    if front @ usual_front(body.up) < 1:
+        positions = turn_to_front(body, front).apply(positions)
+        facing = ", ".join(f"{value:.2f}" for value in front)
+        notes.append(f"the body faces ({facing}) by its feet: the pattern is turned to it")
+    positions = positions + shift
     return replace(mesh, positions=positions), tuple(notes)
 
 

@@ -26,8 +26,8 @@ def separated(state: SewingState, body: Figure, surface: BodySurface) -> tuple[S
     farther from the vertical axis of the body. Of two panels that intersect each other the outer one moves, so that
     panels placed in one plane are stacked.
     """
-    of_panel = _panel_of_vertices(state)
-    outward = _outward(state, body)
+    of_panel = rigid_groups(state)
+    outward = outward_of_groups(state, body)
     shift = np.zeros(len(outward))
     positions = state.positions
     for _ in range(ROUNDS):
@@ -71,8 +71,8 @@ def _names(state: SewingState, of_panel: np.ndarray) -> list[str]:
     return [found[group] for group in range(len(found))]
 
 
-def _panel_of_vertices(state: SewingState) -> np.ndarray:
-    """Group of each vertex of the garment, (k,)."""
+def rigid_groups(state: SewingState) -> np.ndarray:
+    """Group of panels joined by welds of each vertex of the garment, (k,)."""
     faces = state.triangles
     n = len(state.positions)
     links = np.concatenate([faces[:, :2], faces[:, 1:]])
@@ -80,9 +80,9 @@ def _panel_of_vertices(state: SewingState) -> np.ndarray:
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
-def _outward(state: SewingState, body: Figure) -> Floats:
+def outward_of_groups(state: SewingState, body: Figure) -> Floats:
     """Unit normal of each group, horizontal where it can be, on the side away from the body's axis, (g, 3)."""
-    label = _panel_of_vertices(state)
+    label = rigid_groups(state)
     middle = (body.positions.max(axis=0) + body.positions.min(axis=0)) / 2
     found = []
     for group in range(label.max() + 1):

@@ -6,6 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from clothsim.arrays import Floats
+from clothsim.dressing.facing import front_of
 from clothsim.fitting.inputs import Figure
 from clothsim.mesh.pattern.pattern import Panel
 from clothsim.mesh.pattern.pattern_mesh import PatternMesh
@@ -99,8 +100,3 @@ def _arm(body: Figure, outward: Floats, middle: Floats) -> Arm | None:
 def middle_of(body: Figure) -> Floats:
     """Middle of the bounding box of a body, (3,) [m]."""
     return np.asarray((body.positions.min(axis=0) + body.positions.max(axis=0)) / 2, np.float64)
-
-
-def front_of(body: Figure) -> Floats:
-    """Direction that a body faces in the axes of the pattern, (3,): z of a body with y upward, -y of one with z."""
-    return np.array([0.0, 0.0, 1.0]) if body.up[1] else np.array([0.0, -1.0, 0.0])

@@ -48,11 +48,11 @@ def seams(
     seam : sequence of tables
         Each has `from` and `to`, two lines of vertices, and optionally `start` and `end` of closing [s] (0 and 1),
         `stiffness` [N/m] of a stitch (100 times the fabric's), `flip` = true to reverse `to`, `bends` = false for a
-        seam that folds freely, and `match` = "vertices" for lines of equally many vertices that meet one by one
-        ("length": at equal fractions of their lengths). A line is a table of `cloth`, its name, if there are several,
-        and one of `side` ("left", "right", from bottom to top, or "bottom", "top", from left to right), `through`,
-        points [[x, y, z], ...] along the border in the coordinates of the mesh before its placement [m], and
-        `vertices`, numbers in their order.
+        seam that folds freely, and `match` = "vertices" for lines of equally many vertices that meet one by one, or a
+        single one ("length": at equal fractions of their lengths). A line is a table of `cloth`, its name, if there
+        are several, and one of `side` ("left", "right", from bottom to top, or "bottom", "top", from left to right),
+        `through`, points [[x, y, z], ...] along the border in the coordinates of the mesh before its placement [m],
+        and `vertices`, numbers in their order.
         `to` = { nearest = true } stitches each vertex of `from` to the nearest edge of another piece of cloth at rest.
     built : mapping, optional
         The energies built so far: seams bend if bending is on, and leave a gap for self_contact.
@@ -85,9 +85,9 @@ def _seam(
     name: str, world: World, keys: Mapping[str, Any], bending: bool
 ) -> tuple["Seam", Ints, Floats, Floats, Ints, Ints]:
     """A seam with its stitches (rows, weights, stiffnesses), its hinges and the triangles beside them."""
-    is_nearest = keys["to"] == NEAREST
-    first = _line(f"{name}.from", world, keys["from"])
-    second = first if is_nearest else _line(f"{name}.to", world, keys["to"])
+    is_nearest, fewest = keys["to"] == NEAREST, 1 if keys.get("match") == "vertices" else 2
+    first = _line(f"{name}.from", world, keys["from"], fewest)
+    second = first if is_nearest else _line(f"{name}.to", world, keys["to"], fewest)
     flip, bends = (as_flag(f"{name}.{key}", keys.get(key, usual)) for key, usual in (("flip", False), ("bends", True)))
     if flip:
         second = Line(second.vertices[::-1], 1 - second.parameters[::-1])
@@ -130,8 +130,8 @@ def _one_by_one(name: str, *lines: Line) -> tuple[Line, ...]:
     return tuple(Line(line.vertices, np.linspace(0.0, 1.0, counts[0])) for line in lines)
 
 
-def _line(name: str, world: World, keys: object) -> Line:
-    """The line of vertices on one side of a seam."""
+def _line(name: str, world: World, keys: object, fewest: int) -> Line:
+    """The line of vertices on one side of a seam; one vertex will do where they meet one by one."""
     if not isinstance(keys, Mapping) or not set(keys) <= set(SIDE):
         raise InputError(f"{name} is {keys!r}.", f"Give a table of {', '.join(SIDE)}.")
     number = cloth_number(name, world, keys.get("cloth"))
@@ -152,7 +152,7 @@ def _line(name: str, world: World, keys: object) -> Line:
         line = path_along(f"{name}.through", rest, border_edges(cloth.triangles)[0], points)
     else:
         line = vertex_numbers(f"{name}.vertices", keys["vertices"], len(rest))
-    if len(line) < 2 or not np.ptp(rest[line], axis=0).any():
+    if len(line) < fewest or (fewest > 1 and not np.ptp(rest[line], axis=0).any()):
         raise InputError(f"{name} is no line: it has {len(line)} vertices.", "Give two or more, in order.")
     return line_of(line + rows.start, rest[line])
 

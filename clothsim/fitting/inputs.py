@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.build.meshes import body_of, cloth_of, cloth_shape
 from clothsim.build.placement import Shape
 from clothsim.build.scene_world import build
@@ -70,6 +70,8 @@ def read_figure(
     option that gives it.
     """
     file = Path(path)
+    if scale is not None:
+        scale = as_positive("scale", scale)
     if file.suffix.lower() == ".toml":
         return _of_scene(file)
     if group is not None:

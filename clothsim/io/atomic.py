@@ -1,6 +1,8 @@
 """Atomic writes: a file is written under another name and then renamed."""
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from clothsim.io.disk_space import full_or_forbidden
@@ -11,13 +13,22 @@ def write_atomically(path: Path, content: bytes) -> None:
 
     InputError where the file cannot be written.
     """
+    with replacing(path) as beside, beside.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A file beside `path` that takes its place at the end of the block.
+
+    InputError where a file cannot be written; then what was written is removed.
+    """
     beside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         try:
-            with beside.open("wb") as file:
-                file.write(content)
-                file.flush()
-                os.fsync(file.fileno())
+            yield beside
             beside.replace(path)
         finally:
             beside.unlink(missing_ok=True)

@@ -16,6 +16,7 @@ from clothsim.io.obj import read_obj
 from clothsim.io.off import read_off
 from clothsim.io.polygons import Polygons, cut_polygons
 from clothsim.io.regular_file import read_regular_file
+from clothsim.io.usd_reader import USD_ENDINGS, read_usd
 from clothsim.io.vtk_legacy import read_vtk
 
 TEXT_READERS = {".obj": read_obj, ".off": read_off}
@@ -39,11 +40,11 @@ def read_mesh(
     Parameters
     ----------
     path : str or Path
-        An obj, ply, stl, off, vtk, vtu, msh or glb file.
+        An obj, ply, stl, off, vtk, vtu, msh or glb file; usd, usda or usdc with ``clothsim[usd]``.
     scale : float
         Metres per unit of the file.
     group : str, optional
-        A group or object of an OBJ, or a node of a glb.
+        A group or object of an OBJ, a node of a glb, a mesh or subset of a USD file.
     component : int, optional
         A connected piece, numbered from 0 by decreasing number of vertices.
     vertices : (lo, hi), optional
@@ -83,14 +84,17 @@ def read_polygons(file: Path) -> Polygons:
 
 def _read(file: Path) -> Polygons:
     ending = file.suffix.lower()
-    if ending not in ENDINGS:
-        raise InputError(f"{file} has an unknown ending {ending!r}.", f"Known are {', '.join(ENDINGS)}.")
+    if ending not in (*ENDINGS, *USD_ENDINGS):
+        known = ", ".join((*ENDINGS, *USD_ENDINGS))
+        raise InputError(f"{file} has an unknown ending {ending!r}.", f"Known are {known}.")
     try:
         content = read_regular_file(file)
     except FileNotFoundError as error:
         raise InputError(f"{file} cannot be opened ({error.strerror}).") from error
     if not content.strip():
         raise InputError(f"{file} is empty.")
+    if ending in USD_ENDINGS:
+        return read_usd(file)
     if ending in TEXT_READERS:
         if b"\0" in content:
             raise InputError(f"{file} is a binary file, not {ending[1:]} text.")

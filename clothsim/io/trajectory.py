@@ -18,6 +18,7 @@ from clothsim.io.run_surfaces import Surface, check_surfaces, same_surfaces
 from clothsim.io.vtkhdf import (
     STRETCHES,
     FrameArray,
+    arrays_for,
     arrays_of,
     blocks,
     cut,
@@ -57,7 +58,7 @@ class TrajectoryWriter:
         stretches : bool
             True where each frame holds the principal stretches of the cloths' triangles.
         fields : sequence of FrameArray
-            Further arrays that each frame holds on the cloths.
+            Further arrays that each frame holds on the cloths or on the bodies.
 
         Raises
         ------
@@ -109,7 +110,7 @@ class TrajectoryWriter:
         principal_stretches : (m, 2) array_like, optional
             Of all triangles of cloths.
         fields : mapping of str to (m, ...) or (n, ...) array_like
-            The values of each further array, for all triangles or vertices of cloths.
+            The values of each further array, for all triangles or vertices of the cloths, or of the bodies.
 
         Raises
         ------
@@ -124,7 +125,7 @@ class TrajectoryWriter:
         if not np.isfinite(time) or (frame and time <= self._file["VTKHDF/Steps/Values"][frame - 1]):
             raise InputError(f"Frame {frame} is at {time!r} s, which is not later than the frame before it.")
         stretches = {} if principal_stretches is None else {STRETCHES.name: principal_stretches}
-        parts = self._per_cloth({**stretches, **(fields or {})})
+        parts = self._per_surface({**stretches, **(fields or {})})
         require_space(self._path, frame_bytes(self.surfaces, self.arrays))
         with writing(self._path):
             self._write(frame, float(time), x, parts)
@@ -134,37 +135,38 @@ class TrajectoryWriter:
         for surface, block in zip(self.surfaces, blocks(self._file), strict=True):
             if surface.moving or frame == 0:
                 write_frame(block, "Points", frame, x[surface.rows])
-            for array in self.arrays if surface.role == "cloth" else ():
+            for array in arrays_for(surface, self.arrays):
                 write_frame(block, array.dataset, frame, parts[surface.name, array.name])
         # First the frame, then the number of frames: readers never see an incomplete one.
         self._file.flush()
         set_frame_count(self._file, frame + 1, time)
         self._file.flush()
 
-    def _per_cloth(self, values: Mapping[str, ArrayLike]) -> dict[tuple[str, str], NDArray[np.float32]]:
-        """The rows of each array that belong to each cloth, tensors flattened."""
+    def _per_surface(self, values: Mapping[str, ArrayLike]) -> dict[tuple[str, str], NDArray[np.float32]]:
+        """The rows of each array that belong to each surface, tensors flattened."""
         names = [array.name for array in self.arrays]
         if sorted(values) != sorted(names):
             raise InputError(
                 f"This trajectory is written with {', '.join(names) or 'no field'}, "
                 f"not with {', '.join(values) or 'none'}."
             )
-        cloths, parts = [surface for surface in self.surfaces if surface.role == "cloth"], {}
+        parts = {}
         for array in self.arrays:
+            own = [surface for surface in self.surfaces if surface.role == array.role]
             rows = np.asarray(values[array.name], dtype=np.float32)
-            ends = np.cumsum([_row_count(cloth, array) for cloth in cloths])
+            ends = np.cumsum([0, *(_row_count(surface, array) for surface in own)])
             if rows.shape != (ends[-1], *array.components):
                 raise InputError(
                     f"{array.name} must have shape {(int(ends[-1]), *array.components)}, not {rows.shape}."
                 )
             flat = rows.reshape(len(rows), -1) if array.components else rows
-            for cloth, part in zip(cloths, np.split(flat, ends[:-1]), strict=True):
-                parts[cloth.name, array.name] = part
+            for surface, start, stop in zip(own, ends[:-1], ends[1:], strict=True):
+                parts[surface.name, array.name] = flat[start:stop]
         return parts
 
 
-def _row_count(cloth: Surface, array: FrameArray) -> int:
-    return cloth.n_vertices if array.location == "vertex" else len(cloth.triangles)
+def _row_count(surface: Surface, array: FrameArray) -> int:
+    return surface.n_vertices if array.location == "vertex" else len(surface.triangles)
 
 
 @dataclass(frozen=True, eq=False)

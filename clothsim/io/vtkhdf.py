@@ -11,7 +11,7 @@ PartitionedDataSetCollection that group would show as an empty block. VTK before
 
 `Values` has exactly NSteps entries, as VTK copies all of it; all other tables may be longer.
 
-A cloth's block also holds CellData/<name> and PointData/<name>: arrays of all frames one below the other, a row per
+A surface's block also holds CellData/<name> and PointData/<name>: arrays of all frames one below the other, a row per
 triangle or vertex. Tensors are flattened row by row; the attribute `components` of the dataset is their shape.
 """
 
@@ -34,7 +34,7 @@ _GROUPS = {"triangle": "CellData", "vertex": "PointData"}
 
 @dataclass(frozen=True)
 class FrameArray:
-    """Numbers that every frame holds on the cloths, a row per triangle or vertex.
+    """Numbers that every frame holds on the surfaces of a role, a row per triangle or vertex.
 
     components: shape of a row, () for a scalar.
     """
@@ -42,6 +42,7 @@ class FrameArray:
     name: str
     location: Literal["triangle", "vertex"]
     components: tuple[int, ...] = ()
+    role: Literal["cloth", "body"] = "cloth"
 
     @property
     def dataset(self) -> str:
@@ -69,7 +70,7 @@ def lay_out(file: h5py.File, surfaces: Sequence[Surface], arrays: Sequence[Frame
     _create_table(steps, "CellOffsets", columns=(4,))
     assembly = root.create_group("Assembly", track_order=True)
     for k, surface in enumerate(surfaces):
-        _create_block(root.create_group(f"surface{k}"), surface, steps, arrays if surface.role == "cloth" else ())
+        _create_block(root.create_group(f"surface{k}"), surface, steps, arrays_for(surface, arrays))
         assembly[_link_name(surface.name, list(assembly))] = h5py.SoftLink(f"/VTKHDF/surface{k}")
 
 
@@ -111,7 +112,7 @@ def frame_bytes(surfaces: Sequence[Surface], arrays: Sequence[FrameArray]) -> in
     size = _INDEX_BYTES * (3 + len(surfaces) * (3 + 2 * len(arrays)))
     for surface in surfaces:
         size += 24 * surface.n_vertices
-        for array in arrays if surface.role == "cloth" else ():
+        for array in arrays_for(surface, arrays):
             rows = surface.n_vertices if array.location == "vertex" else len(surface.triangles)
             size += 4 * rows * int(np.prod(array.components))
     return size + size // 100  # gzip adds up to that to what it cannot compress
@@ -141,13 +142,18 @@ def blocks(file: h5py.File) -> Iterator[h5py.Group]:
     return (root[f"surface{k}"] for k in range(len(root["Assembly"])))
 
 
+def arrays_for(surface: Surface, arrays: Sequence[FrameArray]) -> list[FrameArray]:
+    """The arrays of a surface's role."""
+    return [array for array in arrays if array.role == surface.role]
+
+
 def arrays_of(block: h5py.Group) -> list[FrameArray]:
     """The arrays of a block beside its positions."""
     listed = []
     for location in ("triangle", "vertex"):
         for name, dataset in block.get(_GROUPS[location], {}).items():
             components = dataset.attrs.get("components", dataset.shape[1:])
-            listed.append(FrameArray(name, location, tuple(int(n) for n in components)))
+            listed.append(FrameArray(name, location, tuple(int(n) for n in components), block.attrs["Role"]))
     return listed
 
 

@@ -34,6 +34,8 @@ class Cloth:
         Velocity at the start [m/s].
     groups : mapping
         Triangles of each panel that the mesh names.
+    texture : (m, 3, 2) or (0, 3, 2) float64
+        Texture coordinates of each corner, where the mesh has them; no energy reads them.
     """
 
     name: str
@@ -45,6 +47,7 @@ class Cloth:
     fabric: Fabric
     velocity: Floats
     groups: Mapping[str, Ints] = field(default_factory=dict)
+    texture: Floats = field(default_factory=lambda: np.zeros((0, 3, 2)))
 
 
 def make_cloth(
@@ -56,12 +59,13 @@ def make_cloth(
     material_coordinates: Floats | None = None,
     velocity: Floats | tuple[float, float, float] = (0.0, 0.0, 0.0),
     groups: Mapping[str, Ints] | None = None,
+    texture: Floats | None = None,
 ) -> Cloth:
     """Make a cloth from checked arrays.
 
     Parameters
     ----------
-    name, fabric, velocity, groups
+    name, fabric, velocity, groups, texture
         See `Cloth`.
     rest_positions : (n, 3) array_like
         Rest shape [m].
@@ -87,7 +91,8 @@ def make_cloth(
     if material.shape != (len(faces), 3, 2) or not np.isfinite(material).all():
         raise InputError(f"{name}: material_coordinates must be finite numbers of shape ({len(faces)}, 3, 2).")
     _refuse_no_area(name, material)
-    return Cloth(name, start, faces, material, rest, flat, fabric, np.asarray(velocity, float), groups or {})
+    speed, corners = np.asarray(velocity, float), np.zeros((0, 3, 2)) if texture is None else texture
+    return Cloth(name, start, faces, material, rest, flat, fabric, speed, groups or {}, corners)
 
 
 def triangle_planes(rest_positions: Floats, triangles: Ints) -> Floats:

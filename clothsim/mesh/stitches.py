@@ -20,9 +20,9 @@ class Line:
 
 
 def line_of(vertices: Ints, positions: Floats) -> Line:
-    """Return the line through `vertices (k,)` at rest at `positions (k, 3)` [m], not all of them coincident."""
+    """Return the line through `vertices (k,)` at rest at `positions (k, 3)` [m]."""
     lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(positions, axis=0), axis=1))])
-    return Line(vertices, lengths / lengths[-1])
+    return Line(vertices, lengths / (lengths[-1] or 1.0))
 
 
 def stitches(first: Line, second: Line) -> tuple[Ints, Floats]:

@@ -51,14 +51,18 @@ def _with_values(run: "Run", name: str) -> Drawing:
         scalar = FIELDS[name].scalar
         values = scalar(np.asarray(run.field(name, frame), np.float64))
         values = np.log(np.maximum(values, 1e-6)) if scalar.stretch else values
-        on_triangles = FIELDS[name].location == "triangle"
+        on_triangles = FIELDS[name].location == "triangle"  # else on the vertices of cloths or bodies
         return per_vertex(values, run.positions(frame), run.triangles) if on_triangles else values
 
     def surfaces(trajectory: Trajectory, frame: int) -> "list[Surface]":
+        made = frame_surfaces(trajectory, frame)
+        if FIELDS[name].location == "body":  # drawn as cloths are, without the cloths that hide them
+            bodies = [each for each in made if each.role == "body"]
+            parts = np.split(scalars(frame), np.cumsum([len(each.positions) for each in bodies])[:-1])
+            return [replace(each, role="cloth", values=part) for each, part in zip(bodies, parts, strict=True)]
         rows = {each.name: each.rows for each in trajectory.surfaces if each.role == "cloth"}
         return [
-            replace(each, values=scalars(frame)[rows[each.name]]) if each.role == "cloth" else each
-            for each in frame_surfaces(trajectory, frame)
+            replace(each, values=scalars(frame)[rows[each.name]]) if each.role == "cloth" else each for each in made
         ]
 
     return surfaces

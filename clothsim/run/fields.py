@@ -5,7 +5,7 @@ functions of the world and of the positions x; contact pressure needs the energi
 triangle are in its material axes: the first is the warp, the second the weft.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, Protocol, runtime_checkable
@@ -26,7 +26,7 @@ from clothsim.mesh.topology import vertex_rings
 from clothsim.mesh.world import World
 from clothsim.run.pair_fields import PairMembrane, pair_energy_density, pair_stress
 
-CONTACTS = ("body_contact", "self_contact")
+CONTACTS, FRICTION = ("body_contact", "self_contact"), "friction"
 
 BLOCK = 64
 """Triangles whose energies are taken from one restriction of the membrane."""
@@ -103,8 +103,8 @@ class Field:
 
     Parameters
     ----------
-    location : "triangle" or "vertex"
-        Where its values lie: one per triangle (m, ...) or per cloth vertex (n, ...).
+    location : "triangle", "vertex" or "body"
+        Where its values lie: one per triangle (m, ...), per cloth vertex (n, ...) or per vertex of the bodies (b, ...).
     unit : str
         SI unit, "" for a pure number.
     meaning : str
@@ -113,13 +113,26 @@ class Field:
         The values, `(m, ...)` or `(n, ...)`.
     scalar : Scalar
         One number per triangle or vertex, for a colour map.
+    components : tuple of int
+        Shape of a row of a field of contact, () for a number.
+    in_step : bool
+        True where it needs the contact stiffness of a step.
     """
 
-    location: Literal["triangle", "vertex"]
+    location: Literal["triangle", "vertex", "body"]
     unit: str
     meaning: str
     compute: Callable[[Configuration], NDArray[np.floating]]
     scalar: Scalar
+    components: tuple[int, ...] = ()
+    in_step: bool = False
+
+
+def at_start(name: str, world: World) -> Floats:
+    """Values of a field of contact before the first step: zero, as contact has its stiffness from a step."""
+    own = FIELDS[name]
+    rows = world.n_cloth if own.location == "vertex" else sum(len(body.positions) for body in world.bodies)
+    return np.zeros((rows, *own.components))
 
 
 def field(name: str, configuration: Configuration) -> NDArray[np.floating]:
@@ -202,14 +215,49 @@ def energy_density(at: Configuration) -> Floats:
 
 def contact_pressure(at: Configuration) -> Floats:
     """Force of the barriers on a vertex over its reference area [Pa], (n,)."""
-    contacts = [at.energies[name] for name in CONTACTS if name in at.energies and not is_idle(at.energies[name])]
+    forces = _forces_of_step("contact_pressure", CONTACTS, at)[: at.world.n_cloth]
+    return np.linalg.norm(forces, axis=1) / at.world.vertex_areas
+
+
+def contact_force(at: Configuration) -> Floats:
+    """Force of contact and friction on each cloth vertex [N], (n, 3)."""
+    return _forces_of_step("contact_force", (*CONTACTS, FRICTION), at)[: at.world.n_cloth]
+
+
+def body_force(at: Configuration) -> Floats:
+    """Force of contact and friction on each vertex of the bodies [N], (b, 3)."""
+    return _forces_of_step("body_force", (*CONTACTS, FRICTION), at)[body_rows(at.world)]
+
+
+def body_pressure(at: Configuration) -> Floats:
+    """Force of the barriers on a vertex of the bodies over its area there [Pa], (b,)."""
+    rows = body_rows(at.world)
+    forces = np.linalg.norm(_forces_of_step("body_pressure", CONTACTS, at)[rows], axis=1)
+    triangles = at.world.body_triangles
+    corners = at.x[triangles]
+    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    areas = np.bincount(triangles.ravel() - rows.start, np.repeat(doubled / 6, 3), minlength=rows.stop - rows.start)
+    return np.divide(forces, areas, out=np.zeros_like(forces), where=areas > 0)
+
+
+def body_rows(world: World) -> slice:
+    """Rows of x of all bodies."""
+    return slice(world.n_cloth, world.n_cloth + sum(len(body.positions) for body in world.bodies))
+
+
+def _forces_of_step(name: str, effects: Sequence[str], at: Configuration) -> Floats:
+    """Minus the gradient of the energies of some effects, (N, 3) [N]. InputError where they are bound to no step."""
     if not at.bound:
         raise InputError(
-            "contact_pressure needs the contact stiffness of the step.",
-            'Ask for it before the run: run.fields = ["contact_pressure"].',
+            f"{name} needs the contact stiffness of the step.", f'Ask for it before the run: run.fields = ["{name}"].'
         )
-    forces = sum((energy.gradient(at.x)[: at.world.n_cloth] for energy in contacts), np.zeros((at.world.n_cloth, 3)))
-    return np.linalg.norm(forces, axis=1) / at.world.vertex_areas
+    return acting_forces(at.energies, effects, at.x)
+
+
+def acting_forces(energies: Mapping[str, Energy], effects: Sequence[str], x: Floats) -> Floats:
+    """Minus the gradient of the energies of some effects that are not idle, (N, 3) [N]; zero where there are none."""
+    acting = [energies[effect] for effect in effects if effect in energies and not is_idle(energies[effect])]
+    return -sum((energy.gradient(x) for energy in acting), np.zeros_like(x))
 
 
 def _separate_triangles(at: Configuration) -> tuple[Energy, Ints, Floats]:
@@ -270,6 +318,15 @@ FIELDS: Mapping[str, Field] = {
     "vertex_frames": Field("vertex", "", "Kabsch rotations (3x3) of the vertex rings", vertex_frames, ANGLE),
     "stress": Field("triangle", "N/m", "first Piola-Kirchhoff membrane stress (3x2)", stress, NORM),
     "energy_density": Field("triangle", "J/m2", "membrane energy per reference area", energy_density, ITSELF),
-    "contact_pressure": Field("vertex", "Pa", "contact force over reference area", contact_pressure, ITSELF),
+    "contact_pressure": Field(
+        "vertex", "Pa", "contact force over reference area", contact_pressure, ITSELF, in_step=True
+    ),
+    "contact_force": Field(
+        "vertex", "N", "force of contact and friction", contact_force, NORM, components=(3,), in_step=True
+    ),
+    "body_force": Field(
+        "body", "N", "force of contact and friction on bodies", body_force, NORM, components=(3,), in_step=True
+    ),
+    "body_pressure": Field("body", "Pa", "contact force over area of bodies", body_pressure, ITSELF, in_step=True),
 }
 """THE table of fields."""

@@ -20,17 +20,23 @@ def new_output(directory: Path, overwrite: bool) -> Iterator[None]:
 
     InputError where it cannot be made, another run writes there, or it holds an earlier run without `overwrite`.
     """
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{directory} cannot be made a directory: {error.strerror}.", "Choose another with -o."
-        ) from error
+    make_directory(directory)
     with locked(directory):
         refuse_earlier_run(directory, overwrite)
         for file in (directory / name for name in RUN_FILES):  # a checkpoint must not meet another run's trajectory
             _remove(file)
         yield
+
+
+def make_directory(directory: Path) -> None:
+    """Make a directory where there is none. InputError where it cannot be made or written."""
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else str(error)
+        raise InputError(f"{directory} cannot be made a directory: {reason}.", "Choose another with -o.") from error
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise InputError(f"{directory} cannot be written.", "Choose another with -o.")
 
 
 @contextmanager

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,8 @@ from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_rec
 from clothsim.io.run_surfaces import world_surfaces
 from clothsim.io.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
 from clothsim.io.vtkhdf import STRETCHES, FrameArray
-from clothsim.run.fields import FIELDS, Configuration, field
+from clothsim.run.fields import FIELDS, Configuration, at_start, field
+from clothsim.run.forces import step_forces
 from clothsim.run.interruption import InterruptFlag, interruptible, interruption
 from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session
@@ -34,8 +35,8 @@ from clothsim.sim.time_loop import steps
 if TYPE_CHECKING:
     from clothsim.intersection.crossings import Crossing
 
-_LOCATIONS: dict[str, Literal["triangle", "vertex"]] = {"carried": "vertex"}
-"""Where the arrays are that no key asks for: 1 for a vertex that a body carries through a pinch, 0 for others."""
+_CARRIED = "carried"
+"""The array that no key asks for: 1 for a vertex that a body carries through a pinch, 0 for others."""
 
 Listener = Callable[[Progress], None]
 """Called after each step."""
@@ -106,10 +107,7 @@ def recorded_run(
 
         certificate = replace(certificate, carried=PinchRecord())
     check = intersection_check_of(surfaces, session.scene.effects, session.built.energies)
-    arrays = [
-        FrameArray(name, _LOCATIONS.get(name) or FIELDS[name].location, values.shape[1:])
-        for name, values in _written_fields(session, state, None).items()
-    ]
+    arrays = [_frame_array(name, values.shape[1:]) for name, values in _written_fields(session, state, None).items()]
     resume_frame = _frames_until(directory / TRAJECTORY_NAME, state.time) if resumed else None
     if not resumed:
         # The checkpoint first: where the disk is full before the first frame is written, the run can still go on.
@@ -172,7 +170,8 @@ def _stepped(
                 pinched = certificate.pinched.after(world, energies, state.positions, state.time)
                 certificate = replace(certificate, pinched=pinched)
         with timers.phase("output"):
-            output.record.append(entry_of(report, certificate))
+            forces = {"forces": step_forces(session.built, report)} if run.forces else {}
+            output.record.append({**entry_of(report, certificate), **forces})
         after_step(report)
         if report.frame_done:
             with timers.phase("output"):
@@ -190,21 +189,29 @@ def _stepped(
 def _written_fields(session: Session, state: State, report: StepReport | None) -> dict[str, NDArray[np.floating]]:
     """The fields of a frame that the scene asks for, in the order of the table.
 
-    Without the report of a step the contact pressure is zero: contact has its stiffness from a step.
+    Without the report of a step the fields of contact are zero: contact has its stiffness from a step.
     """
     world, asked = session.built.world, set(session.scene.run_settings.fields) - {STRETCHES.name}
     energies = session.built.energies if report is None else report.potential.energies
     at = Configuration(world, state.positions, energies, bound=report is not None)
     fields: dict[str, NDArray[np.floating]] = {
-        name: np.zeros(world.n_cloth) if report is None and name == "contact_pressure" else field(name, at)
+        name: at_start(name, world) if report is None and FIELDS[name].in_step else field(name, at)
         for name in FIELDS
         if name in asked
     }
     if session.integrator.carries_pinched:
         from clothsim.sim.pinch import carried_by  # runs without the policy do not import it
 
-        fields["carried"] = carried_by(world, state.memory).astype(np.float64)
+        fields[_CARRIED] = carried_by(world, state.memory).astype(np.float64)
     return fields
+
+
+def _frame_array(name: str, components: tuple[int, ...]) -> FrameArray:
+    """The array of a field in the trajectory."""
+    location = "vertex" if name == _CARRIED else FIELDS[name].location
+    if location == "triangle":
+        return FrameArray(name, "triangle", components)
+    return FrameArray(name, "vertex", components, "body" if location == "body" else "cloth")
 
 
 def _frames_until(path: Path, time: float) -> int | None:

@@ -31,7 +31,9 @@ from clothsim.sim.intersection_history import occurrence_text
 
 if TYPE_CHECKING:
     from clothsim.build.scene_world import Built
+    from clothsim.run.export import Exported
     from clothsim.run.fields import Configuration
+    from clothsim.run.forces import Forces
 
 RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` or clothsim.simulate left."
 
@@ -211,8 +213,7 @@ class Run(Sequence[Frame]):
         Parameters
         ----------
         name : str
-            "deformation_gradient", "rotation", "right_stretch", "principal_stretches", "principal_directions",
-            "compression", "thickness", "vertex_frames", "stress", "energy_density" or "contact_pressure"; "carried" in
+            A key of `clothsim.run.fields.FIELDS`: "stress", "contact_pressure", "body_pressure", ...; "carried" in
             a run with ``contact.pinch = "carry"``: 1 for a vertex that a body carries through a pinch.
         frame : int
             Its number; negative ones count from the end.
@@ -220,13 +221,13 @@ class Run(Sequence[Frame]):
         Returns
         -------
         ndarray
-            (m, ...) for a field of the triangles, (n, ...) for one of the vertices, in SI units; float32 where the run
-            wrote it (``run.fields`` of the scene), else float64.
+            (m, ...) for a field of the triangles, (n, ...) of the vertices, (b, ...) of the bodies', in SI units;
+            float32 where the run wrote it (``run.fields`` of the scene), else float64.
 
         Raises
         ------
         InputError
-            For an unknown name, for "contact_pressure" where the run did not write it, or where the scene in the
+            For an unknown name, for a field of contact that the run did not write, or where the scene in the
             checkpoint cannot be built again.
 
         Examples
@@ -270,6 +271,12 @@ class Run(Sequence[Frame]):
         """The entries of the record, one a step; none where the run kept no record."""
         path = self.directory / RECORD_NAME
         return read_record(path) if path.is_file() else []
+
+    def forces(self) -> "Forces":
+        """Contact force on each body and reaction of each group of pins at each step; needs ``run.forces``."""
+        from clothsim.run.forces import forces_of
+
+        return forces_of(self.record(), str(self.directory))
 
     def plot(
         self, frame: int = -1, path: str | Path | None = None, field: str | None = None, **settings: Any
@@ -331,6 +338,26 @@ class Run(Sequence[Frame]):
         given = {"up": upright(self.directory), **settings, **self._field_settings(field)}
         draw_movie(self.trajectory, target, progress, **given)
         return target if target.is_file() else target.with_suffix(".gif")
+
+    def export(self, path: str | Path, **settings: Any) -> "Exported":
+        """Write the frames for other programs, in the format that the ending of the file names.
+
+        Parameters
+        ----------
+        path : str or Path
+            .obj, .ply, .pc2, .mdd, .glb, .usd, .usda, .usdc (with ``clothsim[usd]``) or .vtkhdf.
+        **settings
+            frame, fps, scale, up, colour and overwrite, as of `clothsim.run.export.export`.
+
+        Returns
+        -------
+        Exported
+            Files, frames, rate, unit, axis and notes. InputError for bad input, MissingPackageError without usd-core.
+        """
+        from clothsim.run.export import SETTINGS, export
+
+        refuse_unknown("Run.export", settings, SETTINGS)
+        return export(self, path, **settings)
 
     def _field_settings(self, field: str | None) -> dict[str, Any]:
         return {} if field is None else field_settings(self, field)

@@ -42,7 +42,9 @@ class Solver(KeyTable):
         Key("Linear solver; auto takes the fastest installed, mixed is PARDISO in single precision with refinement"),
     ] = "auto"
     threads: Annotated[int, Key("Number of threads; 0 takes all cores, 1 repeats every bit", "1", least=0)] = 0
-    max_iterations: Annotated[int, Key("Newton iterations of a step before dt is halved", "1", least=1)] = 100
+    max_iterations: Annotated[
+        int, Key("Newton iterations of a step before dt is halved; without inertia ten times as many", "1", least=1)
+    ] = 100
     unstable_equilibrium: Annotated[
         Literal["leave", "keep"],
         Key("Unstable equilibria are left along their lowest mode, or kept; recorded either way"),
@@ -100,6 +102,7 @@ class Contact(KeyTable):
 FieldName: TypeAlias = Literal[
     "deformation_gradient", "rotation", "right_stretch", "principal_stretches", "principal_directions", "compression",
     "thickness", "vertex_frames", "stress", "energy_density", "contact_pressure",
+    "contact_force", "body_force", "body_pressure",
 ]  # fmt: skip
 """Names of the fields that a run can write; `clothsim.run.fields.FIELDS` has their formulas."""
 
@@ -132,6 +135,9 @@ class RunSettings(KeyTable):
     fields: Annotated[
         Sequence[FieldName], Key("Fields written with each frame, beside the positions and the principal stretches")
     ] = ()
+    forces: Annotated[
+        bool, Key("Record at each step the contact force on each body and the reaction of each group of pins")
+    ] = False
 
 
 @dataclass(frozen=True, kw_only=True)

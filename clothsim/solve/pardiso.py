@@ -111,7 +111,7 @@ class Factor:
             self._handle[:] = 0
 
     def __del__(self) -> None:
-        if hasattr(self, "_always"):  # not where the library is missing
+        if hasattr(self, "_fixed_arguments"):  # not where the library is missing
             self.close()
 
 

@@ -86,3 +86,27 @@ def test_the_knobs_to_refine_together():
     limits = {name: limit({0: base, 1: each}, 2, None, NORM) for name, each in moved.items()}
     assert large_knobs(base, limits, ("dt", "cells"), NORM) == ("dt", "cells", "d_hat")
     assert large_knobs(base, {}, ("dt", "cells"), NORM) == ()
+
+
+def test_joint_runs_that_fall_faster_than_expected_bound_the_error():
+    """Three knobs show one push, and all together nearly end it: the sum counts it thrice, the joint runs once."""
+    names, base = ("cells", "dt", "d_hat"), EXACT + B
+    sweeps = {name: {1: EXACT + 0.5 * B + 0.3 * C, 2: EXACT + 0.25 * B - 0.3 * C} for name in names}
+    limits = {name: limit({0: base, **sweeps[name]}, 2, 1.0, NORM) for name in names}
+    joint = {1: EXACT + 0.05 * B, 2: EXACT + 0.005 * A}
+    one, both = (
+        reference(base, sweeps, limits, runs, names, dict.fromkeys(names, 2), NORM) for runs in ({1: joint[1]}, joint)
+    )
+    true = NORM(B)
+    assert one.error > true
+    assert NORM(both.field - EXACT) < 0.1 * true
+    assert NORM(both.field - EXACT) < both.error < 0.7 * true
+    assert both.error >= 0.99 * NORM(base - joint[1]) / 12  # what an order of 2 leaves of the first difference
+
+
+def test_joint_runs_that_do_not_fall_are_no_limit():
+    names, base = ("cells", "dt", "d_hat"), EXACT + B
+    sweeps = {name: {1: EXACT + 0.5 * B + 0.3 * C, 2: EXACT + 0.25 * B - 0.3 * C} for name in names}
+    limits = {name: limit({0: base, **sweeps[name]}, 2, 1.0, NORM) for name in names}
+    joint = {1: base + 0.1 * A, 2: EXACT + 0.1 * B}
+    assert reference(base, sweeps, limits, joint, names, dict.fromkeys(names, 2), NORM).error > NORM(B)

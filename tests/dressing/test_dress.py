@@ -9,11 +9,16 @@ from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
 import clothsim
-from clothsim.dressing.closing_rounds import DART, ONTO, WITHIN, order_of, turns
+from clothsim.dressing import pictures
+from clothsim.dressing.approaching import approached
+from clothsim.dressing.closing import worst_gap
+from clothsim.dressing.closing_rounds import BELOW, DART, ONTO, WITHIN, order_of, turns
+from clothsim.dressing.dress import _closed_seams
+from clothsim.dressing.garment_surfaces import seam_strokes
 from clothsim.dressing.lifting import lifted
-from clothsim.dressing.measurements import girths, section
 from clothsim.dressing.placing import placed_on
 from clothsim.dressing.separating import crossing_panels, separated
+from clothsim.dressing.sewing_movie import frames_of
 from clothsim.dressing.sewing_state import as_placed
 from clothsim.dressing.sleeves import turned_to_arms
 from clothsim.dressing.strings import strings_through
@@ -78,7 +83,7 @@ def test_a_skirt_is_sewn_and_rests_on_the_body(dressed, body):
     low, high = dressed.stretch
     assert low > 0.9
     assert high < 1.1
-    assert [stage.name for stage in dressed.stages] == ["place", "close", "weld", "drape"]
+    assert [stage.name for stage in dressed.stages] == ["place", "approach", "close", "weld", "drape"]
     height = dressed.positions[:, 1]
     assert 0.3 < height.min() < height.max() < 1.35
 
@@ -111,6 +116,30 @@ def test_files_of_a_dressed_garment(dressed):
     lines = (dressed.directory / "garment.obj").read_text().splitlines()
     assert sum(line.startswith("vt ") for line in lines) == len(dressed.state.mesh.positions)
     assert [line for line in lines if line.startswith("g ")] == ["g front", "g back"]
+
+
+def test_pictures_of_a_dressed_garment(dressed, monkeypatch):
+    monkeypatch.setattr(pictures, "SIZE", (100, 150))
+    monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")
+    files = pictures.draw_dress(dressed)
+    assert [file.name for file in files] == ["placed.png", "worn.png", "stretch.png"]
+    assert all(file.stat().st_size > 5_000 for file in files)
+
+
+def test_frames_of_the_sewing(dressed):
+    frames = frames_of(dressed)
+    assert len(frames) == 1 + sum(len(run) for run in dressed.closing) + len(dressed.run)
+    panels, welded = len(dressed.state.mesh.positions), len(dressed.positions)
+    assert [len(garment.positions) for garment, _ in frames[:: len(frames) - 1]] == [panels, welded]
+    assert np.array_equal(frames[-1][0].positions, dressed.positions)
+
+
+def test_seams_are_drawn_along_all_sewn_edges(dressed):
+    strokes = seam_strokes(dressed.state, dressed.positions)
+    lengths = np.linalg.norm(strokes[:, 0, 1] - strokes[:, 0, 0], axis=1)
+    assert np.isclose(lengths.sum(), 2 * HEIGHT / 100, rtol=0.05)
+    both = strokes[:, :, 1] - strokes[:, :, 0]
+    assert np.allclose((both[:, 0] * both[:, 1]).sum(axis=1), 0, atol=1e-12)
 
 
 def test_an_earlier_run_is_not_replaced_unasked(dressed, body):
@@ -147,6 +176,13 @@ def test_a_panel_with_no_way_out_fails_by_name(body, tmp_path):
     assert done.status == "failed"
     assert "front" in done.reason
     assert done.run is None
+
+
+def test_the_reason_names_seams_that_strings_hold(dressed):
+    assert _closed_seams(dressed.state, "person") == dressed.reason
+    opened = dressed.placed
+    assert f"{len(opened.welded)} of {len(opened.mesh.seams)}" in _closed_seams(opened, "person")
+    assert worst_gap(opened)[1] in _closed_seams(opened, "person")
 
 
 def test_placement_by_axes_and_origin(body):
@@ -186,9 +222,30 @@ def test_order_of_seams():
     state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
     assert order_of(state.mesh.seams[-1], state) == ONTO
     assert [len(turn.closing) for turn in turns(state)] == [len(state.mesh.seams) - 1, 1]
+    entries["pattern"]["panels"]["skirt"] = panel([[-25, -40], [25, -40], [25, 0], [-25, 0]], translation=[0, 80, 22])
+    entries["pattern"]["stitches"].append(stitch(("back", 0), ("skirt", 2)))
+    state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
+    assert order_of(state.mesh.seams[-1], state) == BELOW
+    assert [len(turn.closing) for turn in turns(state)] == [len(state.mesh.seams) - 2, 1, 1]
+    assert [turn.hold for turn in turns(state)] == [False, False, True]
     dart = panel([[0, 0], [4, 0], [5, 8], [6, 0], [10, 0], [10, 20], [0, 20]])
     state = as_placed(mesh_pattern(pattern_of(specification({"a": dart}, [stitch(("a", 1), ("a", 2))])), 0.02))
     assert order_of(state.mesh.seams[0], state) == DART
+
+
+def test_panels_approach_the_body(body):
+    surface = body_surface(body.positions, body.triangles)
+    state = as_placed(placed_on(mesh_pattern(pattern_of(skirt(60)), SPACING), body)[0])
+    nearer, _ = approached(state, body, surface)
+    assert counted(nearer.positions, nearer.triangles, surface).clean
+    moved = nearer.positions - state.positions
+    rigid = [moved[rows] - moved[rows][0] for rows in state.mesh.vertices.values()]
+    assert max(np.abs(rows).max() for rows in rigid) < 1e-15
+    distance = surface.closest(nearer.positions).signed_distance
+    assert min(distance[rows].min() for rows in state.mesh.vertices.values()) > 0
+    for rows in state.mesh.vertices.values():
+        assert 0.01 < distance[rows].min() < 0.03
+    assert np.abs(moved).max() > 0.3
 
 
 def test_strings_through_the_body_wait_for_a_second_turn(body):
@@ -219,11 +276,3 @@ def test_low_shoulders_are_lifted(body):
     )
     assert after < before
     assert note
-
-
-def test_sections_and_girths(dressed, body):
-    cut = section(body.positions, body.triangles, body.up, 1.1)
-    assert np.allclose(cut[..., 1], 1.1)
-    rows = {girth.name: girth for girth in girths(dressed.state, body)}
-    assert np.isclose(rows["hem"].garment, 2 * WIDTH / 100, rtol=0.1)
-    assert all(girth.garment > 0.5 for girth in rows.values())

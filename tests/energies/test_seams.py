@@ -51,6 +51,16 @@ def test_equal_borders_meet_vertex_by_vertex():
     assert len(energy.across.vertices) == 3
 
 
+def test_a_single_pair_is_a_stitch_of_two_vertices():
+    world = two()
+    table = {"from": {"cloth": "a", "vertices": [3]}, "to": {"cloth": "b", "vertices": [0]}, "match": "vertices"}
+    energy = seams(world, seam=[table])
+    x = world.start()
+    assert np.allclose(energy.lines(x), [x[3] - x[len(world.cloths[0].rest_positions)]])
+    with pytest.raises(InputError):
+        seams(world, seam=[{**table, "match": "length"}])
+
+
 def test_flipped_it_is_a_moebius_strip():
     world = sheet()
     lines = sewn(world, flip=True).lines(world.start())

@@ -7,6 +7,7 @@ import pytest
 from meshes import cloth, grid, small_world
 from solving import integrator_of, run_of
 
+from clothsim import Scene, simulate
 from clothsim.energies.base import Energy
 from clothsim.energies.gravity import gravity
 from clothsim.energies.hessians import ElementHessian
@@ -144,3 +145,16 @@ def test_without_a_ramp_loads_act_at_once():
     reports = run_of(integrator_of(world, energies, 0.5, {"pins": constraint}, tolerance=1e-9), 1.0)
     assert np.abs(reports[0].state.positions - reports[1].state.positions).max() < 1e-8
     assert np.abs(reports[0].state.positions - world.start()).max() > 0.01
+
+
+def test_a_sheet_hinged_at_an_edge_swings_down_under_any_load():
+    """The first load is .02 of its weight; a smaller one needs more iterations, so that half a step is no remedy."""
+    effects = {"membrane": {}, "bending": {}, "gravity": {}, "pins": {"select": "left"}}
+    sheet = {"mesh": "rectangle", "size": [0.3, 0.3], "cells": [4, 4], "fabric": "cotton"}
+    solver = {"dt": 0.01, "threads": 1, "linear": "superlu", "max_iterations": 20}
+    run = {"duration": 1.0, "frames_per_second": 50, "until": "rest"}
+    result = simulate(Scene(cloth=sheet, effects=effects, solver=solver, run=run))
+    assert result.summary["status"] == "completed", result.summary["reason"]
+    assert result.record()[0]["newton_iterations"] > 20
+    assert result.record()[0]["failures"] == []
+    assert result.positions(-1)[:, 2].min() == pytest.approx(-0.3, rel=0.01)

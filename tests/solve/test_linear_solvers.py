@@ -1,6 +1,7 @@
 """Direct solvers: equal solutions, and equal rejection of matrices that are not positive definite."""
 
 import ctypes
+import gc
 import sys
 from dataclasses import replace
 
@@ -221,3 +222,19 @@ def test_a_factor_of_one_thread_leaves_that_of_two_alone(name):
     assert np.array_equal(large.solve(*system), first)
     del small
     assert np.array_equal(large.solve(*system), first)
+
+
+@pytest.mark.parametrize("name", ["pardiso", "mixed"])
+def test_a_factor_without_references_frees_the_memory_of_its_library(name):
+    pattern, data, _ = newton_matrix()
+    try:
+        solver = make_solver(name, pattern, threads=1)
+    except MissingPackageError as error:
+        pytest.skip(str(error))
+    solver.factorise(data)
+    factor = solver._factor
+    handle = factor._handle
+    assert handle.any()
+    del solver, factor
+    gc.collect()
+    assert not handle.any()

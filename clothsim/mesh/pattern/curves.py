@@ -88,30 +88,37 @@ class Arc:
     large: bool
     right: bool
 
-    def circle(self, start: Floats, end: Floats) -> tuple[Floats, float, float, float]:
-        """Centre (2,) and radius [m], angle of the start and sweep [rad], counter-clockwise if positive."""
+    def circle(self, start: Floats, end: Floats) -> tuple[Floats, float, float]:
+        """Centre (2,) and radius [m], and sweep [rad], counter-clockwise if positive."""
         chord = end - start
         half = float(np.linalg.norm(chord)) / 2
         radius = max(self.radius, half)
         left = np.array([-chord[1], chord[0]]) / (2 * half)
         side = (1 if self.right else -1) * (-1 if self.large else 1)
-        centre = (start + end) / 2 + side * np.sqrt(max(radius**2 - half**2, 0.0)) * left
-        first = start - centre
-        sweep = 2 * np.arcsin(min(half / radius, 1.0))
+        rise = np.sqrt(radius - half) * np.sqrt(radius + half)  # no overflow
+        sweep = 2 * np.arcsin(half / radius)
         sweep = 2 * np.pi - sweep if self.large else sweep
-        return centre, radius, float(np.arctan2(first[1], first[0])), float(sweep if self.right else -sweep)
+        return (start + end) / 2 + side * rise * left, radius, float(sweep if self.right else -sweep)
 
     def at(self, start: Floats, end: Floats, t: Floats) -> Floats:
-        """Points (k, 2) [m] at the parameters t (k,): equal angles; 0 and 1 give the ends exactly."""
-        centre, radius, angle, sweep = self.circle(start, end)
-        angles = angle + t * sweep
-        found = np.asarray(centre + radius * np.column_stack([np.cos(angles), np.sin(angles)]), np.float64)
+        """Points (k, 2) [m] at the parameters t (k,): equal angles; 0 and 1 give the ends exactly.
+
+        The secant to the parameter t is the chord, turned by (t - 1) sweep / 2 and scaled by
+        sin(t sweep / 2) / sin(sweep / 2): no digit is lost where the radius is far larger than the chord.
+        """
+        half = self.circle(start, end)[2] / 2
+        turn = (t - 1) * half
+        scale = np.sin(t * half) / np.sin(half) if half else t
+        chord = end - start
+        secants = np.column_stack([np.cos(turn), np.sin(turn)]) * scale[:, None]
+        x, y = secants.T
+        found = np.asarray(start + x[:, None] * chord + y[:, None] * [-chord[1], chord[0]], np.float64)
         found[t == 0], found[t == 1] = start, end
         return found
 
     def length(self, start: Floats, end: Floats) -> float:
         """Arc length [m]."""
-        _, radius, _, sweep = self.circle(start, end)
+        _, radius, sweep = self.circle(start, end)
         return radius * abs(sweep)
 
     def by_length(self, start: Floats, end: Floats, share: Floats) -> Floats:

@@ -9,6 +9,10 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
 from clothsim.mesh.pattern.curves import Curve
+from clothsim.mesh.pattern.limits import refuse_unreal
+
+SHORTEST = 1e-8
+"""Distance of the ends of an edge below which it has no length [m]: rounding of coordinates far from the origin."""
 
 
 @dataclass(frozen=True)
@@ -146,6 +150,7 @@ class Pattern:
             raise InputError("The pattern has no panel.", "Give it one or more.")
         for panel in self.panels.values():
             _check_loop(panel)
+            refuse_unreal(panel)
         _check_stitches(self)
 
 
@@ -167,7 +172,7 @@ def _check_loop(panel: Panel) -> None:
                 f"edge {following} starts at vertex {panel.edges[following].start}.",
                 "Give the edges in the order of the loop, each in its direction.",
             )
-        if np.array_equal(panel.vertices[edge.start], panel.vertices[edge.end]):
+        if np.abs(panel.vertices[edge.start] - panel.vertices[edge.end]).max() < SHORTEST:
             raise InputError(
                 f"Edge {number} of panel {name} has no length: both ends are at "
                 f"{panel.vertices[edge.start].tolist()} m.",

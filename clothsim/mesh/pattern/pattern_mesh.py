@@ -5,14 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
-from clothsim.mesh.pattern.borders import borders
+from clothsim.mesh.pattern.borders import Border, borders
+from clothsim.mesh.pattern.limits import refuse_too_fine
 from clothsim.mesh.pattern.orientation import turned_panels
-from clothsim.mesh.pattern.panel_mesh import mesh_panel
+from clothsim.mesh.pattern.panel_mesh import PanelMesh, mesh_panel
 from clothsim.mesh.pattern.pattern import Pattern, Side, Stitch
 from clothsim.mesh.pattern.self_crossing import refuse_self_crossing
 from clothsim.mesh.pattern.slivers import without_slivers
+
+NARROWEST = 1e-3
+"""Height of a triangle below which it counts as flat, as a fraction of its longest side."""
 
 
 @dataclass(frozen=True)
@@ -101,9 +105,9 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
         A panel that crosses itself; stitches that give the garment one side only; a seam whose two sides share a
         triangle.
     """
-    if not spacing > 0:
-        raise InputError(f"The spacing of the mesh is {spacing:g} m.", "Give a positive length.")
+    spacing = as_positive("The size of the mesh", spacing)
     turned = turned_panels(pattern)
+    refuse_too_fine(pattern, spacing)
     pattern = without_slivers(pattern, spacing)
     sampled = borders(pattern, spacing)
     for panel in pattern.panels.values():
@@ -114,7 +118,7 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     edges: dict[Side, Ints] = {}
     for name, panel in pattern.panels.items():
         border = sampled[name]
-        mesh = mesh_panel(border.points, spacing)
+        mesh = _meshed(name, border, spacing)
         follows = border.counter_clockwise != turned[name]
         triangles, corners = wound(mesh.points, mesh.triangles, follows)
         parts.append((panel.placed(mesh.points), triangles + n, corners, mesh.points))
@@ -124,6 +128,28 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     positions, triangles, corners, plane = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     seams = tuple(Seam(stitch, seam_pairs(stitch, edges)) for stitch in pattern.stitches)
     return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams)
+
+
+def _meshed(name: str, border: Border, spacing: float) -> PanelMesh:
+    """Mesh of a panel. InputError with its name where its border cannot be triangulated, or is nowhere near as wide."""
+    try:
+        mesh = mesh_panel(border.points, spacing)
+    except RuntimeError as error:  # samples that coincide or nearly cross
+        reason = str(error).partition("\n")[0]
+        raise InputError(f"Panel {name} cannot be triangulated: {reason}.", "Look at its vertices.") from error
+    corners = mesh.points[mesh.triangles]
+    sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    edge, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    heights = np.abs(edge[:, 0] * other[:, 1] - edge[:, 1] * other[:, 0]) / sides.max(axis=1)
+    thinnest = int(np.argmin(heights))
+    if heights[thinnest] < NARROWEST * min(spacing, float(sides[thinnest].max())):
+        x, y = corners[thinnest].mean(axis=0)
+        raise InputError(
+            f"Panel {name} is {1e6 * heights[thinnest]:.2g} micrometres wide near ({x:.3g}, {y:.3g}) m: its triangles "
+            "there would have no area.",
+            "Move its edges apart there.",
+        )
+    return mesh
 
 
 def wound(points: Floats, triangles: Ints, follows: bool) -> tuple[Ints, Floats]:

@@ -27,9 +27,12 @@ def joined_vertices(mesh: PatternMesh, pairs: Ints) -> Ints:
     if collapsed.any():
         face = int(np.flatnonzero(collapsed)[0])
         panel = next(name for name, rows in mesh.faces.items() if rows.start <= face < rows.stop)
+        own = set(mesh.triangles[face].tolist())
+        direct = [seam.name for seam in mesh.seams if any(own >= {*pair} for pair in seam.pairs.tolist())]
+        what = f"The seam {direct[0]} joins" if direct else f"The seams of {panel} join"
         raise InputError(
-            f"The seams of {panel} join two corners of one triangle ({int(collapsed.sum())} such triangles).",
-            "Mesh it finer: --size.",
+            f"{what} two corners of one triangle of {panel} ({int(collapsed.sum())} such triangles).",
+            "Mesh it finer: --size; edges that meet in a convex corner cannot be sewn to each other.",
         )
     return number
 

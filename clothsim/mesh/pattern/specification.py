@@ -15,11 +15,14 @@ from clothsim.mesh.pattern.pattern import Panel, Pattern, PatternEdge, Side, Sti
 
 USUAL_UNITS = 100.0
 """Units of a file in a metre where it names none."""
+SMALLEST_UNITS, LARGEST_UNITS = 0.01, 1e6
 ORDERS = ("zyx", "xyz")
 ALIKE = np.radians(1.0)
 """Angle between the rotations of both orders below which they are not told apart [rad]."""
 LARGEST = 64 * 2**20
 """Largest file that is read [bytes]."""
+DEEPEST = 64
+"""Deepest nesting of lists and tables that is read."""
 
 
 def read_specification(path: str | Path, rotation_order: str = "zyx") -> Pattern:
@@ -54,9 +57,11 @@ def read_specification(path: str | Path, rotation_order: str = "zyx") -> Pattern
     if file.stat().st_size > LARGEST:
         raise InputError(f"{file} has {file.stat().st_size >> 20} MiB: no sewing pattern is larger than 64 MiB.")
     try:
-        entries = json.loads(file.read_text(encoding="utf-8-sig"))
+        entries = json.loads(file.read_text(encoding="utf-8-sig"), object_pairs_hook=_without_duplicates)
     except (ValueError, RecursionError) as error:
         raise InputError(f"{file} is not JSON: {error}.", "Give the specification.json of a sewing pattern.") from error
+    except OSError as error:
+        raise InputError(f"{file} cannot be read: {error.strerror}.") from error
     try:
         return pattern_of(entries, rotation_order)
     except InputError as error:
@@ -68,19 +73,20 @@ def pattern_of(entries: Any, rotation_order: str = "zyx") -> Pattern:
     if rotation_order not in ORDERS:
         raise InputError(f"rotation_order is {rotation_order!r}.", f"Known: {', '.join(ORDERS)}.")
     pattern = _table("The file", _table("The file", entries).get("pattern"), "pattern")
-    properties = entries.get("properties") or {}
+    _refuse_deep(entries)
+    properties = _table("The file", _given(entries, "properties", {}), "properties")
     unit, notes = _metres(properties)
     absolute = properties.get("curvature_coords", "relative") == "absolute"
     raw = {str(name): _table(f"Panel {name}", panel) for name, panel in _panels(pattern).items()}
     rotations = {
-        name: np.radians(_numbers(f"Panel {name}: rotation", panel.get("rotation", [0, 0, 0]), (3,)))
+        name: np.radians(_numbers(f"Panel {name}: rotation", _given(panel, "rotation", [0, 0, 0]), (3,)))
         for name, panel in raw.items()
     }
     panels = {
         name: _panel(name, panel, unit, absolute, _angles(rotations[name], rotation_order))
         for name, panel in raw.items()
     }
-    stitches = pattern.get("stitches") or []
+    stitches = _given(pattern, "stitches", [])
     if not isinstance(stitches, Sequence) or isinstance(stitches, str):
         raise InputError("pattern.stitches is no list.", "Give a list of pairs of sides.")
     sewn = tuple(_stitch(number, stitch) for number, stitch in enumerate(stitches))
@@ -118,8 +124,8 @@ def _metres(properties: Mapping[str, Any]) -> tuple[float, tuple[str, ...]]:
     if "units_in_meter" not in properties:
         return 1 / USUAL_UNITS, ("the file names no units_in_meter: its lengths are read as centimetres",)
     units = _number("properties.units_in_meter", properties["units_in_meter"])
-    if not units > 0:
-        raise InputError(f"properties.units_in_meter is {units:g}.", "100 for centimetres.")
+    if not SMALLEST_UNITS <= units <= LARGEST_UNITS:
+        raise InputError(f"properties.units_in_meter is {units:g}.", "100 for centimetres, 1 for metres.")
     return 1 / units, ()
 
 
@@ -146,9 +152,9 @@ def _panel(name: str, entries: Mapping[str, Any], unit: float, absolute: bool, r
     edges = entries.get("edges")
     if not isinstance(edges, list):
         raise InputError(f"{where} has no list of edges.")
-    translation = unit * _numbers(f"{where}: translation", entries.get("translation", [0, 0, 0]), (3,))
+    translation = unit * _numbers(f"{where}: translation", _given(entries, "translation", [0, 0, 0]), (3,))
     made = tuple(_edge(name, number, edge, vertices, unit, absolute) for number, edge in enumerate(edges))
-    return Panel(name, vertices, made, translation, rotation, str(entries.get("label", "")))
+    return Panel(name, vertices, made, translation, rotation, _label(where, entries))
 
 
 def _edge(name: str, number: int, entries: Any, vertices: Floats, unit: float, absolute: bool) -> PatternEdge:
@@ -162,11 +168,11 @@ def _edge(name: str, number: int, entries: Any, vertices: Floats, unit: float, a
             raise InputError(f"{where} names vertex {end} of {len(vertices)}.", "Vertices count from 0.")
     chord = vertices[ends]
     curve = _curve(f"{where}: curvature", edge.get("curvature"), chord, unit, absolute)
-    return PatternEdge(ends[0], ends[1], curve, str(edge.get("label", "")))
+    return PatternEdge(ends[0], ends[1], curve, _label(where, edge))
 
 
 def _curve(where: str, entries: Any, chord: Floats, unit: float, absolute: bool) -> Curve:
-    if not entries:
+    if entries is None or entries in ([], {}):
         return Straight()
     if isinstance(entries, list):  # the old form of a quadratic curve
         entries = {"type": "quadratic", "params": [entries]}
@@ -238,6 +244,40 @@ def _table(where: str, value: Any, key: str = "") -> Mapping[str, Any]:
     return value
 
 
+def _given(entries: Mapping[str, Any], key: str, default: Any) -> Any:
+    """Value of a key; the default where it is absent or null."""
+    value = entries.get(key)
+    return default if value is None else value
+
+
+def _label(where: str, entries: Mapping[str, Any]) -> str:
+    label = _given(entries, "label", "")
+    if not isinstance(label, str):
+        raise InputError(f"{where} has the label {label!r}.", "Give a word.")
+    return label
+
+
+def _without_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Table of a JSON object; ValueError for a key that is given twice, of which one would be lost."""
+    table = dict(pairs)
+    if len(table) < len(pairs):
+        keys = [key for key, _ in pairs]
+        twice = next(key for number, key in enumerate(keys) if key in keys[:number])
+        raise ValueError(f"the key {twice!r} is given twice")
+    return table
+
+
+def _refuse_deep(entries: Any) -> None:
+    """InputError for nested lists and tables that could not be written again."""
+    level = [entries]
+    for _ in range(DEEPEST):
+        inside = [each.values() if isinstance(each, Mapping) else each for each in level]
+        level = [value for each in inside for value in each if isinstance(value, Mapping | list)]
+        if not level:
+            return
+    raise InputError(f"The file nests lists and tables deeper than {DEEPEST}.", "No sewing pattern does.")
+
+
 def _number(where: str, value: Any) -> float:
     return float(_numbers(where, [value], (1,))[0])
 
@@ -245,11 +285,11 @@ def _number(where: str, value: Any) -> float:
 def _numbers(where: str, value: Any, shape: tuple[int, ...]) -> Floats:
     """Array of finite numbers of a shape, in which -1 is any length."""
     try:
-        numbers = np.array(value, np.float64)
-    except (TypeError, ValueError):
+        numbers = np.array(value)
+    except (TypeError, ValueError):  # ragged lists
         numbers = np.zeros(0)
     fits = numbers.ndim == len(shape) and all(n in (-1, m) for n, m in zip(shape, numbers.shape, strict=False))
-    if not fits or not np.isfinite(numbers).all():
+    if not fits or numbers.dtype.kind not in "iuf" or not np.isfinite(numbers).all():  # no words, no logical values
         size = " x ".join("n" if n < 0 else str(n) for n in shape)
         raise InputError(f"{where} must be {size} finite numbers.")
-    return numbers
+    return numbers.astype(np.float64)

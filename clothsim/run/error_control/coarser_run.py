@@ -50,11 +50,11 @@ def simulate_with_estimate(scene: Scene, runs: Runs, message: Message) -> Run:
         fixed[TIME] = "a frame has one step"
     if CELLS in ladder.knobs and coarser.cells == 1:
         fixed[CELLS] = "the cells cannot be halved"
-    return _annotated(run, own, other, fixed, len(fixed) == len(ladder.fixed), ladder)
+    return _annotated(run, own, other, fixed, ladder)
 
 
-def _annotated(run: Run, own: Trial, other: Trial, fixed: dict[str, str], known: bool, ladder: Resolvable) -> Run:
-    """The run with its estimate; known: False where something that has an error could not be coarser."""
+def _annotated(run: Run, own: Trial, other: Trial, fixed: dict[str, str], ladder: Resolvable) -> Run:
+    """The run with its estimate; fixed: what could not be coarser, whose error is not known."""
     summary = dict(run.summary)
     certificate = dict(summary["certificate"])
     estimate = dict(certificate["error_estimate"])
@@ -66,8 +66,9 @@ def _annotated(run: Run, own: Trial, other: Trial, fixed: dict[str, str], known:
         parts = {"all": from_joint(moved, 2.0, ladder.knobs, ladder.dt(other.resolution)), "newton": newton}
         if another_shape(own, moved):
             fixed = {**fixed, "coarser run": f"it ends in another shape, {moved:.2g} m away"}
-            known = False
-        estimate |= {"total": root_sum(parts.values()), "known": known, "parts": parts, "coarser_run_moved": moved}
+        estimate |= {"total": root_sum(parts.values()), "known": not fixed, "parts": parts, "coarser_run_moved": moved}
+        if fixed:
+            estimate["of_refined"] = {"known": set(fixed) <= set(ladder.fixed)}
     estimate |= {"fixed": fixed, "seconds": own.seconds + other.seconds}
     summary["certificate"] = {**certificate, "error_estimate": estimate}
     write_summary(Path(run.directory) / SUMMARY_NAME, summary)

@@ -1,6 +1,6 @@
 """Simulation of a scene with solver.error, and the entries of its summary."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from time import process_time
 from typing import Any
@@ -81,15 +81,31 @@ def _estimate(search: Search, found: Found, scene: Scene) -> dict[str, Any]:
     ]  # fmt: skip
     return {
         "total": found.total if completed else "not estimated (failed)",
-        "known": found.known and completed,
+        **with_fixed(found.known and completed, found.met(search.asked), ladder.fixed),
         "parts": found.parts,
         "asked": search.asked,
-        "met": found.met(search.asked),
         "chosen": taken,
         "fixed": dict(ladder.fixed),
         "runs": runs,
         "seconds": search.spent,
     }
+
+
+def with_fixed(known: bool, met: bool, fixed: Mapping[str, str]) -> dict[str, Any]:
+    """Entries "known" and "met" of an estimate; with what could not be refined both are false, its error is not known.
+
+    "of_refined" then has what is known of the others.
+
+    Examples
+    --------
+    >>> with_fixed(True, True, {})
+    {'known': True, 'met': True}
+    >>> with_fixed(True, True, {"cells": "a file without cells"})
+    {'known': False, 'met': False, 'of_refined': {'known': True, 'met': True}}
+    """
+    if not fixed:
+        return {"known": known, "met": met}
+    return {"known": False, "met": False, "of_refined": {"known": known, "met": met}}
 
 
 def _why(search: Search, found: Found) -> str:
@@ -107,7 +123,7 @@ def _why(search: Search, found: Found) -> str:
     last = found.trial.seconds
     text.append(f"{len(search.trials)} runs took {search.spent:.1f} s, the last of them {last:.1f} s.")
     text += [
-        f"{name} stay as given, and their error is not known: {reason}."
+        f"{name} stay as given, and their error is not known, nor that of the run: {reason}."
         for name, reason in search.resolvable.fixed.items()
     ]
     return " ".join(text)

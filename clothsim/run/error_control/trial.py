@@ -53,7 +53,7 @@ def pilot(scene: Scene, resolution: Resolution) -> Trial:
     session = prepare(scene, build(scene))
     world, run = session.built.world, scene.run_settings
     state, reason = first_state(world, session.integrator.dt), ""
-    for report in steps(session.integrator, state, run.duration, run.frames_per_second):
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
         if report.failure is not None:
             reason = report.failure.reason
             break

@@ -1,5 +1,6 @@
 """Meshes of patterns: areas, angles, seams and sewn topology."""
 
+import json
 from functools import cache
 
 import numpy as np
@@ -118,10 +119,30 @@ def test_a_sliver_sewn_to_a_long_edge_stays():
     assert without_slivers(pattern, 0.02) is pattern
 
 
-@pytest.mark.parametrize("spacing", [0.0, -1.0, float("nan")])
-def test_spacing_must_be_positive(spacing):
+def test_a_curve_given_as_a_polyline_keeps_its_shape():
+    """Edges of 1.6 mm and of .4 mm at a spacing of 2 cm: they are slivers, each for itself."""
+    for count in (1000, 4000):
+        angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
+        circle = panel(np.column_stack([25 * np.cos(angles), 25 * np.sin(angles)]).tolist())
+        mesh = mesh_pattern(pattern_of(specification({"a": circle})), 0.02)
+        assert np.isclose(signed_areas(mesh).sum(), np.pi / 16, rtol=0.003)
+
+
+@pytest.mark.parametrize("spacing", [0.0, -1.0, float("nan"), float("inf"), 1e-300, 1e-5, "2cm", None])
+def test_spacing_must_be_a_length_that_can_be_meshed(spacing):
     with pytest.raises(InputError):
         mesh_pattern(pattern_of(skirt()), spacing)
+
+
+def test_spacing_may_be_a_whole_number_of_metres():
+    assert len(mesh_pattern(pattern_of(skirt()), 10).triangles) == 4
+
+
+def test_a_seam_within_one_triangle_is_named():
+    mesh = mesh_pattern(pattern_of(specification({"a": panel()}, [stitch(("a", 0), ("a", 1))])), 0.02)
+    with pytest.raises(InputError) as caught:
+        sewn_vertices(mesh, mesh.seams)
+    assert "a.0 to a.1" in str(caught.value)
 
 
 @needs_data
@@ -158,3 +179,39 @@ def test_sewn_topology_of_real_patterns(name):
     assert examine(name, scattered, sewn).findings == ()
     outline = border_edges(sewn)[0]
     assert len(np.unique(components(np.column_stack([outline, outline[:, 1]]), count)[outline])) == LOOPS[name]
+
+
+def openings(name: str) -> int:
+    """Border loops of a sewn garment from its file alone: corners that stitches join, and the edges in no stitch."""
+    entries = json.loads((DATA / "patterns" / name).read_text())["pattern"]
+    parent: dict[tuple[str, int], tuple[str, int]] = {}
+
+    def root(corner: tuple[str, int]) -> tuple[str, int]:
+        while parent.get(corner, corner) != corner:
+            corner = parent[corner]
+        return corner
+
+    def ends(side: dict) -> list[tuple[str, int]]:
+        return [(side["panel"], v) for v in entries["panels"][side["panel"]]["edges"][side["edge"]]["endpoints"]]
+
+    sewn = set()
+    for first, second, *right_wrong in entries["stitches"]:
+        sewn |= {(side["panel"], side["edge"]) for side in (first, second)}
+        for a, b in zip(ends(first), ends(second)[:: 1 if right_wrong else -1], strict=True):
+            parent[root(a)] = root(b)
+    free = [
+        ends({"panel": panel, "edge": number})
+        for panel, each in entries["panels"].items()
+        for number in range(len(each["edges"]))
+        if (panel, number) not in sewn
+    ]
+    corners = {root(corner) for pair in free for corner in pair}
+    for a, b in free:
+        parent[root(a)] = root(b)
+    return len({root(corner) for corner in corners})
+
+
+@needs_data
+@pytest.mark.parametrize("name", PATTERN_FILES)
+def test_openings_counted_from_the_file_alone(name):
+    assert openings(name) == LOOPS[name]

@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pytest
 from real_data import DATA, needs_data
+from scipy.spatial.transform import Rotation
 from sewing_patterns import PATTERN_FILES, SQUARE, panel, skirt, specification, stitch
 
 from clothsim.errors import InputError
@@ -31,6 +32,15 @@ def test_lengths_are_metres():
     assert np.array_equal(pattern.panels["front"].vertices, np.array(SQUARE) / 100)
     assert pattern.panels["front"].edge_length(1) == 0.2
     assert pattern.notes == ()
+
+
+def test_placement_turns_about_x_then_y_then_z():
+    angles = [20.0, -35.0, 70.0]
+    placed = pattern_of(specification({"a": panel(rotation=angles, translation=[10, 20, 30])})).panels["a"]
+    expected = Rotation.from_euler("xyz", angles, degrees=True).as_matrix()  # of fixed axes: Rz Ry Rx
+    assert np.allclose(placed.matrix, expected, atol=1e-15)
+    points = np.array([[0.1, 0.2], [0.3, -0.1]])
+    assert np.allclose(placed.placed(points), points @ expected[:, :2].T + [0.1, 0.2, 0.3])
 
 
 def test_a_file_without_units_is_read_as_centimetres_with_a_note():
@@ -122,6 +132,24 @@ FAULTS = {
     "no pair": (_set(("stitches", 0), [1]), ("Stitch 0",)),
     "no panels": (_set(("panels",), {}), ("panel",)),
     "panel is a list": (_set(FRONT, []), ("front",)),
+    "number as a word": (_set((*FRONT, "vertices", 1, 0), "10"), ("front", "vertices")),
+    "number as a truth value": (_set((*FRONT, "rotation"), [True, False, True]), ("front", "rotation")),
+    "integer beyond a float": (_set((*FRONT, "vertices", 1, 0), 10**400), ("front", "vertices")),
+    "far vertex": (_set((*FRONT, "vertices", 1, 0), 1e300), ("front", "vertex 1e+298 m")),
+    "far placement": (_set((*FRONT, "translation", 1), 1e9), ("front", "translation 1e+07 m")),
+    "long arc": (
+        _set((*FRONT, "edges", 0, "curvature"), {"type": "circle", "params": [1e300, 1, 1]}),
+        ("Edge 0", "front"),
+    ),
+    "far control point": (
+        _set((*FRONT, "edges", 0, "curvature"), {"type": "quadratic", "params": [[1e200, 0]]}),
+        ("Edge 0", "front"),
+    ),
+    "radius 0": (_set((*FRONT, "edges", 0, "curvature"), {"type": "circle", "params": [0, 0, 1]}), ("Edge 0", "front")),
+    "curvature is 0": (_set((*FRONT, "edges", 0, "curvature"), 0), ("Edge 0", "front")),
+    "hardly any length": (_set((*FRONT, "vertices", 1), [1e-7, 0]), ("Edge 0", "front")),
+    "label is a list": (_set((*FRONT, "label"), ["arm"]), ("front", "arm")),
+    "stitches are a word": (_set(("stitches",), ""), ("stitches",)),
 }
 
 
@@ -130,6 +158,52 @@ def test_faults_are_named(fault):
     change, words = FAULTS[fault]
     with pytest.raises(InputError) as caught:
         pattern_of(_spoilt(change))
+    assert all(word in str(caught.value) for word in words)
+
+
+@pytest.mark.parametrize("properties", [3, True, "cm", [1], *({"units_in_meter": k} for k in (0, -1, 1e-320, True))])
+def test_bad_properties_are_refused(properties):
+    with pytest.raises(InputError) as caught:
+        pattern_of({**skirt(), "properties": properties})
+    assert "properties" in str(caught.value)
+
+
+def test_a_null_is_as_good_as_nothing():
+    entries = {**skirt(), "properties": None}
+    entries["pattern"]["panels"]["front"] |= {"label": None, "rotation": None}
+    assert pattern_of(entries).panels["front"].label == ""
+
+
+def test_a_key_given_twice_is_refused_by_name(tmp_path):
+    (tmp_path / "twice.json").write_text('{"pattern": {"panels": {"front": {}, "front": {}}}}')
+    with pytest.raises(InputError) as caught:
+        read_specification(tmp_path / "twice.json")
+    assert "'front'" in str(caught.value)
+
+
+def test_entries_nested_too_deep_to_be_written_are_refused():
+    nested: list = []
+    for _ in range(200):
+        nested = [nested]
+    with pytest.raises(InputError):
+        pattern_of({**skirt(), "parameters": nested})
+
+
+NARROW = [[0, 0], [40, 0], [40, 40], [20, 1e-4], [0, 40]]
+UNMESHABLE = {
+    "no area": ([[0, 0], [100, 0], [100, 1e-4], [0, 1e-4]], ("front", "area")),
+    "on one line": ([[0, 0], [10, 0], [20, 0], [10, 0]], ("front", "edges 0 and 3")),
+    "neck": (NARROW, ("front", "wide")),
+    "crossing": (np.random.default_rng(0).random((2000, 2)) * 20, ("front", "edges")),
+    "too many edges": (np.random.default_rng(0).random((20_001, 2)), ("front", "20001 edges")),
+}
+
+
+@pytest.mark.parametrize("fault", UNMESHABLE)
+def test_panels_that_cannot_be_meshed_are_named(fault):
+    vertices, words = UNMESHABLE[fault]
+    with pytest.raises(InputError) as caught:
+        mesh_pattern(pattern_of(specification({"front": panel(vertices)})), 0.02)
     assert all(word in str(caught.value) for word in words)
 
 

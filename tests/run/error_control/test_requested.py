@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from clothsim import Cloth, Scene, simulate
+from clothsim.mesh.generators.sheets import rectangle
 from clothsim.run.error_control import search, trial
 from clothsim.run.error_control.choice import chosen, work
 from clothsim.run.error_control.knob_errors import KnobErrors
@@ -80,6 +81,36 @@ def test_meshes_without_cells_keep_theirs():
     found = resolvable(scene)
     assert found.knobs == ("dt",)
     assert set(found.fixed) == {"cells"}
+
+
+def arrays(**solver):
+    """The strip as a mesh without cells."""
+    scene = strip(**solver)
+    positions, triangles = rectangle((0.3, 0.1), (6, 2))
+    keys = {key: value for key, value in STRIP.items() if key not in ("mesh", "size", "cells")}
+    effects = {**scene.effects, "pins": {"select": {"box": [[-1, -1, -1], [-0.149, 1, 1]]}}}
+    return replace(scene, cloth=Cloth(positions, triangles, **keys), effects=effects)
+
+
+@pytest.mark.parametrize("request_", [{"error": 1e-2}, {"dt": 0.01, "estimate": True}])
+def test_the_error_of_a_mesh_without_cells_is_not_known(tmp_path, request_):
+    estimate = simulate(arrays(**request_), tmp_path).summary["certificate"]["error_estimate"]
+    assert set(estimate["fixed"]) == {"cells"}
+    assert 0 < estimate["total"] < 1e-2
+    assert estimate["known"] is False
+    assert estimate["of_refined"]["known"] is True
+    if "error" in request_:
+        assert (estimate["met"], estimate["of_refined"]["met"]) == (False, True)
+
+
+def test_pilot_runs_end_at_rest_like_the_run(tmp_path):
+    run = {"duration": 8.0, "frames_per_second": 25, "until": "rest", "rest_speed": 0.05}
+    scene = replace(strip(dt=0.01), effects={**EFFECTS, "damping": {"rate": 20.0}}, run=run)
+    ladder = resolvable(scene)
+    ended = simulate(ladder.at(Resolution(4), 0.1), tmp_path)
+    assert ended.summary["certificate"]["at_rest"]
+    assert ended.times[-1] < 8.0
+    assert np.array_equal(trial.pilot(ladder.at(Resolution(4), 0.1), Resolution(4)).positions, ended.positions(-1))
 
 
 def test_the_cheapest_sufficient_resolution_is_chosen():

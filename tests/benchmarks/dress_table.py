@@ -1,0 +1,207 @@
+"""Table of sewn garments: each shared pattern dressed on its body, with seams, strains, ease, CPU seconds and pictures.
+
+`python -m tests.benchmarks.dress_table [--size 2cm] [--only r000 shirt_mean ...] [-o DIR] [--page FILE]`.
+Each pattern runs in a process of its own and leaves DIR/NAME.json; one that is there is not run again, unless --redo.
+DIR/table.md and DIR/sheet.png show all that are there. --page replaces what is between the marks of a page.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+import clothsim
+from clothsim.cli.dress_command import as_length
+from clothsim.dressing.dress import Dress
+from clothsim.dressing.pictures import WORN, draw_dress
+from clothsim.errors import ClothsimError
+from clothsim.io.atomic import write_atomically
+from clothsim.mesh.pattern.sewing import largest_gap
+from tests.benchmarks.stored_tables import markdown_table, write_between
+from tests.real_data import DATA
+from tests.sewing_patterns import PATTERN_FILES, body_of
+
+HEADER = (
+    "pattern",
+    "body",
+    "status",
+    "seams welded",
+    "worst gap [mm]",
+    "vertices",
+    "stretch, 1 / 50 / 99 %",
+    "ease of chest, waist, hip, hem [cm]",
+    "CPU s",
+)
+GIRTHS = ("chest", "waist", "hip", "hem")
+TILE = (340, 255)
+"""Largest picture of one garment on the sheet [pixels]."""
+CAPTION = 16
+COLUMNS = 5
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"), "1")
+
+
+def short_name(file: str) -> str:
+    """Name of a pattern file in the table: "r004", "shirt_mean"."""
+    return Path(file).stem.removesuffix("_specification")
+
+
+FILES = {short_name(file): file for file in PATTERN_FILES}
+
+
+def measured(name: str, size: float, folder: Path) -> dict[str, Any]:
+    """Dress one pattern in `folder` and return its row; "refused" where the input is refused."""
+    body = body_of(FILES[name])
+    row: dict[str, Any] = {"pattern": name, "body": body, "size": size}
+    started = process_time()
+    try:
+        on = DATA / "bodies" / f"{body}.obj"
+        done = clothsim.dress(DATA / "patterns" / FILES[name], on, folder, size=size, overwrite=True)
+    except ClothsimError as error:
+        return {**row, "status": "refused", "reason": str(error), "cpu_seconds": process_time() - started}
+    row |= {"cpu_seconds": process_time() - started, **garment_entries(done)}
+    draw_dress(done)
+    return row
+
+
+def garment_entries(done: Dress) -> dict[str, Any]:
+    """Seams, strains and ease of a dressed garment."""
+    state = done.state
+    positions = state.positions[state.number]
+    gaps = {seam.name: largest_gap(positions, seam) for seam in state.mesh.seams}
+    worst = max(gaps, key=lambda seam: gaps[seam], default="")
+    measurements = json.loads((done.directory / "summary.json").read_text(encoding="utf-8"))["measurements"]
+    return {
+        "status": done.status,
+        "reason": done.reason,
+        "notes": list(done.notes),
+        "seams": len(gaps),
+        "welded": len(state.welded),
+        "worst_gap": gaps.get(worst, 0.0),
+        "worst_seam": worst,
+        "vertices": len(state.positions),
+        "stretch": np.percentile(state.stretches(), (1, 50, 99)).tolist(),
+        "ease": {girth["name"]: girth["ease"] for girth in measurements["girths"] if girth["garment"] > 0},
+        "counts": str(done.counts),
+        "stages": {stage.name: stage.seconds for stage in done.stages},
+    }
+
+
+def run_one(name: str, size: str, output: Path, limit: int) -> dict[str, Any]:
+    """Row of one pattern, made by a process that may take `limit` CPU seconds; stored."""
+    folder = output / name
+    folder.mkdir(parents=True, exist_ok=True)
+    command = [sys.executable, "-m", "tests.benchmarks.dress_table", "--one", name, "--size", size, "-o", str(output)]
+    limited = ["bash", "-c", f'ulimit -t {limit}; exec "$@"', "bash", *command]
+    with (folder / "log.txt").open("w", encoding="utf-8") as log:
+        code = subprocess.run(limited, env={**os.environ, **ONE_THREAD}, stdout=log, stderr=log, check=False).returncode
+    if code:
+        last = (folder / "log.txt").read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
+        reason = f"The process ended with {code} (limit {limit} CPU s): {' '.join(last)}"
+        row = {"pattern": name, "body": body_of(FILES[name]), "size": as_length("--size", size), "status": "stopped"}
+        store(output, {**row, "reason": reason})
+    return read_row(output, name)
+
+
+def store(output: Path, row: Mapping[str, Any]) -> None:
+    """Write the row of a pattern."""
+    write_atomically(output / f"{row['pattern']}.json", (json.dumps(row, indent=1) + "\n").encode())
+
+
+def read_row(output: Path, name: str) -> dict[str, Any]:
+    """Row of a pattern; empty where it was not run."""
+    file = output / f"{name}.json"
+    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+
+
+def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Line of the table."""
+    head = (row["pattern"], row["body"])
+    seconds = f"{row['cpu_seconds']:.0f}" if "cpu_seconds" in row else ""
+    if "stretch" not in row:
+        return (*head, f"{row['status']}: {row['reason']}", *[""] * (len(HEADER) - 4), seconds)
+    said = row["status"] if row["status"] == "completed" else f"{row['status']}: {row['reason']}"
+    return (
+        *head,
+        said,
+        f"{row['welded']} of {row['seams']}",
+        f"{1e3 * row['worst_gap']:.2g}",
+        f"{row['vertices']:,}",
+        " / ".join(f"{value:.2f}" for value in row["stretch"]),
+        ", ".join(f"{100 * row['ease'][name]:.0f}" if name in row["ease"] else "-" for name in GIRTHS),
+        seconds,
+    )
+
+
+def summary(rows: Sequence[Mapping[str, Any]]) -> str:
+    """One line on all rows: how many are completed with every seam closed, median and 95th percentile of CPU time."""
+    closed = sum(row["status"] == "completed" and row["welded"] == row["seams"] for row in rows)
+    seconds = [row["cpu_seconds"] for row in rows if "cpu_seconds" in row]
+    median, high = np.percentile(seconds, (50, 95)) if seconds else (np.nan, np.nan)
+    size = ", ".join(sorted({f"{100 * row['size']:g} cm" for row in rows}))
+    return (
+        f"{closed} of {len(rows)} completed with every seam closed, at {size}; "
+        f"CPU time: median {median:.0f} s, 95 % below {high:.0f} s."
+    )
+
+
+def contact_sheet(rows: Sequence[Mapping[str, Any]], output: Path) -> Path:
+    """Worn garments side by side with their names and status: sheet.png."""
+    lines = -(-len(rows) // COLUMNS)
+    height = TILE[1] + CAPTION
+    sheet = Image.new("RGB", (COLUMNS * TILE[0], lines * height), "white")
+    pen = ImageDraw.Draw(sheet)
+    for number, row in enumerate(rows):
+        left, top = TILE[0] * (number % COLUMNS), height * (number // COLUMNS)
+        pen.text((left + 4, top + 2), f"{row['pattern']}: {row['status']}", fill="black")
+        picture = output / row["pattern"] / WORN
+        if picture.is_file():
+            with Image.open(picture) as image:
+                image.thumbnail(TILE)
+                sheet.paste(image, (left + (TILE[0] - image.width) // 2, top + CAPTION))
+    file = output / "sheet.png"
+    sheet.save(file, optimize=True)
+    return file
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run what is missing and write the table."""
+    parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.dress_table", description=__doc__.splitlines()[0])
+    parser.add_argument("--size", default="2cm", metavar="L")
+    parser.add_argument("--only", nargs="+", default=[*FILES], choices=[*FILES], metavar="NAME", help=", ".join(FILES))
+    parser.add_argument("-o", "--output", type=Path, default=Path("results/dress_table"), metavar="DIR")
+    parser.add_argument(
+        "--limit", type=int, default=1800, metavar="S", help="CPU seconds of one pattern (default 1800)"
+    )
+    parser.add_argument("--redo", action="store_true", help="run those again that are there")
+    parser.add_argument("--page", type=Path, metavar="FILE", help="replace the table of this page")
+    parser.add_argument("--one", choices=[*FILES], help=argparse.SUPPRESS)
+    arguments = parser.parse_args(argv)
+    output, size = arguments.output, as_length("--size", arguments.size)
+    if arguments.one:
+        store(output, measured(arguments.one, size, output / arguments.one))
+        return 0
+    output.mkdir(parents=True, exist_ok=True)
+    for name in arguments.only:
+        row = read_row(output, name)
+        if arguments.redo or row.get("size") != size:
+            row = run_one(name, arguments.size, output, arguments.limit)
+        print(" | ".join(cells(row)), flush=True)
+    rows = [row for row in (read_row(output, name) for name in FILES) if row]
+    text = "\n\n".join([markdown_table(HEADER, map(cells, rows)), summary(rows)])
+    write_atomically(output / "table.md", (text + "\n").encode())
+    print(f"{summary(rows)}\n{output / 'table.md'}, {contact_sheet(rows, output)}")
+    if arguments.page is not None:
+        write_between(arguments.page, "dress_table", text)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
