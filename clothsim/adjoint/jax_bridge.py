@@ -49,7 +49,7 @@ def simulate(
         parts = bridge.pulled_back(arrays, cotangents)
         return tuple(part.reshape(np.shape(each)).astype(kind) for part, each in zip(parts, arrays, strict=True))
 
-    @jax.custom_vjp  # type: ignore[untyped-decorator]
+    @jax.custom_vjp
     def run(*arrays: Any) -> Any:
         return jax.pure_callback(forward, shape, *arrays)
 

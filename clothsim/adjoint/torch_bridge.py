@@ -50,7 +50,7 @@ def _function() -> Any:
     except ImportError as error:
         raise missing("torch") from error
 
-    class Simulated(torch.autograd.Function):  # type: ignore[misc]
+    class Simulated(torch.autograd.Function):
         """Positions of a run, and its backward pass."""
 
         @staticmethod
