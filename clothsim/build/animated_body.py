@@ -22,9 +22,11 @@ def body_of_files(keys: Mapping[str, Any], where: str, directory: Path) -> tuple
     if not isinstance(pattern, str) or not pattern or not pattern.isprintable():
         raise InputError(f"{where}.frames must name files, not {pattern!r}.", 'Write it as frames = "kick/shell*.obj".')
     files = frame_files(directory, pattern)
-    mesh, frames = read_frames(files, Part(**{key: keys[key] for key in PART if key in keys}))
+    rate = as_positive(f"{where}.frames_per_second", keys.get("frames_per_second", 25.0))
+    mesh, frames = read_frames(files, Part(**{key: keys[key] for key in PART if key in keys}), rate)
     shape = Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages)
-    return _animated(keys, where, shape, frames, [str(file) for file in files])
+    names = [str(file) for file in files] if len(files) == len(frames) else [f"{files[0]}"] * len(frames)
+    return _animated(keys, where, shape, frames, names)
 
 
 def body_of_frames(keys: Mapping[str, Any], where: str, shape: Shape) -> tuple[Body, tuple[str, ...]]:

@@ -11,7 +11,7 @@ from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.candidates import Candidates
 from clothsim.contact.distinct_features import distinct
 from clothsim.contact.pair_list import Pairs
-from clothsim.contact.stiffness import barrier_stiffness, bounded_stiffness
+from clothsim.contact.stiffness import barrier_stiffness, bounded_stiffness, kinetic_energy_of_impact
 from clothsim.contact.subset import CandidateSubset
 from clothsim.energies.base import Energy
 from clothsim.energies.hessians import ByElement, ElementHessian
@@ -101,7 +101,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Rep
         )
         before = float(step.memory.get(self.name, stiffness))
         if stiffness > before and "inertia" in step.bound:
-            kinetic = 0.5 * float(self.masses @ speeds**2)
+            kinetic = kinetic_energy_of_impact(step.velocities, self.masses)
             energy = self.value(step.positions) / self.stiffness
             stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt)
         return replace(self, stiffness=stiffness)

@@ -95,3 +95,35 @@ def bounded_stiffness(wanted: float, before: float, barrier_energy: float, kinet
     if wanted <= before or not barrier_energy:
         return wanted
     return min(wanted, before + dt / RISE_TIME * (kinetic_energy / barrier_energy + before))
+
+
+def kinetic_energy_of_impact(velocities: Floats, masses: Floats) -> float:
+    """Return the kinetic energy of the cloth [J]: that at rest or that seen by the fastest body, whichever is larger.
+
+    A body that moves as prescribed brings energy: in its own frame the cloth comes at it.
+
+    Parameters
+    ----------
+    velocities : (N, 3) array
+        Of all vertices, those of the cloth first [m/s].
+    masses : (n,) array
+        Of the vertices of the cloth [kg].
+
+    Returns
+    -------
+    float
+        max(sum m |v|^2 / 2, sum m |v - w|^2 / 2) with w the velocity of the fastest vertex of a body.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> kinetic_energy_of_impact(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]]), np.array([0.5]))
+    1.0
+    """
+    n = len(masses)
+    energies = [float(masses @ (velocities[:n] ** 2).sum(axis=1))]
+    if len(velocities) > n:
+        fastest = velocities[n:][np.argmax((velocities[n:] ** 2).sum(axis=1))]
+        if fastest.any():
+            energies.append(float(masses @ ((velocities[:n] - fastest) ** 2).sum(axis=1)))
+    return 0.5 * max(energies)

@@ -79,7 +79,7 @@ def read_mesh(
 
 def read_polygons(file: Path) -> Polygons:
     """The polygons of a file, with finite vertices and corners in range. InputError as of `read_mesh`."""
-    return _checked(file, _read(file))
+    return checked(file, _read(file))
 
 
 def _read(file: Path) -> Polygons:
@@ -118,7 +118,7 @@ def _read_with_library(file: Path, ending: str, content: bytes) -> Polygons:
         raise InputError(f"{file} cannot be read as {ending[1:]} ({reason[:100]}).") from error
 
 
-def _checked(file: Path, polygons: Polygons) -> Polygons:
+def checked(file: Path, polygons: Polygons) -> Polygons:
     """The polygons. InputError for a vertex that is not finite and for a face of vertices that are not there."""
     points, corners = polygons.positions, polygons.corners
     # Of a file that is no mesh nothing is repeated: it may be anything.

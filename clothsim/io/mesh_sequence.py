@@ -1,7 +1,7 @@
 """A sequence of mesh files of one topology: the frames of an animation."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from glob import iglob
 from itertools import islice
@@ -11,9 +11,10 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
-from clothsim.io.mesh_file import read_polygons
+from clothsim.io.mesh_file import checked, read_polygons
 from clothsim.io.mesh_part import MeshFile, Part, choose
 from clothsim.io.polygons import Polygons, cut_polygons
+from clothsim.io.usd_reader import USD_ENDINGS, read_usd_frames
 
 MOST_FRAMES, MOST_BYTES = 20_000, 8 << 30
 """Largest number of frames, and largest memory of their positions [bytes]."""
@@ -39,7 +40,7 @@ def frame_files(directory: Path, pattern: str) -> list[Path]:
     return [directory / name for name in sorted(names, key=lambda name: (_natural(name), name))]
 
 
-def read_frames(files: Sequence[Path], part: Part) -> tuple[MeshFile, Floats]:
+def read_frames(files: Sequence[Path], part: Part, rate: float = 25.0) -> tuple[MeshFile, Floats]:
     """Read the frames of an animation.
 
     Parameters
@@ -48,6 +49,8 @@ def read_frames(files: Sequence[Path], part: Part) -> tuple[MeshFile, Floats]:
         Meshes of the same vertices and faces.
     part : Part
         The part of each file, and its unit.
+    rate : float
+        Frames a second that are taken of one USD file, which has its own times.
 
     Returns
     -------
@@ -61,7 +64,15 @@ def read_frames(files: Sequence[Path], part: Part) -> tuple[MeshFile, Floats]:
     InputError
         A file has other vertices or faces than the first.
     """
-    first = read_polygons(files[0])
+    if len(files) == 1 and files[0].suffix.lower() in USD_ENDINGS:
+        states = [checked(files[0], each) for each in read_usd_frames(files[0], rate, MOST_FRAMES)]
+        return _one_topology([files[0]] * len(states), iter(states), part)
+    return _one_topology(files, (read_polygons(file) for file in files), part)
+
+
+def _one_topology(files: Sequence[Path], states: Iterator[Polygons], part: Part) -> tuple[MeshFile, Floats]:
+    """The mesh and the frames of polygons that have the faces of the first; files: where each comes from."""
+    first = next(states)
     cut = cut_polygons(first)
     mesh = choose(files[0], first, cut, part)
     size = len(files) * mesh.positions.nbytes
@@ -71,8 +82,7 @@ def read_frames(files: Sequence[Path], part: Part) -> tuple[MeshFile, Floats]:
             "Name fewer frames, or a part of the mesh.",
         )
     frames = [mesh.positions]
-    for file in files[1:]:
-        polygons = read_polygons(file)
+    for file, polygons in zip(files[1:], states, strict=True):
         _refuse_other_topology(file, polygons, files[0], first)
         moved = replace(first, positions=polygons.positions)
         frames.append(choose(file, moved, cut, part).positions)

@@ -1,6 +1,7 @@
 """Universal Scene Description: the meshes of a stage as polygons; needs usd-core (`clothsim[usd]`).
 
-Positions are those of the stage's first time, in metres by its metersPerUnit and by the transforms of the prims.
+Positions are those of the stage's first time, or of samples in time, in metres by its metersPerUnit and by the
+transforms of the prims.
 Subdivision surfaces are read as their control meshes. Layers that the file names are refused, not opened.
 """
 
@@ -17,7 +18,7 @@ _FLATTEN = "Flatten it with usdcat --flatten."
 
 
 def read_usd(path: Path) -> Polygons:
-    """The meshes of a USD file: a group for each mesh and each of its subsets of faces.
+    """The meshes of a USD file at its first time: a group for each mesh and each of its subsets of faces.
 
     Parameters
     ----------
@@ -35,8 +36,28 @@ def read_usd(path: Path) -> Polygons:
     MissingPackageError
         usd-core is not installed.
     """
+    stage = _opened(path)
+    return _at(path, stage, _range(stage)[0])
+
+
+def read_usd_frames(path: Path, rate: float, most: int) -> list[Polygons]:
+    """The meshes of a USD file at `rate` frames a second from its first time to its last; errors as of `read_usd`.
+
+    most: largest number of frames. Between its own samples USD interpolates linearly.
+    """
+    stage = _opened(path)
+    first, last = _range(stage)
+    codes = stage.GetTimeCodesPerSecond() / rate
+    count = int((last - first) / codes + 1e-6) + 1
+    if count > most:
+        raise InputError(f"{path} has {count:,} frames at {rate:g} a second, more than {most:,}.", "Take a lower rate.")
+    return [_at(path, stage, first + k * codes) for k in range(count)]
+
+
+def _opened(path: Path) -> Any:
+    """The stage of a file that names no other."""
     try:
-        from pxr import Sdf, Tf, Usd, UsdGeom
+        from pxr import Sdf, Tf, Usd
     except ImportError as error:
         raise MissingPackageError(f"{path} needs the package usd-core.", "Run: pip install 'clothsim[usd]'") from error
     try:
@@ -47,12 +68,24 @@ def read_usd(path: Path) -> Polygons:
         raise _broken(path, "it cannot be opened")
     if layer.GetCompositionAssetDependencies():
         raise InputError(f"{path} names other layers, which are not read.", _FLATTEN)
-    stage = Usd.Stage.Open(layer)
-    first = stage.GetStartTimeCode() if stage.HasAuthoredTimeCodeRange() else 0.0
-    time, unit = Usd.TimeCode(first), UsdGeom.GetStageMetersPerUnit(stage)
+    return Usd.Stage.Open(layer)
+
+
+def _range(stage: Any) -> tuple[float, float]:
+    """First and last time code; 0 and 0 where the file gives none."""
+    if not stage.HasAuthoredTimeCodeRange():
+        return 0.0, 0.0
+    return float(stage.GetStartTimeCode()), float(stage.GetEndTimeCode())
+
+
+def _at(path: Path, stage: Any, code: float) -> Polygons:
+    """The meshes of a stage at a time code."""
+    from pxr import Usd, UsdGeom
+
     meshes = [UsdGeom.Mesh(prim) for prim in stage.TraverseAll() if prim.IsA(UsdGeom.Mesh)]
+    unit = UsdGeom.GetStageMetersPerUnit(stage)
     try:
-        parts = [_part(path, mesh, time, unit) for mesh in meshes]
+        parts = [_part(path, mesh, Usd.TimeCode(code), unit) for mesh in meshes]
     except (ValueError, TypeError) as error:  # an attribute that has no value, or of another shape
         raise _broken(path, str(error)) from error
     if not parts:

@@ -5,6 +5,7 @@ import pytest
 from exported_runs import Y_UP, all_points, exported_run
 
 from clothsim import InputError
+from clothsim.build.meshes import body_of
 from clothsim.io.mesh_file import read_mesh
 
 pxr = pytest.importorskip("pxr", reason="needs clothsim[usd]")
@@ -53,6 +54,17 @@ def test_what_was_exported_comes_back_in_metres(tmp_path, ending):
     cloth = read_mesh(tmp_path / f"a{ending}", group="shirt")
     assert cloth.triangles.tolist() == run.triangles.tolist()
     assert len(mesh.groups["left"]) == len(mesh.groups["right"]) == 8
+
+
+@pytest.mark.parametrize("rate", [25.0, 50.0])
+def test_a_body_moves_as_in_the_file_at_any_rate(tmp_path, rate):
+    run = exported_run(tmp_path)
+    run.export(tmp_path / "a.usdc", scale=100)
+    keys = {"frames": "a.usdc", "group": "kick", "name": "kick", "frames_per_second": rate}
+    body, _ = body_of(keys, "body", tmp_path)
+    for frame, time in enumerate(run.times):
+        np.testing.assert_allclose(body.at(time), run.bodies(frame)[1][1], rtol=0, atol=1e-6)
+    assert body.motion.duration == pytest.approx(run.times[-1])
 
 
 @pytest.mark.parametrize(
