@@ -14,7 +14,7 @@ from typing import Any
 from numba import njit
 from numba.extending import register_jitable
 
-from clothsim.kernel_cache import KernelCache
+from clothsim.kernel_cache import KernelCache, KernelCompiler, PartCompiler
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -30,13 +30,13 @@ def kernel(function: Callable[..., Any]) -> Any:
     numba.core.dispatcher.Dispatcher
         Compiled when it is called; the function itself where NUMBA_DISABLE_JIT is set.
     """
-    compiled = njit(error_model="numpy", no_cfunc_wrapper=True)(function)
+    compiled = njit(error_model="numpy", no_cfunc_wrapper=True, pipeline_class=KernelCompiler)(function)
     if compiled is not function:
         compiled._cache = KernelCache(compiled)  # as cache=True does, with numba's own
     return compiled
 
 
-part = register_jitable(error_model="numpy", no_cfunc_wrapper=True)
+part = register_jitable(error_model="numpy", no_cfunc_wrapper=True, pipeline_class=PartCompiler)
 """A function that kernels call. Compiled with them, never for a literal number: 1 is an int64 like any other."""
 
 inlined = njit(error_model="numpy", inline="always")

@@ -60,6 +60,16 @@ def test_json_is_the_summary_and_nothing_else(capsys):
     assert [stage["name"] for stage in summary["stages"]] == ["garment", "refine", "simulate"]
 
 
+def test_an_earlier_fit_is_replaced_only_when_asked(tmp_path, capsys):
+    words = ["fit", "tube.obj", "--to", "body.obj", "-o", "out", "--no-picture", "--quiet"]
+    assert main(words) == 0
+    before = (tmp_path / "out" / "fitted.obj").read_bytes()
+    assert main([*words, "--fabric", "denim"]) == 2
+    assert "--overwrite" in capsys.readouterr().err
+    assert (tmp_path / "out" / "fitted.obj").read_bytes() == before
+    assert main([*words, "--overwrite"]) == 0
+
+
 def test_a_fit_that_fails_names_the_place_and_exits_with_one(tmp_path, capsys):
     in_file(tmp_path, "sheet.obj", *rectangle(size=(0.5, 0.5), cells=(6, 6)))
     assert main(["fit", "sheet.obj", "--to", "body.obj", "--no-picture", "--quiet"]) == 1

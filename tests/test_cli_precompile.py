@@ -34,10 +34,10 @@ def test_a_second_process_begins_where_nothing_is_compiled(monkeypatch):
     begun = []
     monkeypatch.setattr(precompile.subprocess, "Popen", lambda command, **keywords: begun.append((command, keywords)))
     monkeypatch.setattr(precompile, "CORES", 1)
-    monkeypatch.setattr(precompile, "_compiled", lambda: True)
+    monkeypatch.setattr(precompile, "kernels_are_compiled", lambda: True)
     precompile.start()
     assert begun == []
-    monkeypatch.setattr(precompile, "_compiled", lambda: False)
+    monkeypatch.setattr(precompile, "kernels_are_compiled", lambda: False)
     precompile.start()
     ((command, keywords),) = begun
     assert command == [sys.executable, "-P", "-m", "clothsim.cli.precompile"]

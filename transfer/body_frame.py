@@ -21,8 +21,9 @@ HEAD = (0.88, 0.92, 0.96)
 """Heights of the sections through the head."""
 SIMILAR = 0.6
 """Least ratio of the lengths of two loops that are a pair of legs."""
-SAMPLED, TURNS = 1500, 61
-"""Vertices compared with their mirror image, and mirror planes tried within WIDEST of the line from leg to leg."""
+SAMPLED, COARSELY, TURNS = 1500, 300, 61
+"""Vertices compared with their mirror image, those for the first choice, and mirror planes tried for that within WIDEST
+of the line from leg to leg."""
 WIDEST = np.radians(40.0)
 FOOT, ANKLE = 0.03, (0.06, 0.10)
 """Height below which a foot lies, and heights of the ankle above it, as fractions of the height."""
@@ -165,22 +166,22 @@ def mirror_normal(points: Floats, axis: Floats, across: Floats, middle: Floats) 
     """Normal (3,) of the vertical plane through the body's middle with the best mirror image, near `across`."""
     from scipy.spatial import cKDTree
 
-    sampled = points[:: max(1, len(points) // SAMPLED)]
+    some, sampled = (points[:: max(1, len(points) // count)] for count in (COARSELY, SAMPLED))
     other = np.cross(axis, across)
     centre = (points.max(axis=0) + points.min(axis=0)) / 2.0
     centre = middle + (centre - middle) @ axis * axis
     tree = cKDTree(points)
 
-    def asymmetry(angle: float) -> float:
-        """Mean distance of the mirror image from the body [m], over the best offsets of the plane."""
+    def asymmetry(of: Floats, angle: float) -> float:
+        """Mean distance of the mirror image of points from the body [m], over the best offsets of the plane."""
         normal = np.cos(angle) * across + np.sin(angle) * other
-        offsets = (sampled - centre) @ normal
-        return float(np.minimum(tree.query(sampled - 2.0 * offsets[:, None] * normal)[0], 0.1).mean())
+        offsets = (of - centre) @ normal
+        return float(np.minimum(tree.query(of - 2.0 * offsets[:, None] * normal)[0], 0.1).mean())
 
     best, step = 0.0, 2.0 * WIDEST / (TURNS - 1)
     angles = np.linspace(-WIDEST, WIDEST, TURNS)
-    for _ in range(3):
-        values = [asymmetry(angle) for angle in angles]
+    for of in (some, sampled, sampled):
+        values = [asymmetry(of, angle) for angle in angles]
         best = float(angles[int(np.argmin(values))])
         angles = np.linspace(best - step, best + step, 9)
         step /= 4.0

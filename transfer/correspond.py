@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from transfer.adjacency import largest_component, vertex_components
 from transfer.align import by_boxes, by_points, span_a_plane
-from transfer.body_parts import body_parts
+from transfer.body_parts import BodyParts, body_parts
 from transfer.closest_surface_point import facing_surface
 from transfer.deform import deformation_transfer
 from transfer.errors import TransferError
@@ -57,6 +57,7 @@ def correspond(
     target_triangles: ArrayLike,
     markers: ArrayLike | None = None,
     progress: Callable[[str], None] | None = None,
+    parts: tuple[BodyParts, BodyParts] | None = None,
 ) -> Correspondence:
     """Deform the source onto the target and pair their triangles.
 
@@ -75,6 +76,8 @@ def correspond(
         derived, in the same axes, and met in the first steps only.
     progress : callable, optional
         Called with a line of text after each step.
+    parts : (BodyParts, BodyParts), optional
+        Of both bodies, where they are known; None: they are found where both are standing bodies.
 
     Returns
     -------
@@ -101,7 +104,7 @@ def correspond(
     target = as_surface("target", target_positions, target_triangles)
     pieces = [vertex_components(triangles, len(positions)) for positions, triangles in (source, target)]
     if markers is None:
-        by_parts = registered_by_parts(source, target, progress)
+        by_parts = registered_by_parts(source, target, progress, parts)
         if len(by_parts):
             return Correspondence(by_parts, triangle_pairs((by_parts, source[1]), target), np.zeros((0, 2), int), True)
         whole = [
@@ -125,14 +128,19 @@ def correspond(
     return Correspondence(laid, triangle_pairs((laid, source[1]), target), used, markers is None)
 
 
-def registered_by_parts(source: Mesh, target: Mesh, progress: Callable[[str], None] | None) -> Floats:
+def registered_by_parts(
+    source: Mesh,
+    target: Mesh,
+    progress: Callable[[str], None] | None,
+    parts: tuple[BodyParts, BodyParts] | None = None,
+) -> Floats:
     """Source vertices (n, 3) in the shape of the target where both are standing bodies; else none, (0, 3).
 
     The pose, the proportions and the orientation are those of the target before the first closest point is asked for:
     what is left is a fraction of a limb's radius, and needs no markers.
     """
     try:
-        own, other = (body_parts(*mesh) for mesh in (source, target))
+        own, other = parts or (body_parts(*source), body_parts(*target))
     except TransferError:
         return np.zeros((0, 3))
     near = warped_onto(own, other, source[0])

@@ -70,8 +70,9 @@ def loops(ring: Ring, triangles: Ints) -> list[Ring]:
     from scipy.sparse.csgraph import connected_components
 
     crossed = triangles[ring.triangles]
-    edges = np.sort(np.stack([crossed, np.roll(crossed, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    numbers = np.unique(edges, axis=0, return_inverse=True)[1].reshape(-1, 3)
+    other = crossed[:, [1, 2, 0]]
+    keys = np.minimum(crossed, other) * (crossed.max(initial=0) + 1) + np.maximum(crossed, other)
+    numbers = np.unique(keys, return_inverse=True)[1].reshape(-1, 3)
     # A segment's triangle shares an edge with the next one; three edges a triangle, of which the curve crosses two.
     count, width = len(crossed), int(numbers.max(initial=-1)) + 1
     incidence = csr_array((np.ones(3 * count), (np.repeat(np.arange(count), 3), numbers.ravel())), shape=(count, width))

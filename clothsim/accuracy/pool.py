@@ -66,11 +66,6 @@ class _Process:
             process.wait()
 
 
-def cores() -> int:
-    """The cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 @contextmanager
 def worker_processes(count: int) -> "Iterator[Runner]":
     """A runner with `count` processes, which start with their first job and end with the context.

@@ -17,7 +17,7 @@ from clothsim.accuracy.headline import UNFINISHED, headline, needed_seconds
 from clothsim.accuracy.knobs import usable
 from clothsim.accuracy.plan import gathered
 from clothsim.accuracy.points import BASE, Bench, Point, point
-from clothsim.accuracy.pool import Runner, cores, worker_processes
+from clothsim.accuracy.pool import Runner, worker_processes
 from clothsim.accuracy.report import StudyData, document
 from clothsim.accuracy.report_text import markdown
 from clothsim.accuracy.searched_settings import searched_settings
@@ -28,6 +28,7 @@ from clothsim.errors import InputError
 from clothsim.mesh.resample import material_of
 from clothsim.mesh.world import World
 from clothsim.scene.scene import Scene
+from clothsim.solve.threads import available_cores
 
 FOR_FILES = 0.15, 8.0
 """Reserve of the budget for picture and tables: fraction of the budget, and most seconds."""
@@ -132,7 +133,7 @@ def study_accuracy(
     base = fixed(scene, built)
     knobs_used, missing = usable(base, None if knobs is None else list(knobs))
     bench = Bench(scene, base, knobs_used)
-    count = workers or cores()
+    count = workers or available_cores()
     material = material_of([c.rest_positions for c in built.world.cloths], [c.triangles for c in built.world.cloths])
     fingerprint = _fingerprint(base, built.world)
 

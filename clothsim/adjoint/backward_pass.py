@@ -89,7 +89,7 @@ def backward_pass(
         w = x[k + 1] + by_velocity
         exact = exact_system(bound, record.solution, system or integrator.system, np.flatnonzero(~free))
         a = solved(exact, w, f"after step {k + 1}")
-        held[k] = np.where(free[:, None], 0.0, w - exact.times(a))
+        held[k] = np.where(free[:, None], 0.0, w - exact.prescribed_rows_times(a))
         forces[k] = a[:n]
         newton[k] = -float(np.vdot(a, bound.gradient(record.solution)))
         seen = seen_past(integrator, bound, step, record.solution, a)

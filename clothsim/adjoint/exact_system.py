@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.energies.hessians import explicit, split
+from clothsim.energies.hessians import ByElement, explicit, split
 from clothsim.errors import ClothsimError
 from clothsim.solve.direct_solver import LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.linear_system import System
 from clothsim.solve.potential import Potential
-from clothsim.solve.sparsity import Explicit, times
+from clothsim.solve.sparsity import Explicit, couplings, times
 
 ACCURACY = 1e-12
 """Relative error of a solution in the norm of the matrix."""
@@ -56,9 +56,12 @@ class ExactSystem:
             out[:n] = self.solver.solve(self.data, right, ACCURACY).reshape(-1, 3)
         return out
 
-    def times(self, vectors: Floats) -> Floats:
-        """Return H v for v (N, 3), over all rows."""
-        return times(self.hessians, vectors)
+    def prescribed_rows_times(self, vectors: Floats) -> Floats:
+        """Return (N, 3), of which the prescribed rows are those of H v, v (N, 3): other parts of H are left out."""
+        prescribed = np.ones(len(vectors), bool)
+        prescribed[: len(self.free)] = ~self.free
+        parts = [part for part in self.hessians if not isinstance(part, ByElement) or prescribed[part.elements].any()]
+        return times(parts, vectors)
 
 
 def exact_system(potential: Potential, x: Floats, system: System, prescribed: np.ndarray) -> ExactSystem:
@@ -78,9 +81,11 @@ def exact_system(potential: Potential, x: Floats, system: System, prescribed: np
     given = [energy.hessian(x, False) for energy in potential.acting.values()]
     implicit = split(given)[1]
     wider = system.widened([part.elements for part in implicit])
-    wider.begin(potential.couplings(x, np.zeros_like(x)))
-    hessians = explicit(given)
+    hessians, before = explicit(given), wider.pattern
     data = wider.assemble(list(hessians))
+    if wider.pattern is not before:  # it has grown: leave out what only earlier states coupled
+        wider.begin([couplings(part) for part in hessians])
+        data = wider.assemble(list(hessians))
     n = wider.base.n_vertices
     free = np.ones(n, bool)
     free[prescribed[prescribed < n]] = False

@@ -9,7 +9,7 @@ from clothsim.arrays import Floats
 from clothsim.energies.constraint import Prescribed
 from clothsim.solve.direct_solver import NotPositiveDefiniteError
 from clothsim.solve.linear_system import System
-from clothsim.solve.newton import NewtonResult
+from clothsim.solve.newton import Newton, NewtonResult, NewtonSettings
 from clothsim.solve.potential import Potential
 
 MOST_STEPS = 8
@@ -18,34 +18,54 @@ LEAST_GAIN = 0.5
 """Fraction of the residual that a step must leave at most: else round-off is reached."""
 
 
+MOST_DESCENTS = 3
+"""Bound on the descents of one step from states that are no minima."""
+DESCENT = NewtonSettings(tolerance=1e-8)
+"""Settings of a descent; the tolerance is a length [m]."""
+
+
 @dataclass(frozen=True)
 class Polish:
-    """Refinement of converged solves for `Integrator.refine`: at most `steps` Newton steps with the exact Hessian."""
+    """Refinement of converged solves for `Integrator.refine`: at most `steps` Newton steps with the exact Hessian.
+
+    Newton's method may end where the exact Hessian is not positive definite, beside a saddle of the energy, as its
+    matrix is projected. From there it goes on to a minimum first, at steps below DESCENT's tolerance.
+    """
 
     system: System
     steps: int = MOST_STEPS
 
     def __call__(self, potential: Potential, result: NewtonResult, target: Prescribed) -> NewtonResult:
-        """Return the result with polished positions; an unstable or blocked one as it is."""
-        x, residual = result.x, np.inf
+        """Return the result with polished positions; a blocked one, or one beside a saddle, as it is."""
+        x, residual, stable = self._polished(potential, result.x, target)
+        for _ in range(MOST_DESCENTS):
+            if stable:
+                break
+            below = Newton(potential, self.system, DESCENT, dt=1.0).minimise(x, target)
+            if not below.outcome.converged:
+                break
+            x, residual, stable = self._polished(potential, below.x, target)
+        return replace(result, x=x, residual=min(result.residual, residual)) if np.isfinite(residual) else result
+
+    def _polished(self, potential: Potential, x: Floats, target: Prescribed) -> tuple[Floats, float, bool]:
+        """Positions, the force that is left [N], and False where the exact Hessian is not positive definite."""
+        best, residual = x, np.inf
         for _ in range(self.steps):
             gradient = potential.gradient(x)
             exact = exact_system(potential, x, self.system, target.vertices)
             left = _largest(gradient, exact.free)
             if not left < LEAST_GAIN * residual:
-                break
+                return best, residual, True
             best, residual = x, left
             try:
                 dx = exact.solve(-gradient)
             except NotPositiveDefiniteError:
-                break
+                return best, residual, False
             if not dx.any() or potential.step_limit(x, dx) < 1.0 or not np.isfinite(potential.value(x + dx)):
-                break
+                return best, residual, True
             x = x + dx
-        else:
-            left = _largest(potential.gradient(x), exact.free)
-            best, residual = (x, left) if left < residual else (best, residual)
-        return replace(result, x=best, residual=min(result.residual, residual)) if np.isfinite(residual) else result
+        left = _largest(potential.gradient(x), exact.free)
+        return (x, left, True) if left < residual else (best, residual, True)
 
 
 def _largest(gradient: Floats, free: np.ndarray) -> float:

@@ -45,6 +45,7 @@ def add_to(commands: Any) -> None:
     size = fit.add_mutually_exclusive_group()
     size.add_argument("--own-size", action="store_true", help="keep the size that it was cut in")
     size.add_argument("--grade", action="store_true", help="grade it along girths and lengths (the default)")
+    fit.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
     fit.add_argument("--no-picture", action="store_true", help="draw nothing")
     fit.add_argument("--quiet", action="store_true", help="print the end only")
     fit.add_argument("--json", action="store_true", help="print the summary as JSON, the rest on stderr")
@@ -86,6 +87,7 @@ def _fit(arguments: argparse.Namespace) -> int:
             markers=arguments.markers,
             on_stage=lambda stage: report(_stage(stage)),
             progress=listener,
+            overwrite=arguments.overwrite,
         )
     trouble = [] if arguments.no_picture else _picture(done)
     if arguments.json:

@@ -16,6 +16,9 @@ from tempfile import TemporaryDirectory
 from threading import Thread
 from typing import TYPE_CHECKING
 
+from clothsim.cli.compilation_notice import kernels_are_compiled
+from clothsim.solve.threads import available_cores
+
 if TYPE_CHECKING:
     from clothsim.arrays import Floats
     from clothsim.contact.pair_list import Pairs
@@ -28,7 +31,7 @@ CORES = 2
 
 def start() -> "subprocess.Popen[bytes] | None":
     """The process; None where the kernels are compiled, or where one core has to do it all."""
-    if (os.cpu_count() or 1) < CORES or _compiled():
+    if available_cores() < CORES or kernels_are_compiled():
         return None
     command = [sys.executable, "-P", "-m", "clothsim.cli.precompile"]  # -P: not one of the cwd
     here = os.pathsep.join(filter(None, [str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH")]))
@@ -53,14 +56,6 @@ def end_with_parent() -> None:
 def _wait() -> None:
     if os.read(sys.stdin.fileno(), 1) != _GO_ON:
         os._exit(1)
-
-
-def _compiled() -> bool:
-    """True where the kernel that takes longest is in the cache, or where there is no cache."""
-    from clothsim.energies.membrane_kernels import fill
-    from clothsim.kernel_cache import can_store, is_cached
-
-    return is_cached(fill) or not can_store()
 
 
 def compile_remaining_kernels() -> None:

@@ -1,4 +1,7 @@
-"""Progress on stderr: a bar on a terminal, a plain line every few seconds elsewhere."""
+"""Progress on stderr: a bar on a terminal, a plain line every few seconds elsewhere.
+
+The estimate of what is left excludes the time that kernels take to compile: the first step of a first run has most.
+"""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -35,22 +38,48 @@ def listener_for(
         yield lines
 
 
-def shown(quiet: bool) -> "AbstractContextManager[Callable[[Progress], None]]":
-    """A callback for `simulate` that shows each step on stderr."""
-    return listener_for(quiet, _bar, Lines())
+@contextmanager
+def shown(quiet: bool) -> "Iterator[Callable[[Progress], None]]":
+    """A callback for `simulate` that shows each step on stderr; before the first, that kernels are compiled."""
+    if quiet:
+        yield lambda progress: None
+        return
+    from clothsim.cli.compilation_clock import installed_clock
+    from clothsim.cli.compilation_notice import compilation_notice
+
+    with installed_clock() as compiling, compilation_notice() as end_notice:
+
+        def now() -> float:
+            return perf_counter() - compiling.seconds()
+
+        lines: Callable[[Progress], None] = Lines(now)
+        with listener_for(quiet, lambda: _bar(now), lines) as listener:
+
+            def first_ends_notice(progress: "Progress") -> None:
+                end_notice()
+                listener(progress)
+
+            yield first_ends_notice
 
 
 class Lines:
-    """A callback that prints the first step, the last, and one every few seconds between them."""
+    """A callback that prints the first step, the last, and one every few seconds between them.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    now : Callable
+        A clock, without what the estimate of the time left shall not count [s].
+    """
+
+    def __init__(self, now: Callable[[], float] = perf_counter) -> None:
+        self._now = now
         self._last = -SECONDS_BETWEEN_LINES
         self._start: tuple[float, float] | None = None
         self._before: tuple[str, int] = ("", 0)
 
     def __call__(self, progress: "Progress") -> None:
         """Print the step where it is the first, the last, or some seconds after the one before."""
-        now = perf_counter()
+        now = self._now()
         if another_run(self._before, progress):
             self._last, self._start = -SECONDS_BETWEEN_LINES, None
         self._before = progress.stage, progress.step
@@ -68,7 +97,7 @@ class Lines:
 
 
 @contextmanager
-def _bar() -> "Iterator[Callable[[Progress], None]]":
+def _bar(now: Callable[[], float] = perf_counter) -> "Iterator[Callable[[Progress], None]]":
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
     from rich.progress import Progress as Bar
@@ -79,7 +108,7 @@ def _bar() -> "Iterator[Callable[[Progress], None]]":
         TimeRemainingColumn(compact=True),
         TextColumn("{task.fields[state]}"),
     )
-    bar = Bar(*columns, console=Console(stderr=True), redirect_stdout=False)
+    bar = Bar(*columns, console=Console(stderr=True), redirect_stdout=False, get_time=now)
     task = bar.add_task("", total=None, where="", state="")
 
     before = ("", 0)

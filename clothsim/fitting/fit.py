@@ -27,6 +27,7 @@ from clothsim.io.obj_writer import obj_text
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.io.trajectory import TRAJECTORY_NAME
 from clothsim.run.callbacks import refuse_uncallable
+from clothsim.run.output_directory import refuse_earlier_run
 from clothsim.run.recorded_run import Announcement, Listener
 from clothsim.run.results import Run
 from clothsim.run.resume import FITTED
@@ -133,11 +134,11 @@ def fit(
     on_stage: StageCallback = lambda stage: None,
     progress: Listener | None = None,
     announce: Announcement | None = None,
+    overwrite: bool = False,
 ) -> Fit:
     """Fit a garment made for one body to another body.
 
-    The output directory holds the files of a run, `fitted.obj`, and the stages in summary.json; files of an earlier fit
-    there are removed.
+    The output directory holds the files of a run, `fitted.obj`, and the stages in summary.json.
 
     Parameters
     ----------
@@ -148,8 +149,7 @@ def fit(
     made_for : str, Path, Body or mesh object, optional
         The body that it lies on; None: `to` itself, on which it is repaired. A scene gives it itself.
     output : str or Path, optional
-        Directory for what a run leaves, `fitted.obj`, and the stages in the summary; None: a new temporary one. Files
-        of an earlier fit there are removed.
+        Directory for what a run leaves, `fitted.obj`, and the stages in the summary; None: a new temporary one.
     scale : float, optional
         Metres per unit of the files of garment and body; None: from the height of the body.
     scale_to : float, optional
@@ -172,6 +172,8 @@ def fit(
         Called after each step of a stage that is a run (grow, morph, simulate), with its name in `Progress.stage`.
     announce : callable, optional
         Callback of the drape, as in `simulate`.
+    overwrite : bool
+        True: an earlier run or fit in `output` is replaced.
 
     Returns
     -------
@@ -181,7 +183,7 @@ def fit(
     Raises
     ------
     InputError
-        Invalid files or arguments.
+        Invalid files or arguments, or a directory that holds an earlier run without `overwrite`.
 
     Examples
     --------
@@ -195,6 +197,7 @@ def fit(
     refuse_uncallable(on_stage=on_stage, progress=progress, announce=announce)
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
+    refuse_earlier_run(directory, overwrite)
     named = fabric or (garment.fabric if isinstance(garment, ClothArrays) else "cotton")
     fabric_named("fabric", named)
     base = to if made_for is None else made_for

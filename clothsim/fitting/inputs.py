@@ -1,6 +1,7 @@
 """Body and garment of a fit from files: selected part, unit of length, vertical axis."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,9 @@ from clothsim.mesh.topology import components, half_edges
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.mesh_keys import check_body, check_cloth
 from clothsim.scene.toml_file import load_scene
-from transfer.body_frame import legs_score
+from transfer.body_frame import BodyFrame, body_frame, legs_score
+from transfer.body_parts import BodyParts, body_parts
+from transfer.errors import TransferError
 
 UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
 SMALLEST, LARGEST = 0.5, 3.0
@@ -50,7 +53,20 @@ class Figure:
     scale: float
     notes: tuple[str, ...]
 
-    @property
+    @cached_property
+    def parts(self) -> BodyParts:
+        """Frame, trunk, arms and legs. TransferError where it is no standing body."""
+        return body_parts(self.positions, self.triangles)
+
+    @cached_property
+    def frame(self) -> BodyFrame:
+        """Upright, front-facing frame. TransferError where it is no standing body."""
+        try:
+            return self.parts.frame
+        except TransferError:
+            return body_frame(self.positions, self.triangles)
+
+    @cached_property
     def up(self) -> Floats:
         """Vertical axis, (3,): the one of y and z with legs below and a head above, else the longer one."""
         extent = np.ptp(self.positions, axis=0)

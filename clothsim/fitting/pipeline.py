@@ -103,7 +103,7 @@ def seeded(task: Task) -> Seeded:
         stages = _as_it_came(task, worn_by)
         on_target = 0 if task.same_body else len(stages)
         carrier, rest, place = task.target.positions, task.garment.positions, task.garment.positions
-        size = Size(rest, "own")
+        size = Size(rest, "own", rest)
         if stages[-1].counts.self_pairs:  # nothing later parts what cannot be parted on its own body
             worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
             return Seeded(tuple(stages), worn, place, 0, body, size, _meets_itself(stages[-1]))
@@ -117,7 +117,7 @@ def seeded(task: Task) -> Seeded:
             if size.kind != "transferred":
                 stages.append(came("size", body=body, make=partial(_described, size), started=started))
                 on_target += 1  # the transferred shape is stretched as the bodies are: none to start from
-            rest = size.positions if task.resize else rest
+            rest = size.rest if task.resize else rest
             place = worn_positions(task.garment.positions, worn_by, carrier)
         if stages[-1].counts.body_pairs:
             wider = replace(body, positions=body.positions + MARGIN * body.vertex_normals)

@@ -8,7 +8,9 @@ from clothsim.arrays import Floats
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.markers import NO_MARKERS, marked_vertices
 from clothsim.fitting.stage import Garment
+from transfer.body_parts import BodyParts
 from transfer.correspond import correspond
+from transfer.errors import TransferError
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,8 @@ def transferred(garment: Garment, source: Figure, target: Figure, markers: Float
     body, description = target.positions, "the bodies share their mesh"
     if not np.array_equal(source.triangles, target.triangles):
         given = marked_vertices(markers, source, target) if len(markers) else None
-        registration = correspond(source.positions, source.triangles, target.positions, target.triangles, given)
+        bodies = source.positions, source.triangles, target.positions, target.triangles
+        registration = correspond(*bodies, given, parts=None if len(markers) else _parts(source, target))
         how = f"with {len(registration.markers)} {'derived' if registration.derived else 'given'} markers"
         how = how if len(registration.markers) else "part by part"
         body, description = registration.positions, f"{source.name} registered to {target.name} {how}"
@@ -38,3 +41,12 @@ def transferred(garment: Garment, source: Figure, target: Figure, markers: Float
         description += ", so the markers are not needed"
     placed = transfer_garment(garment.positions, garment.triangles, source.positions, body, source.triangles)
     return Transferred(placed, body, description)
+
+
+def _parts(*figures: Figure) -> tuple[BodyParts, BodyParts] | None:
+    """Parts of both bodies; None where one is no standing body."""
+    try:
+        source, target = (figure.parts for figure in figures)
+    except TransferError:
+        return None
+    return source, target

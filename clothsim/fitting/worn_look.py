@@ -8,9 +8,10 @@ import numpy as np
 from clothsim.arrays import Floats
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.stage import Garment
-from transfer.body_frame import BodyFrame, body_frame
+from transfer.body_frame import BodyFrame
 from transfer.errors import TransferError
 from transfer.gradients import doubled_areas
+from transfer.part_warp import heights_onto
 from transfer.triangle_surface import edges_of
 
 EDGES = (0.75, 1.35)
@@ -40,7 +41,8 @@ class Look:
     front : float
         Least correlation of the places of the vertices to the front and to the side; 1 where a body has no frame.
     hem : float
-        Rise of the hem as a fraction of the height of the body; 0 where a body has no frame.
+        Rise of the hem as a fraction of the height of the body, against its height between the same landmarks (ground,
+        crotch, armpits, neck) of its own body; 0 where a body has no frame.
     fault : str
         The first measure beyond its bound, one sentence; empty where the garment meets the bar.
     place : tuple of float
@@ -78,7 +80,7 @@ def look_of(garment: Garment, positions: Floats, source: Figure, target: Figure)
     place, front, hem = positions[worst].mean(axis=0), 1.0, 0.0
     frames = _frames(source, target)
     if frames:
-        front, hem = _facing(garment.positions, positions, frames), _rise(garment.positions, positions, frames)
+        front, hem = _facing(garment.positions, positions, frames), _rise(garment, positions, source, target)
     fault = ""
     if low < EDGES[0] or high > EDGES[1]:
         fault = f"its edges are {low:.2f} to {high:.2f} of their lengths (1st to 99th percentile, scale {scale:.2f})"
@@ -96,7 +98,7 @@ def look_of(garment: Garment, positions: Floats, source: Figure, target: Figure)
 def _frames(source: Figure, target: Figure) -> tuple[BodyFrame, ...]:
     """Frames of both bodies; none where one is no standing body."""
     try:
-        return tuple(body_frame(figure.positions, figure.triangles) for figure in (source, target))
+        return source.frame, target.frame
     except TransferError:
         return ()
 
@@ -107,10 +109,18 @@ def _facing(before: Floats, after: Floats, frames: tuple[BodyFrame, ...]) -> flo
     return float(min(np.corrcoef(local[0][:, axis], local[1][:, axis])[0, 1] for axis in (0, 2)))
 
 
-def _rise(before: Floats, after: Floats, frames: tuple[BodyFrame, ...]) -> float:
-    """Rise of the mean height of the lowest vertices, each height as a fraction of its body's."""
-    heights = [
-        np.sort(frame.local(shape)[:, 1])[: max(1, round(LOWEST * len(shape)))].mean() / frame.height
-        for frame, shape in zip(frames, (before, after), strict=True)
-    ]
-    return float(heights[1] - heights[0])
+def _rise(garment: Garment, positions: Floats, source: Figure, target: Figure) -> float:
+    """Rise of the mean height of the lowest vertices as a fraction of the target's height.
+
+    Against the height that they had on their own body, which becomes that of the other by crotch, armpits and neck: a
+    hem above the knees belongs there on longer legs too. Where a body has no such parts, by the whole height.
+    """
+    own, worn = (
+        float(np.sort(figure.frame.local(shape)[:, 1])[: max(1, round(LOWEST * len(shape)))].mean())
+        for figure, shape in ((source, garment.positions), (target, positions))
+    )
+    try:
+        there = float(heights_onto(source.parts, target.parts, np.array([own]))[0])
+    except TransferError:
+        there = own / source.frame.height * target.frame.height
+    return (worn - there) / target.frame.height

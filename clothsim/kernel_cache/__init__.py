@@ -6,6 +6,7 @@ calls, nor of a constant that it uses. Here the name of a cached kernel is a has
 was compiled before the change is found again once it is undone. The files lie in the user's cache folder (`storage`).
 """
 
-from clothsim.kernel_cache.cache import KernelCache, can_store, is_cached
+from clothsim.kernel_cache.cache import KernelCache, cached_kernels, can_store, is_cached
+from clothsim.kernel_cache.pipelines import KernelCompiler, PartCompiler
 
-__all__ = ["KernelCache", "can_store", "is_cached"]
+__all__ = ["KernelCache", "KernelCompiler", "PartCompiler", "cached_kernels", "can_store", "is_cached"]

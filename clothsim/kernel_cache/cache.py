@@ -10,7 +10,7 @@ from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
-from clothsim.kernel_cache import storage
+from clothsim.kernel_cache import shipped, storage
 from clothsim.kernel_cache.compiler import identity
 from clothsim.kernel_cache.descriptions import UnnameableError, digest_of_types
 from clothsim.kernel_cache.digest import digest
@@ -52,7 +52,7 @@ class KernelCache(NullCache):
             return None
         self._places[sig] = place  # of the code as it is now, before it is compiled
         _remove_unused_once(place.parents[1])
-        content = storage.read(place)
+        content = storage.read(place) or shipped.read(place.name, target_context.codegen())
         return None if content is None else _rebuilt(content, target_context)
 
     def save_overload(self, sig: Any, data: CompileResult) -> None:
@@ -82,14 +82,23 @@ class KernelCache(NullCache):
 
 
 def is_cached(kernel: Any) -> bool:
-    """True where machine code of the kernel is on disk, for any types."""
+    """True where machine code of the kernel is on disk, for any types; shipped or compiled here."""
     if not hasattr(kernel, "targetctx"):  # NUMBA_DISABLE_JIT: a function of Python, nothing to compile
         return True
     try:
         stem = kernel._cache.stem(kernel.targetctx)
     except UnnameableError:
         return False
-    return stem is not None and any(stem.parent.glob(f"{stem.name}-*{storage.SUFFIX}"))
+    if stem is None:
+        return False
+    folders = filter(None, (stem.parent, shipped.folder_for(kernel.targetctx.codegen())))
+    return any(any(folder.glob(f"{stem.name}-*{storage.SUFFIX}")) for folder in folders)
+
+
+def cached_kernels() -> int:
+    """Number of files of machine code that were compiled here, by any process and for any compiler's identity."""
+    root = storage.root(config.CACHE_DIR)
+    return 0 if root is None else sum(1 for _ in root.glob(f"*/*{storage.SUFFIX}"))
 
 
 def can_store() -> bool:

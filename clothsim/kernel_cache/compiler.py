@@ -10,24 +10,31 @@ import numba
 import numpy as np
 from numba.core import config
 
-FORMAT = 2
-"""Raised when files of an earlier clothsim could no longer be read."""
+FORMAT = 3
+"""Raised when files of an earlier clothsim could no longer be read, or `pipelines` has changed."""
 
-_WITHOUT_EFFECT = ("CUDA_", "DUMP_", "CACHE_", "DEBUG_CACHE", "GDB_", "COLOR_SCHEME", "SHOW_HELP", "FULL_TRACE", "HTML")
-"""Prefixes of the settings of numba that change no machine code. All others count, those of later versions too."""
+_WITHOUT_EFFECT = (
+    "CUDA_", "CPU_", "DUMP_", "CACHE_", "DEBUG_CACHE", "GDB_", "COLOR_SCHEME", "SHOW_HELP", "FULL_TRACE", "HTML"
+)  # fmt: skip
+"""Prefixes of the settings of numba that change no machine code, and CPU_, which the codegen tells.
+
+All others count, those of later versions too.
+"""
 
 
-def identity(codegen: Any) -> str:
+def identity(codegen: Any, processor: tuple[str, str, str] | None = None) -> str:
     """A hash of 16 digits of what compiles.
 
     Parameters
     ----------
     codegen : numba.core.codegen.CPUCodegen
         It knows the processor's name and features, or NUMBA_CPU_NAME and NUMBA_CPU_FEATURES instead.
+    processor : tuple of str, optional
+        Another one: triple, name, features.
     """
     versions = (FORMAT, sys.implementation.cache_tag, sys.version_info[:3], sys.flags.optimize)
     libraries = (numba.__version__, llvmlite.__version__, llvmlite.binding.llvm_version_info, np.__version__)
-    text = repr((versions, libraries, codegen.magic_tuple(), _settings()))
+    text = repr((versions, libraries, processor or codegen.magic_tuple(), _settings()))
     return hashlib.blake2b(text.encode(), digest_size=8).hexdigest()
 
 

@@ -25,6 +25,7 @@ from numba.core.dispatcher import Dispatcher
 from numba.extending import _Intrinsic
 
 from clothsim.kernel_cache.descriptions import PLAIN, array, code_text, named_type, names_of, plain, unnameable
+from clothsim.kernel_cache.pipelines import KernelCompiler, PartCompiler
 
 VERSIONED = {"builtins", "math", "cmath", "typing", "collections", "numpy", "numba", "llvmlite"}
 """Packages whose functions are identified by their version, or Python's, a part of `compiler.identity`."""
@@ -149,6 +150,8 @@ class _Walk:
         return f"intrinsic {self._number(value._defn)} {value._prefer_literal}"
 
     def _class(self, value: type) -> str:
+        if value in (KernelCompiler, PartCompiler):  # their code is a matter of `compiler.FORMAT`
+            return value.__qualname__
         if issubclass(value, enum.Enum):
             return f"enum {[(name, self.describe(member.value)) for name, member in value.__members__.items()]}"
         if issubclass(value, tuple) and hasattr(value, "_fields"):

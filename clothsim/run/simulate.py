@@ -5,34 +5,29 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
+from typing import TYPE_CHECKING
 
-from clothsim.build.scene_world import build
-from clothsim.energies.protocols import ContactGap
-from clothsim.run.callbacks import refuse_uncallable
-from clothsim.run.checked_step import warn_of
-from clothsim.run.cost import expected_cost, refuse_costly
-from clothsim.run.output_directory import new_output, refuse_earlier_run
-from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
-from clothsim.run.results import Run
-from clothsim.run.session import Session, prepare
-from clothsim.run.step_lengths import refuse_flights
-from clothsim.scene.scene import Scene
-from clothsim.sim.certificate import Certificate
-from clothsim.sim.state import first_state
+if TYPE_CHECKING:
+    from clothsim.run.recorded_run import Announcement, Listener, StepListener
+    from clothsim.run.results import Run
+    from clothsim.run.session import Session
+    from clothsim.scene.scene import Scene
+
+# Energies, contact, SciPy and numba take over a second: they are imported by the first run, not with the function.
 
 
 def simulate(
-    scene: Scene,
+    scene: "Scene",
     output: str | Path | None = None,
-    progress: Listener | None = None,
-    announce: Announcement | None = None,
+    progress: "Listener | None" = None,
+    announce: "Announcement | None" = None,
     dump_iterates: int | None = None,
-    on_step: StepListener | None = None,
+    on_step: "StepListener | None" = None,
     message: Callable[[str], None] | None = None,
     overwrite: bool = False,
     force: bool = False,
     differentiable: bool = False,
-) -> Run:
+) -> "Run":
     """Simulate a scene to its end.
 
     Parameters
@@ -90,6 +85,10 @@ def simulate(
     >>> bool(run[-1].positions["cloth"][0, 2] < -0.03)
     True
     """
+    from clothsim.run.callbacks import refuse_uncallable
+    from clothsim.run.output_directory import refuse_earlier_run
+    from clothsim.scene.scene import Scene
+
     refuse_uncallable(progress=progress, announce=announce, on_step=on_step, message=message)
     directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
     refuse_earlier_run(directory, overwrite)  # before minutes of building, and again under the lock
@@ -100,7 +99,7 @@ def simulate(
         return adjoint.simulate_differentiably(scene, output, progress, announce, on_step, message, overwrite)
     own: list[Scene] = []
 
-    def run(some: Scene, sessions: list[Session]) -> Run:
+    def run(some: "Scene", sessions: "list[Session]") -> "Run":
         replace_it = overwrite or bool(own)  # solver.error takes several runs
         own.append(some)
         announced = [sessions.append, announce]
@@ -119,14 +118,24 @@ def simulate(
 
 
 def _simulated(
-    scene: Scene,
+    scene: "Scene",
     directory: Path,
-    listeners: tuple[Listener | None, StepListener | None],
-    announcements: Iterable[Announcement | None],
+    listeners: "tuple[Listener | None, StepListener | None]",
+    announcements: "Iterable[Announcement | None]",
     dump_iterates: int | None,
     permissions: tuple[bool, bool],
-) -> Run:
+) -> "Run":
     """Simulate a scene with fixed settings; permissions: overwrite and force of `simulate`."""
+    from clothsim.build.scene_world import build
+    from clothsim.energies.protocols import ContactGap
+    from clothsim.run.checked_step import warn_of
+    from clothsim.run.output_directory import new_output
+    from clothsim.run.recorded_run import recorded_run, watched
+    from clothsim.run.session import prepare
+    from clothsim.run.step_lengths import refuse_flights
+    from clothsim.sim.certificate import Certificate
+    from clothsim.sim.state import first_state
+
     started = perf_counter()
     overwrite, force = permissions
     session, log = watched(prepare(scene, build(scene)), dump_iterates, 0)
@@ -144,8 +153,10 @@ def _simulated(
     return run
 
 
-def _tell_cost(scene: Scene, message: Callable[[str], None] | None, force: bool) -> None:
+def _tell_cost(scene: "Scene", message: Callable[[str], None] | None, force: bool) -> None:
     """Report a cost that is notable. InputError where it is too much, without `force`."""
+    from clothsim.run.cost import expected_cost, refuse_costly
+
     if not force:
         refuse_costly(scene)
     cost = expected_cost(scene)

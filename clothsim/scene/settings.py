@@ -41,7 +41,13 @@ class Solver(KeyTable):
         Literal["auto", "mixed", "pardiso", "cholmod", "superlu"],
         Key("Linear solver; auto takes the fastest installed, mixed is PARDISO in single precision with refinement"),
     ] = "auto"
-    threads: Annotated[int, Key("Number of threads; 0 takes all cores, 1 repeats every bit", "1", least=0)] = 0
+    threads: Annotated[
+        int,
+        Key("Threads of the linear solver; 1 repeats every bit; 0: one, from 20,000 vertices up to 4", "1", least=0),
+    ] = 0  # fmt: skip
+    repeatable: Annotated[
+        bool, Key("The same bits at every number of threads, for 1.05 to 1.2 of the time of a factorisation")
+    ] = False
     max_iterations: Annotated[
         int, Key("Newton iterations of a step before dt is halved; without inertia ten times as many", "1", least=1)
     ] = 100

@@ -24,6 +24,7 @@ from clothsim.solve.newton import TOLERANCE_ALONE, Newton, NewtonResult, NewtonS
 from clothsim.solve.observer import Observer, unobserved
 from clothsim.solve.outcome import Ending
 from clothsim.solve.potential import Potential
+from clothsim.solve.threads import one_blas_thread
 
 GROWTH = 1.05
 MAX_HALVINGS = 10
@@ -196,7 +197,7 @@ def advance(integrator: Integrator, state: State, until: float, retries: bool = 
     StepReport
         With `failure` where no try succeeded.
     """
-    with integrator.potential.timers.phase("step control"):
+    with one_blas_thread(), integrator.potential.timers.phase("step control"):
         return _advance(integrator, state, until, retries)
 
 

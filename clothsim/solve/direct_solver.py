@@ -22,7 +22,7 @@ class LinearSolver(abc.ABC):
     pattern : Pattern
         Sparsity of the upper triangle; analysed once.
     threads : int
-        Number of threads; 0: all cores.
+        Number of threads; 0: by size (`threads.solver_threads`).
     """
 
     name: str
@@ -32,7 +32,7 @@ class LinearSolver(abc.ABC):
 
     @abc.abstractmethod
     def __init__(self, pattern: Pattern, threads: int) -> None:
-        """Analyse the pattern; threads 0: all cores."""
+        """Analyse the pattern; threads 0: by size."""
 
     def restart(self) -> None:  # noqa: B027 - most solvers have no state
         """Drop what was learnt from earlier matrices, so that a step depends on its own start only."""

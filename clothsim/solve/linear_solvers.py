@@ -88,7 +88,7 @@ def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
     pattern : Pattern
         Sparsity of the Newton matrix.
     threads : int
-        0: all cores.
+        0: by size (`threads.solver_threads`).
 
     Raises
     ------

@@ -30,7 +30,7 @@ class System:
     linear : str
         Name of the solver, see `linear_solvers.SOLVERS`.
     threads : int
-        0: all cores.
+        0: by size (`threads.solver_threads`).
     patch : Patch, optional
         Vertices that the matrix is restricted to; None: all cloth vertices.
 

@@ -2,7 +2,6 @@
 
 import ctypes
 import math
-import os
 import sys
 from typing import Any
 
@@ -14,16 +13,14 @@ from clothsim.errors import ClothsimError
 from clothsim.solve.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.pardiso_library import load_library
 from clothsim.solve.sparsity import Pattern
-
-ONE_THREAD_BELOW = 4000
-"""Vertices below which PARDISO gets one thread where the scene leaves the number open: a small factorisation takes 5 ms
-on one, and on two now and then 50 ms, when the second must be woken (seen at 1,681 vertices; at 10,201 two take .55 of
-one).
-"""
+from clothsim.solve.threads import solver_threads
 
 ANALYSIS, FACTORISATION, SOLUTION, RELEASE = 11, 22, 33, -1
 SYMMETRIC_POSITIVE = 2
 NO_MEMORY, NOT_POSITIVE = -2, -4
+ORDERED_SUMS = 2
+"""iparm(34) in MKL's reproducible mode: any positive number, the same for all numbers of threads."""
+
 MAX_REFINEMENTS = 10
 MAX_CONTRACTION = 0.1
 """A refinement that leaves more than this fraction of the error shows that the single-precision factor is useless."""
@@ -41,6 +38,8 @@ class Factor:
         self._settings[0] = 1  # all settings are given: zeros are not defaults
         self._settings[1] = 0  # minimum degree: 10 % faster than nested dissection at these sizes
         self._settings[27] = int(kind is np.float32)
+        if self._library.is_reproducible():
+            self._settings[33] = ORDERED_SUMS
         self._permutation = np.zeros(1, integer)
         self._kind = kind
         self._pattern = pattern
@@ -94,9 +93,10 @@ class Factor:
 
     def _call(self, phase: int, b: NDArray[Any]) -> NDArray[Any]:
         x, error = np.empty_like(b), np.zeros(1, self._library.integer)
-        self._library.set_threads(self.threads)  # of the process: another factor may have set its own
         before, after = self._fixed_arguments
+        given = self._library.set_threads(self.threads)
         self._library.pardiso(*before, self._integer(phase), *after, _address(b), _address(x), _address(error))
+        self._library.set_threads(given)
         code = int(error[0])
         if code == NOT_POSITIVE:
             raise NotPositiveDefiniteError
@@ -121,7 +121,7 @@ class Pardiso(LinearSolver):
     name = "pardiso"
 
     def __init__(self, pattern: Pattern, threads: int) -> None:
-        self.wanted_threads = _threads(pattern, threads)
+        self.wanted_threads = solver_threads(pattern.n_vertices, threads)
         self._factor = Factor(pattern, self.wanted_threads, np.float64)
         self.threads = self._factor.threads
 
@@ -147,7 +147,7 @@ class Mixed(LinearSolver):
     name = "mixed"
 
     def __init__(self, pattern: Pattern, threads: int) -> None:
-        self.wanted_threads = _threads(pattern, threads)
+        self.wanted_threads = solver_threads(pattern.n_vertices, threads)
         self._pattern = pattern
         self._single = Factor(pattern, self.wanted_threads, np.float32)
         self.threads = self._single.threads
@@ -209,10 +209,6 @@ def _failure(code: int, rows: int) -> ClothsimError:
         f"PARDISO failed on the Newton matrix of {rows // 3:,} vertices with its error {code}.",
         'Try solver.linear = "superlu".',
     )
-
-
-def _threads(pattern: Pattern, threads: int) -> int:
-    return threads or (1 if pattern.n_vertices < ONE_THREAD_BELOW else os.cpu_count() or 1)
 
 
 def _address(array: NDArray[Any]) -> ctypes.c_void_p:

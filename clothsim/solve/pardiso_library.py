@@ -18,6 +18,9 @@ from typing import Any
 
 import numpy as np
 
+CBWR_BRANCH, CBWR_OFF, CBWR_AUTO = 1, 1, 2
+"""MKL's conditional numerical reproducibility (mkl_service.h): what is asked for, none, the best of this processor."""
+
 
 @dataclass(frozen=True)
 class Library:
@@ -30,15 +33,21 @@ class Library:
     integer : type
         NumPy's type of the integers that it counts in.
     set_threads : Callable
-        Sets the number of threads, of the whole process.
+        Sets the number of threads of the calling thread's calls, 0 for the process's own; returns the one before.
     threaded : bool
         False where it has one thread whatever is set.
+    is_reproducible : Callable
+        True where sums are taken in the same order whatever the number of threads.
+    make_reproducible : Callable
+        Chooses that mode for the process; False where it is too late, as the library was used already.
     """
 
     pardiso: Callable[..., None]
     integer: type[np.signedinteger[Any]]
-    set_threads: Callable[[int], Any]
+    set_threads: Callable[[int], int]
     threaded: bool
+    is_reproducible: Callable[[], bool]
+    make_reproducible: Callable[[], bool]
 
 
 def load_library() -> Library:
@@ -64,7 +73,15 @@ def _of_pypardiso() -> Library:
     from pypardiso import PyPardisoSolver
 
     mkl = PyPardisoSolver(mtype=2).libmkl
-    return Library(_without_result(mkl, "pardiso"), np.int32, mkl["MKL_Set_Num_Threads"], threaded=True)
+
+    def is_reproducible() -> bool:
+        return bool(mkl["MKL_CBWR_Get"](CBWR_BRANCH) != CBWR_OFF)
+
+    def make_reproducible() -> bool:
+        return is_reproducible() or mkl["MKL_CBWR_Set"](CBWR_AUTO) == 0
+
+    set_threads = mkl["MKL_Set_Num_Threads_Local"]
+    return Library(_without_result(mkl, "pardiso"), np.int32, set_threads, True, is_reproducible, make_reproducible)
 
 
 def _of_py_mkl_pardiso() -> Library:
@@ -79,7 +96,7 @@ def _of_py_mkl_pardiso() -> Library:
         pardiso = _without_result(module, "pardiso_64")
     except AttributeError as error:
         raise ImportError(f"{files[0].name} does not export pardiso_64") from error
-    return Library(pardiso, np.int64, lambda threads: None, threaded=False)
+    return Library(pardiso, np.int64, lambda threads: 0, False, lambda: False, lambda: True)
 
 
 def _without_result(library: ctypes.CDLL, name: str) -> Callable[..., None]:

@@ -1,13 +1,16 @@
 """Table of fits: every garment on every body, after its size stage or draped.
 
-`python -m tests.benchmarks.fit_table [--garments shirt ..] [--bodies mean_all ..] [--stage seed|drape] [-o DIR]`
+`python -m tests.benchmarks.fit_table [--garments shirt ..] [--bodies mean_all ..] [--stage drape] -o DIR [--docs]`:
+rows and pictures in DIR, a row that is there is not computed again; `--docs` writes the table into docs/howto/fit.md.
 """
 
 import argparse
+import datetime
 import tempfile
 from dataclasses import replace
 from pathlib import Path
 from time import process_time
+from typing import Any
 
 import numpy as np
 
@@ -18,6 +21,7 @@ from clothsim.fitting.stage import Garment
 from clothsim.fitting.transfer_seed import transferred
 from clothsim.fitting.worn_look import Look, look_of
 from clothsim.mesh.generators.table import GENERATORS
+from tests.benchmarks.stored_tables import Record, markdown_table, read_record, when, write_between, write_record
 from transfer.body_frame import body_frame
 from transfer.signed_distance import body_surface
 
@@ -25,19 +29,27 @@ DATA = Path(__file__).parents[3] / "shared" / "data"
 BASE = DATA / "bodies" / "makehuman_hm08_base.obj"
 GENERATED = ("shirt", "trousers", "skirt")
 SUITS = ("casualsuit", "sportsuit")
+DRESS = DATA / "dress_on_body" / "dress_knife_drape.obj"
+DRESS_VERTICES = (0, 15656)
+DRESS_WELD = 0.006
+GARMENTS = (*GENERATED, *SUITS, "dress")
 FILES = ("mean_all", "mean_all_tpose", "mean_female", "f_smpl_average_A40")
 BODIES = (*FILES, "makehuman", "mannequin", "mannequin_large")
 LARGE = {"height": 1.82, "chest": 1.15, "waist": 1.2, "hips": 1.12}
-HEAD = (
-    "| garment | body | status | edges, 1st to 99th % | doubled or halved % | hem % | inside | size factors | CPU s |\n"
-    "| --- | --- | --- | --- | --- | --- | --- | --- | --- |"
+HEADER = (
+    *("garment", "body", "status", "edges, 1st to 99th %", "doubled or halved %", "hem %", "inside"),
+    *("size: chest, waist, hips, trunk length", "stages", "CPU s"),
 )
+SHOWN = ("chest", "waist", "hips", "trunk_length")
+DOCS = Path(__file__).parents[2] / "docs" / "howto" / "fit.md"
 
 
 def figure_named(name: str) -> Figure:
     """Body of that name."""
     if name.startswith("mannequin"):
         return Figure(name, *GENERATORS["mannequin"](**(LARGE if name.endswith("large") else {})), 1.0, ())
+    if name == "codim_ipc":
+        return replace(read_figure(DRESS), name=name)
     figure = read_figure(BASE, group="body") if name == "makehuman" else read_figure(DATA / "bodies" / f"{name}.obj")
     return replace(figure, name=name)
 
@@ -46,6 +58,9 @@ def garment_named(name: str) -> tuple[Garment, str]:
     """Garment of that name, and the name of its own body."""
     if name in GENERATED:
         return Garment(name, *GENERATORS[name]()), "mannequin"
+    if name == "dress":
+        dress = read_garment(DRESS, DRESS, 1.0, part=DRESS_VERTICES, weld=DRESS_WELD)
+        return replace(dress, name=name), "codim_ipc"
     return read_garment(DATA / "garments" / f"female_{name}01.mhclo", BASE, 0.1), "makehuman"
 
 
@@ -86,47 +101,89 @@ def draw(file: Path, garment: Garment, positions: np.ndarray, target: Figure) ->
     Image.fromarray(np.hstack(panels)).save(file, format="PNG")
 
 
-def row(garment: Garment, source: Figure, target: Figure, stage: str, folder: Path | None) -> str:
-    """Line of the table."""
+def row(garment: Garment, source: Figure, target: Figure, stage: str, picture: Path) -> dict[str, Any]:
+    """Measures of a fit; its picture."""
     started = process_time()
     if stage == "seed":
         positions, size, look = seed(garment, source, target)
         status = "distorted" if look.fault else "worn"
         inside = int((body_surface(target.positions, target.triangles).closest(positions).signed_distance < 0).sum())
+        stages: list[dict[str, Any]] = []
     else:
         with tempfile.TemporaryDirectory() as temporary:
-            meshes = [
-                clothsim.Cloth(garment.positions, garment.triangles),
-                *(clothsim.Body(figure.positions, figure.triangles) for figure in (target, source)),
-            ]
-            fit = clothsim.fit(*meshes, temporary)
+            cloth = clothsim.Cloth(garment.positions, garment.triangles, sewn=garment.sewn)
+            bodies = (clothsim.Body(figure.positions, figure.triangles) for figure in (target, source))
+            fit = clothsim.fit(cloth, *bodies, temporary)
         positions, size, look, status = fit.positions, fit.size, fit.look, fit.status
         inside = fit.counts.penetrating_vertices
+        stages = [one.as_dict() for one in fit.stages]
     seconds = process_time() - started
-    if folder is not None:
-        draw(folder / f"{garment.name.split('.')[0]}_{target.name}.png", garment, positions, target)
+    draw(picture, garment, positions, target)
+    return {
+        "date": datetime.datetime.now(datetime.UTC).date().isoformat(),
+        "status": status,
+        "look": look.as_dict(),
+        "inside": inside,
+        "factors": size.factors,
+        "stages": stages,
+        "cpu_seconds": seconds,
+    }
+
+
+def line(garment: str, body: str, seen: dict[str, Any]) -> tuple[str, ...]:
+    """Cells of a row."""
+    look, factors = seen["look"], seen["factors"]
     return (
-        f"| {garment.name} | {target.name} | {status} | {look.edge_low:.2f} to {look.edge_high:.2f} | "
-        f"{100 * look.distorted:.2f} | {100 * look.hem:+.1f} | {inside} | {size} | {seconds:.1f} |"
+        garment,
+        body,
+        seen["status"],
+        f"{look['edge_low']:.2f} to {look['edge_high']:.2f}",
+        f"{100 * look['distorted']:.2f}",
+        f"{100 * look['hem']:+.1f}",
+        str(seen["inside"]),
+        ", ".join(f"{factors[name]:.2f}" for name in SHOWN if name in factors),
+        ", ".join(stage["name"] for stage in seen["stages"] if stage["name"] not in ("garment", "transfer", "size")),
+        f"{seen['cpu_seconds']:.0f}",
     )
 
 
+def table(record: Record) -> str:
+    """The table of the rows that are there, and the days on which they were measured."""
+    pairs = [(garment, body, f"{garment} on {body}") for garment in GARMENTS for body in BODIES]
+    rows = [line(garment, body, record[key]) for garment, body, key in pairs if key in record]
+    seen = list(record.values())
+    worn = sum(one["status"] in ("worn", "completed") for one in seen)
+    days = when(one["date"] for one in seen)
+    return f"{markdown_table(HEADER, rows)}\n\n{worn} of {len(seen)} pairs are inside the bar (measured {days})."
+
+
 def main() -> None:
-    """Print the table."""
+    """Compute the rows that are missing, and print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--garments", nargs="+", default=[*GENERATED, *SUITS], choices=[*GENERATED, *SUITS])
+    parser.add_argument("--garments", nargs="+", default=[*GENERATED, *SUITS], choices=GARMENTS)
     parser.add_argument("--bodies", nargs="+", default=[*BODIES], choices=BODIES)
     parser.add_argument("--stage", default="seed", choices=["seed", "drape"])
-    parser.add_argument("-o", "--output", type=Path, help="directory for pictures")
+    parser.add_argument("--again", action="store_true", help="compute rows again that are there")
+    parser.add_argument("--docs", action="store_true", help="write the table into docs/howto/fit.md")
+    parser.add_argument("-o", "--output", type=Path, required=True, help="directory for rows and pictures")
     arguments = parser.parse_args()
-    if arguments.output is not None:
-        arguments.output.mkdir(parents=True, exist_ok=True)
-    print(HEAD, flush=True)
+    arguments.output.mkdir(parents=True, exist_ok=True)
+    file = arguments.output / f"{arguments.stage}.json"
     for name in arguments.garments:
         garment, own = garment_named(name)
         source = figure_named(own)
         for body in (body for body in arguments.bodies if body != own):
-            print(row(garment, source, figure_named(body), arguments.stage, arguments.output), flush=True)
+            key = f"{name} on {body}"
+            if key in read_record(file) and not arguments.again:
+                continue
+            picture = arguments.output / f"{name}_{body}.png"
+            seen = row(garment, source, figure_named(body), arguments.stage, picture)
+            write_record(file, read_record(file) | {key: seen})
+            print(" | ".join(line(name, body, seen)), flush=True)
+    text = table(read_record(file))
+    if arguments.docs:
+        write_between(DOCS, f"fit table, {arguments.stage}", text)
+    print(text)
 
 
 if __name__ == "__main__":

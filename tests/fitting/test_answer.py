@@ -99,12 +99,13 @@ def test_a_giant_or_a_doll_wears_it_where_its_unit_is_given(files, tmp_path, hei
 
 def test_scale_to_is_of_the_target_alone(files, tmp_path):
     large = scaled(tmp_path, "large.obj", 20.0)  # read as dm without
-    assert clothsim.fit(files["garment"], large, files["body"], tmp_path / "out").target.scale == 0.1
-    done = clothsim.fit(files["garment"], large, files["body"], tmp_path / "out", scale_to=0.06)
+    garment, body = files["garment"], files["body"]
+    assert clothsim.fit(garment, large, body, tmp_path / "guessed").target.scale == 0.1
+    done = clothsim.fit(garment, large, body, tmp_path / "given", scale_to=0.06)
     assert (done.source.scale, done.target.scale) == (1.0, 0.06)
-    grown = clothsim.fit(files["garment"], files["body"], output=tmp_path / "out", scale=1.0, scale_to=1.2)
+    grown = clothsim.fit(garment, body, output=tmp_path / "grown", scale=1.0, scale_to=1.2)
     assert grown.target is not grown.source  # the same file in another unit is another body
-    assert clothsim.fit(files["garment"], files["body"], output=tmp_path / "out", scale=1.0, scale_to=1.0).source.scale
+    assert clothsim.fit(garment, body, output=tmp_path / "same", scale=1.0, scale_to=1.0).source.scale
 
 
 def test_scale_to_is_refused_for_what_has_its_own_unit(files, tmp_path):

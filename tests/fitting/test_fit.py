@@ -79,7 +79,7 @@ def test_arrays_give_the_bits_of_their_files(files, tmp_path):
     assert clothsim.fit(cloth, body, output=tmp_path / "own").source.name == "body"
     for extra in ({"scale": 0.1}, {"part": (0, 3)}):
         with pytest.raises(InputError):
-            clothsim.fit(cloth, body, output=tmp_path / "own", **extra)
+            clothsim.fit(cloth, body, output=tmp_path / "other", **extra)
 
 
 def test_without_the_other_body_a_garment_is_repaired_on_its_own(files, tmp_path):
@@ -179,8 +179,14 @@ def test_nothing_of_an_earlier_fit_is_left_and_no_input_is_overwritten(files, tm
     out = tmp_path / "out"
     clothsim.fit(files["garment"], files["body"], output=out)
     assert (out / "checkpoint.npz").is_file()
-    assert clothsim.fit(files["sheet"], files["body"], output=out).status == "failed"
+    kept = {file.name: file.read_bytes() for file in out.iterdir() if file.is_file()}
+    with pytest.raises(InputError, match="--overwrite"):
+        clothsim.fit(files["sheet"], files["body"], output=out)
+    assert {file.name: file.read_bytes() for file in out.iterdir() if file.is_file()} == kept
+    assert clothsim.fit(files["sheet"], files["body"], output=out, overwrite=True).status == "failed"
     assert {file.name for file in out.iterdir()} == {"summary.json", "fitted.obj"}
+    with pytest.raises(InputError, match="--overwrite"):  # a failed fit is one too
+        clothsim.fit(files["sheet"], files["body"], output=out)
     before = (tmp_path / "body.obj").read_bytes()
     with pytest.raises(InputError, match=r"body\.obj"):
         clothsim.fit(files["garment"], files["body"], output=tmp_path)

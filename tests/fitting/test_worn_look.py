@@ -8,6 +8,7 @@ from clothsim.fitting.sized import sized
 from clothsim.fitting.stage import Garment
 from clothsim.fitting.worn_look import look_of
 from clothsim.mesh.generators.table import GENERATORS
+from transfer.body_parts import body_parts
 from transfer.signed_distance import body_surface
 
 FIGURE = Figure("mannequin", *GENERATORS["mannequin"](), 1.0, ())
@@ -54,3 +55,29 @@ def test_own_size_on_a_larger_body_keeps_the_edges():
     assert graded.factors["chest"] == pytest.approx(1.1)
     assert own.factors == {}
     assert np.isfinite(own.positions).all()
+
+
+def test_a_hem_is_where_it_was_between_landmarks_of_a_body_with_longer_legs():
+    crotch = FIGURE.parts.landmarks["crotch"]
+    skirt = Garment("skirt", *GENERATORS["skirt"]())
+
+    def longer(x):
+        return x + np.outer(0.2 * np.minimum(x[:, 2], crotch), [0, 0, 1])
+
+    tall = Figure("tall", longer(FIGURE.positions), FIGURE.triangles, 1.0, ())
+    look = look_of(skirt, longer(skirt.positions), FIGURE, tall)
+    assert abs(look.hem) < 0.005
+    by_height = longer(skirt.positions)[:, 2].min() / tall.frame.height - skirt.positions[:, 2].min() / 1.7
+    assert by_height > 0.015  # by the whole height it would seem to have risen
+
+
+def test_the_parts_of_a_figure_are_found_once(monkeypatch):
+    from clothsim.fitting import inputs
+
+    calls = []
+    monkeypatch.setattr(inputs, "body_parts", lambda *mesh: calls.append(mesh) or body_parts(*mesh))
+    large = Figure("large", FIGURE.positions * 1.1, FIGURE.triangles, 1.0, ())
+    body = body_surface(large.positions, large.triangles)
+    size = sized(SHIRT, large, large, 1.1 * SHIRT.positions, body, graded=True)
+    look_of(SHIRT, size.positions, large, large)
+    assert len(calls) == 1

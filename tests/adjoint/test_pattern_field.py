@@ -1,0 +1,77 @@
+"""Displacement fields of patterns, and gradients by the corners of panels."""
+
+import numpy as np
+import pytest
+from sewing_patterns import panel, skirt, specification
+
+from clothsim import Cloth, InputError, Scene
+from clothsim.adjoint.losses import Height
+from clothsim.adjoint.pattern_field import pattern_field, pattern_gradient
+from clothsim.adjoint.run import traced
+from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
+from clothsim.mesh.pattern.specification import pattern_of
+
+
+@pytest.mark.parametrize("name", ["front", "back"])
+def test_affine_displacements_are_exact(name):
+    """Both panels, of which one is seen from behind: a stretch of the panel stretches the material alike."""
+    mesh = mesh_pattern(pattern_of(skirt()), 0.02)
+    stretch = np.array([[0.1, 0.3], [0.0, -0.2]])
+    field = pattern_field(mesh, {name: mesh.pattern.panels[name].vertices @ stretch})
+    other = "back" if name == "front" else "front"
+    assert not field[mesh.faces[other]].any()
+    faces = mesh.faces[name]
+    corners, coordinates = mesh.triangles[faces], mesh.material_coordinates[faces]
+    points = mesh.panel_coordinates[corners]
+    for t in range(len(corners)):
+        edges, moved = np.diff(points[t], axis=0), np.diff(points[t] @ stretch, axis=0)
+        old, new = np.diff(coordinates[t], axis=0), np.diff(coordinates[t] + 1e-3 * field[faces][t], axis=0)
+        np.testing.assert_allclose(new @ new.T - old @ old.T, 1e-3 * (edges @ moved.T + moved @ edges.T), atol=1e-9)
+
+
+def test_a_curved_edge_moves_with_its_ends():
+    entries = panel()
+    entries["edges"][0]["curvature"] = [0.5, -0.2]
+    pattern = pattern_of(specification({"front": entries}))
+    mesh, name = mesh_pattern(pattern, 0.02), "front"
+    moves = np.random.default_rng(0).standard_normal(pattern.panels[name].vertices.shape)
+    field = pattern_field(mesh, {name: moves})
+    edge, curve = pattern.panels[name].edges[0], pattern.panels[name].edges[0].curve
+    corners = pattern.panels[name].vertices
+    share = np.linspace(0, 1, 5)
+    ends = [corners[[edge.start, edge.end]] + sign * 1e-6 * moves[[edge.start, edge.end]] for sign in (1, -1)]
+    wanted = np.subtract(*(curve.by_length(*each, share) for each in ends)) / 2e-6
+    turn = np.diff(moves[[edge.start, edge.end]] @ [1, 1j]) / np.diff(corners[[edge.start, edge.end]] @ [1, 1j])
+    points = curve.by_length(*corners[[edge.start, edge.end]], share) @ [1, 1j]
+    found = moves[edge.start] @ [1, 1j] + turn * (points - corners[edge.start] @ [1, 1j])
+    np.testing.assert_allclose(found, wanted @ [1, 1j], atol=1e-6)
+    assert np.isfinite(field).all()
+
+
+def hanging(mesh, change=0.0, moves=None):
+    rest = mesh.material_coordinates
+    if moves is not None:
+        rest = rest + change * pattern_field(mesh, {"front": moves})
+    top = np.flatnonzero(mesh.panel_coordinates[:, 1] > 0.2 - 1e-9)
+    cloth = Cloth(mesh.positions, mesh.triangles, rest=rest, fabric="cotton", youngs_modulus=1e5)
+    effects = {"membrane": {}, "bending": {}, "gravity": {"acceleration": [0.0, -9.81, 0.0]}}
+    effects["pins"] = {"select": top.tolist()}
+    solver = {"dt": 0.05, "threads": 1, "linear": "superlu"}
+    return Scene(cloth, effects=effects, solver=solver, run={"duration": 0.1, "frames_per_second": 20})
+
+
+def test_the_gradient_by_the_corners_of_a_panel():
+    mesh = mesh_pattern(pattern_of(specification({"front": panel()})), 0.03)
+    loss = Height(direction=(0.0, 1.0, 0.0))
+    gradient = traced(hanging(mesh)).gradient(loss)
+    by_corners = pattern_gradient(gradient, mesh, "front")
+    moves = np.random.default_rng(1).standard_normal(by_corners.shape)
+    values = [traced(hanging(mesh, sign * 1e-5, moves)).gradient(loss).value for sign in (1, -1)]
+    assert float(np.vdot(by_corners, moves)) == pytest.approx((values[0] - values[1]) / 2e-5, rel=1e-5)
+
+
+def test_what_is_no_panel():
+    mesh = mesh_pattern(pattern_of(skirt()), 0.05)
+    for moves in ({"sleeve": np.zeros((4, 2))}, {"front": np.zeros((3, 2))}):
+        with pytest.raises(InputError):
+            pattern_field(mesh, moves)
