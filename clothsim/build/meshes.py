@@ -94,6 +94,10 @@ def cloth_of(
 
 def body_of(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
     """The body of a [[body]] table, and notes for the user."""
+    if "model" in keys:
+        from clothsim.build.model_body import body_of_model
+
+        return body_of_model(keys, where, directory)
     if "frames" in keys:
         return body_of_files(keys, where, directory)
     shape = _shape(keys, where, directory)

@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.contact.flat_features import NO_FLAT_FEATURES, FlatFeatures, flat_features
-from clothsim.mesh.motion import FrameMotion
+from clothsim.mesh.motion import FrameMotion, PosedMotion
 from clothsim.mesh.topology import unique_edges
 from clothsim.mesh.world import World
 
@@ -162,7 +162,7 @@ def _flat(world: World) -> FlatFeatures:
     found = [
         flat_features(body.positions, body.triangles).shifted(rows.start)
         for body, rows in zip(world.bodies, world.body_slices, strict=True)
-        if body.motion.still or not isinstance(body.motion, FrameMotion)
+        if body.motion.still or not isinstance(body.motion, FrameMotion | PosedMotion)
     ]
     if not found:
         return NO_FLAT_FEATURES

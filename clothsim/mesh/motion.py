@@ -1,6 +1,6 @@
 """Motion of a body: rigid, or interpolated between animated frames; both map its vertices at time 0 to a time."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -102,7 +102,32 @@ class LaterMotion:
         return self.motion.apply(self.positions, time - self.since)
 
 
-Motion = RigidMotion | FrameMotion | LaterMotion
+@dataclass(frozen=True)
+class PosedMotion:
+    """Motion x(t) = x(0) + u(t) of a body that is posed at every time, such as a character on its skeleton.
+
+    Parameters
+    ----------
+    displacement : callable
+        u(t) of each vertex, (n, 3) [m], by the time [s].
+    duration : float
+        Time from which on it stands still [s].
+    """
+
+    displacement: Callable[[float], Floats]
+    duration: float
+
+    @property
+    def still(self) -> bool:
+        """True without motion."""
+        return self.duration <= 0
+
+    def apply(self, points: Floats, time: float) -> Floats:
+        """Return `points (n, 3)` of time 0, one for each vertex, at `time` [s]."""
+        return points if self.still else points + self.displacement(time)
+
+
+Motion = RigidMotion | FrameMotion | PosedMotion | LaterMotion
 
 
 def rigid_motion(

@@ -64,12 +64,26 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
         for k, table in enumerate([tables] if isinstance(tables, dict) else tables):
             if isinstance(table.get("mesh"), str) and table["mesh"] not in GENERATORS:  # one in memory is in the text
                 yield f"{section}{k}", table, "mesh"
+            if "model" in table and table["model"] != "mannequin":
+                yield f"{section}{k}", table, "model"
+            if "model" in table:
+                yield from _named_clip(f"{section}{k}_motion", table)
             if "frames" in table:
                 yield f"{section}{k}", table, "frames"
     for name, keys in data["effects"].items():
         yield from named_arrays(f"effect_{name}", keys)
     if data["seed"].get("file"):
         yield "seed", data["seed"], "file"
+
+
+def _named_clip(owner: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
+    """The file of the motion of a body model."""
+    from clothsim.character.gait import CLIPS
+
+    motion = table.get("motion")
+    keyed = (motion, "clip") if isinstance(motion, dict) else (table, "motion")
+    if motion and keyed[0][keyed[1]] not in (*CLIPS, "own"):
+        yield owner, *keyed
 
 
 def _frames(directory: Path, pattern: str, folder: str) -> dict[str, Path]:

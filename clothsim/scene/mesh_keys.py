@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, ClassVar
 
 from clothsim.errors import InputError
 from clothsim.scene.effect_tables import Motion
@@ -11,25 +11,12 @@ from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.key_table import KeyTable
 from clothsim.scene.keys import nearest, refuse_unknown, table
 from clothsim.scene.mesh_arrays import MeshArrays
+from clothsim.scene.model_keys import check_model
+from clothsim.scene.placed_keys import PlacedKeys
 from clothsim.scene.schema import Key, Vector, keys_of
 from clothsim.scene.value_checks import check_value
 
 MESH = Key("A generator, one of the sections of these names; a mesh file; or in Python arrays or a mesh object")
-
-
-@dataclass(frozen=True, kw_only=True)
-class PlacedKeys(KeyTable):
-    """Name, position and unit of a mesh."""
-
-    name: Annotated[str | None, Key("Name in messages, tables and the trajectory", shown="the section's")] = None
-    position: Annotated[Vector, Key("Displacement from where the mesh is", "m", length=3)] = (0.0, 0.0, 0.0)
-    rotation_degrees: Annotated[
-        Vector, Key("Rotation about x, then y, then z, before the displacement", "degrees", length=3)
-    ] = (0.0, 0.0, 0.0)
-    scale: Annotated[float, Key("Metres per unit of the mesh", "m", above=0)] = 1.0
-    up: Annotated[Literal["z", "y"], Key("Axis of the mesh that points up; y is turned onto z before the rotation")] = (
-        "z"
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,6 +136,8 @@ def check_cloth(where: str, keys: Any) -> Mapping[str, Any]:
 def check_body(where: str, keys: Any) -> Mapping[str, Any]:
     """The table of a body, with the keys of its generator, file or frames. InputError names a bad one."""
     given = table(where, keys)
+    if "model" in given:
+        return check_model(where, given)
     if "frames" not in given:
         return _check(where, given, (BodyTable, *_sources(where, given)))
     for other in ("mesh", "motion"):

@@ -14,8 +14,10 @@ from clothsim.scene.mesh_keys import FilePart, check_body, check_cloth
 from clothsim.scene.scene import SECTIONS, Scene
 from clothsim.scene.schema import keys_of
 
-FILES = ("mesh", "frames", "file")
+FILES = ("mesh", "frames", "model", "clip", "file")
 """Keys that name files."""
+SOURCES = ("mesh", "frames", "model")
+"""Keys of which a cloth or body has one."""
 MESHES = {"cloth": check_cloth, "body": check_body}
 _INSTEAD = {
     "error": "dt",
@@ -100,9 +102,9 @@ def _with_mesh(section: str, new: dict[str, Any], old: Mapping[str, Any]) -> dic
     """The new table without what belongs to the old mesh alone: keys that the new one has not, or refuses."""
     source = old.get("mesh")
     merged = dict(new)
-    if "mesh" in new and "frames" in new:  # the new one replaces the old
-        del merged["mesh" if "mesh" in old else "frames"]
-    if (merged.get("mesh"), merged.get("frames")) == (source, old.get("frames")):
+    if sum(name in new for name in SOURCES) > 1:  # the new one replaces the old
+        merged = {name: value for name, value in new.items() if name not in SOURCES or name not in old}
+    if all(merged.get(name) == old.get(name) for name in SOURCES):
         return merged
     generator = GENERATOR_KEYS.get(source) if isinstance(source, str) else None
     for key in keys_of(generator or FilePart):
@@ -113,7 +115,7 @@ def _with_mesh(section: str, new: dict[str, Any], old: Mapping[str, Any]) -> dic
 
 def _fits(section: str, table: Mapping[str, Any], key: str) -> bool:
     """True where a cloth or body of that mesh takes the key with its value."""
-    source = {name: table[name] for name in ("mesh", "frames") if name in table}
+    source = {name: table[name] for name in SOURCES if name in table}
     try:
         MESHES[section](section, {**source, key: table[key]})
     except InputError:

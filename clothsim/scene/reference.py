@@ -9,6 +9,7 @@ from clothsim.scene.effect_tables import Crease, Gust, Motion, PinGroup, Seam, S
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable
+from clothsim.scene.model_keys import ClipKeys, ModelTable
 from clothsim.scene.schema import Key, SceneKey, keys_of, type_in_words
 from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
 from clothsim.scene.typed_effects import TYPED_EFFECTS
@@ -98,6 +99,8 @@ def _sections() -> Iterator[Section]:
     yield _of("cloth", ClothTable, "A cloth; several are [[cloth]].")
     yield _of("body", BodyTable, "A body that cloth collides with; several are [[body]].")
     yield _of("body, animated", FramesTable)
+    yield _of("body of a model", ModelTable)
+    yield _of("body.motion of a model", ClipKeys)
     yield _of("body.motion", Motion)
     yield _of("cloth or body of a file", FilePart)
     for name, kind in GENERATOR_KEYS.items():
@@ -114,7 +117,7 @@ def _sections() -> Iterator[Section]:
 
 
 def _of(name: str, kind: type, summary: str = "") -> Section:
-    keys = sorted(keys_of(kind).items(), key=lambda item: item[0] not in ("mesh", "frames"))
+    keys = sorted(keys_of(kind).items(), key=lambda item: item[0] not in ("mesh", "frames", "model"))
     return Section(name, summary or inspect.cleandoc(kind.__doc__ or "").splitlines()[0], dict(keys))
 
 

@@ -90,7 +90,8 @@ def test_what_is_documented_is_accepted(section, key):
         scene = {"cloth": {"mesh": "sheet.obj"} | {key.name: value}}
     elif section.startswith("body"):
         table = {"frames": "a*.obj"} if section == "body, animated" else {"mesh": "sphere"}
-        table |= {"motion": {key.name: value}} if section == "body.motion" else {key.name: value}
+        table = {"model": "mannequin"} if section.endswith("of a model") else table
+        table |= {"motion": {key.name: value}} if section.startswith("body.motion") else {key.name: value}
         scene = {"cloth": cloth, "body": table}
     elif section.startswith("effects."):
         _, name, *nested = re.split(r"[.,]", section)

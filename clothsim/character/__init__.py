@@ -1,0 +1,1 @@
+"""Animated characters: skeletons, skinning and motion clips as arrays."""
