@@ -70,10 +70,17 @@ BUILT = {"membrane": "clothsim.energies.neo_hookean_membrane"}
 """Energies of the default keys that a builder imports once it knows that it is not off."""
 
 
+def run_roots():
+    """The modules that each run imports: `simulate` imports them within itself, and others where a scene asks."""
+    begun = imports("clothsim.run.simulate", within_functions=True)
+    asked = {module for module in begun if module.startswith("clothsim.run.error_control")}
+    return {"clothsim", "clothsim.run.simulate", *begun - asked}
+
+
 def needed(*names):
     """The modules of effects that a scene with these effects imports (a membrane of the default material)."""
     built = [BUILT[name] for name in names if name in BUILT]
-    return of_effects(reached("clothsim", "clothsim.run.simulate", *map(home, names), *built, within_functions=False))
+    return of_effects(reached(*run_roots(), *map(home, names), *built, within_functions=False))
 
 
 def own(name):

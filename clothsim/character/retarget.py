@@ -1,6 +1,6 @@
 """Retargeting of a motion to another skeleton by the roles of joints."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -111,10 +111,10 @@ def retargeted(clip: Clip, target: Skeleton, scale: float | None = None) -> Reta
     """
     source = clip.skeleton
     roles = [joint_roles(skeleton.names, skeleton.parents.tolist()) for skeleton in (source, target)]
-    for what, skeleton, found in zip(
+    for what, skeleton, known in zip(
         (f"The motion {clip.name}", "The character"), (source, target), roles, strict=True
     ):
-        lacking = [role for role in NEEDED if role not in found]
+        lacking = [role for role in NEEDED if role not in known]
         if lacking:
             names = ", ".join(skeleton.names[:12])
             raise InputError(
@@ -126,7 +126,7 @@ def retargeted(clip: Clip, target: Skeleton, scale: float | None = None) -> Reta
     for role, j in roles[1].items():
         side, _, joint = role.rpartition("_")
         other = f"{side}_{NEXT.get(joint, '')}"
-        if all(other in found and role in found for found in roles):
+        if all(other in known and role in known for known in roles):
             bones = (here[roles[1][other]] - here[j], axes @ (there[roles[0][other]] - there[roles[0][role]]))
             corrections[j] = _shortest_turn(*bones)
     for side in ("left", "right"):  # a hand goes on along its forearm
@@ -135,8 +135,8 @@ def retargeted(clip: Clip, target: Skeleton, scale: float | None = None) -> Reta
     ratio = leg_length(here, roles[1]) / leg_length(there, roles[0]) if scale is None else scale
     pairs = {j: roles[0][role] for role, j in roles[1].items() if role in roles[0]}
     pelvis, up = (roles[1]["pelvis"], roles[0]["pelvis"]), body_axes(here, roles[1])[:, 1]
-    found = Retargeted(clip, target, pairs, corrections, axes, ratio, pelvis, 0.0, up)
-    return Retargeted(clip, target, pairs, corrections, axes, ratio, pelvis, _lift(found, roles[1]), up)
+    level = Retargeted(clip, target, pairs, corrections, axes, ratio, pelvis, 0.0, up)
+    return replace(level, lift=_lift(level, roles[1]))
 
 
 def _lift(motion: Retargeted, roles: dict[str, int]) -> float:
