@@ -31,6 +31,11 @@ FABRIC = (*ISOTROPIC, *THREADS, *BENDINGS, *EXTENSIONS)
 
 def cloth_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
     """The mesh of a [cloth] table as generated, in memory or in its file: neither checked, sewn nor placed."""
+    mesh = keys["mesh"]
+    if isinstance(mesh, str) and mesh not in GENERATORS and Path(mesh).suffix.lower() == ".json":
+        from clothsim.build.pattern_file import shape_of_pattern
+
+        return shape_of_pattern(existing_file(f"{where}.mesh", directory, mesh), keys, where)
     return _shape(keys, where, directory)
 
 

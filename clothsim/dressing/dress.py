@@ -27,7 +27,7 @@ from clothsim.fitting.penetration import Counts
 from clothsim.fitting.stage import Stage, StageCallback, staged
 from clothsim.mesh.pattern.pattern import Pattern
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
-from clothsim.mesh.pattern.sewing import sewn_vertices
+from clothsim.mesh.pattern.sewing import TOUCHING, sewn_vertices
 from clothsim.mesh.pattern.specification import read_specification
 from clothsim.run.output_directory import make_directory, refuse_earlier_run
 from clothsim.run.recorded_run import Announcement, Listener
@@ -36,8 +36,6 @@ from clothsim.scene.fabrics import fabric_named
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 
-TOUCHING = 1e-4
-"""Gap of a seam that is closed as placed [m]."""
 SLID = 0.07
 """Way down from the placement, as a fraction of the body's height, beyond which a note says so."""
 

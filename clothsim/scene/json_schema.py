@@ -6,7 +6,7 @@ from typing import Any, get_args, get_origin
 
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.generator_keys import GENERATOR_KEYS
-from clothsim.scene.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable
+from clothsim.scene.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
 from clothsim.scene.model_keys import ModelTable
 from clothsim.scene.reference import sections
 from clothsim.scene.schema import Key, SceneKey, choices, keys_of, members
@@ -28,7 +28,7 @@ def json_schema() -> dict[str, Any]:
     meshes: tuple[type, ...] = (FilePart, *GENERATOR_KEYS.values())
     effects = {name: _effect(name) for name in EFFECTS}
     properties = {
-        "cloth": _one_or_several(_object("A cloth", (ClothTable, *meshes), ("mesh",))),
+        "cloth": _one_or_several(_object("A cloth", (ClothTable, PatternFile, *meshes), ("mesh",))),
         "body": _one_or_several(_object("A body", (BodyTable, FramesTable, ModelTable, *meshes), ())),
         "effects": {"type": "object", "properties": effects, "additionalProperties": False},
     }

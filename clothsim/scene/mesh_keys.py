@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 from clothsim.errors import InputError
 from clothsim.scene.effect_tables import Motion
@@ -82,6 +82,18 @@ class FilePart(KeyTable):
 
 
 @dataclass(frozen=True, kw_only=True)
+class PatternFile(KeyTable):
+    """Mesh of a sewing pattern (`specification.json`), as cloth."""
+
+    section: ClassVar[str] = "a sewing pattern"
+
+    size: Annotated[float, Key("Distance of neighbouring vertices", "m", above=0)] = 0.02
+    rotation_order: Annotated[
+        Literal["zyx", "xyz"], Key('Rotation of a panel: "zyx" is Rz Ry Rx; "xyz" as GarmentCode from 2.0 on writes it')
+    ] = "zyx"
+
+
+@dataclass(frozen=True, kw_only=True)
 class ClothTable(ClothKeys):
     """A cloth: a generated mesh, or one of a file or in memory."""
 
@@ -130,7 +142,7 @@ class FramesTable(PlacedKeys, FrameRate):
 def check_cloth(where: str, keys: Any) -> Mapping[str, Any]:
     """The table of a cloth, with the keys of its generator or of a part of its file. InputError names a bad one."""
     given = table(where, keys)
-    return _check(where, given, (ClothTable, *_sources(where, given)))
+    return _check(where, given, (ClothTable, *_cloth_sources(where, given)))
 
 
 def check_body(where: str, keys: Any) -> Mapping[str, Any]:
@@ -144,6 +156,13 @@ def check_body(where: str, keys: Any) -> Mapping[str, Any]:
         if other in given:
             raise InputError(f"{where} has frames and {other}.", f"Give {other} or frames, not both.")
     return _check(where, given, (FramesTable, FilePart))
+
+
+def _cloth_sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
+    """The section of a sewing pattern, else as `_sources`."""
+    mesh = keys.get("mesh")
+    is_pattern = isinstance(mesh, str) and mesh.isprintable() and Path(mesh).suffix.lower() == ".json"
+    return (PatternFile,) if is_pattern else _sources(where, keys)
 
 
 def _sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:

@@ -8,7 +8,7 @@ from dataclasses import MISSING, dataclass
 from clothsim.scene.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.generator_keys import GENERATOR_KEYS
-from clothsim.scene.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable
+from clothsim.scene.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
 from clothsim.scene.model_keys import ClipKeys, ModelTable
 from clothsim.scene.schema import Key, SceneKey, keys_of, type_in_words
 from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
@@ -103,6 +103,7 @@ def _sections() -> Iterator[Section]:
     yield _of("body.motion of a model", ClipKeys)
     yield _of("body.motion", Motion)
     yield _of("cloth or body of a file", FilePart)
+    yield _of("cloth of a sewing pattern", PatternFile)
     for name, kind in GENERATOR_KEYS.items():
         yield _of(f'mesh = "{name}"', kind)
     for name in EFFECTS:

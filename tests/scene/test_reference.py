@@ -88,6 +88,8 @@ def test_what_is_documented_is_accepted(section, key):
         scene = {"cloth": {"mesh": section.split('"')[1], key.name: value}}
     elif section in ("cloth", "cloth or body of a file"):
         scene = {"cloth": {"mesh": "sheet.obj"} | {key.name: value}}
+    elif section == "cloth of a sewing pattern":
+        scene = {"cloth": {"mesh": "x_specification.json"} | {key.name: value}}
     elif section.startswith("body"):
         table = {"frames": "a*.obj"} if section == "body, animated" else {"mesh": "sphere"}
         table = {"model": "mannequin"} if section.endswith("of a model") else table

@@ -10,6 +10,9 @@ from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 from clothsim.mesh.pattern.pattern_mesh import PatternMesh, Seam
 
+TOUCHING = 1e-4
+"""Gap of a seam that is closed as placed [m]."""
+
 
 def sewn_vertices(mesh: PatternMesh, seams: Sequence[Seam]) -> Ints:
     """Number of each vertex after `seams` are closed, (n,), as `joined_vertices`."""

@@ -1,0 +1,61 @@
+"""Cloth of a sewing pattern: panels meshed and placed as in the file, sewn where they touch."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clothsim.arrays import as_positive
+from clothsim.build.placement import Shape
+from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
+from clothsim.mesh.pattern.sewing import TOUCHING, largest_gap, sewn_vertices
+from clothsim.mesh.pattern.specification import read_specification
+from clothsim.mesh.weld import mean_of_parts
+
+SIZE = 0.02
+"""Distance of neighbouring vertices where the table gives none [m]."""
+
+
+def shape_of_pattern(path: Path, keys: Mapping[str, Any], where: str) -> Shape:
+    """The mesh of a sewing pattern in a [cloth] table.
+
+    Parameters
+    ----------
+    path : Path
+        The `specification.json`.
+    keys : dict
+        The table: size, rotation_order, scale.
+    where : str
+        Dotted name of the table, for messages.
+
+    Returns
+    -------
+    Shape
+        At rest flat, warp along y of each panel; `groups`: the triangles of each panel. A seam whose gap is below
+        `TOUCHING` throughout is welded; a note names those that stay open.
+
+    Raises
+    ------
+    InputError
+        Naming the panel, edge or stitch, as `read_specification` and `mesh_pattern`.
+    """
+    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
+    size = as_positive(f"{where}.size", keys.get("size", SIZE))
+    mesh = mesh_pattern(read_specification(path, keys.get("rotation_order", "zyx")), size / scale)
+    closed = [seam for seam in mesh.seams if scale * largest_gap(mesh.positions, seam) < TOUCHING]
+    still_open = [seam.name for seam in mesh.seams if not any(seam is other for other in closed)]
+    number = sewn_vertices(mesh, closed)
+    notes = list(mesh.pattern.notes)
+    if still_open:
+        named = ", ".join(still_open[:3]) + (", ..." if len(still_open) > 3 else "")
+        notes.append(f"{len(still_open)} of {len(mesh.seams)} seams stay open as placed ({named})")
+    groups = {name: np.arange(rows.start, rows.stop) for name, rows in mesh.faces.items()}
+    return Shape(
+        scale * mean_of_parts(mesh.positions, number),
+        number[mesh.triangles],
+        scale * mesh.material_coordinates,
+        tuple(notes),
+        groups,
+        flat=True,
+    )
