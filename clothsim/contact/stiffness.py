@@ -98,7 +98,7 @@ def bounded_stiffness(wanted: float, before: float, barrier_energy: float, kinet
 
 
 def kinetic_energy_of_impact(velocities: Floats, masses: Floats) -> float:
-    """Return the kinetic energy of the cloth [J]: that at rest or that seen by the fastest body, whichever is larger.
+    """Return the kinetic energy of the cloth [J] in the frame in which it is largest: at rest, or with a body's vertex.
 
     A body that moves as prescribed brings energy: in its own frame the cloth comes at it.
 
@@ -112,7 +112,7 @@ def kinetic_energy_of_impact(velocities: Floats, masses: Floats) -> float:
     Returns
     -------
     float
-        max(sum m |v|^2 / 2, sum m |v - w|^2 / 2) with w the velocity of the fastest vertex of a body.
+        The largest of sum m |v|^2 / 2 and, over the velocities w of the vertices of bodies, sum m |v - w|^2 / 2.
 
     Examples
     --------
@@ -121,9 +121,6 @@ def kinetic_energy_of_impact(velocities: Floats, masses: Floats) -> float:
     1.0
     """
     n = len(masses)
-    energies = [float(masses @ (velocities[:n] ** 2).sum(axis=1))]
-    if len(velocities) > n:
-        fastest = velocities[n:][np.argmax((velocities[n:] ** 2).sum(axis=1))]
-        if fastest.any():
-            energies.append(float(masses @ ((velocities[:n] - fastest) ** 2).sum(axis=1)))
-    return 0.5 * max(energies)
+    bodies, momentum = velocities[n:], masses @ velocities[:n]
+    gains = masses.sum() * (bodies**2).sum(axis=1) - 2 * bodies @ momentum
+    return 0.5 * (float(masses @ (velocities[:n] ** 2).sum(axis=1)) + max(float(gains.max(initial=0.0)), 0.0))
