@@ -10,7 +10,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.dressing.approaching import approached
-from clothsim.dressing.closing import NEAR, close, mean_edge, stretch_range, worst_gap
+from clothsim.dressing.closing import close, mean_edge, stretch_range, worst_gap
 from clothsim.dressing.draping import drape
 from clothsim.dressing.facing import refuse_unsuitable
 from clothsim.dressing.legs import turned_to_legs
@@ -343,7 +343,7 @@ def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
     if moved > 0.5 * height:
         return draped, "failed", f"The garment falls off {task.body.name}: it moved by {moved:.2g} m."
     gap, name = worst_gap(draped.state)
-    if gap > 2 * NEAR * mean_edge(draped.state):
+    if gap > mean_edge(draped.state):
         return draped, "failed", f"Seam {name}, held by strings, opened to {1e3 * gap:.3g} mm in the drape."
     slid = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
     if slid > SLID * height:
