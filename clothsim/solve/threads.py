@@ -42,11 +42,14 @@ def one_blas_thread() -> Iterator[None]:
     It sums vectors and small matrices here: a second thread gains nothing, waits actively on its core between calls (41
     seconds of the processor for 27), and adds in another order.
     """
-    with _blas().limit(limits=1):
+    with blas_libraries().limit(limits=1):
         yield
 
 
 @functools.cache
-def _blas() -> ThreadpoolController:
-    """The libraries that are loaded at the first call."""
+def blas_libraries() -> ThreadpoolController:
+    """BLAS libraries that are loaded at the first call: NumPy's and SciPy's, which every module here imports.
+
+    One that is loaded later is PARDISO's, whose threads are set at each of its calls.
+    """
     return ThreadpoolController().select(user_api="blas")
