@@ -1,9 +1,17 @@
-"""Drape of a sewn garment on its body: gravity, friction, until it rests."""
+"""Drape of a sewn garment on its body: gravity and friction, until it rests.
+
+Friction holds folds as the closing left them: ten shirts whose panels were moved by a micrometre ended with waists up
+to 14 mm apart. A garment that hangs on the shoulders is therefore shaken down first, with little friction. What is in
+equilibrium with it is so with more, as the forces that more friction can give include those of less.
+"""
 
 import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from clothsim.arrays import Floats
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.errors import IntersectionWarning
 from clothsim.fitting.inputs import Figure
@@ -16,6 +24,10 @@ from clothsim.scene.scene import Scene
 LONGEST = 3.0
 """Bound on the time of a drape [s]."""
 FRICTION = 0.4
+SLIPPERY = 0.05
+"""Friction while a garment is shaken down."""
+SHOULDERS = 0.8
+"""Level above which a garment hangs on the shoulders, as a fraction of the body's height: armpits are at .76."""
 SETTINGS: dict[str, Any] = {
     "effects": {
         "inertia": {},
@@ -24,11 +36,12 @@ SETTINGS: dict[str, Any] = {
         "damping": {"rate": 4.0},
         "body_contact": {},
         "self_contact": {},
-        "friction": {"coefficient": FRICTION},
     },
     "solver": {"dt": 0.02, "tolerance": 0.05, "max_iterations": 200, "integrator": "backward_euler"},
     "run": {"duration": LONGEST, "until": "rest", "rest_speed": 0.02, "frames_per_second": 10},
 }
+SANK = 0.03
+"""Way down of the top of a garment, as a fraction of the body's height, beyond which it was held by friction alone."""
 
 
 def drape(
@@ -39,13 +52,50 @@ def drape(
     listener: Listener | None,
     announce: Announcement | None,
 ) -> Run:
-    """Run of the garment under gravity until it rests. InputError for a start that cannot be simulated."""
+    """Run of the garment under gravity until it rests.
+
+    One that hangs on the shoulders is shaken down before, in the folder `shaken`; that is left out where it sinks.
+
+    Raises
+    ------
+    InputError
+        A start that cannot be simulated.
+    """
+    if hangs_on_shoulders(state.positions, body):
+        shaken = _run(state, body, fabric, folder / "shaken", SLIPPERY, listener, announce)
+        if shaken.status != "completed":
+            return shaken
+        sank = (state.positions @ body.up).max() - (shaken.positions(-1) @ body.up).max()
+        if sank < SANK * np.ptp(body.positions @ body.up):
+            state = state.at(shaken.positions(-1))
+    return _run(state, body, fabric, folder, FRICTION, listener, announce)
+
+
+def hangs_on_shoulders(positions: Floats, body: Figure) -> bool:
+    """True where a garment reaches over the level of the shoulders of its body."""
+    levels = body.positions @ body.up
+    return bool((positions @ body.up).max() > levels.min() + SHOULDERS * np.ptp(levels))
+
+
+def _run(
+    state: SewingState,
+    body: Figure,
+    fabric: str,
+    folder: Path,
+    friction: float,
+    listener: Listener | None,
+    announce: Announcement | None,
+) -> Run:
     strings = [state.pairs(state.mesh.seams[k]) for k in state.open_seams]
     seam = [
         {"from": {"vertices": a.tolist()}, "to": {"vertices": b.tolist()}, "match": "vertices", "end": 1e-3}
         for a, b in (pairs.T for pairs in strings)
     ]
-    effects = {**SETTINGS["effects"], "gravity": {"acceleration": (-9.81 * body.up).tolist()}}
+    effects = {
+        **SETTINGS["effects"],
+        "friction": {"coefficient": friction},
+        "gravity": {"acceleration": (-9.81 * body.up).tolist()},
+    }
     scene = Scene(
         cloth=ClothArrays(
             state.positions,
