@@ -20,7 +20,6 @@ ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "scenes"
 PICTURES = Path("docs/pictures/gallery")
 SIZE = "640x480"
-COLOURS = 192
 
 
 def description(scene: Path) -> str:
@@ -34,7 +33,7 @@ def description(scene: Path) -> str:
 
 
 def draw_scene(scene: Path, target: Path) -> None:
-    """Run a scene and write its last frame, in few colours, to `target`."""
+    """Run a scene and write its last frame to `target`: in all colours, since a palette takes blue out of the scale."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "clothsim"]
         subprocess.run([*command, "run", str(scene), "-o", folder, "--quiet"], check=True)
@@ -42,7 +41,7 @@ def draw_scene(scene: Path, target: Path) -> None:
         subprocess.run([*command, "render", folder, "-o", str(picture), "--size", SIZE, "--quiet"], check=True)
         with Image.open(picture) as image:
             target.parent.mkdir(parents=True, exist_ok=True)
-            image.convert("RGB").quantize(COLOURS).save(target, optimize=True)
+            image.convert("RGB").save(target, optimize=True)
 
 
 def gallery_text(scenes: Sequence[Path], pictures: Path) -> str:
