@@ -11,16 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.run.error_control.resolution import CELLS, D_HAT, TIME
+from clothsim.run.error_control.resolution import CELLS, COARSEST_STEP, D_HAT, TIME
 
 SMOOTH = {TIME: 1.8, CELLS: 2.0}
 """Assumed orders without contact, where BDF2 and the cells have 2 in the limit."""
 IN_CONTACT = {TIME: 1.5, CELLS: 2.0, D_HAT: 1.2}
 """Assumed orders with contact: BDF2 has 2 between impacts and 1 at them."""
 JOINT_SMOOTH, JOINT_SMOOTH_LONG_STEPS, JOINT_IN_CONTACT = 1.7, 1.45, 1.2
-"""Orders of a joint refinement of which the parts are not known; the second where steps are above SHORT_STEP."""
-SHORT_STEP = 0.01
-"""Step up to which BDF2 comes near to its order [s]."""
+"""Orders of a joint refinement of which the parts are not known; the second where steps are above COARSEST_STEP."""
 SURPRISE = 2.5
 """A refinement that moves the result by so many times what was expected: the error is not understood."""
 LEAST_CALIBRATION = 0.1
@@ -147,7 +145,7 @@ def from_joint(difference: float, refinement: float, knobs: Collection[str], ste
     >>> round(1e3 * from_joint(1e-3, 2.0, ("dt", "d_hat"), 0.01), 2)
     0.77
     """
-    smooth = JOINT_SMOOTH if step <= SHORT_STEP * (1 + 1e-9) else JOINT_SMOOTH_LONG_STEPS
+    smooth = JOINT_SMOOTH if step <= COARSEST_STEP * (1 + 1e-9) else JOINT_SMOOTH_LONG_STEPS
     return difference / (refinement ** (JOINT_IN_CONTACT if D_HAT in knobs else smooth) - 1)
 
 

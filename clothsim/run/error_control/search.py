@@ -29,12 +29,10 @@ PILOT_FROM = 1.5
 MOST_ROUNDS = 5
 STALLED, MOST_STALLED = 0.8, 2
 """The search ends where so many refinements in a row leave more than that fraction of the estimate."""
-MOST_RETRIES, MOST_PAIRS = 3, 4
-"""Failures of the coarsest pilot run, each followed by one with half the step; pairs of runs."""
-PATH_STEP = 0.01
-"""Longest step of the coarser run of a pair from which the errors of the knobs are looked for [s]."""
+MOST_RETRIES = 3
+"""Failures of the coarsest pilot run, each followed by one with half the step."""
 PATH = (D_HAT, CELLS, TIME)
-"""Order in which the path of pilot runs refines the knobs: all but dt of the second pair were in the first one."""
+"""Order in which the path of pilot runs refines the knobs: cells at the longer steps, where they cost least."""
 
 Candidate = Callable[[Scene, Resolution], tuple[Run, Trial]]
 """Runs a scene into the output directory."""
@@ -135,7 +133,7 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
     fraction = settings.newton_error_fraction
     search = Search(resolvable(scene), settings.error, settings.budget, candidate, message, fraction)
     earlier: Found | None = None
-    for _ in range(MOST_PAIRS):
+    for _ in range(MOST_RETRIES):
         coarsest, run, first = _first_pair(search)
         distance = distance_at(coarsest.material)
         if run.status != "completed":
@@ -145,9 +143,7 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
         same = not another_shape(first, moved)
         left = from_joint(moved, 2.0, search.resolvable.knobs, search.resolvable.dt(coarsest.resolution))
         found = Found(run, first, _parts(run, {"all": left}), same)
-        if found.met(search.asked) or search.spent > search.budget / 2:
-            break
-        if same and search.resolvable.dt(coarsest.resolution) <= PATH_STEP * (1 + 1e-9):
+        if same or search.spent > search.budget / 2:
             break
         earlier = found
         search.halve_step()

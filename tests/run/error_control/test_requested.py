@@ -115,7 +115,7 @@ def test_pilot_runs_end_at_rest_like_the_run(tmp_path):
 
 def test_the_cheapest_sufficient_resolution_is_chosen():
     ladder = resolvable(strip(error=1e-3))
-    assert ladder.coarsest == Resolution(2, Fraction(1))
+    assert ladder.coarsest == Resolution(4, Fraction(1))
     first = ladder.refined(ladder.coarsest, ladder.knobs)
     errors = KnobErrors(ladder.sizes(first), {"dt": 2e-3, "cells": 1e-5})
     taken = chosen(ladder, errors, [ladder.coarsest, first], 1e-3, 21, np.inf)
@@ -131,21 +131,9 @@ def test_a_pair_that_ends_in_two_shapes_starts_again_with_half_the_step(tmp_path
     monkeypatch.setattr(trial, "ANOTHER_SHAPE", 1e-9)
     run = simulate(strip(error=1.0), tmp_path)
     estimate = run.summary["certificate"]["error_estimate"]
-    assert [each["dt"] for each in estimate["runs"]] == pytest.approx(
-        [step / 2**k for step in (0.02, 0.01, 0.005, 0.0025) for k in (0, 1)]
-    )
+    assert [each["dt"] for each in estimate["runs"]] == pytest.approx([0.01, 0.005, 0.005, 0.0025, 0.0025, 0.00125])
     assert not estimate["known"]
     assert not estimate["met"]
-
-
-def test_a_pair_that_misses_with_long_steps_starts_again_and_its_finer_run_serves_the_path(tmp_path):
-    runs = simulate(strip(error=1e-5), tmp_path).summary["certificate"]["error_estimate"]["runs"]
-    taken = [(each["dt"], each["cells"]) for each in runs]
-    assert taken[:4] == [
-        (pytest.approx(step), cells) for step, cells in ((0.02, "1"), (0.01, "2"), (0.01, "1"), (0.005, "2"))
-    ]
-    assert taken[4][0] < 0.005
-    assert len(set(taken)) == len(taken)
 
 
 def test_a_resolution_that_is_expected_to_miss_is_a_pilot_run(tmp_path, monkeypatch):
@@ -154,7 +142,7 @@ def test_a_resolution_that_is_expected_to_miss_is_a_pilot_run(tmp_path, monkeypa
     run = simulate(strip(error=1e-5), tmp_path, message=lines.append)
     estimate = run.summary["certificate"]["error_estimate"]
     assert len(lines) > 4
-    assert [line.startswith("run:") for line in lines] == [k in (1, 3, len(lines) - 1) for k in range(len(lines))]
+    assert [line.startswith("run:") for line in lines] == [k in (1, len(lines) - 1) for k in range(len(lines))]
     assert estimate["chosen"]["dt"] == pytest.approx(estimate["runs"][-1]["dt"])
     assert estimate["total"] < 5e-5
 
