@@ -24,6 +24,7 @@ from clothsim.cli import (
     run_command,
     scenes_command,
     study_command,
+    unpose_command,
 )
 from clothsim.cli.arguments import Parser, join_vectors
 from clothsim.cli.events import events, stream
@@ -39,6 +40,7 @@ COMMANDS = (
     bundle_command,
     render_command,
     export_command,
+    unpose_command,
     check_command,
     explain_command,
     fabrics_command,
@@ -61,6 +63,8 @@ REMEDIES = {
     "bundle": _RUN_DIRECTORY,
     "render": _RUN_DIRECTORY,
     "export": _RUN_DIRECTORY,
+    "unpose": _RUN_DIRECTORY,
+    "repose": "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
 }
 """Remedies of errors that have none of their own, by command."""
 
