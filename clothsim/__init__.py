@@ -49,6 +49,7 @@ if _TYPE_CHECKING:
         Springs,
         StrainLimit,
     )
+    from clothsim.viewer.view import view
 
 __version__ = "0.1.0"
 
@@ -106,6 +107,7 @@ _HOMES = {
     "resume": "clothsim.run.resume",
     "simulate": "clothsim.run.simulate",
     "study_accuracy": "clothsim.accuracy.study",
+    "view": "clothsim.viewer.view",
 }
 """The module of each public name, and its name there where it is another."""
 
@@ -163,6 +165,7 @@ __all__ = [
     "resume",
     "simulate",
     "study_accuracy",
+    "view",
 ]
 
 

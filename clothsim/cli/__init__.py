@@ -25,6 +25,7 @@ from clothsim.cli import (
     scenes_command,
     study_command,
     unpose_command,
+    view_command,
 )
 from clothsim.cli.arguments import Parser, join_vectors
 from clothsim.cli.events import events, stream
@@ -41,6 +42,7 @@ COMMANDS = (
     render_command,
     export_command,
     unpose_command,
+    view_command,
     check_command,
     explain_command,
     fabrics_command,
@@ -65,6 +67,7 @@ REMEDIES = {
     "export": _RUN_DIRECTORY,
     "unpose": _RUN_DIRECTORY,
     "repose": "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
+    "view": _RUN_DIRECTORY,
 }
 """Remedies of errors that have none of their own, by command."""
 
