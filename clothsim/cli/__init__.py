@@ -24,6 +24,7 @@ from clothsim.cli import (
     run_command,
     scenes_command,
     study_command,
+    unpose_command,
     view_command,
 )
 from clothsim.cli.arguments import Parser, join_vectors
@@ -40,6 +41,7 @@ COMMANDS = (
     bundle_command,
     render_command,
     export_command,
+    unpose_command,
     view_command,
     check_command,
     explain_command,
@@ -63,6 +65,8 @@ REMEDIES = {
     "bundle": _RUN_DIRECTORY,
     "render": _RUN_DIRECTORY,
     "export": _RUN_DIRECTORY,
+    "unpose": _RUN_DIRECTORY,
+    "repose": "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
     "view": _RUN_DIRECTORY,
 }
 """Remedies of errors that have none of their own, by command."""
