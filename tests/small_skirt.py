@@ -9,7 +9,7 @@ from clothsim.mesh.pattern.sewing import sewn_vertices
 from clothsim.mesh.pattern.specification import pattern_of
 from clothsim.mesh.weld import mean_of_parts
 
-WAIST, HEM, LENGTH = 24.0, 40.0, 24.0
+WAIST, HEM, LENGTH = 24.0, 30.0, 24.0
 """Widths and length of a panel [cm]."""
 SPACING = 0.05
 
@@ -40,7 +40,7 @@ def hanging_skirt(mesh: PatternMesh, rest=None, steps: int = 8, **run) -> Scene:
     angle = np.pi / 2 * np.clip(x / half, -1, 1)
     angle[mesh.vertices["back"]] += np.pi
     radius = 2 * half / np.pi
-    positions = np.column_stack([radius * np.sin(angle), -radius * np.cos(angle), -0.23 * down])
+    positions = np.column_stack([radius * np.sin(angle), -radius * np.cos(angle), -0.235 * down])
     number = sewn_vertices(mesh, mesh.seams)
     top = np.unique(number[y > LENGTH / 100 - 1e-9])
     cloth = Cloth(
@@ -48,6 +48,7 @@ def hanging_skirt(mesh: PatternMesh, rest=None, steps: int = 8, **run) -> Scene:
         number[mesh.triangles],
         rest=mesh.material_coordinates if rest is None else rest,
         fabric="cotton",
+        bending_stiffness=1e-4,
     )
     effects = {
         "inertia": {},
@@ -59,6 +60,6 @@ def hanging_skirt(mesh: PatternMesh, rest=None, steps: int = 8, **run) -> Scene:
         "body_contact": {"d_hat": 4e-3, "stiffness": 3e3},
         "friction": {"coefficient": 0.3, "eps_v": 1e-2},
     }
-    ball = {"name": "ball", "mesh": "sphere", "radius": 0.095, "position": [0.0, 0.0, -0.115]}
+    ball = {"name": "ball", "mesh": "sphere", "radius": 0.077, "position": [0.0, 0.0, -0.115]}
     solver = {"dt": 0.05, "threads": 1, "linear": "superlu", "tolerance": 1e-3}
     return Scene(cloth, ball, effects, solver, run={"duration": 0.05 * steps, "frames_per_second": 20, **run})

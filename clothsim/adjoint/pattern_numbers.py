@@ -92,17 +92,23 @@ class PatternNumbers:
         if number.extent == "flare":
             return 1.0
         if number.extent:
-            return float(self._extent(number.panels[0])[1][EXTENTS.index(number.extent)])
-        panel = self.mesh.pattern.panels[number.panels[0]]
-        points = panel.vertices[number.vertex] if number.vertex >= 0 else self._controls(number)[number.control]
-        return float(points[number.axis])
+            return float(self.extent(number.panels[0])[1][EXTENTS.index(number.extent)])
+        return float(self.point(number)[number.axis])
 
     def size(self, path: str) -> float:
         """Return the length [m] that changes of a number are measured by; 1 for a flare."""
         number = self.number(path)
         if number.extent:
             return self.value(path)
-        return float(self._extent(number.panels[0])[1].max())
+        return float(self.extent(number.panels[0])[1].max())
+
+    def point(self, number: PatternNumber) -> Floats:
+        """Return the vertex or control point of a number in the plane of its panel, (2,) [m]."""
+        panel = self.mesh.pattern.panels[number.panels[0]]
+        if number.vertex >= 0:
+            return panel.vertices[number.vertex].copy()
+        edge, curve = panel.edges[number.edge], bezier_edge(self.mesh, Side(panel.name, number.edge))
+        return curve.points(panel.vertices[edge.start], panel.vertices[edge.end])[1 + number.control]
 
     def material_coordinates(self, values: Mapping[str, float]) -> Floats:
         """Return the corners of the triangles at rest, (m, 3, 2) [m], with other numbers."""
@@ -114,16 +120,10 @@ class PatternNumbers:
         sides = [self.material_coordinates({**values, path: values[path] + sign * step}) for sign in (1, -1)]
         return (sides[0] - sides[1]) / (2 * step)
 
-    def _extent(self, panel: str) -> tuple[Floats, Floats]:
-        """Least corner of the box about a panel, and its sides [m]."""
+    def extent(self, panel: str) -> tuple[Floats, Floats]:
+        """Return the least corner of the box about a panel, (2,), and its sides, (2,) [m]."""
         points = self.mesh.panel_coordinates[self.mesh.vertices[panel]]
         return points.min(axis=0), np.ptp(points, axis=0)
-
-    def _controls(self, number: PatternNumber) -> Floats:
-        """Control points of the edge of a number in the plane, (1 or 2, 2) [m]."""
-        panel = self.mesh.pattern.panels[number.panels[0]]
-        edge, curve = panel.edges[number.edge], bezier_edge(self.mesh, Side(panel.name, number.edge))
-        return curve.points(panel.vertices[edge.start], panel.vertices[edge.end])[1:-1]
 
     def _moves(self, values: Mapping[str, float]) -> tuple[dict[str, Floats], dict[Side, Floats]]:
         """Displacements of the vertices of panels and of the control points of their Bezier edges."""
@@ -155,7 +155,7 @@ class PatternNumbers:
 
     def _scaled(self, panel: str, points: Floats, factors: Floats) -> Floats:
         """Points of a panel by the factors of its width, height and flare."""
-        low, sides = self._extent(panel)
+        low, sides = self.extent(panel)
         down = (low[1] + sides[1] - points[:, 1]) / sides[1]
         across = factors[0] * (1 + (factors[2] - 1) * down)
         centre = low + sides / 2

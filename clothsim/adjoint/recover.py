@@ -12,7 +12,7 @@ from scipy.optimize import minimize
 
 from clothsim.adjoint.identifiability import Ratio, identifiability
 from clothsim.adjoint.losses import Loss
-from clothsim.adjoint.recovery_problem import Evaluation, Problem, problem_of
+from clothsim.adjoint.recovery_problem import SPREAD, Evaluation, Problem, problem_of
 from clothsim.arrays import Floats
 from clothsim.errors import ClothsimError
 from clothsim.mesh.pattern.pattern_mesh import PatternMesh
@@ -153,16 +153,17 @@ def _minimised(
 ) -> list[Evaluation]:
     """All runs of a minimisation from a first point."""
     taken, scale = list[Evaluation](), abs(problem.first.loss) or 1.0
+    units = problem.spreads / np.log(SPREAD)  # the first step is one unit long
 
-    def scaled(logarithms: Floats) -> tuple[float, Floats]:
-        each = problem.evaluated(logarithms)
+    def scaled(point: Floats) -> tuple[float, Floats]:
+        each = problem.evaluated(units * point)
         taken.append(each)
         if progress is not None:
             progress(start, each)
         if not np.isfinite(each.loss):  # back towards what can be run
-            return FAILED, logarithms - problem.origin
-        return each.loss / scale, each.slope / scale
+            return FAILED, point - problem.origin / units
+        return each.loss / scale, units * each.slope / scale
 
-    limits = np.stack([problem.origin - problem.ranges, problem.origin + problem.ranges], axis=1)
-    minimize(scaled, first, jac=True, method="L-BFGS-B", bounds=limits, options=OPTIONS)
+    limits = np.stack([problem.origin - problem.ranges, problem.origin + problem.ranges], axis=1) / units[:, None]
+    minimize(scaled, first / units, jac=True, method="L-BFGS-B", bounds=limits, options=OPTIONS)
     return taken

@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from clothsim.adjoint.pattern_numbers import PatternNumbers
+from clothsim.arrays import Ints
 from clothsim.build.meshes import cloth_shape
 from clothsim.build.pattern_file import mesh_of_file
 from clothsim.errors import InputError
+from clothsim.mesh.pattern.pattern import Side
 from clothsim.mesh.pattern.pattern_mesh import PatternMesh
 from clothsim.scene.mesh_arrays import MeshArrays
 from clothsim.scene.scene import Scene
@@ -43,6 +45,16 @@ class ShapedScene:
     def name(self) -> str:
         """The name of the cloth."""
         return str(self.scene.cloths[self.cloth].get("name", "cloth"))
+
+    def edge_rows(self, panel: str, edge: int) -> Ints:
+        """Return the vertices of the sewn cloth on an edge of a panel, (k,). InputError for an edge that is none."""
+        mesh, side = self.numbers.mesh, Side(panel, edge)
+        if side not in mesh.edges:
+            known = ", ".join(f"{each.panel}.{each.edge}" for each in mesh.edges)
+            raise InputError(f"The pattern has no {side}.", f"Edges: {known}.")
+        number = np.zeros(len(mesh.positions), np.int64)
+        number[mesh.triangles] = self.scene.cloths[self.cloth]["mesh"].triangles
+        return np.unique(number[mesh.edges[side]])
 
     def with_numbers(self, values: Mapping[str, float], scene: Scene | None = None) -> Scene:
         """Return a scene with the cloth cut to other numbers of the pattern."""
