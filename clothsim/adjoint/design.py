@@ -28,10 +28,12 @@ MOST_RUNS = 40
 """Bound on the runs of a design."""
 UNIT = 0.05
 """Change of a number in which the search measures, as a fraction of the size of its panel."""
-FARTHEST = 0.5
+FARTHEST = 0.3
 """Largest change of a number, as that fraction."""
-FAILED = 1e8
-"""Loss that stands for a run that cannot be taken."""
+FAILED = 1e6
+"""Loss, relative to the first one, that stands for a run that cannot be taken."""
+LEAST_GAIN = 1e-5
+"""Gain of a step, of the first loss, below which the search ends."""
 DIFFERENCE = 1e-6
 """Change of the numbers, in units, that differences of areas and stretches at held positions take."""
 
@@ -200,7 +202,7 @@ class _Search:
                 raise ClothsimError(run.failure)
             if (run.met and (largest_area is None or run.area <= largest_area)) or len(runs) >= most_runs:
                 raise _EnoughError
-            return (run.loss, run.slope @ self.units) if run.aims else (FAILED, point)
+            return (run.loss / runs[0].loss, run.slope @ self.units / runs[0].loss) if run.aims else (FAILED, point)
 
         farthest = FARTHEST / UNIT
         constraints = []
@@ -221,7 +223,7 @@ class _Search:
                 method="SLSQP",
                 bounds=[(-farthest, farthest)] * len(start),
                 constraints=constraints,
-                options={"maxiter": most_runs, "ftol": 1e-9},
+                options={"maxiter": most_runs, "ftol": LEAST_GAIN},
             )
         return runs
 

@@ -132,4 +132,5 @@ def _largest_stretch(
     edges = np.swapaxes(positions[triangles[:, 1:]] - positions[triangles[:, :1]], 1, 2)
     inverse = np.linalg.inv(rest)
     u, s, v = np.linalg.svd(edges @ inverse, full_matrices=False)
-    return u[:, :, 0], s[:, 0], v[:, 0], inverse, 0.5 * np.abs(np.linalg.det(rest))
+    area = np.asarray(0.5 * np.abs(np.linalg.det(rest)), np.float64)
+    return u[:, :, 0], s[:, 0], v[:, 0], np.asarray(inverse, np.float64), area
