@@ -60,6 +60,6 @@ def hanging_skirt(mesh: PatternMesh, rest=None, steps: int = 8, **run) -> Scene:
         "body_contact": {"d_hat": 4e-3, "stiffness": 3e3},
         "friction": {"coefficient": 0.3, "eps_v": 1e-2},
     }
-    ball = {"name": "ball", "mesh": "sphere", "radius": 0.077, "position": [0.0, 0.0, -0.115]}
+    ball = {"name": "ball", "mesh": "sphere", "radius": 0.077, "subdivisions": 2, "position": [0.0, 0.0, -0.115]}
     solver = {"dt": 0.05, "threads": 1, "linear": "superlu", "tolerance": 1e-3}
     return Scene(cloth, ball, effects, solver, run={"duration": 0.05 * steps, "frames_per_second": 20, **run})

@@ -1,4 +1,4 @@
-"""`clothsim gradient` and `clothsim recover` in this process: printed text, files, and bad input in one sentence."""
+"""`clothsim gradient`, `recover` and `design` in this process: printed text, files, and bad input in one sentence."""
 
 import json
 
@@ -74,11 +74,39 @@ def test_a_recovery_leaves_a_run_and_its_numbers(capsys, tmp_path):
     refused(capsys, *words)  # there is a run in "found"
 
 
-def test_the_height_of_a_panel_from_a_pattern_file_and_from_a_run(capsys, tmp_path):
+@pytest.fixture
+def towel(tmp_path):
+    """A panel of a pattern file that hangs from its top edge."""
     (tmp_path / "towel_specification.json").write_text(json.dumps(specification({"towel": panel()})))
     text = SCENE.replace('"rectangle"', '"towel_specification.json"').replace("[0.2, 0.2]", "0.05")
     text = text.replace("cells = [3, 3]", "").replace("[3.0, 2.0, 0.0]", "[90, 0, 0]").replace("[0, 3]", '"top"')
     (tmp_path / "towel.toml").write_text(text)
+
+
+@pytest.mark.usefixtures("towel")
+def test_a_hem_is_designed(capsys, tmp_path):
+    words = ["design", "towel.toml", "--free", "pattern.towel.height", "--stretch", "1.1"]
+    assert main([*words, "--hem", "towel.0=-0.02", "--json", "-o", "designed"]) == 0
+    out, err = capsys.readouterr()
+    content = json.loads(out)
+    assert content == json.loads((tmp_path / "designed" / "design.json").read_text())
+    assert content["met"] is True
+    assert content["aims"].keys() == {"hem", "stretch"}
+    assert 0.213 < content["values"]["pattern.towel.height"] < 0.222  # it stretches under its weight
+    assert content["intersecting_pairs"] == 0
+    assert err.count("tolerances off") == content["runs"] - 1
+    assert json.loads((tmp_path / "designed" / "summary.json").read_text())["status"] == "completed"
+    assert main([*words, "--hem", "towel.0=-0.02", "--runs", "1", "--quiet"]) == 1  # not met
+    assert "pattern.towel.height" in capsys.readouterr().out
+    refused(capsys, *words, "--hem", "towel.9=0.1")
+    refused(capsys, *words, "--hem", "0.1")
+    refused(capsys, *words, "--girth", "0.1=wide")
+    refused(capsys, *words[:-2])  # nothing to design for
+    refused(capsys, "design", "sheet.toml", "--free", "pattern.towel.height", "--stretch", "1.1")
+
+
+@pytest.mark.usefixtures("towel")
+def test_the_height_of_a_panel_from_a_pattern_file_and_from_a_run(capsys, tmp_path):
     shaped = shaped_scene(load_scene(tmp_path / "towel.toml"))
     path = "pattern.towel.height"
     trace = traced(shaped.with_numbers({path: 0.21}))
