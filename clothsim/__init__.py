@@ -50,6 +50,7 @@ if _TYPE_CHECKING:
         Springs,
         StrainLimit,
     )
+    from clothsim.viewer.view import view
 
 __version__ = "0.1.0"
 
@@ -108,6 +109,7 @@ _HOMES = {
     "resume": "clothsim.run.resume",
     "simulate": "clothsim.run.simulate",
     "study_accuracy": "clothsim.accuracy.study",
+    "view": "clothsim.viewer.view",
 }
 """The module of each public name, and its name there where it is another."""
 
@@ -166,6 +168,7 @@ __all__ = [
     "resume",
     "simulate",
     "study_accuracy",
+    "view",
 ]
 
 

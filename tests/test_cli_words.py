@@ -28,6 +28,7 @@ def test_debug_shows_the_traceback():
         "bundle",
         "render",
         "export",
+        "view",
         "check",
         "explain",
         "study",

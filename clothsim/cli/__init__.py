@@ -25,6 +25,8 @@ from clothsim.cli import (
     run_command,
     scenes_command,
     study_command,
+    unpose_command,
+    view_command,
 )
 from clothsim.cli.arguments import Parser, join_vectors
 from clothsim.cli.events import events, stream
@@ -41,6 +43,8 @@ COMMANDS = (
     bundle_command,
     render_command,
     export_command,
+    unpose_command,
+    view_command,
     check_command,
     explain_command,
     fabrics_command,
@@ -64,6 +68,9 @@ REMEDIES = {
     "bundle": _RUN_DIRECTORY,
     "render": _RUN_DIRECTORY,
     "export": _RUN_DIRECTORY,
+    "unpose": _RUN_DIRECTORY,
+    "repose": "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
+    "view": _RUN_DIRECTORY,
 }
 """Remedies of errors that have none of their own, by command."""
 

@@ -16,10 +16,9 @@ if TYPE_CHECKING:
 RECOVERY_NAME = "recovery.json"
 
 _DESCRIPTION = """\
-Find the numbers of a scene, as those of its fabric, for which it hangs as a target does: runs with gradients, from
-several starts, with the standard error of each number and what the target does not tell. With -o the run of the
-recovered scene and recovery.json are left there. A cloth from a pattern has its numbers as well: pattern.front.width,
-pattern.front+back.height, pattern.back.flare.
+Find the numbers of a scene, as those of its fabric or of its pattern (pattern.front.width), for which it hangs as a
+target does: runs with gradients, from several starts, with the standard error of each number and what the target does
+not tell. With -o the run of the recovered scene and recovery.json are left there.
 
   clothsim recover scene.toml --target drape.obj --free youngs_modulus,bending_stiffness -o recovered
 """

@@ -145,7 +145,7 @@ def picture_setup(
         _check(surface)
     upright = _direction("up", _UP.get(up, up) if isinstance(up, str) else up)
     chosen, note = choose_renderer(renderer)
-    scale = _scale(colour, [s for surfaces in frames for s in surfaces if s.role == "cloth"])
+    scale = scale_of(colour, [s for surfaces in frames for s in surfaces if s.role == "cloth"])
     everything = np.concatenate([extreme_points(s.positions) for surfaces in frames for s in surfaces])
     cloths = [s for surfaces in frames for s in surfaces if s.role == "cloth"]
     cloth = np.concatenate([np.zeros((0, 3)), *(extreme_points(s.positions) for s in cloths)])
@@ -213,7 +213,7 @@ def choose_renderer(renderer: str) -> tuple[str, str]:
     return "ray", f"Drawn by ray casting, as {missing}."
 
 
-def _scale(colour: str | Quantity, cloths: Sequence[Surface]) -> Scale | None:
+def scale_of(colour: str | Quantity, cloths: Sequence[Surface]) -> Scale | None:
     """The colours that suit all `cloths`; None where they are plain."""
     if isinstance(colour, Quantity) and colour.log_stretch:
         return stretch_scale([cloth.values for cloth in cloths], colour.name)
