@@ -19,8 +19,13 @@ APART = 0.035
 """Vertices of a part nearer than this to another part in the first pose are adjacent to it [of the body's height]."""
 MOST_DEGREES = 10.0
 """Angle of a joint in a step above which the chord of the step cuts more than .4 % of a limb [degrees]."""
-NEAR_SEEDS = {"left arm": ("left_shoulder",), "right arm": ("right_shoulder",), "left leg": ("left_hip",),
-              "right leg": ("right_hip",)}  # fmt: skip
+LIMB_ROOTS = {
+    "left arm": "left_shoulder",
+    "right arm": "right_shoulder",
+    "left leg": "left_hip",
+    "right leg": "right_hip",
+}
+"""First joint of each limb."""
 
 
 @dataclass(frozen=True)
@@ -116,13 +121,13 @@ def parts_of(character: Character) -> dict[str, Ints]:
     names, parents = character.skeleton.names, character.skeleton.parents.tolist()
     roles = joint_roles(names, parents)
     part_of = np.array(["trunk"] * len(names), object)
-    for part, (root,) in NEAR_SEEDS.items():
+    for part, root in LIMB_ROOTS.items():
         if root in roles:
             for j in range(len(names)):
                 if j == roles[root] or (parents[j] >= 0 and part_of[parents[j]] == part):
                     part_of[j] = part
     follows = part_of[character.joints[character.weights.argmax(axis=1)]]
-    return {part: np.flatnonzero(follows == part) for part in ("trunk", *NEAR_SEEDS) if (follows == part).any()}
+    return {part: np.flatnonzero(follows == part) for part in ("trunk", *LIMB_ROOTS) if (follows == part).any()}
 
 
 def part_pairs(character: Character, first: Floats) -> tuple[PartPair, ...]:
@@ -153,7 +158,7 @@ def meetings(
     for time in times:
         points = character.vertices(pose(time))
         for pair in pairs:
-            distance, vertex = pair.distance(points) if pair.boxes_apart(points) < gap else (np.inf, 0)
+            distance, vertex = pair.distance(points) if pair.boxes_apart(points) <= gap else (np.inf, 0)
             last = open_ones.pop(pair.names, None)
             if distance >= gap:
                 found += [last] if last else []
