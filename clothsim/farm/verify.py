@@ -98,7 +98,9 @@ def _whole(farm: Farm, job: Job) -> bool:
 
 def _sample(jobs: Sequence[Job], share: float, seed: int) -> list[Job]:
     count = min(len(jobs), math.ceil(share * len(jobs)))
-    chosen = np.random.default_rng(seed).choice(len(jobs), count, replace=False) if count else []
+    if not count:
+        return []
+    chosen = np.random.default_rng(seed).choice(len(jobs), count, replace=False)
     return [jobs[k] for k in sorted(chosen)]
 
 
