@@ -30,7 +30,12 @@ _TARGETS = "Name a mesh file, a scene (.toml) or the directory that `clothsim ru
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    check = commands.add_parser("check", help="examine a mesh, a scene or a run", description=_DESCRIPTION)
+    check = commands.add_parser(
+        "check",
+        usage="clothsim check [options] MESH|SCENE|DIR",
+        help="examine a mesh, a scene or a run",
+        description=_DESCRIPTION,
+    )
     check.add_argument("target", type=Path, metavar="MESH|SCENE|DIR", help="a mesh file, a .toml, or a run")
     mesh = check.add_argument_group("for a mesh file, as in a scene")
     mesh.add_argument("--body", action="store_true", help="examine it as a body: fewer faults matter")
