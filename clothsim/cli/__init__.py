@@ -25,6 +25,7 @@ from clothsim.cli import (
     run_command,
     scenes_command,
     study_command,
+    sweep_command,
     view_command,
 )
 from clothsim.cli.arguments import Parser, join_vectors
@@ -36,6 +37,7 @@ COMMANDS = (
     dress_command,
     fit_command,
     study_command,
+    sweep_command,
     farm_command,
     gradient_command,
     recover_command,
@@ -56,6 +58,7 @@ REMEDIES = {
     "run": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "study": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "gradient": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
+    "sweep": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "farm": "`clothsim farm --help` has an example.",
     "recover": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "explain": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",

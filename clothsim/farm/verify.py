@@ -98,8 +98,9 @@ def _whole(farm: Farm, job: Job) -> bool:
 
 def _sample(jobs: Sequence[Job], share: float, seed: int) -> list[Job]:
     count = min(len(jobs), math.ceil(share * len(jobs)))
-    chosen = np.random.default_rng(seed).choice(len(jobs), count, replace=False) if count else []
-    return [jobs[k] for k in sorted(chosen)]
+    if not count:
+        return []
+    return [jobs[k] for k in sorted(np.random.default_rng(seed).choice(len(jobs), count, replace=False))]
 
 
 def _again(farm: Farm, job: Job) -> dict[str, Any]:
