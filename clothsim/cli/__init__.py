@@ -12,6 +12,7 @@ from clothsim.cli import (
     bundle_command,
     check_command,
     completion_command,
+    design_command,
     dress_command,
     explain_command,
     export_command,
@@ -26,6 +27,7 @@ from clothsim.cli import (
     scenes_command,
     study_command,
     sweep_command,
+    unpose_command,
     view_command,
 )
 from clothsim.cli.arguments import Parser, join_vectors
@@ -41,9 +43,11 @@ COMMANDS = (
     farm_command,
     gradient_command,
     recover_command,
+    design_command,
     bundle_command,
     render_command,
     export_command,
+    unpose_command,
     view_command,
     check_command,
     explain_command,
@@ -59,6 +63,7 @@ REMEDIES = {
     "study": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "gradient": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "sweep": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
+    "design": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "farm": "`clothsim farm --help` has an example.",
     "recover": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "explain": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
@@ -69,6 +74,8 @@ REMEDIES = {
     "bundle": _RUN_DIRECTORY,
     "render": _RUN_DIRECTORY,
     "export": _RUN_DIRECTORY,
+    "unpose": _RUN_DIRECTORY,
+    "repose": "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
     "view": _RUN_DIRECTORY,
 }
 """Remedies of errors that have none of their own, by command."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from clothsim.errors import InputError
 from clothsim.farm.card import card
+from clothsim.farm.identity import array_hash
 from clothsim.farm.plan import Farm
 from clothsim.farm.publication import CLOTH, PARAMETERS, SUMMARY
 from clothsim.farm.status import manifest
@@ -100,20 +101,19 @@ def _hdf5(farm: Farm, path: Path, rows: Sequence[Mapping[str, Any]], used: Seque
         file.attrs["licence"] = farm.settings["licence"]
         file.attrs["package"] = farm.settings["package"]
         file["manifest"] = [json.dumps(row) for row in rows]
-        topologies: dict[bytes, list[Mapping[str, Any]]] = {}
+        topologies: dict[str, list[Mapping[str, Any]]] = {}
         names: dict[str, None] = {}
         for row in used:
             own = [_mesh(farm, name)["triangles"] for name in _mesh_names(row, "cloth")]
-            shape = np.array(np.load(farm.directory / "drapes" / row["id"] / CLOTH, mmap_mode="r").shape)
-            key = b"|".join([shape.tobytes(), *(each.tobytes() for each in own)])
-            topologies.setdefault(key, []).append(row)
+            topology = "|".join([array_hash(*own), str(_positions(farm, row).shape)])
+            topologies.setdefault(topology, []).append(row)
             names |= dict.fromkeys([*_mesh_names(row, "cloth"), *_mesh_names(row, "body")])
         for name in names:
             for key, array in _mesh(farm, name).items():
                 file[f"meshes/{name}/{key}"] = array
         for number, group in enumerate(topologies.values()):
-            shape = _positions(farm, group[0]).shape
-            positions = file.create_dataset(f"garments/{number}/positions", (len(group), *shape), "f4")
+            whole = (len(group), *_positions(farm, group[0]).shape)
+            positions = file.create_dataset(f"garments/{number}/positions", whole, "f4")
             for k, row in enumerate(group):
                 positions[k] = _positions(farm, row)
             file[f"garments/{number}/ids"] = [row["id"] for row in group]

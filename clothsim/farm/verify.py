@@ -100,7 +100,8 @@ def _sample(jobs: Sequence[Job], share: float, seed: int) -> list[Job]:
     count = min(len(jobs), math.ceil(share * len(jobs)))
     if not count:
         return []
-    return [jobs[k] for k in sorted(np.random.default_rng(seed).choice(len(jobs), count, replace=False))]
+    chosen = np.random.default_rng(seed).choice(len(jobs), count, replace=False)
+    return [jobs[k] for k in sorted(chosen)]
 
 
 def _again(farm: Farm, job: Job) -> dict[str, Any]:

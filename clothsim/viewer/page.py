@@ -2,6 +2,8 @@
 
 import threading
 from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -27,7 +29,20 @@ CACHED_BYTES = 256 << 20
 """Bound on the frames that are kept ready to be sent."""
 
 
-@dataclass
+@contextmanager
+def silent() -> Iterator[None]:
+    """Keep viser from printing of itself."""
+    import rich
+
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before
+
+
+@dataclass(repr=False)
 class Page:
     """Page of a run, served until `close`.
 
@@ -61,6 +76,9 @@ class Page:
         """Address of the page."""
         return f"http://{self.server.get_host()}:{self.server.get_port()}"
 
+    def __repr__(self) -> str:
+        return f"<Page of {str(self.run.directory)!r} at {self.url}>"
+
     def _repr_html_(self) -> str:
         """The page within a notebook."""
         return f'<iframe src="{self.url}" width="100%" height="560" style="border:0"></iframe>'
@@ -68,7 +86,8 @@ class Page:
     def close(self) -> None:
         """End the server."""
         self._closed.set()
-        self.server.stop()
+        with silent():
+            self.server.stop()
 
     def wait(self) -> None:
         """Serve until Ctrl-C."""

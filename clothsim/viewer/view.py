@@ -1,8 +1,6 @@
 """Service of the page of a run."""
 
-import io
 import threading
-from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +8,7 @@ from clothsim.errors import InputError
 from clothsim.io.trajectory import TRAJECTORY_NAME
 from clothsim.run.results import Run, open_run
 from clothsim.viewer.coloured_frames import PLAIN, STRETCH, colouring, colouring_names
-from clothsim.viewer.page import Page
+from clothsim.viewer.page import Page, silent
 from clothsim.viewer.page_parts import add_controls, add_scene
 
 LOOPBACK = "127.0.0.1"
@@ -66,7 +64,7 @@ def view(run: Run | str | Path, port: int = PORT, host: str = LOOPBACK, colour: 
     first = colour or (STRETCH if STRETCH in names else PLAIN)
     if first not in names:
         raise InputError(f"This run has no {first!r} to show.", f"It has {', '.join(names)}.")
-    with redirect_stdout(io.StringIO()):  # it prints its addresses
+    with silent():  # it prints its addresses
         server = viser.ViserServer(host=host, port=port, label=LABEL, verbose=False)
     page = Page(run, server, colouring(run, first))
     add_scene(page)
