@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 
 if _TYPE_CHECKING:
     from clothsim.accuracy.study import Study, study_accuracy
+    from clothsim.adjoint.design import design
     from clothsim.adjoint.recover import recover
     from clothsim.dressing.dress import Dress, dress
     from clothsim.errors import ClothsimError, InputError, IntersectionWarning
@@ -49,6 +50,7 @@ if _TYPE_CHECKING:
         Springs,
         StrainLimit,
     )
+    from clothsim.viewer.view import view
 
 __version__ = "0.1.0"
 
@@ -97,6 +99,7 @@ _HOMES = {
     "Study": "clothsim.accuracy.study",
     "Vortex": "clothsim.scene.effect_tables",
     "check": "clothsim.run.check",
+    "design": "clothsim.adjoint.design:design",
     "dress": "clothsim.dressing.dress",
     "fit": "clothsim.fitting.fit",
     "load_scene": "clothsim.scene.toml_file",
@@ -106,6 +109,7 @@ _HOMES = {
     "resume": "clothsim.run.resume",
     "simulate": "clothsim.run.simulate",
     "study_accuracy": "clothsim.accuracy.study",
+    "view": "clothsim.viewer.view",
 }
 """The module of each public name, and its name there where it is another."""
 
@@ -154,6 +158,7 @@ __all__ = [
     "Study",
     "Vortex",
     "check",
+    "design",
     "dress",
     "fit",
     "load_scene",
@@ -163,6 +168,7 @@ __all__ = [
     "resume",
     "simulate",
     "study_accuracy",
+    "view",
 ]
 
 

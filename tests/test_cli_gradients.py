@@ -1,12 +1,18 @@
-"""`clothsim gradient` and `clothsim recover` in this process: printed text, files, and bad input in one sentence."""
+"""`clothsim gradient`, `recover` and `design` in this process: printed text, files, and bad input in one sentence."""
 
 import json
 
 import numpy as np
 import pytest
 from command_line import refused
+from sewing_patterns import panel, specification
 
+import clothsim
+from clothsim import load_scene
+from clothsim.adjoint.run import traced
+from clothsim.adjoint.shaped_scene import shaped_scene
 from clothsim.cli import main
+from clothsim.io.obj_writer import write_obj
 
 SCENE = """
 [cloth]
@@ -68,6 +74,55 @@ def test_a_recovery_leaves_a_run_and_its_numbers(capsys, tmp_path):
     refused(capsys, *words)  # there is a run in "found"
 
 
+@pytest.fixture
+def towel(tmp_path):
+    """A panel of a pattern file that hangs from its top edge."""
+    (tmp_path / "towel_specification.json").write_text(json.dumps(specification({"towel": panel()})))
+    text = SCENE.replace('"rectangle"', '"towel_specification.json"').replace("[0.2, 0.2]", "0.05")
+    text = text.replace("cells = [3, 3]", "").replace("[3.0, 2.0, 0.0]", "[90, 0, 0]").replace("[0, 3]", '"top"')
+    (tmp_path / "towel.toml").write_text(text)
+
+
+@pytest.mark.usefixtures("towel")
+def test_a_hem_is_designed(capsys, tmp_path):
+    words = ["design", "towel.toml", "--free", "pattern.towel.height", "--stretch", "1.1"]
+    assert main([*words, "--hem", "towel.0=-0.02", "--json", "-o", "designed"]) == 0
+    out, err = capsys.readouterr()
+    content = json.loads(out)
+    assert content == json.loads((tmp_path / "designed" / "design.json").read_text())
+    assert content["met"] is True
+    assert content["aims"].keys() == {"hem", "stretch"}
+    assert 0.213 < content["values"]["pattern.towel.height"] < 0.222  # it stretches under its weight
+    assert content["intersecting_pairs"] == 0
+    assert err.count("tolerances off") == content["runs"] - 1
+    assert json.loads((tmp_path / "designed" / "summary.json").read_text())["status"] == "completed"
+    assert main([*words, "--hem", "towel.0=-0.02", "--runs", "1", "--quiet"]) == 1  # not met
+    assert "pattern.towel.height" in capsys.readouterr().out
+    refused(capsys, *words, "--hem", "towel.9=0.1")
+    refused(capsys, *words, "--hem", "0.1")
+    refused(capsys, *words, "--girth", "0.1=wide")
+    refused(capsys, *words[:-2])  # nothing to design for
+    refused(capsys, "design", "sheet.toml", "--free", "pattern.towel.height", "--stretch", "1.1")
+
+
+@pytest.mark.usefixtures("towel")
+def test_the_height_of_a_panel_from_a_pattern_file_and_from_a_run(capsys, tmp_path):
+    shaped = shaped_scene(load_scene(tmp_path / "towel.toml"))
+    path = "pattern.towel.height"
+    trace = traced(shaped.with_numbers({path: 0.21}))
+    write_obj(tmp_path / "longer.obj", trace.cloth_positions(), trace.session.built.world.triangles)
+    words = ["--target", "longer.obj", "--free", path, "--starts", "1", "--json", "--quiet"]
+    assert main(["recover", "towel.toml", *words]) == 0
+    content = json.loads(capsys.readouterr().out)
+    assert content["values"][path] == pytest.approx(0.21, abs=1e-5)
+    assert content["loss"]["name"] == "Distance"
+    assert clothsim.simulate(shaped.scene, tmp_path / "run").status == "completed"
+    of_run = ["run", "--pattern", "towel_specification.json", "--size", "5cm"]
+    assert main(["recover", *of_run, *words]) == 0
+    assert json.loads(capsys.readouterr().out)["values"][path] == pytest.approx(0.21, abs=1e-5)
+    refused(capsys, "recover", "run", "--pattern", "towel_specification.json", *words[:-2])  # another size
+
+
 @pytest.mark.parametrize(
     "words",
     [
@@ -80,6 +135,7 @@ def test_a_recovery_leaves_a_run_and_its_numbers(capsys, tmp_path):
         ["recover", "sheet.toml", "--target", "missing.obj", "--free", "density"],
         ["recover", "sheet.toml", "--target", "sheet.toml", "--free", "density"],
         ["recover", "sheet.toml", "--target", ".", "--free", "density"],
+        ["recover", "sheet.toml", "--target", "sheet.toml", "--free", "pattern.front.width"],
     ],
 )
 def test_bad_input(capsys, words):

@@ -28,12 +28,15 @@ def test_debug_shows_the_traceback():
         "bundle",
         "render",
         "export",
+        "view",
         "check",
         "explain",
         "study",
         "gradient",
         "recover",
         "scenes",
+        "farm",
+        "sweep",
     ],
 )
 def test_help_is_short_and_has_an_example(capsys, command):

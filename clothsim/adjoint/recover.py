@@ -12,17 +12,14 @@ from scipy.optimize import minimize
 
 from clothsim.adjoint.identifiability import Ratio, identifiability
 from clothsim.adjoint.losses import Loss
-from clothsim.adjoint.recovery_problem import Evaluation, Problem, problem_of
+from clothsim.adjoint.recovery_problem import SPREAD, Evaluation, Problem, problem_of
 from clothsim.arrays import Floats
 from clothsim.errors import ClothsimError
+from clothsim.mesh.pattern.pattern_mesh import PatternMesh
 from clothsim.scene.scene import Scene
 
 MOST_RUNS = 60
 """Runs of one start, about."""
-RANGE = 100.0
-"""Largest factor, and its inverse, by which a number may differ from that of the scene."""
-SPREAD = 2.0
-"""Factor by which the numbers of a further start differ at most from the scene's."""
 FAILED = 1e6
 """Relative loss that stands for a run that cannot be taken."""
 AT_LIMIT = 1e-3
@@ -74,6 +71,7 @@ def recover(
     starts: int = 2,
     progress: Callable[[int, Evaluation], None] | None = None,
     seed: int = 0,
+    pattern: PatternMesh | None = None,
 ) -> Recovery:
     """Find the numbers of a scene for which a loss is least.
 
@@ -84,13 +82,18 @@ def recover(
     loss : Loss
         `Distance` to positions with the numbering of the cloth, `Scan` of points, or another.
     free : sequence of str
-        Paths of positive numbers, as "effects.friction.coefficient"; keys of a fabric are meant of the cloth.
+        Paths of positive numbers, as "effects.friction.coefficient"; keys of a fabric are meant of the cloth. Of a
+        cloth from a pattern also "pattern.front.width", "pattern.front+back.height", "pattern.front.flare"
+        (`pattern_numbers`), the start held.
     starts : int
-        Number of starts; those after the first have numbers up to twice or half of the scene's.
+        Number of starts; those after the first have numbers up to twice or half of the scene's, of the pattern's up to
+        5 % off.
     progress : callable, optional
         Called after each run with the number of the start, from 1.
     seed : int
         Chooses the further starts.
+    pattern : PatternMesh, optional
+        The pattern of a cloth of arrays, where numbers of it are free.
 
     Returns
     -------
@@ -118,11 +121,11 @@ def recover(
     >>> round(found.values["cloth.youngs_modulus"])
     20000
     """
-    problem = problem_of(scene, loss, free)
-    rng, width = np.random.default_rng(seed), np.log(SPREAD)
+    problem = problem_of(scene, loss, free, pattern)
+    rng = np.random.default_rng(seed)
     ends, runs = list[Evaluation](), 1
     for start in range(1, max(1, starts) + 1):
-        offset = rng.uniform(-width, width, len(problem.paths)) if start > 1 else 0.0
+        offset = problem.spreads * rng.uniform(-1.0, 1.0, len(problem.paths)) if start > 1 else 0.0
         taken = _minimised(problem, problem.origin + offset, start, progress)
         ends.append(min(taken, key=lambda each: each.loss))
         runs += len(taken)
@@ -131,7 +134,7 @@ def recover(
         raise ClothsimError(f"No run of the recovery could be taken: {best.failure}")
     logarithms = np.log(list(best.values.values()))
     known = identifiability(problem, logarithms, best.loss)
-    far = np.abs(np.abs(logarithms - problem.origin) - np.log(RANGE)) < AT_LIMIT
+    far = np.abs(np.abs(logarithms - problem.origin) - problem.ranges) < AT_LIMIT
     return Recovery(
         problem.scene_at(logarithms),
         best.values,
@@ -150,16 +153,17 @@ def _minimised(
 ) -> list[Evaluation]:
     """All runs of a minimisation from a first point."""
     taken, scale = list[Evaluation](), abs(problem.first.loss) or 1.0
+    units = problem.spreads / np.log(SPREAD)  # the first step is one unit long
 
-    def scaled(logarithms: Floats) -> tuple[float, Floats]:
-        each = problem.evaluated(logarithms)
+    def scaled(point: Floats) -> tuple[float, Floats]:
+        each = problem.evaluated(units * point)
         taken.append(each)
         if progress is not None:
             progress(start, each)
         if not np.isfinite(each.loss):  # back towards what can be run
-            return FAILED, logarithms - problem.origin
-        return each.loss / scale, each.slope / scale
+            return FAILED, point - problem.origin / units
+        return each.loss / scale, units * each.slope / scale
 
-    limits = [(centre - np.log(RANGE), centre + np.log(RANGE)) for centre in problem.origin]
-    minimize(scaled, first, jac=True, method="L-BFGS-B", bounds=limits, options=OPTIONS)
+    limits = np.stack([problem.origin - problem.ranges, problem.origin + problem.ranges], axis=1) / units[:, None]
+    minimize(scaled, first / units, jac=True, method="L-BFGS-B", bounds=limits, options=OPTIONS)
     return taken

@@ -47,6 +47,34 @@ class PosedDisplacement:
         return (self.character.vertices(self.timeline.pose(time)) - self.first) @ self.linear.T
 
 
+@dataclass(frozen=True, eq=False)
+class PlacedCharacter:
+    """A character in a scene: x = linear v + shift of its posed vertices v.
+
+    Attributes
+    ----------
+    character : Character
+    first : Pose
+        Pose at time 0.
+    timeline : Timeline or None
+        None: it keeps its first pose.
+    linear : (3, 3) ndarray
+    shift : (3,) ndarray [m]
+    notes : tuple of str
+    """
+
+    character: Character
+    first: Pose
+    timeline: Timeline | None
+    linear: Floats
+    shift: Floats
+    notes: tuple[str, ...]
+
+    def pose(self, time: float) -> Pose:
+        """Pose at `time` [s]."""
+        return self.first if self.timeline is None else self.timeline.pose(time)
+
+
 def body_of_model(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
     """The body of a table with a `model`, and notes for the user.
 
@@ -56,22 +84,33 @@ def body_of_model(keys: Mapping[str, Any], where: str, directory: Path) -> tuple
         For a bad file, shape, pose or motion, in one sentence.
     """
     label = name_of(keys, where)
+    made = placed_character(keys, where, directory)
+    first = made.character.vertices(made.first)
+    positions = first @ made.linear.T + made.shift
+    notes = examined(label, Shape(positions, made.character.triangles, np.zeros((0, 3, 2)), ()), "body")
+    if made.timeline is None:
+        return make_body(label, positions, made.character.triangles), notes
+    displacement = PosedDisplacement(made.character, made.timeline, first, made.linear)
+    motion = PosedMotion(displacement, made.timeline.duration)
+    notes = (*notes, *(f"{label}: {note}" for note in made.notes))
+    return make_body(label, positions, made.character.triangles, motion), notes
+
+
+def placed_character(keys: Mapping[str, Any], where: str, directory: Path) -> PlacedCharacter:
+    """The character of a table with a `model`, its place in the scene and its motion; errors as `body_of_model`."""
     character = character_of(keys, where, directory)
     pose = first_pose(keys, where, character)
-    first = character.vertices(pose)
     scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
     turned = {**keys, "up": keys.get("up", character.up)}
     linear = scale * placed({**turned, "position": (0, 0, 0)}, where, np.eye(3)).T
-    ground = np.array([0.0, 0.0, first[:, 2].min()]) if keys["model"] == MANNEQUIN else np.zeros(3)
-    shape = Shape(scale * (first - ground), character.triangles, np.zeros((0, 3, 2)), ())
-    notes = examined(label, shape, "body")
-    positions = placed(turned, where, shape.positions)
+    ground = np.zeros(3)
+    if keys["model"] == MANNEQUIN:
+        ground[2] = character.vertices(pose)[:, 2].min()
+    shift = placed(turned, where, np.zeros(3)) - linear @ ground
     if not keys.get("motion"):
-        return make_body(label, positions, character.triangles), notes
-    made, motion_notes = motion_of_model(keys, where, directory, character, pose)
-    motion = PosedMotion(PosedDisplacement(character, made, first, linear), made.duration)
-    notes = (*notes, *(f"{label}: {note}" for note in motion_notes))
-    return make_body(label, positions, character.triangles, motion), notes
+        return PlacedCharacter(character, pose, None, linear, shift, ())
+    made, notes = motion_of_model(keys, where, directory, character, pose)
+    return PlacedCharacter(character, pose, made, linear, shift, notes)
 
 
 def character_of(keys: Mapping[str, Any], where: str, directory: Path) -> Character:

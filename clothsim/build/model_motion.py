@@ -34,10 +34,18 @@ def motion_of_model(
             f"The clip has {motion.duration:.3g} s.",
         )
     span = (min(clip.start, end), end)
+    apart = ""
+    if clip.keep_apart:
+        from clothsim.character.keep_apart import kept_apart
+
+        motion = kept_apart(character, motion, first, span, clip.loop)
+        apart = f", limbs turned by up to {np.degrees(motion.largest.max(initial=0.0)):.3g} degrees to keep apart"
     from_rest = (clip.place or ("clip" if clip.clip == OWN else "start")) == "start"
     made = timeline(character.skeleton, motion, first, clip.lead_in, span, clip.loop, from_rest, UP[character.up])
     rests = "in a loop" if clip.loop else f"then it rests, from {made.duration:.4g} s on"
-    return made, (f"{note}: {clip.lead_in:g} s from its pose to the clip, {end - clip.start:.4g} s of it, {rests}",)
+    return made, (
+        f"{note}: {clip.lead_in:g} s from its pose to the clip, {end - clip.start:.4g} s of it, {rests}{apart}",
+    )
 
 
 def _motion(

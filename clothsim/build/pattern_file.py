@@ -8,7 +8,7 @@ import numpy as np
 
 from clothsim.arrays import as_positive
 from clothsim.build.placement import Shape
-from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
+from clothsim.mesh.pattern.pattern_mesh import PatternMesh, mesh_pattern, scaled_mesh
 from clothsim.mesh.pattern.sewing import TOUCHING, largest_gap, sewn_vertices
 from clothsim.mesh.pattern.specification import read_specification
 from clothsim.mesh.weld import mean_of_parts
@@ -40,10 +40,8 @@ def shape_of_pattern(path: Path, keys: Mapping[str, Any], where: str) -> Shape:
     InputError
         Naming the panel, edge or stitch, as `read_specification` and `mesh_pattern`.
     """
-    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
-    size = as_positive(f"{where}.size", keys.get("size", SIZE))
-    mesh = mesh_pattern(read_specification(path, keys.get("rotation_order", "zyx")), size / scale)
-    closed = [seam for seam in mesh.seams if scale * largest_gap(mesh.positions, seam) < TOUCHING]
+    mesh = mesh_of_file(path, keys, where)
+    closed = [seam for seam in mesh.seams if largest_gap(mesh.positions, seam) < TOUCHING]
     still_open = [seam.name for seam in mesh.seams if not any(seam is other for other in closed)]
     number = sewn_vertices(mesh, closed)
     notes = list(mesh.pattern.notes)
@@ -52,10 +50,18 @@ def shape_of_pattern(path: Path, keys: Mapping[str, Any], where: str) -> Shape:
         notes.append(f"{len(still_open)} of {len(mesh.seams)} seams stay open as placed ({named})")
     groups = {name: np.arange(rows.start, rows.stop) for name, rows in mesh.faces.items()}
     return Shape(
-        scale * mean_of_parts(mesh.positions, number),
+        mean_of_parts(mesh.positions, number),
         number[mesh.triangles],
-        scale * mesh.material_coordinates,
+        mesh.material_coordinates,
         tuple(notes),
         groups,
         flat=True,
     )
+
+
+def mesh_of_file(path: Path, keys: Mapping[str, Any], where: str) -> PatternMesh:
+    """The meshed pattern of a [cloth] table, in metres of the scene; parameters and errors as `shape_of_pattern`."""
+    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
+    size = as_positive(f"{where}.size", keys.get("size", SIZE))
+    mesh = mesh_pattern(read_specification(path, keys.get("rotation_order", "zyx")), size / scale)
+    return mesh if scale == 1.0 else scaled_mesh(mesh, scale)

@@ -43,11 +43,21 @@ class Character:
 
     def vertices(self, pose: Pose) -> Floats:
         """Vertices of the posed character, (n, 3) [m]: sum_k w_k G_k B_k (p + B_p), B_k the inverse bind matrices."""
-        matrices = self.skeleton.transforms(pose)[self.joints] @ self.inverse_bind
+        matrices = self.matrices(pose)
         points = self.positions
         if self.pose_directions.shape[2]:
-            points = points + self.pose_directions @ pose_feature(to_matrices(pose.rotations))
+            points = points + self.pose_offsets(pose)
         return skinned(points, self.weights, matrices[:, :3, :3], matrices[:, :3, 3])
+
+    def matrices(self, pose: Pose) -> Floats:
+        """Transforms G_k B_k of `pose` from the space of `positions`, one for each column of weights, (k, 4, 4)."""
+        return self.skeleton.transforms(pose)[self.joints] @ self.inverse_bind
+
+    def pose_offsets(self, pose: Pose) -> Floats:
+        """Offsets B_p of `pose`, (n, 3) [m]; zero where the character has no pose blend shapes."""
+        if not self.pose_directions.shape[2]:
+            return np.zeros_like(self.positions)
+        return np.asarray(self.pose_directions @ pose_feature(to_matrices(pose.rotations)), np.float64)
 
 
 def bound_at_rest(

@@ -9,7 +9,7 @@ from clothsim.character.skeleton import Pose, Skeleton
 
 CYCLE = 1.1
 """Time of two steps [s]; a comfortable walk has 1.0 to 1.2."""
-KEYS = 44
+KEYS = 110
 """Key frames of a cycle."""
 STEP = 0.62
 """Length of a step of a figure of 1.7 m [m]."""

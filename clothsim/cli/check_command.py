@@ -30,7 +30,12 @@ _TARGETS = "Name a mesh file, a scene (.toml) or the directory that `clothsim ru
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    check = commands.add_parser("check", help="examine a mesh, a scene or a run", description=_DESCRIPTION)
+    check = commands.add_parser(
+        "check",
+        usage="clothsim check [options] MESH|SCENE|DIR",
+        help="examine a mesh, a scene or a run",
+        description=_DESCRIPTION,
+    )
     check.add_argument("target", type=Path, metavar="MESH|SCENE|DIR", help="a mesh file, a .toml, or a run")
     mesh = check.add_argument_group("for a mesh file, as in a scene")
     mesh.add_argument("--body", action="store_true", help="examine it as a body: fewer faults matter")
@@ -44,6 +49,7 @@ def add_to(commands: Any) -> None:
     worn.add_argument("--part", metavar="LO:HI", help="only these vertices of MESH")
     worn.add_argument("--weld", metavar="M", help="sew borders closer than that [m]")
     worn.add_argument("-o", dest="output", type=Path, metavar="PNG", help="a picture with the bad places marked")
+    check.add_argument("--motion", action="store_true", help="of a scene: where parts of a moving body model meet")
     check.add_argument("--json", action="store_true", help="as JSON: {target, code, errors, warnings, notes}")
     check.add_argument("--debug", action="store_true", help="show tracebacks")
     check.set_defaults(handler=_reported)
@@ -88,9 +94,13 @@ def _check(arguments: argparse.Namespace) -> int:
         if arguments.body or arguments.group or arguments.component or target.is_dir() or target.suffix == ".toml":
             raise InputError("--on is for a mesh file, without --body, --group and --component.", "Try --part LO:HI.")
         return check_penetration(arguments)
+    if arguments.motion and target.suffix != ".toml":
+        raise InputError(f"{target} is no scene.", "--motion is for scenes with a body model.")
     if target.is_dir():
         return _check_run(target)
-    return _check_scene(target) if target.suffix == ".toml" else _check_mesh(target, arguments)
+    if target.suffix == ".toml":
+        return _check_scene(target, arguments.motion)
+    return _check_mesh(target, arguments)
 
 
 def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
@@ -113,7 +123,7 @@ def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
     return 1 if report.errors else 0
 
 
-def _check_scene(path: Path) -> int:
+def _check_scene(path: Path, motion: bool = False) -> int:
     from clothsim.build.scene_world import build
     from clothsim.io.run_surfaces import world_surfaces
     from clothsim.run.cost import expected_cost, refuse_costly
@@ -145,9 +155,15 @@ def _check_scene(path: Path) -> int:
     for name, reason in built.off.items():
         print(f"  {name} is off: {reason}.")
     check = intersection_check_of(world_surfaces(world), scene.effects, built.energies)
-    return _ended(
-        *_intersections(check, [("at the start", check.crossings(world.start() + world.origin))], "at the start")
+    errors, warnings = _intersections(
+        check, [("at the start", check.crossings(world.start() + world.origin))], "at the start"
     )
+    if motion:
+        from clothsim.cli.motion_report import report_motion
+
+        more = report_motion(scene, built.energies)
+        errors, warnings = errors + more[0], warnings + more[1]
+    return _ended(errors, warnings)
 
 
 def _check_run(directory: Path) -> int:

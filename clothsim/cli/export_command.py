@@ -46,7 +46,7 @@ def _export(arguments: argparse.Namespace) -> int:
     done = export(
         run,
         arguments.output,
-        frame=None if arguments.frame is None else _frame(arguments.frame),
+        frame=None if arguments.frame is None else frame_number(arguments.frame),
         fps=None if arguments.fps is None else as_positive_number("--fps", arguments.fps),
         scale=as_positive_number("--scale", arguments.scale),
         up=arguments.up,
@@ -68,7 +68,8 @@ def _export(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _frame(text: str) -> int:
+def frame_number(text: str) -> int:
+    """The number of a frame; -1 for "last"."""
     if text == "last":
         return -1
     if not re.fullmatch(r"-?\d{1,9}", text):

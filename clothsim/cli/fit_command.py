@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_positive_number, as_range
-from clothsim.cli.progress import length
+from clothsim.run.certificate_text import length
 
 if TYPE_CHECKING:
     from clothsim.fitting.fit import Fit

@@ -7,7 +7,9 @@ from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.adjoint.losses import Loss
+    from clothsim.mesh.pattern.pattern_mesh import PatternMesh
     from clothsim.mesh.world import World
+    from clothsim.scene.scene import Scene
 
 LOSSES = {
     "height": "mean height of the cloth [m]",
@@ -44,3 +46,25 @@ def words(option: str, text: str) -> list[str]:
     if not names:
         raise InputError(f"{option} names nothing.", f"Give some, such as {option} youngs_modulus,bending_stiffness.")
     return names
+
+
+def meshed(file: Path, size: str) -> "PatternMesh":
+    """Return the mesh of a pattern file with a size such as "2cm", as a dressed garment has it."""
+    from clothsim.cli.arguments import as_length
+    from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
+    from clothsim.mesh.pattern.specification import read_specification
+
+    return mesh_pattern(read_specification(file), as_length("--size", size))
+
+
+def scene_or_run(path: Path) -> "Scene":
+    """Return the scene of a file, of an installed name, or of the run in a directory."""
+    from clothsim.run.example_scenes import scene_file
+    from clothsim.scene.scene import scene_from_text
+    from clothsim.scene.toml_file import load_scene
+
+    if not path.is_dir():
+        return load_scene(scene_file(path))
+    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+
+    return scene_from_text(read_checkpoint(path / CHECKPOINT_NAME).scene_text, path)

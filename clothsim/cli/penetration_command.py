@@ -4,8 +4,8 @@ import argparse
 from typing import TYPE_CHECKING
 
 from clothsim.cli.arguments import as_positive_number, as_range
-from clothsim.cli.progress import length
 from clothsim.errors import InputError
+from clothsim.run.certificate_text import length
 
 if TYPE_CHECKING:
     from clothsim.arrays import Floats

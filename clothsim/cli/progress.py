@@ -11,6 +11,7 @@ from time import perf_counter
 from typing import TYPE_CHECKING, TypeVar, cast
 
 from clothsim.cli.events import stream
+from clothsim.run.certificate_text import length
 
 if TYPE_CHECKING:
     from clothsim.run.summary import Progress
@@ -144,15 +145,6 @@ def state(progress: "Progress") -> str:
     """Iterations of the step, gap and verdict."""
     gap = length(progress.minimum_gap) if progress.minimum_gap < float("inf") else "-"
     return f"{progress.newton_iterations} Newton, gap {gap}, {progress.verdict}"
-
-
-def length(metres: float) -> str:
-    """A length in m, mm or um."""
-    if metres >= 1:
-        return f"{metres:.3g} m"
-    if metres >= 1e-3:
-        return f"{1e3 * metres:.3g} mm"
-    return f"{1e6 * metres:.3g} um"
 
 
 def clock(seconds: float) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_count, as_positive_number
-from clothsim.cli.loss_arguments import words
+from clothsim.cli.loss_arguments import meshed, scene_or_run, words
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 RECOVERY_NAME = "recovery.json"
 
 _DESCRIPTION = """\
-Find the numbers of a scene, as those of its fabric, for which it hangs as a target does: runs with gradients, from
-several starts, with the standard error of each number and what the target does not tell. With -o the run of the
-recovered scene and recovery.json are left there.
+Find the numbers of a scene, as those of its fabric or of its pattern (pattern.front.width), for which it hangs as a
+target does: runs with gradients, from several starts, with the standard error of each number and what the target does
+not tell. With -o the run of the recovered scene and recovery.json are left there.
 
   clothsim recover scene.toml --target drape.obj --free youngs_modulus,bending_stiffness -o recovered
 """
@@ -27,7 +27,9 @@ recovered scene and recovery.json are left there.
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     recover = commands.add_parser("recover", help="find numbers of a scene from a drape", description=_DESCRIPTION)
-    recover.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
+    recover.add_argument(
+        "scene", type=Path, metavar="SCENE", help="a scene file (TOML), an example, or the directory of a run"
+    )
     recover.add_argument(
         "--target",
         type=Path,
@@ -35,7 +37,11 @@ def add_to(commands: Any) -> None:
         metavar="FILE",
         help="a drape: a mesh, points (.xyz), or a run's directory",
     )
-    recover.add_argument("--free", required=True, metavar="NAMES", help="youngs_modulus,effects.friction.coefficient")
+    recover.add_argument("--free", required=True, metavar="NAMES", help="youngs_modulus,pattern.front.width")
+    recover.add_argument(
+        "--pattern", type=Path, metavar="FILE", help="pattern of a cloth of arrays, as pattern.json of a dressed one"
+    )
+    recover.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
     recover.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
     recover.add_argument("--starts", default="2", metavar="N", help="starts of the search (default 2)")
     recover.add_argument("--scale", default="1", metavar="FACTOR", help="metres per unit of the target")
@@ -53,16 +59,14 @@ def _recover(arguments: argparse.Namespace) -> int:
     from clothsim.adjoint.targets import target_loss
     from clothsim.build.scene_world import build
     from clothsim.io.record import to_json
-    from clothsim.run.example_scenes import scene_file
     from clothsim.run.output_directory import refuse_earlier_run
     from clothsim.scene.overrides import override
-    from clothsim.scene.toml_file import load_scene
 
     free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts)
     scale = as_positive_number("--scale", arguments.scale)
     if not arguments.target.exists():
         raise InputError(f"There is no {arguments.target}.", "Name a mesh, an .xyz file or a run with --target.")
-    scene = load_scene(scene_file(arguments.scene))
+    scene = scene_or_run(arguments.scene)
     for assignment in arguments.set:
         scene = override(scene, assignment)
     if arguments.output is not None:
@@ -71,7 +75,8 @@ def _recover(arguments: argparse.Namespace) -> int:
     if not arguments.quiet:
         print(f"clothsim {__version__}: recover {', '.join(free)} of {arguments.scene}", file=talk, flush=True)
     loss = target_loss(arguments.target, build(scene).world, scale)
-    found = recover(scene, loss, free, starts, None if arguments.quiet else _shown)
+    pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
+    found = recover(scene, loss, free, starts, None if arguments.quiet else _shown, pattern=pattern)
     content = summary(found, type(loss).__name__)
     code = 0 if found.best.intersecting_pairs == 0 else 1
     if arguments.output is not None:
@@ -121,14 +126,12 @@ def summary(found: "Recovery", loss: str) -> dict[str, Any]:
 
 def lines(found: "Recovery", directory: Path | None) -> list[str]:
     """Return the result in lines for the user."""
-    from clothsim.adjoint.recover import RANGE
-
     out = [f"  {path:32} {value:.6g} {_error(found.errors[path])}" for path, value in found.values.items()]
     out += [f"  {each.first} / {each.second}: {each.value:.6g} {_error(each.error)}" for each in found.ratios]
     for weights in found.undetermined:
         moves = " ".join(f"{path}^{weight:+.2f}" for path, weight in weights.items() if abs(weight) > 0.05)
         out.append(f"  The target says nothing of {moves}.")
-    out += [f"  {path} is at the end of its range, {RANGE:g} times the scene's value." for path in found.at_limit]
+    out += [f"  {path} is at the end of the range that was searched." for path in found.at_limit]
     others = ", ".join(f"{each:.4g}" for each in found.minima)
     out.append(f"  loss {found.best.loss:.4g} after {found.runs} runs (by starts: {others})")
     if found.best.intersecting_pairs:

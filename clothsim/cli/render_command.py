@@ -34,9 +34,8 @@ def add_to(commands: Any) -> None:
     render.add_argument("--up", metavar="X,Y,Z", help="x, y, z or a direction (default: against gravity)")
     look = render.add_mutually_exclusive_group()
     look.add_argument("--colour", choices=("stretch", "plain"), default="stretch", help="of the cloth")
-    look.add_argument(
-        "--field", metavar="NAME", help="colour the cloth by a field: thickness, stress, compression, ..."
-    )
+    look.add_argument("--field", metavar="NAME", help="colour by a field: stress, compression, ...")
+    render.add_argument("--true-mesh", action="store_true", help="the triangles, not a smooth surface through them")
     render.add_argument("--frames-per-second", metavar="N", help="of a movie (default: as fast as it was)")
     render.add_argument("--quiet", action="store_true", help="print nothing")
     render.add_argument("--json", action="store_true", help="print the file as JSON")
@@ -54,6 +53,7 @@ def _render(arguments: argparse.Namespace) -> int:
     ending = target.suffix.lower()
     settings: dict[str, Any] = {
         "colour": arguments.colour,
+        "smooth": not arguments.true_mesh,
         "view": as_direction("--view", arguments.view),
         "up": upright(run.directory) if arguments.up is None else as_direction("--up", arguments.up),
     }

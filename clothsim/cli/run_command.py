@@ -3,6 +3,7 @@
 import argparse
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
@@ -39,10 +40,11 @@ def add_to(commands: Any) -> None:
     run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
     run.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key: body.mesh=PATH")
     run.add_argument("--preset", metavar="NAME", help="draft, standard or fine, with the error of this run")
-    run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm, 0.5mm, 2cm")
+    run.add_argument("--error", metavar="LENGTH", help="choose dt, cells and d_hat for this error: 1mm")
     run.add_argument("--estimate", action="store_true", help="estimate the error by another, coarser run")
     run.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
     run.add_argument("--force", action="store_true", help="run whatever it is expected to cost")
+    run.add_argument("--view", action="store_true", help="show it in a browser while it runs (clothsim[view])")
     run.set_defaults(handler=_run)
     resume = commands.add_parser("resume", help="continue a stopped run", description=_RESUME)
     resume.add_argument("directory", type=Path, metavar="DIR|FILE", help="the output of `clothsim run` or `bundle`")
@@ -60,7 +62,7 @@ def add_to(commands: Any) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from clothsim.cli import precompile
+    from clothsim.cli import precompile, view_beside
     from clothsim.run.example_scenes import scene_file
     from clothsim.run.output_directory import refuse_earlier_run
     from clothsim.run.simulate import simulate
@@ -85,18 +87,19 @@ def _run(arguments: argparse.Namespace) -> int:
     _dumped_step(arguments)
     refuse_earlier_run(directory, arguments.overwrite)
     compiler = precompile.start()
-    code = _execute(
-        arguments,
-        directory,
-        lambda **listeners: simulate(
-            scene,
+    with view_beside.page_of(directory) if arguments.view else nullcontext():
+        code = _execute(
+            arguments,
             directory,
-            message=_teller(arguments),
-            overwrite=arguments.overwrite,
-            force=arguments.force,
-            **listeners,
-        ),
-    )
+            lambda **listeners: simulate(
+                scene,
+                directory,
+                message=_teller(arguments),
+                overwrite=arguments.overwrite,
+                force=arguments.force,
+                **listeners,
+            ),
+        )
     if compiler is not None and code != INTERRUPTED:
         precompile.let_finish(compiler)  # the rest of its kernels serves the next run
     return code

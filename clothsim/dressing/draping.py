@@ -1,8 +1,8 @@
 """Drape of a sewn garment on its body: gravity and friction, until it rests.
 
-Friction holds folds as the closing left them: ten shirts whose panels were moved by a micrometre ended with waists up
-to 14 mm apart. A garment that hangs on the shoulders is therefore shaken down first, with little friction. What is in
-equilibrium with it is so with more, as the forces that more friction can give include those of less.
+Friction holds the folds and strains that the closing left. A garment that hangs on the shoulders is therefore shaken
+down first, with little friction, as a person pulls a shirt straight. What is in equilibrium with it is so with more,
+as the forces that more friction can give include those of less.
 """
 
 import warnings

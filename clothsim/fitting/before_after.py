@@ -35,6 +35,7 @@ def draw_fit(done: "Fit", file: Path) -> str:
             view=_view(figure),
             title=title,
             renderer="auto",
+            smooth=False,  # before it, triangles cross
             focus=np.concatenate([figure.positions, positions]),
         )
         panels.append(rendered(setup, surfaces))

@@ -50,6 +50,7 @@ def draw_penetrations(report: PenetrationReport, file: Path) -> str:
             view=_towards(figure.up, turn),
             title=side,
             renderer="auto",
+            smooth=False,  # what is marked are its triangles
         )
         bare = Image.fromarray(np.round(255 * np.clip(rendered_without_legend(setup, surfaces), 0, 1)).astype(np.uint8))
         _mark(bare, report, setup.camera)

@@ -47,6 +47,7 @@ def draw_closeup(
     view_radius = _view_radius([surface for surface in surfaces if surface.role == "cloth"])
     focus = point + view_radius * np.concatenate([np.eye(3), -np.eye(3)])
     settings = {"size": size, "colour": "stretch", "up": up, "renderer": renderer, "focus": focus}
+    settings["smooth"] = False  # the triangles that failed
     upright = picture_setup([surfaces], view="auto", title=title, **settings).up  # type: ignore[arg-type]
     near = np.concatenate(
         [_corners_near(surface, point, view_radius) for surface in surfaces if surface.role == "cloth"]

@@ -25,6 +25,7 @@ def movie(
     title: str = "",
     renderer: str = "auto",
     samples: int = 2,
+    smooth: bool = True,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> str:
     """Write a movie of frames.
@@ -37,7 +38,7 @@ def movie(
         The surfaces of each frame.
     frames_per_second : float
         Rate [1/s].
-    size, colour, up, view, title, renderer
+    size, colour, up, view, title, renderer, smooth
         As of `picture.draw`.
     samples : int
         Samples of a pixel in each direction; 1 is faster and rougher.
@@ -68,9 +69,8 @@ def movie(
     all_frames = frames if isinstance(frames, Sequence) else list(frames)
     width, height = pixel_counts(size)
     even = (width // 2 * 2, height // 2 * 2)  # H.264 halves the colour's resolution
-    setup = picture_setup(
-        all_frames, size=even, colour=colour, up=up, view=view, title=title, renderer=renderer, samples=samples
-    )
+    given = {"size": even, "colour": colour, "up": up, "view": view, "title": title, "renderer": renderer}
+    setup = picture_setup(all_frames, samples=samples, smooth=smooth, **given)  # type: ignore[arg-type]
     pictures = _pictures(setup, all_frames, progress)
     if target.suffix.lower() == ".mp4":
         _write_mp4(target, pictures, rate, even)

@@ -15,6 +15,7 @@ from clothsim.render.camera import Camera, extreme_points, frame, three_quarter_
 from clothsim.render.colormap import log_stretch
 from clothsim.render.colour_scale import Quantity, Scale, sequential_scale, stretch_scale
 from clothsim.render.legend import add_legend, margins
+from clothsim.render.smooth_surface import smoothed
 from clothsim.render.surface_look import Surface, looks
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -43,6 +44,8 @@ class PictureSetup:
         Samples of a pixel in each direction.
     note : str
         One line that names the renderer.
+    smooth : bool
+        True: cloths are drawn as smooth surfaces through their vertices.
     """
 
     camera: Camera
@@ -53,6 +56,7 @@ class PictureSetup:
     renderer: str
     samples: int
     note: str
+    smooth: bool = True
 
 
 def draw(
@@ -65,6 +69,7 @@ def draw(
     view: ArrayLike | str = "auto",
     title: str = "",
     renderer: str = "auto",
+    smooth: bool = True,
 ) -> str:
     """Write a PNG of surfaces.
 
@@ -86,6 +91,8 @@ def draw(
         Text at the top left.
     renderer : "vtk", "ray" or "auto"
         "auto": the environment variable CLOTHSIM_RENDERER, else VTK where it works.
+    smooth : bool
+        True: a smooth surface through the vertices of each cloth; False: its triangles.
 
     Returns
     -------
@@ -99,7 +106,8 @@ def draw(
     """
     from PIL import Image
 
-    setup = picture_setup([surfaces], size=size, colour=colour, up=up, view=view, title=title, renderer=renderer)
+    given = {"size": size, "colour": colour, "up": up, "view": view, "title": title, "smooth": smooth}
+    setup = picture_setup([surfaces], renderer=renderer, **given)  # type: ignore[arg-type]
     Image.fromarray(rendered(setup, surfaces)).save(path, format="PNG")
     return setup.note
 
@@ -115,6 +123,7 @@ def picture_setup(
     renderer: str,
     samples: int = 2,
     focus: Floats | None = None,
+    smooth: bool = True,
 ) -> PictureSetup:
     """The one camera, colour range and renderer that suit all frames.
 
@@ -122,7 +131,7 @@ def picture_setup(
     ----------
     frames : sequence of sequences of Surface
         The surfaces of each frame.
-    size, colour, up, view, title, renderer
+    size, colour, up, view, title, renderer, smooth
         As of `draw`.
     samples : int
         Samples of a pixel in each direction.
@@ -145,7 +154,7 @@ def picture_setup(
         _check(surface)
     upright = _direction("up", _UP.get(up, up) if isinstance(up, str) else up)
     chosen, note = choose_renderer(renderer)
-    scale = _scale(colour, [s for surfaces in frames for s in surfaces if s.role == "cloth"])
+    scale = scale_of(colour, [s for surfaces in frames for s in surfaces if s.role == "cloth"])
     everything = np.concatenate([extreme_points(s.positions) for surfaces in frames for s in surfaces])
     cloths = [s for surfaces in frames for s in surfaces if s.role == "cloth"]
     cloth = np.concatenate([np.zeros((0, 3)), *(extreme_points(s.positions) for s in cloths)])
@@ -160,7 +169,7 @@ def picture_setup(
     if focus is not None:
         cloth = everything = focus
     camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
-    return PictureSetup(camera, pixels, scale, upright, title, chosen, samples, note)
+    return PictureSetup(camera, pixels, scale, upright, title, chosen, samples, note, smooth)
 
 
 def pixel_counts(size: Any) -> tuple[int, int]:
@@ -187,7 +196,7 @@ def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) ->
         from clothsim.render.vtk_scene import render
     else:
         from clothsim.render.ray_caster import render
-    made = looks(surfaces, setup.scale)
+    made = looks([smoothed(each) for each in surfaces] if setup.smooth else surfaces, setup.scale)
     seen = render(made, setup.camera, setup.size, setup.up, setup.samples)
     behind = backdrop(made, setup.camera, setup.size, setup.up)
     return np.asarray(seen[:, :, :3] + (1 - seen[:, :, 3:]) * behind)
@@ -213,7 +222,7 @@ def choose_renderer(renderer: str) -> tuple[str, str]:
     return "ray", f"Drawn by ray casting, as {missing}."
 
 
-def _scale(colour: str | Quantity, cloths: Sequence[Surface]) -> Scale | None:
+def scale_of(colour: str | Quantity, cloths: Sequence[Surface]) -> Scale | None:
     """The colours that suit all `cloths`; None where they are plain."""
     if isinstance(colour, Quantity) and colour.log_stretch:
         return stretch_scale([cloth.values for cloth in cloths], colour.name)

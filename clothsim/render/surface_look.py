@@ -12,7 +12,7 @@ from clothsim.render.colour_scale import Scale
 from clothsim.render.strokes import INK, ribbons
 
 BODY_GREY = np.array([0.70, 0.70, 0.71])
-_FABRICS = np.array([[0.46, 0.60, 0.72], [0.80, 0.63, 0.45], [0.56, 0.68, 0.55], [0.72, 0.55, 0.62]])
+FABRICS = np.array([[0.46, 0.60, 0.72], [0.80, 0.63, 0.45], [0.56, 0.68, 0.55], [0.72, 0.55, 0.62]])
 _BACK = np.array([0.84, 0.84, 0.87])
 _COS_CREASE = np.cos(np.radians(50.0))
 
@@ -55,11 +55,11 @@ def looks(surfaces: Sequence[Surface], scale: Scale | None) -> list[Look]:
             paint = np.broadcast_to(BODY_GREY, corners.shape)
             made.append(Look(corners, creased_normals(surface.positions, surface.triangles), paint, paint))
             continue
-        values = _values(surface)
+        values = vertex_values(surface)
         if scale is not None and len(values):
             front = scale.colours(values)[surface.triangles]
         else:
-            front = np.broadcast_to(_FABRICS[n_cloths % len(_FABRICS)], corners.shape)
+            front = np.broadcast_to(FABRICS[n_cloths % len(FABRICS)], corners.shape)
         n_cloths += 1
         normals = vertex_normals(surface.positions, surface.triangles)[surface.triangles]
         made.append(Look(corners, normals, front, front * _BACK))
@@ -70,7 +70,7 @@ def looks(surfaces: Sequence[Surface], scale: Scale | None) -> list[Look]:
     return made
 
 
-def _values(surface: Surface) -> Floats:
+def vertex_values(surface: Surface) -> Floats:
     """The numbers at the vertices (n,) that colour a cloth; none where they are not known."""
     if len(surface.values) or not len(surface.principal_stretches):
         return surface.values

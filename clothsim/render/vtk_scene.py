@@ -26,7 +26,8 @@ def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floa
     low, high = seen_box(np.concatenate([look.corners for look in made]).reshape(-1, 3), camera)
     scale = 1.0 / (float((high - low).max()) or 1.0)
     centre = 0.5 * (low + high)
-    plotter = pyvista.Plotter(off_screen=True, window_size=[size[0] * samples, size[1] * samples], lighting="none")
+    window = [size[0] * samples, size[1] * samples]
+    plotter = pyvista.Plotter(off_screen=True, notebook=False, window_size=window, lighting="none")
     try:
         plotter.set_background("white")
         for look in made:

@@ -15,7 +15,7 @@ from clothsim.scene.scene import scene_from_text
 
 PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "movie.gif", "failure.png"
 
-PICTURE_SETTINGS = ("size", "colour", "up", "view", "renderer")
+PICTURE_SETTINGS = ("size", "colour", "up", "view", "renderer", "smooth")
 """Settings of a picture: keywords of `render.picture.draw` without its title, which is the time."""
 MOVIE_SETTINGS = ("frames_per_second", "samples")
 """Settings of a movie beside those of a picture."""

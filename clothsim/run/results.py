@@ -16,6 +16,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
 from clothsim.io.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
+from clothsim.run.certificate_text import certificate_rows
 from clothsim.run.field_pictures import field_settings
 from clothsim.run.pictures import (
     MOVIE_SETTINGS,
@@ -27,7 +28,6 @@ from clothsim.run.pictures import (
     upright,
 )
 from clothsim.scene.keys import refuse_unknown
-from clothsim.sim.intersection_history import occurrence_text
 
 if TYPE_CHECKING:
     from clothsim.build.scene_world import Built
@@ -151,10 +151,11 @@ class Run(Sequence[Frame]):
         facts = [("run", str(self.directory)), ("status", self.status), ("reason", self.reason)]
         facts.append(("frames", f"{len(self)}, to {self.times[-1]:g} s" if len(self) else "0"))
         facts += [(name, str(self.summary[name])) for name in ("steps", "newton_iterations") if name in self.summary]
-        certificate = {**(self.summary.get("certificate") or {}), **self.intersections}
-        certificate.pop("intersections", None)
-        facts += [("warning", text) for text in self.summary.get("warnings", ())]
-        return facts + [(name.replace("_", " "), _text(value)) for name, value in certificate.items()]
+        try:
+            return facts + (certificate_rows(self.summary) if self.summary else [])
+        except KeyError:  # of an earlier version
+            certificate = self.summary.get("certificate") or {}
+            return facts + [(name.replace("_", " "), str(value)) for name, value in certificate.items()]
 
     @property
     def status(self) -> str:
@@ -361,11 +362,6 @@ class Run(Sequence[Frame]):
 
     def _field_settings(self, field: str | None) -> dict[str, Any]:
         return {} if field is None else field_settings(self, field)
-
-
-def _text(value: Any) -> str:
-    """A value of the certificate as text."""
-    return occurrence_text(value) if isinstance(value, Mapping) and "states" in value else str(value)
 
 
 def open_run(path: str | Path) -> Run:

@@ -30,6 +30,9 @@ class ClipKeys(KeyTable):
     end: Annotated[float | None, Key("Last time of the clip that is used", "s", above=0, shown="its end")] = None
     loop: Annotated[bool, Key("Repeat that part; the body goes on from where it is")] = False
     lead_in: Annotated[float, Key("Time from the pose of the body to the start of the clip", "s", least=0)] = 0.7
+    keep_apart: Annotated[
+        bool, Key("Turn shoulders and hips by the least angles that leave 1.2 % of the height between limbs and trunk")
+    ] = False
     place: Annotated[
         Literal["start", "clip"] | None,
         Key("Begin where the body stands and looks, or where the clip begins", shown='"clip" with `own`, else "start"'),

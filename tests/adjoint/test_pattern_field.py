@@ -6,8 +6,9 @@ from sewing_patterns import panel, skirt, specification
 
 from clothsim import Cloth, InputError, Scene
 from clothsim.adjoint.losses import Height
-from clothsim.adjoint.pattern_field import pattern_field, pattern_gradient
+from clothsim.adjoint.pattern_field import control_gradient, pattern_field, pattern_gradient
 from clothsim.adjoint.run import traced
+from clothsim.mesh.pattern.pattern import Side
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
 from clothsim.mesh.pattern.specification import pattern_of
 
@@ -48,10 +49,12 @@ def test_a_curved_edge_moves_with_its_ends():
     assert np.isfinite(field).all()
 
 
-def hanging(mesh, change=0.0, moves=None):
+def hanging(mesh, change=0.0, moves=None, field=None):
     rest = mesh.material_coordinates
     if moves is not None:
-        rest = rest + change * pattern_field(mesh, {"front": moves})
+        field = pattern_field(mesh, {"front": moves})
+    if field is not None:
+        rest = rest + change * field
     top = np.flatnonzero(mesh.panel_coordinates[:, 1] > 0.2 - 1e-9)
     cloth = Cloth(mesh.positions, mesh.triangles, rest=rest, fabric="cotton", youngs_modulus=1e5)
     effects = {"membrane": {}, "bending": {}, "gravity": {"acceleration": [0.0, -9.81, 0.0]}}
@@ -75,3 +78,35 @@ def test_what_is_no_panel():
     for moves in ({"sleeve": np.zeros((4, 2))}, {"front": np.zeros((3, 2))}):
         with pytest.raises(InputError):
             pattern_field(mesh, moves)
+
+
+def test_the_gradient_by_control_points():
+    entries = panel()
+    entries["edges"][0]["curvature"] = {"type": "cubic", "params": [[0.3, 0.1], [0.6, -0.2]]}
+    mesh = mesh_pattern(pattern_of(specification({"front": entries})), 0.03)
+    loss, side = Height(direction=(0.0, 1.0, 0.0)), Side("front", 0)
+    gradient = traced(hanging(mesh)).gradient(loss)
+    by_controls = control_gradient(gradient, mesh, "front", 0)
+    moves = np.random.default_rng(2).standard_normal((2, 2))
+    field = pattern_field(mesh, {}, {side: moves})
+    values = [traced(hanging(mesh, sign * 1e-5, field=field)).gradient(loss).value for sign in (1, -1)]
+    assert float(np.vdot(by_controls, moves)) == pytest.approx((values[0] - values[1]) / 2e-5, rel=1e-5)
+    with pytest.raises(InputError):
+        control_gradient(gradient, mesh, "front", 1)
+    with pytest.raises(InputError):
+        pattern_field(mesh, {}, {side: moves[:1]})
+
+
+def test_control_points_that_follow_their_ends():
+    """An affine displacement of vertices and control points is one of the whole panel."""
+    entries = panel()
+    entries["edges"][0]["curvature"] = {"type": "cubic", "params": [[0.3, 0.1], [0.6, -0.2]]}
+    mesh = mesh_pattern(pattern_of(specification({"front": entries})), 0.03)
+    corners, edge = mesh.pattern.panels["front"].vertices, mesh.pattern.panels["front"].edges[0]
+    controls = edge.curve.points(corners[edge.start], corners[edge.end])[1:-1]
+    stretch = np.array([[0.1, 0.3], [0.0, -0.2]])
+    field = pattern_field(mesh, {"front": corners @ stretch}, {Side("front", 0): controls @ stretch})
+    moved = mesh.panel_coordinates[mesh.triangles] @ stretch
+    material = mesh.panel_coordinates[mesh.triangles].reshape(-1, 2)
+    to_material = np.linalg.lstsq(material, mesh.material_coordinates.reshape(-1, 2), rcond=None)[0]
+    np.testing.assert_allclose(field, moved @ to_material, atol=1e-8)

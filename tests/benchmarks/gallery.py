@@ -20,6 +20,7 @@ ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "scenes"
 PICTURES = Path("docs/pictures/gallery")
 SIZE = "640x480"
+COLOURS = 256
 
 
 def description(scene: Path) -> str:
@@ -33,7 +34,7 @@ def description(scene: Path) -> str:
 
 
 def draw_scene(scene: Path, target: Path) -> None:
-    """Run a scene and write its last frame to `target`: in all colours, since a palette takes blue out of the scale."""
+    """Run a scene and write its last frame, in few colours, to `target`."""
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "clothsim"]
         subprocess.run([*command, "run", str(scene), "-o", folder, "--quiet"], check=True)
@@ -41,7 +42,13 @@ def draw_scene(scene: Path, target: Path) -> None:
         subprocess.run([*command, "render", folder, "-o", str(picture), "--size", SIZE, "--quiet"], check=True)
         with Image.open(picture) as image:
             target.parent.mkdir(parents=True, exist_ok=True)
-            image.convert("RGB").save(target, optimize=True)
+            in_few_colours(image.convert("RGB")).save(target, optimize=True)
+
+
+def in_few_colours(image: Image.Image) -> Image.Image:
+    """A picture in COLOURS colours, the rare ones of the scalar bar among them, without bands."""
+    palette = image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
+    return image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
 
 
 def gallery_text(scenes: Sequence[Path], pictures: Path) -> str:

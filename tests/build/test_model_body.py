@@ -41,6 +41,25 @@ def test_it_begins_at_rest_in_its_first_pose():
     assert moved[1] == pytest.approx(4 * moved[0], rel=0.02)
 
 
+@pytest.mark.parametrize(
+    "motion",
+    [WALK, {**WALK, "start": 0.2}, {"clip": "walk", "lead_in": 0.4, "end": 0.9}, {"clip": "turn", "start": 0.9}],
+)
+def test_the_lead_in_meets_the_clip_at_its_speed(motion):
+    body, lead_in, h = model(motion=motion), motion.get("lead_in", 0.7), 1e-4
+    before, at, after = (body.motion.apply(body.positions, lead_in + t) for t in (-h, 0.0, h))
+    speed = np.abs(after - at).max() / h
+    assert speed > 0.5
+    assert np.abs((after - at) - (at - before)).max() / h < 0.01 * speed
+
+
+def test_the_lead_in_of_a_walk_never_goes_back():
+    body = model(motion=WALK)
+    forward = [-body.motion.apply(body.positions, t)[:, 1].mean() for t in np.linspace(0, 0.5, 26)]
+    assert np.diff(forward).min() > -2e-3
+    assert forward[-1] == pytest.approx(0.5 / 2 * 1.24 / 1.1, abs=0.05)
+
+
 def test_part_of_a_clip_ends_at_rest():
     body = model(motion={"clip": "turn", "start": 0.2, "end": 0.8, "lead_in": 0.3})
     assert body.motion.duration == pytest.approx(0.9)

@@ -1,7 +1,8 @@
 """Plane curves between two points: straight lines, Bezier curves and circular arcs, sampled by arc length."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
+from math import comb
 
 import numpy as np
 
@@ -56,10 +57,21 @@ class Bezier:
 
     def by_length(self, start: Floats, end: Floats, share: Floats) -> Floats:
         """Points (k, 2) [m] at the fractions `share (k,)` of the arc length; 0 and 1 give the ends exactly."""
-        lengths = self._lengths(start, end)
-        found = self.at(start, end, np.interp(share * lengths[-1], lengths, np.linspace(0, 1, TABLE + 1)))
+        found = self.at(start, end, self.parameters(start, end, share))
         found[share == 0], found[share == 1] = start, end
         return found
+
+    def parameters(self, start: Floats, end: Floats, share: Floats) -> Floats:
+        """Parameters (k,) of the points at the fractions `share (k,)` of the arc length."""
+        lengths = self._lengths(start, end)
+        return np.interp(share * lengths[-1], lengths, np.linspace(0, 1, TABLE + 1))
+
+    def weights(self, t: Floats) -> Floats:
+        """Weights (k, 3 or 4) of `points` in the curve at the parameters t (k,): Bernstein's polynomials."""
+        degree = len(self.controls) + 1
+        powers = np.arange(degree + 1)
+        count = np.array([comb(degree, power) for power in range(degree + 1)], np.float64)
+        return np.asarray(count * t[:, None] ** powers * (1 - t[:, None]) ** powers[::-1], np.float64)
 
     def _lengths(self, start: Floats, end: Floats) -> Floats:
         """Arc length up to each of the TABLE + 1 parameters, by Gauss quadrature of the speed in each cell [m]."""
@@ -127,6 +139,11 @@ class Arc:
 
 
 Curve = Straight | Bezier | Arc
+
+
+def scaled_curve(curve: Curve, scale: float) -> Curve:
+    """The curve between ends that are `scale` times as far apart."""
+    return replace(curve, radius=scale * curve.radius) if isinstance(curve, Arc) else curve
 
 
 def _de_casteljau(points: Floats, t: Floats) -> Floats:

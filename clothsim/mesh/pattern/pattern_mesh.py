@@ -1,13 +1,14 @@
 """Mesh of a sewing pattern: triangles of all panels, placed in space, and the vertices that its seams join."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
 from clothsim.mesh.pattern.borders import Border, borders
+from clothsim.mesh.pattern.curves import scaled_curve
 from clothsim.mesh.pattern.limits import refuse_too_fine
 from clothsim.mesh.pattern.orientation import turned_panels
 from clothsim.mesh.pattern.panel_mesh import PanelMesh, mesh_panel
@@ -128,6 +129,26 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     positions, triangles, corners, plane = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     seams = tuple(Seam(stitch, seam_pairs(stitch, edges)) for stitch in pattern.stitches)
     return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams)
+
+
+def scaled_mesh(mesh: PatternMesh, scale: float) -> PatternMesh:
+    """A mesh and its pattern larger by a factor; radii of arcs as well."""
+    panels = {
+        name: replace(
+            panel,
+            vertices=scale * panel.vertices,
+            translation=scale * panel.translation,
+            edges=tuple(replace(edge, curve=scaled_curve(edge.curve, scale)) for edge in panel.edges),
+        )
+        for name, panel in mesh.pattern.panels.items()
+    }
+    return replace(
+        mesh,
+        pattern=replace(mesh.pattern, panels=panels),
+        positions=scale * mesh.positions,
+        material_coordinates=scale * mesh.material_coordinates,
+        panel_coordinates=scale * mesh.panel_coordinates,
+    )
 
 
 def _meshed(name: str, border: Border, spacing: float) -> PanelMesh:

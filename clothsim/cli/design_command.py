@@ -1,0 +1,181 @@
+"""`clothsim design`: a pattern whose garment hangs as wished."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from clothsim.cli.arguments import as_count, as_positive_number
+from clothsim.cli.loss_arguments import meshed, scene_or_run, words
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim.adjoint.design import Design, DesignRun
+    from clothsim.adjoint.losses import Loss
+    from clothsim.adjoint.shaped_scene import ShapedScene
+
+DESIGN_NAME = "design.json"
+
+_DESCRIPTION = """\
+Find numbers of a pattern for which the garment hangs as wished: runs with gradients, the start held. With -o the run of
+the garment and design.json are left there.
+
+  clothsim design skirt.toml --hem front.0+back.0=0.55 --girth 0.6=1.1 --stretch 1.03 \\
+      --free pattern.front+back.height,pattern.front.edge[0].control[0].y,pattern.front.edge[0].control[1].y -o designed
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    design = commands.add_parser(
+        "design",
+        help="find a pattern that hangs as wished",
+        description=_DESCRIPTION,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    design.add_argument(
+        "scene", type=Path, metavar="SCENE", help="a scene file (TOML), an example, or the directory of a run"
+    )
+    design.add_argument("--free", required=True, metavar="NAMES", help="pattern.front.height,pattern.front.vertex[0].y")
+    design.add_argument("--hem", metavar="EDGES=HEIGHT", help="edges of panels at a height [m], as front.0+back.0=0.55")
+    design.add_argument("--girth", metavar="HEIGHT=LENGTH", help="girth at a height [m]")
+    design.add_argument("--silhouette", metavar="AREA", help="area of the shadow on the ground [m2]")
+    design.add_argument("--stretch", metavar="BOUND", help="largest stretch, such as 1.03")
+    design.add_argument("--tolerance", default="1e-3", metavar="L", help="of hem and girth [m] (default 1e-3)")
+    design.add_argument("--area", metavar="AREA", help="bound on the area of the fabric [m2]")
+    design.add_argument("--symmetric", action="store_true", help="move points as mirror images in each panel")
+    design.add_argument("--runs", default="40", metavar="N", help="bound on the runs (default 40)")
+    design.add_argument("--pattern", type=Path, metavar="FILE", help="pattern of a cloth of arrays")
+    design.add_argument("--size", default="2cm", metavar="L", help="size that it was meshed with (default 2cm)")
+    design.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: none)")
+    design.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
+    design.add_argument("--overwrite", action="store_true", help="replace an earlier run in the output directory")
+    design.add_argument("--quiet", action="store_true", help="print the end only")
+    design.add_argument("--json", action="store_true", help="print design.json, the rest on stderr")
+    design.add_argument("--debug", action="store_true", help="show tracebacks")
+    design.set_defaults(handler=_design)
+
+
+def _design(arguments: argparse.Namespace) -> int:
+    from clothsim import __version__
+    from clothsim.adjoint.design import design
+    from clothsim.adjoint.shaped_scene import shaped_scene
+    from clothsim.io.record import to_json
+    from clothsim.run.output_directory import refuse_earlier_run
+    from clothsim.run.simulate import simulate
+    from clothsim.scene.overrides import override
+
+    free, runs = words("--free", arguments.free), as_count("--runs", arguments.runs)
+    area = None if arguments.area is None else as_positive_number("--area", arguments.area)
+    scene = scene_or_run(arguments.scene)
+    for assignment in arguments.set:
+        scene = override(scene, assignment)
+    if arguments.output is not None:
+        refuse_earlier_run(arguments.output, arguments.overwrite)
+    pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
+    aims = _aims(arguments, shaped_scene(scene, pattern))
+    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
+    if not arguments.quiet:
+        print(f"clothsim {__version__}: design of {arguments.scene}", file=talk, flush=True)
+    found = design(
+        scene,
+        list(aims.values()),
+        free,
+        pattern,
+        area,
+        arguments.symmetric,
+        runs,
+        None if arguments.quiet else lambda run: _shown(run, list(aims)),
+    )
+    content, completed = summary(found, list(aims)), True
+    if arguments.output is not None:
+        completed = simulate(found.scene, arguments.output, overwrite=arguments.overwrite).status == "completed"
+        (arguments.output / DESIGN_NAME).write_text(to_json(content), encoding="utf-8")
+    if arguments.json:
+        print(to_json(content))
+    print("\n".join(lines(found, list(aims), arguments.output)), file=talk)
+    return 0 if completed and found.best.met and not found.best.intersecting_pairs else 1
+
+
+def _aims(arguments: argparse.Namespace, shaped: "ShapedScene") -> "dict[str, Loss]":
+    """The aims by the names of their options. InputError where there is none."""
+    import numpy as np
+
+    from clothsim.adjoint.design_aims import HemAt, Measured, StretchBelow
+    from clothsim.adjoint.losses import Girth, Silhouette
+
+    aims: dict[str, Loss] = {}
+    tolerance = as_positive_number("--tolerance", arguments.tolerance)
+    if arguments.hem is not None:
+        names, height = _pair("--hem", arguments.hem, "front.0+back.0=0.55")
+        rows = np.unique(np.concatenate([_edge_rows(shaped, name) for name in names.split("+")]))
+        aims["hem"] = HemAt(rows, _number("--hem", height), tolerance)
+    if arguments.girth is not None:
+        height, length = _pair("--girth", arguments.girth, "0.6=1.1")
+        value = as_positive_number("--girth", length)
+        aims["girth"] = Measured(Girth(_number("--girth", height)), value, tolerance)
+    if arguments.silhouette is not None:
+        area = as_positive_number("--silhouette", arguments.silhouette)
+        aims["silhouette"] = Measured(Silhouette(), area, 0.01 * area)
+    if arguments.stretch is not None:
+        aims["stretch"] = StretchBelow(as_positive_number("--stretch", arguments.stretch))
+    if not aims:
+        raise InputError("There is nothing to design for.", "Give --hem, --girth, --silhouette or --stretch.")
+    return aims
+
+
+def _pair(option: str, text: str, example: str) -> tuple[str, str]:
+    first, equals, second = (part.strip() for part in text.partition("="))
+    if not first or not equals or not second:
+        raise InputError(f"{option} is {text!r}.", f"Write it as {option} {example}, in metres.")
+    return first, second
+
+
+def _number(option: str, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise InputError(f"{option}: {text!r} is no height.", "Give it in metres.") from error
+
+
+def _edge_rows(shaped: "ShapedScene", name: str) -> Any:
+    panel, _, number = name.strip().rpartition(".")
+    if not panel or not number.isdigit():
+        raise InputError(f"--hem names {name!r}.", "Write PANEL.EDGE, as front.0; edges count from 0.")
+    return shaped.edge_rows(panel, int(number))
+
+
+def _shown(run: "DesignRun", names: list[str]) -> None:
+    state = run.failure or ", ".join(f"{name} {_off(aim)}" for name, aim in zip(names, run.aims, strict=True))
+    print(f"  {state}", file=sys.stderr, flush=True)
+
+
+def _off(aim: float) -> str:
+    """How far off an aim is, in tolerances."""
+    return "met" if aim <= 1.0 else f"{aim**0.5:.3g} tolerances off"
+
+
+def summary(found: "Design", names: list[str]) -> dict[str, Any]:
+    """Return the content of design.json."""
+    best = found.best
+    return {
+        "values": dict(best.values),
+        "aims": {name: {"tolerances": aim**0.5, "met": aim <= 1.0} for name, aim in zip(names, best.aims, strict=True)},
+        "met": best.met,
+        "area": best.area,
+        "largest_stretch": best.stretch,
+        "newton_error": best.newton_error,
+        "intersecting_pairs": best.intersecting_pairs,
+        "runs": len(found.runs),
+    }
+
+
+def lines(found: "Design", names: list[str], directory: Path | None) -> list[str]:
+    """Return the result in lines for the user."""
+    best = found.best
+    out = [f"  {path:40} {value:.6g}" for path, value in best.values.items()]
+    out += [f"  {name:40} {_off(aim)}" for name, aim in zip(names, best.aims, strict=True)]
+    out.append(f"  {len(found.runs)} runs, {best.area:.4g} m2 of fabric, stretch at most {best.stretch:.4g}")
+    if best.intersecting_pairs:
+        out.append(f"  {best.intersecting_pairs} pairs of triangles intersect in the last state.")
+    return out if directory is None else [*out, f"  files     {directory}: {DESIGN_NAME} and the run"]

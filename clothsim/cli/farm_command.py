@@ -1,0 +1,220 @@
+"""`clothsim farm`: many drapes of one recipe, none lost."""
+
+import argparse
+import re
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from time import sleep
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from clothsim.cli.arguments import Parser, as_count, as_positive_number, as_seconds
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim.farm.drape import Drape
+    from clothsim.farm.plan import Farm, Job
+    from clothsim.farm.status import Status
+
+FAULT = 1
+"""Exit code where a drape is torn or differs."""
+
+_DESCRIPTION = """\
+Make many drapes of one recipe: each is published once, whoever is killed. DIR is a folder, shared by all machines.
+
+  clothsim farm plan recipe.toml -o drapes
+  clothsim farm work drapes                    as often as there are cores, on any machine
+  clothsim farm work drapes --workers 8        with Dask: pip install 'clothsim[farm]'
+  clothsim farm status drapes --watch
+  clothsim farm verify drapes --share .01
+  clothsim farm pack drapes -o data.h5         or a folder, for shards
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    farm = commands.add_parser("farm", help="make many drapes of one recipe", description=_DESCRIPTION)
+    actions = farm.add_subparsers(metavar="ACTION", dest="action", parser_class=Parser, required=True)
+    plan = actions.add_parser("plan", help="write the scene and values of every drape")
+    plan.add_argument("recipe", type=Path, metavar="RECIPE", help="a TOML file with [farm] and [vary]")
+    plan.add_argument("-o", "--output", type=Path, metavar="DIR", required=True, help="folder of the farm")
+    plan.set_defaults(handler=_plan)
+    work = actions.add_parser("work", help="make the drapes that are left")
+    work.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
+    how = work.add_mutually_exclusive_group()
+    how.add_argument("--workers", metavar="N", help="processes of Dask on this machine (default: this process)")
+    how.add_argument("--scheduler", metavar="ADDRESS", help="of a Dask scheduler: tcp://host:8786")
+    work.add_argument("--attempts", default="3", metavar="N", help="before a drape is published as killed (default 3)")
+    work.add_argument("--stale", default="60s", metavar="TIME", help="without a heartbeat a claim ends (default 60s)")
+    work.set_defaults(handler=_work)
+    status = actions.add_parser("status", help="count what is done, failed and left")
+    status.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
+    status.add_argument("--watch", action="store_true", help="again every 2 s, until all is done")
+    status.set_defaults(handler=_status)
+    verify = actions.add_parser("verify", help="check all files, make some drapes again")
+    verify.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
+    verify.add_argument("--share", default="0.01", metavar="X", help="fraction to make again (default .01; 0: none)")
+    verify.set_defaults(handler=_verify)
+    pack = actions.add_parser("pack", help="write a data set: one HDF5 file, or a folder of WebDataset shards")
+    pack.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
+    pack.add_argument("-o", "--output", type=Path, metavar="FILE|DIR", required=True, help="data.h5, or a folder")
+    pack.add_argument("--shard", default="1000", metavar="N", help="drapes of a shard (default 1000)")
+    pack.add_argument("--sheet", action="store_true", help="leave a contact sheet (PNG) beside it")
+    pack.set_defaults(handler=_pack)
+    for action in (plan, work, status, verify, pack):
+        action.add_argument("--quiet", action="store_true", help="print nothing but errors")
+        action.add_argument("--json", action="store_true", help="print the result as JSON")
+        action.add_argument("--debug", action="store_true", help="show tracebacks")
+
+
+def _plan(arguments: argparse.Namespace) -> int:
+    from clothsim.farm.plan import plan
+    from clothsim.farm.recipe import load_recipe
+
+    farm = plan(load_recipe(arguments.recipe), arguments.output)
+    _tell(
+        arguments,
+        {"directory": str(farm.directory), "planned": len(farm.jobs)},
+        f"{farm.directory}: {len(farm.jobs)} drapes planned. `clothsim farm work {farm.directory}` makes them.",
+    )
+    return 0
+
+
+def _work(arguments: argparse.Namespace) -> int:
+    from clothsim.farm.claims import Worker
+    from clothsim.farm.plan import open_farm
+    from clothsim.farm.status import status, write_manifest
+    from clothsim.farm.work import work
+
+    farm = open_farm(arguments.directory)
+    attempts = as_count("--attempts", arguments.attempts)
+    stale = as_seconds("--stale", arguments.stale)
+    with terminated_like_interrupted():
+        try:
+            if arguments.workers is None and arguments.scheduler is None:
+                worker = Worker(beat=min(5.0, stale / 6), stale_after=stale)
+                work(farm, worker, attempts, None if arguments.quiet or arguments.json else _line(farm))
+            else:
+                _with_dask(arguments, farm, attempts)
+        except KeyboardInterrupt:
+            left = len(farm.jobs) - len(farm.published())
+            print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` goes on.", file=sys.stderr)
+            return 130
+    write_manifest(farm)
+    state = status(farm)
+    _tell(arguments, asdict(state), _text(state))
+    return 0
+
+
+def _with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int) -> None:
+    from clothsim.farm.dask_work import work_with_dask
+
+    def announce(link: str) -> None:
+        if not arguments.quiet:
+            print(f"dashboard: {link}", file=sys.stderr, flush=True)
+
+    workers = 1 if arguments.workers is None else as_count("--workers", arguments.workers)
+    work_with_dask(farm, arguments.scheduler, workers, attempts, announce)
+
+
+def _status(arguments: argparse.Namespace) -> int:
+    from clothsim.farm.plan import open_farm
+    from clothsim.farm.status import status
+
+    farm = open_farm(arguments.directory)
+    while True:
+        state = status(farm)
+        _tell(arguments, asdict(state), _text(state))
+        if not arguments.watch or state.published == state.planned:
+            return 0
+        sleep(2.0)
+
+
+def _verify(arguments: argparse.Namespace) -> int:
+    from clothsim.farm.plan import open_farm
+    from clothsim.farm.verify import verify
+
+    none = bool(re.fullmatch(r"0+(\.0*)?|\.0+", arguments.share))
+    share = 0.0 if none else as_positive_number("--share", arguments.share)
+    if share > 1:
+        raise InputError(f"--share is {arguments.share!r}.", "Give a number from 0 to 1, such as .01.")
+    done = verify(open_farm(arguments.directory), share)
+    lines = [f"{done.whole} drapes are whole, {len(done.torn)} torn."]
+    if done.repeated + done.elsewhere:
+        lines.append(
+            f"{done.repeated} made again on this kind of processor, {done.same} with the same bytes; {done.elsewhere} "
+            f"from another kind. Largest distance {1e3 * done.largest:.3g} mm."
+        )
+    lines += [f"torn: {name}" for name in done.torn] + [f"different: {name}" for name in done.different]
+    _tell(arguments, asdict(done), "\n".join(lines))
+    return 0 if done.good else FAULT
+
+
+def _pack(arguments: argparse.Namespace) -> int:
+    from clothsim.farm.pack import pack
+    from clothsim.farm.plan import open_farm
+
+    farm = open_farm(arguments.directory)
+    done = pack(farm, arguments.output, as_count("--shard", arguments.shard))
+    files = list(done.files)
+    if arguments.sheet:
+        from clothsim.farm.contact_sheet import contact_sheet
+
+        files.append(contact_sheet(farm, files[-1].with_suffix(".png")))
+    content = {"files": [str(file) for file in files], "drapes": done.drapes, "left_out": done.left_out}
+    size = sum(file.stat().st_size for file in files)
+    text = f"{done.drapes} drapes, {done.left_out} left out, {size / 1e6:.2g} MB: {', '.join(map(str, files))}"
+    _tell(arguments, content, text)
+    return 0
+
+
+@contextmanager
+def terminated_like_interrupted() -> Iterator[None]:
+    """Within the block SIGTERM does what Ctrl-C does."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def forward(number: int, frame: FrameType | None) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    before = signal.signal(signal.SIGTERM, forward)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
+
+
+def _line(farm: "Farm") -> Any:
+    """A callback that prints a line for each drape."""
+
+    def show(job: "Job", made: "Drape") -> None:
+        verdict = "certified" if made.summary["usable"] else f"{made.summary['cause']}: {made.summary['reason']}"
+        print(f"{job.id} {made.summary.get('cpu_seconds', 0.0):.1f} s {verdict}", flush=True)
+
+    return show
+
+
+def _text(state: "Status") -> str:
+    lines = [
+        f"{state.published} of {state.planned} drapes published, {state.usable} usable; {state.claimed} being made"
+        + (f", {state.stale} left by processes that ended" if state.stale else "")
+        + "."
+    ]
+    lines += [f"  {count} {cause}" for cause, count in sorted(state.causes.items())]
+    lines += [f"  {rate:.0f} drapes in an hour of one core ({name})" for name, rate in state.per_core_hour.items()]
+    return "\n".join(lines)
+
+
+def _tell(arguments: argparse.Namespace, content: dict[str, Any], text: str) -> None:
+    if arguments.json:
+        from clothsim.io.record import to_json
+
+        print(to_json(content), flush=True)
+    elif not arguments.quiet:
+        print(text, flush=True)

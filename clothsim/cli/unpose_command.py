@@ -1,0 +1,117 @@
+"""`clothsim unpose` and `clothsim repose`: garments of a run in the rest pose of their body model, and back."""
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+from clothsim.errors import InputError
+
+_UNPOSE = """\
+Bring the garments of every frame of a run to the rest pose of its body model.
+
+  clothsim unpose walk -o canonical.npz
+"""
+_REPOSE = """\
+Carry a canonical garment to the body model of a scene, at any time and in any shape: a start for a drape.
+
+  clothsim repose canonical.npz other.toml -o shirt.obj --cloth shirt
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the commands to the parser."""
+    unpose = commands.add_parser("unpose", help="garments of a run in the rest pose", description=_UNPOSE)
+    unpose.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`, with a body model")
+    unpose.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="an .npz")
+    unpose.add_argument("--field", action="store_true", help="weights of each canonical position itself")
+    unpose.add_argument("--json", action="store_true", help="print frames, vertices and residuals as JSON")
+    unpose.add_argument("--debug", action="store_true", help="show tracebacks")
+    unpose.set_defaults(handler=_unpose)
+    repose = commands.add_parser("repose", help="a canonical garment on another body", description=_REPOSE)
+    repose.add_argument("file", type=Path, metavar="FILE", help="what `clothsim unpose` left")
+    repose.add_argument("scene", type=Path, metavar="SCENE", help="a scene with the same body model")
+    repose.add_argument("-o", "--output", type=Path, metavar="OBJ", required=True, help="the garment")
+    repose.add_argument("--cloth", metavar="NAME", help="which of several")
+    repose.add_argument("--frame", default="last", metavar="N", help="0, 1, ... or last (default: last)")
+    repose.add_argument("--time", default="0", metavar="S", help="of the scene's motion [s] (default: 0)")
+    repose.add_argument("--debug", action="store_true", help="show tracebacks")
+    repose.set_defaults(handler=_repose)
+
+
+def _unpose(arguments: argparse.Namespace) -> int:
+    import numpy as np
+
+    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.run.canonical import unposed, write_canonical
+    from clothsim.run.results import open_run
+    from clothsim.scene.scene import scene_from_text
+
+    _ends_in(arguments.output, ".npz")
+    directory = arguments.directory
+    if not (directory / CHECKPOINT_NAME).is_file():
+        raise InputError(f"{directory} is no directory of a run (no {CHECKPOINT_NAME}).")
+    scene = scene_from_text(read_checkpoint(directory / CHECKPOINT_NAME).scene_text, directory)
+    made = unposed(open_run(directory), scene, arguments.field)
+    write_canonical(arguments.output, made)
+    near = float(np.mean(made.residuals <= 1e-3))
+    figures = {
+        "file": str(arguments.output),
+        "frames": len(made.times),
+        "vertices": made.positions.shape[1],
+        "worst_residual": float(made.residuals.max()),
+        "within_1_mm": near,
+    }
+    if arguments.json:
+        from clothsim.io.record import to_json
+
+        print(to_json(figures))
+        return 0
+    print(
+        f"{arguments.output}: {len(made.times)} frames of {made.positions.shape[1]} vertices. Posed again, "
+        f"{100 * near:.4g} % are within 1 mm, the worst within {1e3 * made.residuals.max():.3g} mm."
+    )
+    return 0
+
+
+def _repose(arguments: argparse.Namespace) -> int:
+    from clothsim.cli.export_command import frame_number
+    from clothsim.io.obj_writer import write_obj
+    from clothsim.run.canonical import character_of_scene, read_canonical
+    from clothsim.scene.toml_file import load_scene
+    from transfer.signed_distance import body_surface
+
+    _ends_in(arguments.output, ".obj")
+    made = read_canonical(arguments.file)
+    rows = made.rows_of(arguments.cloth)
+    placed, _ = character_of_scene(load_scene(arguments.scene))
+    time = _seconds(arguments.time)
+    points = made.posed(frame_number(arguments.frame), placed, time)[rows]
+    inside = (made.triangles >= rows.start).all(axis=1) & (made.triangles < rows.stop).all(axis=1)
+    write_obj(arguments.output, points, made.triangles[inside] - rows.start)
+    body = placed.character.vertices(placed.pose(time)) @ placed.linear.T + placed.shift
+    found = body_surface(body, placed.character.triangles).penetration(points)
+    print(
+        f"{arguments.output}: {len(points)} vertices, {found.count} of them inside the body, "
+        f"the deepest by {1e3 * found.depth:.3g} mm."
+    )
+    if found.count:
+        print("  [seed] untangle = true, or `clothsim fit`, brings them out.")
+    return 0
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise InputError(f"--time is {text!r}.", "Give a number of seconds.")
+    return seconds
+
+
+def _ends_in(path: Path, ending: str) -> None:
+    if path.suffix.lower() != ending:
+        raise InputError(f"{path.name} does not end in {ending}.", "Give the file that ending.")
+    if not path.resolve().parent.is_dir():
+        raise InputError(f"There is no directory {path.parent}.", "Make it first, or choose another with -o.")

@@ -1,0 +1,76 @@
+"""`clothsim view`: the page of a run in a browser."""
+
+import argparse
+import sys
+import time
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from clothsim.cli.arguments import as_count
+from clothsim.errors import ClothsimError, InputError
+
+_DESCRIPTION = """\
+Show a run in a browser, also one that is still going: turn and scrub it, colour it by a field, pick a vertex. Needs
+pip install 'clothsim[view]'. Ctrl-C ends it.
+
+  clothsim view drape
+  clothsim view drape --field stress --port 9000
+"""
+
+
+def add_to(commands: Any) -> None:
+    """Add the command to the parser."""
+    view = commands.add_parser("view", help="show a run in a browser", description=_DESCRIPTION)
+    view.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
+    view.add_argument("--field", metavar="NAME", help="plain, stretch, stress, compression, ... (default: stretch)")
+    view.add_argument("--port", default="8080", metavar="N", help="port, or the next one that is free (default 8080)")
+    view.add_argument("--host", default="127.0.0.1", metavar="ADDRESS", help="0.0.0.0 opens it to the network")
+    view.add_argument("--wait", action="store_true", help="wait for the first frame of a run that has just begun")
+    view.add_argument("--browser", action="store_true", help="open the browser too")
+    view.add_argument("--quiet", action="store_true", help="print nothing")
+    view.add_argument("--json", action="store_true", help="print the address as JSON")
+    view.add_argument("--debug", action="store_true", help="show tracebacks")
+    view.set_defaults(handler=_view)
+
+
+LONGEST_WAIT, PAUSE = 600.0, 0.3
+"""Time to wait for a first frame, and between two looks [s]."""
+
+
+def _view(arguments: argparse.Namespace) -> int:
+    from clothsim.viewer.view import view
+
+    port = as_count("--port", arguments.port)
+    if arguments.wait:
+        _await_frame(arguments.directory)
+    page = view(arguments.directory, port=port, host=arguments.host, colour=arguments.field)
+    if arguments.json:
+        from clothsim.io.record import to_json
+
+        print(to_json({"url": page.url}), flush=True)
+    elif not arguments.quiet:
+        print(f"{page.url} shows {arguments.directory}. Ctrl-C ends it.", flush=True)
+    if arguments.browser:
+        import webbrowser
+
+        if not webbrowser.open(page.url):
+            print(f"No browser was found: open {page.url}.", file=sys.stderr)
+    page.wait()
+    return 0
+
+
+def _await_frame(directory: Path) -> None:
+    """Return when a run that was begun after now has a frame. InputError after LONGEST_WAIT."""
+    from clothsim.io.trajectory import TRAJECTORY_NAME
+    from clothsim.run.results import open_run
+
+    begun = time.time()
+    for _ in range(int(LONGEST_WAIT / PAUSE)):
+        file = directory / TRAJECTORY_NAME
+        if file.is_file() and file.stat().st_mtime >= begun:
+            with suppress(ClothsimError):
+                if len(open_run(directory)):
+                    return
+        time.sleep(PAUSE)
+    raise InputError(f"{directory} had no frame after {LONGEST_WAIT:g} s.", "Start `clothsim view` when it has one.")

@@ -1,0 +1,166 @@
+"""Claims: at most one living process makes a drape.
+
+A claim is a file that is created exclusively; its time of change is the heartbeat. Whoever finds one without a
+heartbeat renames it away, which succeeds for one thief only, and claims the drape again. Two processes that make the
+same drape all the same (one was suspended, or its heartbeat delayed) cost time and nothing else: one publishes.
+"""
+
+import json
+import os
+import platform
+import threading
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import time
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Worker:
+    """A process that makes drapes: its own name in claims, and the times that tell whether one is alive.
+
+    Attributes
+    ----------
+    beat : float
+        Time between two heartbeats [s].
+    stale_after : float
+        A claim whose last heartbeat is older is taken over [s].
+    longest : float
+        After that time a claim has no heartbeats any more, so that a drape that hangs is given up [s].
+    """
+
+    beat: float = 5.0
+    stale_after: float = 60.0
+    longest: float = 3600.0
+    token: str = field(default_factory=lambda: f"{os.getpid()}-{uuid.uuid4().hex[:12]}")
+
+
+@contextmanager
+def claimed(folder: Path, name: str, worker: Worker) -> Iterator[bool]:
+    """Claim a drape for the block; False where another process has it.
+
+    Parameters
+    ----------
+    folder : Path
+        Of the claims.
+    name : str
+        The id of the drape.
+    worker : Worker
+        Who claims.
+    """
+    path = folder / name
+    taken = _create(path, worker) or (_removed_stale(path, worker) and _create(path, worker))
+    if not taken:
+        yield False
+        return
+    ended = threading.Event()
+    heart = threading.Thread(target=_beats, args=(path, worker, ended), daemon=True)
+    heart.start()
+    try:
+        yield True
+    finally:
+        ended.set()
+        heart.join()
+        if _content(path).get("token") == worker.token:  # a thief's is his
+            path.unlink(missing_ok=True)
+
+
+def is_stale(path: Path, worker: Worker) -> bool:
+    """True where the process that claimed has ended, or its heartbeat is too old; False where there is no claim."""
+    try:
+        seen = path.stat().st_mtime
+    except FileNotFoundError:
+        return False
+    if _file_system_time(path.parent, worker) - seen > worker.stale_after:
+        return True
+    owner = _content(path)
+    return owner.get("host") == platform.node() and not _alive(owner.get("pid"), owner.get("born"))
+
+
+def _create(path: Path, worker: Worker) -> bool:
+    """Create the claim; False where there is one."""
+    text = {"token": worker.token, "host": platform.node(), "pid": os.getpid(), "born": _born(os.getpid())}
+    try:
+        handle = os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o644)
+    except FileExistsError:
+        return False
+    try:
+        os.write(handle, json.dumps(text).encode())
+    finally:
+        os.close(handle)
+    return True
+
+
+def _removed_stale(path: Path, worker: Worker) -> bool:
+    """Rename a stale claim away; False where it is alive, or another thief was first."""
+    if not is_stale(path, worker):
+        return False
+    judged = _content(path).get("token")
+    aside = path.with_name(f".{path.name}.{worker.token}")
+    try:
+        os.rename(path, aside)
+    except FileNotFoundError:
+        return False
+    ours = _content(aside).get("token") == judged
+    if not ours:  # a new claim came between the look and the rename: it goes back, if its place is still free
+        with suppress(OSError):
+            os.link(aside, path)
+    aside.unlink(missing_ok=True)
+    return ours
+
+
+def _beats(path: Path, worker: Worker, ended: threading.Event) -> None:
+    """Renew the time of the claim until the drape has ended, or for `longest`."""
+    for _ in range(max(1, int(worker.longest / worker.beat))):
+        if ended.wait(worker.beat):
+            return
+        if _content(path).get("token") != worker.token:
+            return
+        with suppress(OSError):
+            os.utime(path)
+
+
+def _file_system_time(folder: Path, worker: Worker) -> float:
+    """The time by the clock that stamps the claims: that of a file server may differ from this machine's [s]."""
+    clock = folder / f".clock.{worker.token}"
+    try:
+        clock.touch()
+        now = clock.stat().st_mtime
+        clock.unlink(missing_ok=True)
+    except OSError:
+        return time()
+    return now
+
+
+def _content(path: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _alive(pid: Any, born: Any) -> bool:
+    """True where a process of this machine with that number and time of start is running, or it cannot be told."""
+    if not isinstance(pid, int):
+        return True
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    now = _born(pid)
+    return now is None or born is None or now == born
+
+
+def _born(pid: int) -> str | None:
+    """Start of a process in ticks since boot; None where the system does not tell, "ended" of one not yet reaped."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    except OSError:
+        return None
+    return "ended" if fields[0] == "Z" else fields[19]

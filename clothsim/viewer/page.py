@@ -1,0 +1,201 @@
+"""Page of a run: the cloth to be turned, scrubbed and played, a field in colours, a picked vertex, the certificate."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.run.results import Run, open_run
+from clothsim.viewer.coloured_frames import Colouring, colouring, positions_of
+from clothsim.viewer.glb_frames import as_glb
+from clothsim.viewer.legend_bar import legend_html
+from clothsim.viewer.picking import picked_vertex
+from clothsim.viewer.side_texts import certificate_text, solver_text, speeds, state_text, vertex_text
+
+if TYPE_CHECKING:
+    import viser
+
+TICK = 1 / 30
+"""Time between two looks at the clock while it plays [s]."""
+NEWS = 1.0
+"""Time between two looks at the files of a run that is still going [s]."""
+CACHED_BYTES = 256 << 20
+"""Bound on the frames that are kept ready to be sent."""
+
+
+@contextmanager
+def silent() -> Iterator[None]:
+    """Keep viser from printing of itself."""
+    import rich
+
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before
+
+
+@dataclass(repr=False)
+class Page:
+    """Page of a run, served until `close`.
+
+    Attributes
+    ----------
+    run : Run
+        The run; read again while it is still going.
+    server : viser.ViserServer
+        Server of the page.
+    colouring : Colouring
+        What colours the cloth.
+    frame : int
+        Frame that is shown.
+    picked : int or None
+        Picked vertex.
+    """
+
+    run: Run
+    server: "viser.ViserServer"
+    colouring: Colouring
+    frame: int = 0
+    picked: int | None = None
+    _ready: OrderedDict[tuple[str, int], bytes] = field(default_factory=OrderedDict)
+    nodes: dict[str, Any] = field(default_factory=dict)
+    controls: dict[str, Any] = field(default_factory=dict)
+    _lock: threading.RLock = field(default_factory=threading.RLock)
+    _closed: threading.Event = field(default_factory=threading.Event)
+
+    @property
+    def url(self) -> str:
+        """Address of the page."""
+        return f"http://{self.server.get_host()}:{self.server.get_port()}"
+
+    def __repr__(self) -> str:
+        return f"<Page of {str(self.run.directory)!r} at {self.url}>"
+
+    def _repr_html_(self) -> str:
+        """The page within a notebook."""
+        return f'<iframe src="{self.url}" width="100%" height="560" style="border:0"></iframe>'
+
+    def close(self) -> None:
+        """End the server."""
+        self._closed.set()
+        with silent():
+            self.server.stop()
+
+    def wait(self) -> None:
+        """Serve until Ctrl-C."""
+        try:
+            while not self._closed.wait(0.5):
+                pass
+        except KeyboardInterrupt:
+            self.close()
+
+    def show(self, frame: int) -> None:
+        """Show a frame: cloths, bodies and texts."""
+        with self._lock:
+            self.frame = int(np.clip(frame, 0, len(self.run) - 1))
+            self.nodes["cloth"].glb_data = self.glb(self.frame)
+            moving = {each.name for each in self.run.trajectory.surfaces if each.moving}
+            for name, points, _ in self.run.bodies(self.frame):
+                if name in moving:
+                    self.nodes[f"body/{name}"].vertices = points.astype(np.float32)
+            time = float(self.run.times[self.frame])
+            self.controls["solver"].content = f"**{time:.4g} s**\n\n{solver_text(self.run.record(), time)}"
+            self._show_picked()
+
+    def colour_by(self, name: str) -> None:
+        """Colour the cloth by another quantity."""
+        with self._lock:
+            self.colouring = colouring(self.run, name)
+            self.controls["legend"].content = legend_html(self.colouring.scale)
+            self.picked = None
+            self.fade(self.controls["opacity"].value)
+            self.show(self.frame)
+
+    def fade(self, opacity: float) -> None:
+        """Let bodies be seen through; none is drawn where colours lie on them."""
+        for name, node in self.nodes.items():
+            if name.startswith("body/"):
+                node.visible = opacity > 0 and not self.colouring.of_bodies
+                node.opacity = None if opacity == 1 else opacity
+
+    def pick(self, origin: Floats, direction: Floats) -> int | None:
+        """Pick the vertex that a ray meets first; its number."""
+        mesh = self.colouring.mesh(self.frame)
+        vertex = picked_vertex(mesh.positions, mesh.triangles, origin, direction)
+        with self._lock:
+            self.picked = vertex
+            self._show_picked()
+        return vertex
+
+    def refresh(self) -> bool:
+        """Read the run again; True where it has more frames or has ended."""
+        with self._lock:
+            again = open_run(self.run.directory)
+            if len(again) == len(self.run) and again.summary == self.run.summary:
+                return False
+            at_end = self.frame == len(self.run) - 1
+            self.run = again
+            self.colouring = colouring(again, self.colouring.name)
+            self._ready.clear()
+            slider = self.controls["frame"]
+            slider.max = max(1, len(again) - 1)
+            self.controls["state"].content = state_text(again)
+            self.controls["certificate"].content = certificate_text(again)
+            if at_end:
+                slider.value = len(again) - 1
+            self.show(len(again) - 1 if at_end else self.frame)
+            return True
+
+    def glb(self, frame: int) -> bytes:
+        """The cloths of a frame as binary glTF; kept, as playing asks for it again."""
+        key = (self.colouring.name, frame)
+        if key not in self._ready:
+            self._ready[key] = as_glb(self.colouring.mesh(frame))
+            while len(self._ready) > 1 and sum(map(len, self._ready.values())) > CACHED_BYTES:
+                self._ready.popitem(last=False)
+        return self._ready[key]
+
+    def _show_picked(self) -> None:
+        text, marker = self.controls["vertex"], self.nodes["marker"]
+        marker.visible = self.picked is not None
+        if self.picked is None:
+            text.content = "Click on the cloth: a vertex and its history."
+            return
+        mesh = self.colouring.mesh(self.frame)
+        marker.position = mesh.positions[self.picked]
+        places, times = self._history(self.picked), self.run.times
+        fast = speeds(places, times)
+        text.content = vertex_text(
+            self.picked,
+            mesh.positions[self.picked],
+            float(fast[self.frame]),
+            (self.colouring.name.replace("_", " "), self.colouring.value_at(mesh, self.picked)),
+        )
+        self.controls["history"].data = (np.asarray(times, float), fast)
+        self.controls["history"].visible = len(times) > 1
+
+    def _history(self, vertex: int) -> Floats:
+        """Places of a vertex in all frames, (k, 3) [m]."""
+        return np.array([positions_of(self.run, self.colouring, k)[vertex] for k in range(len(self.run))])
+
+    def serve(self) -> None:
+        """Play, and follow a run that is still going, until the page is closed."""
+        looked = shown = monotonic()
+        while not self._closed.wait(TICK):
+            now = monotonic()
+            if not self.run.summary and now - looked > NEWS:
+                looked = now
+                self.refresh()
+            if self.controls["play"].value and len(self.run) > 1:
+                pause = float(np.median(np.diff(self.run.times))) / self.controls["speed"].value
+                if now - shown >= pause:
+                    shown = now
+                    self.controls["frame"].value = (self.frame + 1) % len(self.run)

@@ -1,0 +1,64 @@
+"""Texts beside the picture: state of the run, certificate, numbers of the solver, values at a vertex."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.run.certificate_text import certificate_rows
+
+if TYPE_CHECKING:
+    from clothsim.run.results import Run
+
+
+def table(rows: Sequence[tuple[str, str]]) -> str:
+    """Two columns in Markdown."""
+    return "\n".join(["| | |", "| --- | --- |", *(f"| {name} | {_escaped(value)} |" for name, value in rows)])
+
+
+def _escaped(text: str) -> str:
+    return text.replace("|", "\\|").replace("\n", " ")
+
+
+def state_text(run: "Run") -> str:
+    """Status and reason, and whether the cloth is free of intersections."""
+    free = {True: "free of intersections (exact check)", False: "**it intersects**", None: "not checked yet"}
+    going = not run.summary
+    status = "running or stopped" if going else run.status
+    lines = [f"**{status}**, {len(run)} frames", "" if going else run.reason, free[run.intersection_free]]
+    return "\n\n".join(line for line in lines if line)
+
+
+def certificate_text(run: "Run") -> str:
+    """What the run certifies at its end."""
+    if not run.summary:
+        return "The certificate comes with the end of the run."
+    return table(certificate_rows(run.summary))
+
+
+def solver_text(entries: Sequence[Mapping[str, Any]], time: float) -> str:
+    """Numbers of the step that ended at a time or last before it, and of all steps to it."""
+    done = [entry for entry in entries if entry["time"] <= time * (1 + 1e-12)]
+    if not done:
+        return "before the first step"
+    last = done[-1]
+    rows = [
+        ("step", f"{last['step']:,} of {len(entries):,}"),
+        ("length of the step", f"{1e3 * last['dt']:.3g} ms"),
+        ("Newton iterations", f"{last['newton_iterations']:,}, {sum(e['newton_iterations'] for e in done):,} so far"),
+    ]
+    return table(rows)
+
+
+def vertex_text(vertex: int, position: Floats, speed: float, value: tuple[str, str]) -> str:
+    """Position, speed, and name and value of what colours the cloth, at a picked vertex."""
+    place = ", ".join(f"{coordinate:.4f}" for coordinate in position)
+    return table([("vertex", f"{vertex:,}"), ("position [m]", place), ("speed [m/s]", f"{speed:.3g}"), value])
+
+
+def speeds(places: Floats, times: Floats) -> Floats:
+    """Speed of a vertex between frames, (k,) [m/s], from its places (k, 3) [m]; 0 in the first frame."""
+    if len(times) < 2:
+        return np.zeros(len(times))
+    return np.concatenate([[0.0], np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)])

@@ -1,0 +1,74 @@
+"""Service of the page of a run."""
+
+import threading
+from pathlib import Path
+from typing import Any
+
+from clothsim.errors import InputError
+from clothsim.io.trajectory import TRAJECTORY_NAME
+from clothsim.run.results import Run, open_run
+from clothsim.viewer.coloured_frames import PLAIN, STRETCH, colouring, colouring_names
+from clothsim.viewer.page import Page, silent
+from clothsim.viewer.page_parts import add_controls, add_scene
+
+LOOPBACK = "127.0.0.1"
+LABEL = "clothsim"
+PORT = 8080
+
+
+def require_viser() -> Any:
+    """The package of the page. InputError where it is not installed."""
+    try:
+        import viser
+    except ImportError as error:
+        raise InputError("The page needs the package viser.", "pip install 'clothsim[view]'") from error
+    return viser
+
+
+def view(run: Run | str | Path, port: int = PORT, host: str = LOOPBACK, colour: str | None = None) -> Page:
+    """Serve the page of a run, also of one that is still going: turn, scrub, play, colour by a field, pick a vertex.
+
+    Parameters
+    ----------
+    run : Run, str or Path
+        The run, or its directory.
+    port : int
+        Port, or the next one that is free.
+    host : str
+        Address on which it is served; another than the loopback address opens it to the network.
+    colour : str, optional
+        Quantity that colours the cloth; by default the stretch where the run kept it.
+
+    Returns
+    -------
+    Page
+        Its `url`; `close()` ends it. A notebook shows it in its cell.
+
+    Raises
+    ------
+    InputError
+        No run there, no frame yet, an unknown quantity, or viser is not installed.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> page = clothsim.view("drape", port=8080)  # doctest: +SKIP
+    >>> page.url  # doctest: +SKIP
+    'http://127.0.0.1:8080'
+    """
+    viser = require_viser()
+    run = run if isinstance(run, Run) else open_run(run)
+    if not len(run):
+        raise InputError(f"{run.directory} has no frame yet.", f"Wait until {TRAJECTORY_NAME} has one.")
+    names = colouring_names(run)
+    first = colour or (STRETCH if STRETCH in names else PLAIN)
+    if first not in names:
+        raise InputError(f"This run has no {first!r} to show.", f"It has {', '.join(names)}.")
+    with silent():  # it prints its addresses
+        server = viser.ViserServer(host=host, port=port, label=LABEL, verbose=False)
+    page = Page(run, server, colouring(run, first))
+    add_scene(page)
+    add_controls(page, names)
+    page.show(0)
+    threading.Thread(target=page.serve, name="clothsim page", daemon=True).start()
+    return page

@@ -1,0 +1,52 @@
+"""Code of the notebooks runs, and the stored notebooks were executed from beginning to end."""
+
+import ast
+import json
+from typing import Any
+
+import matplotlib
+import pytest
+
+from tests.notebooks import FOLDER
+
+NAMES = ["accuracy", "any_mesh", "first_drape", "fit_and_dress", "gradients"]
+
+
+def code_cells(name: str) -> list[dict[str, Any]]:
+    """Code cells of a notebook."""
+    book = json.loads((FOLDER / f"{name}.ipynb").read_text(encoding="utf-8"))
+    return [cell for cell in book["cells"] if cell["cell_type"] == "code"]
+
+
+def source_of(cell: dict[str, Any]) -> str:
+    """Text of a cell."""
+    source = cell["source"]
+    return source if isinstance(source, str) else "".join(source)
+
+
+def test_these_are_all():
+    assert sorted(file.stem for file in FOLDER.glob("*.ipynb")) == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_code_runs(name, tmp_path, monkeypatch):
+    if name == "first_drape":
+        pytest.importorskip("viser")
+    matplotlib.use("Agg")
+    monkeypatch.chdir(tmp_path)
+    names: dict[str, Any] = {}
+    for cell in code_cells(name):
+        exec(compile(source_of(cell), f"{name}.ipynb", "exec"), names)
+    if "run" in names:
+        assert names["run"].status == "completed"
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_it_was_executed(name):
+    cells = code_cells(name)
+    assert [cell["execution_count"] for cell in cells] == list(range(1, len(cells) + 1))
+    for cell in cells:
+        last = ast.parse(source_of(cell)).body[-1]
+        shows = isinstance(last, ast.Expr) and "close()" not in source_of(cell)
+        assert not shows or cell["outputs"]
+        assert all(output["output_type"] != "error" for output in cell["outputs"])

@@ -1,0 +1,169 @@
+"""Page of a run: colours, binary glTF, picking, texts, and the served page."""
+
+import io
+import json
+import subprocess
+import sys
+import urllib.request
+
+import numpy as np
+import pytest
+import trimesh
+
+import clothsim
+from clothsim.errors import InputError
+from clothsim.run.results import open_run
+from clothsim.viewer import view as view_module
+from clothsim.viewer.coloured_frames import PLAIN, STRETCH, colouring, colouring_names, positions_of
+from clothsim.viewer.glb_frames import as_glb
+from clothsim.viewer.legend_bar import legend_html
+from clothsim.viewer.picking import picked_vertex
+from clothsim.viewer.side_texts import solver_text, speeds
+
+
+def status_of(url: str) -> int:
+    """HTTP status of a page on this machine, past any proxy."""
+    with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(url, timeout=20) as answer:
+        return answer.status
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """A small sheet that falls onto a ball, with the pressure on the ball."""
+    scene = clothsim.Scene(
+        cloth={"mesh": "rectangle", "size": [0.4, 0.4], "cells": [6, 6], "position": [0, 0, 0.155]},
+        body={"name": "ball", "mesh": "sphere", "radius": 0.15},
+        effects={"inertia": {}, "membrane": {}, "gravity": {}, "body_contact": {}},
+        solver={"dt": 0.02},
+        run={"duration": 0.1, "frames_per_second": 50, "fields": ["body_pressure"]},
+    )
+    return clothsim.simulate(scene, tmp_path_factory.mktemp("run"))
+
+
+@pytest.fixture(scope="module")
+def page(run):
+    pytest.importorskip("viser")
+    served = clothsim.view(run, port=18_765)
+    yield served
+    served.close()
+
+
+def test_names_are_those_that_can_be_drawn(run):
+    names = colouring_names(run)
+    assert {PLAIN, STRETCH, "stress", "compression", "body_pressure"} <= set(names)
+    assert "contact_pressure" not in names  # the run did not write it
+    for name in names:
+        mesh = colouring(run, name).mesh(1)
+        assert mesh.colours.shape == mesh.positions.shape
+        assert 0 <= mesh.colours.min() <= mesh.colours.max() <= 1
+
+
+@pytest.mark.parametrize("name", [PLAIN, STRETCH, "stress", "body_pressure"])
+def test_the_mesh_has_the_positions_of_the_frame(run, name):
+    shown = colouring(run, name)
+    mesh = shown.mesh(2)
+    assert np.array_equal(mesh.positions, positions_of(run, shown, 2))
+    body = sum(len(triangles) for _, _, triangles in run.bodies(0))
+    assert len(mesh.triangles) == (body if name == "body_pressure" else len(run.triangles))
+
+
+def test_the_value_at_a_vertex_is_a_stretch_not_its_logarithm(run):
+    shown = colouring(run, STRETCH)
+    mesh = shown.mesh(0)
+    assert shown.value_at(mesh, 0) == "1"
+    assert colouring(run, "stress").value_at(mesh, 0).endswith("N/m")
+    plain = colouring(run, PLAIN)
+    assert plain.value_at(plain.mesh(0), 0) == "-"
+
+
+def test_one_range_for_all_frames(run):
+    shown = colouring(run, "stress")
+    largest = max(float(shown.mesh(k).values.max()) for k in range(len(run)))
+    assert shown.scale.high > 0.3 * largest
+    first, last = shown.mesh(0), shown.mesh(len(run) - 1)
+    assert np.ptp(first.colours, axis=0).max() < np.ptp(last.colours, axis=0).max()
+
+
+def test_binary_gltf_is_read_by_a_reader_that_is_not_ours(run):
+    mesh = colouring(run, STRETCH).mesh(-1)
+    read = trimesh.load(io.BytesIO(as_glb(mesh)), file_type="glb", process=False, force="mesh")
+    assert np.allclose(read.vertices, mesh.positions, atol=1e-6)
+    assert np.array_equal(read.faces, mesh.triangles)
+    assert np.abs(read.visual.vertex_colors[:, :3] / 255 - mesh.colours).max() < 1 / 255
+
+
+def test_the_picked_vertex_is_the_nearest_that_the_ray_meets_first(run):
+    mesh = colouring(run, PLAIN).mesh(-1)
+    above = mesh.positions + np.array([0.003, 0.002, 1.0])
+    for k in range(0, len(above), 5):
+        found = picked_vertex(mesh.positions, mesh.triangles, above[k], np.array([0, 0, -1.0]))
+        if found is not None:
+            across = np.linalg.norm(mesh.positions[:, :2] - above[k, :2], axis=1)
+            assert across[found] <= 0.08
+    assert picked_vertex(mesh.positions, mesh.triangles, np.array([5.0, 5, 1]), np.array([0, 0, -1.0])) is None
+
+
+def test_of_two_sheets_the_nearer_one_is_picked():
+    square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
+    both = np.concatenate([square, square + np.array([0, 0, 1.0])])
+    triangles = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    for side, corner in ((2.0, 5), (-1.0, 1)):
+        direction = np.array([0, 0, -np.sign(side)])
+        assert picked_vertex(both, triangles, np.array([0.9, 0.2, side]), direction) == corner
+
+
+def test_texts(run):
+    assert speeds(np.array([[0, 0, 0], [0, 0, 0.2]]), np.array([0.0, 0.1])).tolist() == [0.0, 2.0]
+    assert "1 of 5" in solver_text(run.record(), 0.03)
+    assert legend_html(None) == ""
+    assert legend_html(colouring(run, "stress").scale).count("#") == 17
+
+
+def test_the_page_is_served_and_follows_its_controls(page, run):
+    assert status_of(page.url) == 200
+    page.show(3)
+    mesh = page.colouring.mesh(3)
+    assert page.frame == 3
+    assert page.nodes["cloth"].glb_data == as_glb(mesh)
+    top = int(np.argmax(mesh.positions[:, 2]))
+    assert page.pick(mesh.positions[top] + np.array([1e-4, 1e-4, 1.0]), np.array([0, 0, -1.0])) == top
+    assert page.nodes["marker"].visible
+    assert np.allclose(page.nodes["marker"].position, mesh.positions[top])
+    page.colour_by("body_pressure")
+    assert not page.nodes["body/ball"].visible
+    page.colour_by(STRETCH)
+    assert page.nodes["body/ball"].visible
+    page.show(10**6)
+    assert page.frame == len(run) - 1
+
+
+def test_a_run_that_is_going_on_is_read_again(page, run):
+    assert not page.refresh()
+    page.run = open_run(run.directory)
+    page.run.summary.clear()  # as before its end
+    assert page.refresh()
+    assert page.run.summary == run.summary
+
+
+@pytest.mark.parametrize("colour", ["weight", "contact_pressure"])
+def test_what_the_run_does_not_have_is_refused(run, colour):
+    pytest.importorskip("viser")
+    with pytest.raises(InputError):
+        clothsim.view(run, port=18_767, colour=colour)
+
+
+def test_without_viser_the_remedy_is_named(run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "viser", None)
+    with pytest.raises(InputError) as caught:
+        view_module.view(run)
+    assert "clothsim[view]" in str(caught.value)
+
+
+def test_the_command_serves_until_it_is_ended(run):
+    pytest.importorskip("viser")
+    command = [sys.executable, "-m", "clothsim", "view", str(run.directory), "--json", "--port", "18769"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as served:
+        url = json.loads(served.stdout.readline())["url"]
+        assert status_of(url) == 200
+        served.terminate()
+        served.wait(20)
