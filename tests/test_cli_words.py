@@ -35,6 +35,8 @@ def test_debug_shows_the_traceback():
         "gradient",
         "recover",
         "scenes",
+        "farm",
+        "sweep",
     ],
 )
 def test_help_is_short_and_has_an_example(capsys, command):

@@ -26,6 +26,7 @@ from clothsim.cli import (
     run_command,
     scenes_command,
     study_command,
+    sweep_command,
     unpose_command,
     view_command,
 )
@@ -38,6 +39,7 @@ COMMANDS = (
     dress_command,
     fit_command,
     study_command,
+    sweep_command,
     farm_command,
     gradient_command,
     recover_command,
@@ -60,6 +62,7 @@ REMEDIES = {
     "run": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "study": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "gradient": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
+    "sweep": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "design": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",
     "farm": "`clothsim farm --help` has an example.",
     "recover": "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys.",

@@ -32,6 +32,7 @@ Make many drapes of one recipe: each is published once, whoever is killed. DIR i
   clothsim farm work drapes --workers 8        with Dask: pip install 'clothsim[farm]'
   clothsim farm status drapes --watch
   clothsim farm verify drapes --share .01
+  clothsim farm pack drapes -o data.h5         or a folder, for shards
 """
 
 
@@ -59,7 +60,13 @@ def add_to(commands: Any) -> None:
     verify.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     verify.add_argument("--share", default="0.01", metavar="X", help="fraction to make again (default .01; 0: none)")
     verify.set_defaults(handler=_verify)
-    for action in (plan, work, status, verify):
+    pack = actions.add_parser("pack", help="write a data set: one HDF5 file, or a folder of WebDataset shards")
+    pack.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
+    pack.add_argument("-o", "--output", type=Path, metavar="FILE|DIR", required=True, help="data.h5, or a folder")
+    pack.add_argument("--shard", default="1000", metavar="N", help="drapes of a shard (default 1000)")
+    pack.add_argument("--sheet", action="store_true", help="leave a contact sheet (PNG) beside it")
+    pack.set_defaults(handler=_pack)
+    for action in (plan, work, status, verify, pack):
         action.add_argument("--quiet", action="store_true", help="print nothing but errors")
         action.add_argument("--json", action="store_true", help="print the result as JSON")
         action.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -146,6 +153,24 @@ def _verify(arguments: argparse.Namespace) -> int:
     lines += [f"torn: {name}" for name in done.torn] + [f"different: {name}" for name in done.different]
     _tell(arguments, asdict(done), "\n".join(lines))
     return 0 if done.good else FAULT
+
+
+def _pack(arguments: argparse.Namespace) -> int:
+    from clothsim.farm.pack import pack
+    from clothsim.farm.plan import open_farm
+
+    farm = open_farm(arguments.directory)
+    done = pack(farm, arguments.output, as_count("--shard", arguments.shard))
+    files = list(done.files)
+    if arguments.sheet:
+        from clothsim.farm.contact_sheet import contact_sheet
+
+        files.append(contact_sheet(farm, files[-1].with_suffix(".png")))
+    content = {"files": [str(file) for file in files], "drapes": done.drapes, "left_out": done.left_out}
+    size = sum(file.stat().st_size for file in files)
+    text = f"{done.drapes} drapes, {done.left_out} left out, {size / 1e6:.2g} MB: {', '.join(map(str, files))}"
+    _tell(arguments, content, text)
+    return 0
 
 
 @contextmanager

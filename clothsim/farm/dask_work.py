@@ -1,7 +1,7 @@
 """Work on a farm by Dask workers (extra clothsim[farm]): tasks return ids, and what is true is on the disk."""
 
-from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache
 from itertools import islice
 from pathlib import Path
@@ -16,8 +16,8 @@ from clothsim.farm.work import ATTEMPTS, PAUSE, make
 if TYPE_CHECKING:
     from distributed import Client
 
-RECONNECTIONS = 1000
-"""Times that a lost scheduler is looked for again."""
+FRUITLESS = 100
+"""Rounds in a row without a new drape, with waits of up to 30 s for a lost scheduler, before the work ends."""
 AHEAD = 4
 """Tasks given to a scheduler for each thread of its workers: it holds a few hundred ids, not the whole farm."""
 
@@ -55,40 +55,46 @@ def work_with_dask(
     matters, as a task only makes what is not published, and what is not published is handed out again. A scheduler
     that was killed is waited for; a LocalCluster begins again with the command.
     """
-    with _client(scheduler, workers) as client:
-        if announce is not None:
-            announce(client.dashboard_link)
-        for _ in range(RECONNECTIONS):
+    with _connections(scheduler, workers) as connect:
+        with connect() as client:
+            if announce is not None:
+                announce(client.dashboard_link)
+        fruitless = 0
+        while fruitless < FRUITLESS:
             done = farm.published()
             left = [job for job in farm.jobs if job.id not in done]
             if not left:
                 return
-            if not _round(client, farm, left, most_attempts):
+            _round(connect, farm, left, most_attempts)
+            fruitless = 0 if len(farm.published()) > len(done) else fruitless + 1
+            if fruitless:
                 sleep(PAUSE)
-    raise InputError("The scheduler was lost too often.", "`clothsim farm work DIR` goes on.")
+    raise InputError(
+        f"{FRUITLESS} times in a row no drape came from the workers.", "Look at them; `clothsim farm work DIR` goes on."
+    )
 
 
-def _round(client: "Client", farm: Farm, left: Sequence[Job], most_attempts: int) -> bool:
-    """Give out all drapes that are left, once; False where nothing was published."""
+def _round(connect: "Callable[[], Client]", farm: Farm, left: Sequence[Job], most_attempts: int) -> None:
+    """Give out all drapes that are left, once, or until the scheduler is lost.
+
+    A task that failed as Dask counts (its workers died) is given out again by the next round.
+    """
     from distributed import as_completed
 
-    directory, before = str(farm.directory.resolve()), len(farm.published())
-    jobs = iter(left)
-    ahead = AHEAD * max(1, sum(client.nthreads().values()))
+    directory, jobs = str(farm.directory.resolve()), iter(left)
 
-    def submit(number: int) -> list[Any]:
+    def submit(client: "Client", number: int) -> list[Any]:
         return [client.submit(make_one, directory, job.id, most_attempts, pure=False) for job in islice(jobs, number)]
 
-    try:
-        running = as_completed(submit(ahead))
+    with suppress(OSError, RuntimeError, TimeoutError), connect() as client:  # CommClosedError is an OSError
+        running = as_completed(
+            submit(client, AHEAD * max(1, sum(client.nthreads().values()))), timeout=Worker().longest
+        )
         for future in running:
-            if future.status == "error":  # the worker died too often, as Dask counts
-                pass
+            if future.cancelled():
+                return
             future.release()
-            running.update(submit(1))
-    except (OSError, RuntimeError, TimeoutError):  # CommClosedError: the scheduler is gone
-        pass
-    return len(farm.published()) > before
+            running.update(submit(client, 1))
 
 
 def make_one(directory: str, name: str, most_attempts: int) -> str:
@@ -105,7 +111,9 @@ def _opened(directory: str) -> tuple[Farm, dict[str, Job], Worker]:
     return farm, {job.id: job for job in farm.jobs}, Worker()
 
 
-def _client(scheduler: str | None, workers: int) -> "AbstractContextManager[Client]":
+@contextmanager
+def _connections(scheduler: str | None, workers: int) -> "Iterator[Callable[[], Client]]":
+    """A function that connects to the scheduler, which is that of a LocalCluster where no address is given."""
     try:
         from distributed import Client, LocalCluster
     except ImportError as error:
@@ -114,9 +122,11 @@ def _client(scheduler: str | None, workers: int) -> "AbstractContextManager[Clie
             "pip install 'clothsim[farm]', or start `clothsim farm work DIR` as often as you have cores.",
         ) from error
     if scheduler is None:
-        cluster = LocalCluster(n_workers=workers, threads_per_worker=1, processes=True)
-        return Client(cluster)
+        with LocalCluster(n_workers=workers, threads_per_worker=1, processes=True) as cluster:
+            yield lambda: Client(cluster)
+        return
     try:
-        return Client(scheduler, timeout=30)
-    except (OSError, ValueError, TimeoutError) as error:
+        Client(scheduler, timeout=30).close()
+    except (OSError, ValueError) as error:
         raise InputError(f"The scheduler {scheduler} does not answer: {error}.", "Check its address.") from error
+    yield lambda: Client(scheduler, timeout=30)
