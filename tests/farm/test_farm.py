@@ -248,7 +248,7 @@ def test_commands(tmp_path, capsys):
 def test_a_sweep_makes_every_combination(tmp_path, capsys):
     (tmp_path / "scene.toml").write_text('[cloth]\nmesh = "rectangle"\ncells = [2, 2]\n[effects.inertia]\n')
     words = ["sweep", str(tmp_path / "scene.toml"), "--vary", "cloth.density=.1,.2", "--vary", "solver.dt=.02,.04"]
-    words += ["--set", "run.duration=.04", "-o", str(tmp_path / "out"), "--json"]
+    words += ["--set", "run.duration=0.04", "-o", str(tmp_path / "out"), "--json"]
     assert main(words) in (0, 1)
     rows = json.loads(capsys.readouterr().out)["drapes"]
     assert [(row["parameters"]["cloth.density"], row["parameters"]["solver.dt"]) for row in rows] == [
