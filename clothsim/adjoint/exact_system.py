@@ -8,6 +8,7 @@ from clothsim.arrays import Floats
 from clothsim.energies.hessians import ByElement, explicit, split
 from clothsim.errors import ClothsimError
 from clothsim.solve.direct_solver import LinearSolver, NotPositiveDefiniteError
+from clothsim.solve.lanczos import lowest_eigenvector
 from clothsim.solve.linear_system import System
 from clothsim.solve.potential import Potential
 from clothsim.solve.sparsity import Explicit, couplings, times
@@ -78,6 +79,35 @@ def exact_system(potential: Potential, x: Floats, system: System, prescribed: np
     prescribed : (k,) int array
         Rows of x with prescribed positions.
     """
+    wider, hessians, data = _assembled(potential, x, system)
+    free = _free(wider, prescribed)
+    wider.pattern.fix(data, ~free)
+    return ExactSystem(hessians, free, wider.solver, data)
+
+
+def lowest_direction(potential: Potential, x: Floats, system: System, prescribed: np.ndarray) -> Floats | None:
+    """Return the direction of least curvature of the exact Hessian over the projected one, its largest displacement 1.
+
+    (N, 3); None where the curvature is not negative. Parameters as of `exact_system`.
+    """
+    wider, _, exact = _assembled(potential, x, system)
+    free = _free(wider, prescribed)
+    projected = wider.assemble(potential.hessians(x))
+    for data in (exact, projected):
+        wider.pattern.fix(data, ~free)
+    forces = np.random.default_rng(0).standard_normal((len(free), 3))
+    forces[~free] = 0.0
+    wider.solver.solve(projected, forces.ravel())
+    value, v = lowest_eigenvector(wider.pattern.times(exact), wider.solver.back_solve, forces.ravel())
+    if not value < 0.0:
+        return None
+    out = np.zeros_like(x)
+    out[: len(free)] = v.reshape(-1, 3) / np.linalg.norm(v.reshape(-1, 3), axis=1).max()
+    return out
+
+
+def _assembled(potential: Potential, x: Floats, system: System) -> tuple[System, list[Explicit], Floats]:
+    """A system wide enough for the exact Hessian, its parts, and its data in the pattern."""
     given = [energy.hessian(x, False) for energy in potential.acting.values()]
     implicit = split(given)[1]
     wider = system.widened([part.elements for part in implicit])
@@ -86,11 +116,14 @@ def exact_system(potential: Potential, x: Floats, system: System, prescribed: np
     if wider.pattern is not before:  # it has grown: leave out what only earlier states coupled
         wider.begin([couplings(part) for part in hessians])
         data = wider.assemble(list(hessians))
-    n = wider.base.n_vertices
+    return wider, hessians, data
+
+
+def _free(system: System, prescribed: np.ndarray) -> np.ndarray:
+    n = system.base.n_vertices
     free = np.ones(n, bool)
     free[prescribed[prescribed < n]] = False
-    wider.pattern.fix(data, ~free)
-    return ExactSystem(hessians, free, wider.solver, data)
+    return free
 
 
 def solved(system: ExactSystem, forces: Floats, where: str) -> Floats:

@@ -2,7 +2,7 @@
 
 import abc
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -81,23 +81,44 @@ class Scan(Loss):
         Measured points [m].
     frame : int
         The frame.
+    normals : (k, 3) array
+        Normals of the points, on the side of the cloth's own (its triangles counter-clockwise). A point whose closest
+        triangle faces more than 60 degrees off is left out: it lies on another layer, or on none. Empty: all count.
     """
 
     points: Floats
     frame: int = -1
+    normals: Floats = field(default_factory=lambda: np.zeros((0, 3)), repr=False)
 
     def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
         """Return mean |q - p(q)|^2, p(q) the closest point; its barycentric weights need no derivative (envelope)."""
         import igl
 
-        points = as_points("points", self.points)
+        points, normals = as_points("points", self.points), as_points("normals", self.normals)
         face, closest = igl.point_mesh_squared_distance(points, positions, triangles)[1:3]
+        if len(normals):
+            alike = _facing(points, normals, positions[triangles[face]])
+            points, face, closest = points[alike], face[alike], np.asarray(closest)[alike]
         corners = triangles[face]
         weights = _barycentric(np.asarray(closest), positions[corners])
         out = np.zeros_like(positions)
         away = np.einsum("kp,kpc->kc", weights, positions[corners]) - points
         np.add.at(out, corners.ravel(), (weights[:, :, None] * away[:, None, :]).reshape(-1, 3) * (2 / len(points)))
         return float((away**2).sum() / len(points)), out
+
+
+def _facing(points: Floats, normals: Floats, corners: Floats) -> np.ndarray:
+    """Points (k,) whose normals are those of their triangles (k, 3, 3) to 60 degrees. InputError where none is."""
+    if normals.shape != points.shape:
+        raise InputError(f"There are {len(points)} points and {len(normals)} normals.", "Give one for each point.")
+    own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(own, axis=1) * np.linalg.norm(normals, axis=1)
+    alike = (own * normals).sum(axis=1) > 0.5 * lengths
+    if not alike.any():
+        raise InputError(
+            "No normal of the points is like that of the cloth there.", "Turn them round, or leave them out."
+        )
+    return np.asarray(alike)
 
 
 def _barycentric(points: Floats, corners: Floats) -> Floats:

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.adjoint.exact_system import exact_system
+from clothsim.adjoint.exact_system import exact_system, lowest_direction
 from clothsim.arrays import Floats
 from clothsim.energies.constraint import Prescribed
 from clothsim.solve.direct_solver import NotPositiveDefiniteError
@@ -20,6 +20,8 @@ LEAST_GAIN = 0.5
 
 MOST_DESCENTS = 3
 """Bound on the descents of one step from states that are no minima."""
+AMPLITUDES = tuple(1e-3 * 0.1**k for k in range(6))
+"""Largest displacements of a vertex that are tried along the direction of least curvature [m]."""
 DESCENT = NewtonSettings(tolerance=1e-8)
 """Settings of a descent; the tolerance is a length [m]."""
 
@@ -29,7 +31,8 @@ class Polish:
     """Refinement of converged solves for `Integrator.refine`: at most `steps` Newton steps with the exact Hessian.
 
     Newton's method may end where the exact Hessian is not positive definite, beside a saddle of the energy, as its
-    matrix is projected. From there it goes on to a minimum first, at steps below DESCENT's tolerance.
+    matrix is projected. From there it goes on to a minimum first: down along the direction of least curvature, then at
+    steps below DESCENT's tolerance.
     """
 
     system: System
@@ -41,11 +44,24 @@ class Polish:
         for _ in range(MOST_DESCENTS):
             if stable:
                 break
+            x = self._beside(potential, x, target)
             below = Newton(potential, self.system, DESCENT, dt=1.0).minimise(x, target)
             if not below.outcome.converged:
                 break
             x, residual, stable = self._polished(potential, below.x, target)
         return replace(result, x=x, residual=min(result.residual, residual)) if np.isfinite(residual) else result
+
+    def _beside(self, potential: Potential, x: Floats, target: Prescribed) -> Floats:
+        """Positions of lower energy along the direction of least curvature; x where there are none."""
+        direction = lowest_direction(potential, x, self.system, target.vertices)
+        if direction is None:
+            return x
+        start, side = potential.value(x), -1.0 if float(np.vdot(direction, potential.gradient(x))) > 0 else 1.0
+        for amplitude in AMPLITUDES:
+            dx = side * amplitude * direction
+            if potential.step_limit(x, dx) == 1.0 and potential.value(x + dx) < start:
+                return x + dx
+        return x
 
     def _polished(self, potential: Potential, x: Floats, target: Prescribed) -> tuple[Floats, float, bool]:
         """Positions, the force that is left [N], and False where the exact Hessian is not positive definite."""

@@ -12,7 +12,8 @@ from clothsim.mesh.world import World
 from clothsim.run.results import open_run
 
 POINTS = ".xyz"
-"""Ending of a text file with a point a line."""
+"""Ending of a text file with a point a line, x y z or x y z and its normal."""
+NO_NORMALS = np.zeros((0, 3))
 
 
 def target_loss(path: Path, world: World, scale: float = 1.0) -> Loss:
@@ -45,7 +46,10 @@ def target_loss(path: Path, world: World, scale: float = 1.0) -> Loss:
             raise InputError(f"The run in {path} has other cloths than {', '.join(names)}.", "Give a run of the scene.")
         return Distance(np.concatenate([frame.positions[name] for name in names]).astype(np.float64))
     if path.suffix.lower() == POINTS:
-        return Scan(scale * _points(path))
+        rows = _points(path)
+        return Scan(
+            scale * rows[:, :3], normals=as_points(str(path), rows[:, 3:]) if rows.shape[1] == 6 else NO_NORMALS
+        )
     mesh = read_mesh(path, scale=scale)
     same = len(mesh.positions) == n and np.array_equal(mesh.triangles, world.triangles)
     return Distance(mesh.positions) if same else Scan(mesh.positions)
@@ -58,4 +62,5 @@ def _points(path: Path) -> Floats:
         raise InputError(f"{path} cannot be read ({error}).", "Give a point x y z a line.") from error
     if rows.shape[1] < 3 or not len(rows):
         raise InputError(f"{path} has no points.", "Give a point x y z a line.")
-    return as_points(str(path), rows[:, :3])
+    as_points(str(path), rows[:, :3])
+    return np.asarray(rows, np.float64)

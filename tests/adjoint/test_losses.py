@@ -21,6 +21,7 @@ X, TRIANGLES = surface()
 LOSSES = [
     Distance(X + 0.1),
     Scan(X[:10] + np.array([0.3, 0.2, 0.5])),
+    Scan(X[:10] + np.array([0.3, 0.2, 0.5]), normals=np.tile([0.0, 0.1, 1.0], (10, 1))),
     Height((1, 4)),
     Height(),
     Girth(0.4),
@@ -58,3 +59,16 @@ def test_what_is_no_loss():
             loss.evaluate(X, TRIANGLES)
     with pytest.raises(InputError):
         as_loss(3.0)
+
+
+def test_points_of_another_layer_do_not_count():
+    square = np.array([[0.0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0]])
+    halves = np.array([[0, 1, 2], [0, 2, 3]])
+    points, normals = np.array([[0.5, 1, 0.1], [1.5, 1, 0.3]]), np.array([[0, 0.1, 2.0], [0, 0, -1.0]])
+    assert Scan(points).evaluate(square, halves)[0] == pytest.approx(0.05)
+    value, derivative = Scan(points, normals=normals).evaluate(square, halves)
+    assert value == pytest.approx(0.01)
+    assert derivative.sum(axis=0) == pytest.approx([0, 0, -0.2])
+    for wrong in (-normals[:1].repeat(2, axis=0), normals[:1]):
+        with pytest.raises(InputError):
+            Scan(points, normals=wrong).evaluate(square, halves)

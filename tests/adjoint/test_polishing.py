@@ -32,10 +32,11 @@ def left(made):
     return np.abs(gradient[free_rows(made.integrator, record)]).max()
 
 
-@pytest.mark.parametrize("descents", [0, polishing.MOST_DESCENTS])
-def test_a_step_beside_a_saddle_goes_on_to_a_minimum(descents, monkeypatch):
+@pytest.mark.parametrize(("amplitude", "descents"), [(1e-9, 0), (1e-9, polishing.MOST_DESCENTS), (0.0, 1)])
+def test_a_step_beside_a_saddle_goes_on_to_a_minimum(amplitude, descents, monkeypatch):
+    """Beside it, and on it: a flat strip, of which no force leads away."""
     monkeypatch.setattr(polishing, "MOST_DESCENTS", descents)
-    made, start = pressed(1e-9)
+    made, start = pressed(amplitude)
     made.start, made.lengths = replace(made.start, positions=start), (0.02,) * 3
     made.records = stepped(made.integrator, made.start, made.lengths)
     if not descents:

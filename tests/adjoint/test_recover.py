@@ -138,6 +138,10 @@ def test_targets(tmp_path, drape):
     points = target_loss(tmp_path / "points.xyz", world)
     assert isinstance(points, Scan)
     assert points.points.shape == (9, 3)
+    np.savetxt(tmp_path / "normals.xyz", np.hstack([1e3 * drape[:9], np.ones((9, 3))]))
+    with_normals = target_loss(tmp_path / "normals.xyz", world, 1e-3)
+    np.testing.assert_allclose(with_normals.points, drape[:9])
+    np.testing.assert_allclose(with_normals.normals, 1.0)
     (tmp_path / "words.xyz").write_text("a b c\n")
     for name in ("words.xyz", "missing.obj"):
         with pytest.raises(InputError):

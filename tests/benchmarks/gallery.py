@@ -20,7 +20,7 @@ ROOT = Path(__file__).parents[2]
 SCENES = ROOT / "scenes"
 PICTURES = Path("docs/pictures/gallery")
 SIZE = "640x480"
-COLOURS = 192
+COLOURS = 256
 
 
 def description(scene: Path) -> str:
@@ -42,7 +42,13 @@ def draw_scene(scene: Path, target: Path) -> None:
         subprocess.run([*command, "render", folder, "-o", str(picture), "--size", SIZE, "--quiet"], check=True)
         with Image.open(picture) as image:
             target.parent.mkdir(parents=True, exist_ok=True)
-            image.convert("RGB").quantize(COLOURS).save(target, optimize=True)
+            in_few_colours(image.convert("RGB")).save(target, optimize=True)
+
+
+def in_few_colours(image: Image.Image) -> Image.Image:
+    """A picture in COLOURS colours, the rare ones of the scalar bar among them, without bands."""
+    palette = image.quantize(COLOURS, method=Image.Quantize.MAXCOVERAGE)
+    return image.quantize(palette=palette, dither=Image.Dither.FLOYDSTEINBERG)
 
 
 def gallery_text(scenes: Sequence[Path], pictures: Path) -> str:

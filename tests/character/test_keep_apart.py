@@ -18,7 +18,7 @@ def character():
 
 
 def clip(character, joint, axis, degrees):
-    """A swing of a joint there and back in .4 s."""
+    """A swing of a joint there and back in .4 s, with few key times."""
     angles = np.radians(degrees) * np.sin(np.pi * np.linspace(0, 1, 9))
     poses = [character.skeleton.turned({joint: a * np.asarray(axis, float)}) for a in angles]
     root = np.tile(character.skeleton.rest.translations[0], (9, 1))
@@ -30,7 +30,7 @@ def deepest(character, motion, times):
     return min((met.nearest for met in found), default=0.0)
 
 
-TIMES = np.linspace(0, 0.4, 9).tolist()
+TIMES = [0.0, 0.1, 0.2, 0.3]
 
 
 @pytest.mark.parametrize(("joint", "axis", "degrees"), [("left_shoulder", (0, 1, 0), 40), ("left_hip", (0, 1, 0), 14)])
@@ -45,14 +45,14 @@ def test_limbs_in_other_parts_come_out(character, joint, axis, degrees):
 
 def test_a_motion_without_meetings_stays(character):
     given = clip(character, "left_shoulder", (1, 0, 0), 10)
-    apart = kept_apart(character, given, character.skeleton.rest, (0.0, given.duration), True)
+    apart = kept_apart(character, given, character.skeleton.rest, (0.0, 0.1), True)
     assert apart.largest.max() == 0.0
-    for time in TIMES[:4]:
+    for time in (0.0, 0.07):
         np.testing.assert_allclose(apart.pose(time).rotations, given.pose(time).rotations, rtol=0, atol=1e-15)
 
 
 def test_the_key_of_a_scene():
-    motion = {"clip": "turn", "end": 0.1, "keep_apart": True, "lead_in": 0.1}
+    motion = {"clip": "turn", "end": 0.02, "keep_apart": True, "lead_in": 0.1}
     _, notes = body_of({"model": "mannequin", "motion": motion}, "body", Path())
     assert any("degrees to keep apart" in note for note in notes)
     assert 0 < GAP < 0.05

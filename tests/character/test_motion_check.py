@@ -47,7 +47,7 @@ def test_an_arm_in_the_trunk_is_found_at_its_times(character):
 
 
 def test_a_leg_meets_the_other(character):
-    found = meetings(character, swings(character, "left_hip", (0, 1, 0), 25), TIMES, 0.005)
+    found = meetings(character, swings(character, "left_hip", (0, 1, 0), 25), [0.0, 0.5], 0.005)
     assert {"left leg", "right leg"} in [set(met.parts) for met in found]
 
 
