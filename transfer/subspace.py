@@ -6,10 +6,10 @@ body, fabric) to its coefficients is the baseline that every other model of drap
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import issparse
 
 from transfer.errors import TransferError
 from transfer.triangle_surface import Floats
@@ -44,7 +44,7 @@ class Subspace:
         return self.mean + np.asarray(coefficients, np.float64) @ self.basis.T
 
 
-def metric_components(drapes: ArrayLike, count: int, metric: object = None) -> Subspace:
+def metric_components(drapes: ArrayLike, count: int, metric: Any = None) -> Subspace:
     """Principal components of drapes in a metric.
 
     Parameters
@@ -76,7 +76,7 @@ def metric_components(drapes: ArrayLike, count: int, metric: object = None) -> S
         raise TransferError(f"drapes must be (n, m), finite, n at least 2, not {given.shape}.", "Give a drape a row.")
     mean = given.mean(axis=0)
     centred = given - mean
-    weighted = (metric @ centred.T).T if issparse(metric) or metric is not None else centred  # type: ignore[operator]
+    weighted = (metric @ centred.T).T if metric is not None else centred
     values, vectors = np.linalg.eigh(centred @ weighted.T)
     order = np.argsort(values)[::-1][: max(1, int(count))]
     order = order[values[order] > 1e-12 * max(float(values.max()), 1e-300)]

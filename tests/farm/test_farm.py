@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import signal
 import time
 
 import numpy as np
@@ -219,6 +220,25 @@ def test_a_killed_process_leaves_nothing_that_stops_the_next(tmp_path):
     os.utime(tmp_path / "claims" / farm.jobs[1].id, (time.time() - 100,) * 2)
     assert work(farm, QUICK).published == 2
     assert verify(farm, share=0).good
+    assert [p for name in ("tmp", "claims") for p in (tmp_path / name).iterdir()] == []
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_processes_killed_in_a_drape_lose_nothing_and_the_third_is_the_last(tmp_path, monkeypatch):
+    farm = plan(recipe(2), tmp_path)
+    poison, other = farm.jobs
+    for _ in range(3):
+        child = os.fork()
+        if child == 0:
+            monkeypatch.setattr("clothsim.farm.work.drape", lambda *given: os.kill(os.getpid(), signal.SIGKILL))
+            make(farm, poison, Worker())
+            os._exit(0)
+        assert os.WTERMSIG(os.waitpid(child, 0)[1]) == signal.SIGKILL
+        assert (tmp_path / "claims" / poison.id).is_file()
+    assert work(farm, Worker()).published == 2
+    assert read_drape(tmp_path, poison.id)[0]["cause"] == "killed"
+    assert read_drape(tmp_path, other.id)[0]["usable"]
+    assert attempts(tmp_path, poison.id) == 3
     assert [p for name in ("tmp", "claims") for p in (tmp_path / name).iterdir()] == []
 
 
