@@ -88,7 +88,7 @@ def exact_system(potential: Potential, x: Floats, system: System, prescribed: np
 def lowest_direction(potential: Potential, x: Floats, system: System, prescribed: np.ndarray) -> Floats | None:
     """Return the direction of least curvature of the exact Hessian over the projected one, its largest displacement 1.
 
-    (N, 3); None where the curvature is not negative, or the projected Hessian singular. Parameters as of `exact_system`.
+    (N, 3); None where the curvature is not negative, or the projected one singular. Parameters as of `exact_system`.
     """
     wider, _, exact = _assembled(potential, x, system)
     free = _free(wider, prescribed)
