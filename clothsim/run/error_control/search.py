@@ -31,8 +31,8 @@ STALLED, MOST_STALLED = 0.8, 2
 """The search ends where so many refinements in a row leave more than that fraction of the estimate."""
 MOST_RETRIES = 3
 """Failures of the coarsest pilot run, each followed by one with half the step."""
-PATH = (D_HAT, TIME, CELLS)
-"""Order in which the path of pilot runs refines the knobs, the cheapest first."""
+PATH = (D_HAT, CELLS, TIME)
+"""Order in which the path of pilot runs refines the knobs: cells at the longer steps, where they cost least."""
 
 Candidate = Callable[[Scene, Resolution], tuple[Run, Trial]]
 """Runs a scene into the output directory."""
