@@ -88,7 +88,7 @@ def exact_system(potential: Potential, x: Floats, system: System, prescribed: np
 def lowest_direction(potential: Potential, x: Floats, system: System, prescribed: np.ndarray) -> Floats | None:
     """Return the direction of least curvature of the exact Hessian over the projected one, its largest displacement 1.
 
-    (N, 3); None where the curvature is not negative. Parameters as of `exact_system`.
+    (N, 3); None where the curvature is not negative, or the projected one singular. Parameters as of `exact_system`.
     """
     wider, _, exact = _assembled(potential, x, system)
     free = _free(wider, prescribed)
@@ -97,7 +97,10 @@ def lowest_direction(potential: Potential, x: Floats, system: System, prescribed
         wider.pattern.fix(data, ~free)
     forces = np.random.default_rng(0).standard_normal((len(free), 3))
     forces[~free] = 0.0
-    wider.solver.solve(projected, forces.ravel())
+    try:
+        wider.solver.solve(projected, forces.ravel())
+    except NotPositiveDefiniteError:  # free to move: of all directions none is least
+        return None
     value, v = lowest_eigenvector(wider.pattern.times(exact), wider.solver.back_solve, forces.ravel())
     if not value < 0.0:
         return None

@@ -44,6 +44,15 @@ SANK = 0.03
 """Way down of the top of a garment, as a fraction of the body's height, beyond which it was held by friction alone."""
 
 
+def open_seam_tables(state: SewingState) -> list[dict[str, Any]]:
+    """Tables of `[effects.seams]` for the pairs of seams that are not welded, also where a seam has one alone."""
+    lines = [state.pairs(state.mesh.seams[k]).T for k in state.open_seams]
+    return [
+        {"from": {"vertices": a.tolist()}, "to": {"vertices": b.tolist()}, "match": "vertices", "end": 1e-3}
+        for a, b in lines
+    ]
+
+
 def drape(
     state: SewingState,
     body: Figure,
@@ -86,11 +95,7 @@ def _run(
     listener: Listener | None,
     announce: Announcement | None,
 ) -> Run:
-    strings = [state.pairs(state.mesh.seams[k]) for k in state.open_seams]
-    seam = [
-        {"from": {"vertices": a.tolist()}, "to": {"vertices": b.tolist()}, "match": "vertices", "end": 1e-3}
-        for a, b in (pairs.T for pairs in strings)
-    ]
+    seam = open_seam_tables(state)
     effects = {
         **SETTINGS["effects"],
         "friction": {"coefficient": friction},

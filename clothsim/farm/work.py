@@ -108,6 +108,7 @@ def make(farm: Farm, job: Job, worker: Worker, most_attempts: int = ATTEMPTS) ->
     with claimed(folder / "claims", job.id, worker) as own:
         if not own or (folder / "drapes" / job.id).is_dir():
             return None
+        _clear(folder, job)
         before = attempts(folder, job.id)
         if before >= most_attempts:
             made = Drape(failed(f"Killed {before} times.", "killed") | {"processor": processor(), "meshes": {}}, None)
@@ -119,7 +120,6 @@ def make(farm: Farm, job: Job, worker: Worker, most_attempts: int = ATTEMPTS) ->
 def _attempted(farm: Farm, job: Job, worker: Worker) -> Drape:
     """Make a drape; an attempt that its user stops is no attempt."""
     folder = farm.directory
-    _clear(folder, job)
     note_attempt(folder, job.id, "started")
     scratch = working_folder(folder, job.id, worker)
     try:

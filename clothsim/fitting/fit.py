@@ -20,6 +20,7 @@ from clothsim.fitting.penetration import Counts
 from clothsim.fitting.pipeline import Seeded, Task, seeded
 from clothsim.fitting.sized import Size
 from clothsim.fitting.stage import Garment, Stage, StageCallback, best_stage, staged
+from clothsim.fitting.standing import refuse_lying
 from clothsim.fitting.worn_look import Look, look_of
 from clothsim.io.atomic import write_atomically
 from clothsim.io.checkpoint import CHECKPOINT_NAME
@@ -221,6 +222,8 @@ def fit(
     target = source if _same(base, to) and scale_to in (None, scale) else _target(to, scale_to, body_group)
     if not of_scene:
         _refuse_a_body(worn, source, target)
+    for figure in (target,) if source is target else (target, source):
+        refuse_lying(figure)
     placed_markers = NO_MARKERS if markers is None else read_markers(markers)
     _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
     task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress)

@@ -3,6 +3,7 @@
 import json
 import os
 import platform
+import signal
 import time
 
 import numpy as np
@@ -222,6 +223,25 @@ def test_a_killed_process_leaves_nothing_that_stops_the_next(tmp_path):
     assert [p for name in ("tmp", "claims") for p in (tmp_path / name).iterdir()] == []
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_processes_killed_in_a_drape_lose_nothing_and_the_third_is_the_last(tmp_path, monkeypatch):
+    farm = plan(recipe(2), tmp_path)
+    poison, other = farm.jobs
+    for _ in range(3):
+        child = os.fork()
+        if child == 0:
+            monkeypatch.setattr("clothsim.farm.work.drape", lambda *given: os.kill(os.getpid(), signal.SIGKILL))
+            make(farm, poison, Worker())
+            os._exit(0)
+        assert os.WTERMSIG(os.waitpid(child, 0)[1]) == signal.SIGKILL
+        assert (tmp_path / "claims" / poison.id).is_file()
+    assert work(farm, Worker()).published == 2
+    assert read_drape(tmp_path, poison.id)[0]["cause"] == "killed"
+    assert read_drape(tmp_path, other.id)[0]["usable"]
+    assert attempts(tmp_path, poison.id) == 3
+    assert [p for name in ("tmp", "claims") for p in (tmp_path / name).iterdir()] == []
+
+
 def test_a_changed_package_or_file_makes_no_drape_of_the_plan(tmp_path):
     farm = plan(recipe(1), tmp_path)
     text = (tmp_path / "farm.json").read_text()
@@ -248,7 +268,7 @@ def test_commands(tmp_path, capsys):
 def test_a_sweep_makes_every_combination(tmp_path, capsys):
     (tmp_path / "scene.toml").write_text('[cloth]\nmesh = "rectangle"\ncells = [2, 2]\n[effects.inertia]\n')
     words = ["sweep", str(tmp_path / "scene.toml"), "--vary", "cloth.density=.1,.2", "--vary", "solver.dt=.02,.04"]
-    words += ["--set", "run.duration=.04", "-o", str(tmp_path / "out"), "--json"]
+    words += ["--set", "run.duration=0.04", "-o", str(tmp_path / "out"), "--json"]
     assert main(words) in (0, 1)
     rows = json.loads(capsys.readouterr().out)["drapes"]
     assert [(row["parameters"]["cloth.density"], row["parameters"]["solver.dt"]) for row in rows] == [
