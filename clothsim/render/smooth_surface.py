@@ -19,6 +19,9 @@ LEVELS = 2
 """Bound on the halvings of an edge."""
 MOST_TRIANGLES = 60_000
 """Triangles beyond which a surface is fine enough as it is."""
+COS_SHARP = 0.5
+"""Cosine of the angle between the normals of two ends, 60 degrees, beyond which the middle of their edge stays: in a
+fold as tight as the mesh the smooth sheets would cross."""
 
 
 def smoothed(surface: Surface) -> Surface:
@@ -47,10 +50,10 @@ def _halved(x: Floats, triangles: Ints, values: Floats) -> tuple[Floats, Ints, F
 
 
 def _middles(x: Floats, normals: Floats, edges: Ints) -> Floats:
-    """Middles of edges on the smooth surface; of one about which the surface turns by more than 90 degrees its own."""
+    """Middles of edges on the smooth surface; of one along which it turns sharply its own."""
     ends, n = x[edges], normals[edges]
     middle = ends.mean(axis=1)
     off = np.einsum("ijk,ijk->ij", middle[:, None] - ends, n)
     bulge = -(off[..., None] * n).mean(axis=1)
-    turned = np.einsum("ik,ik->i", n[:, 0], n[:, 1]) < 0
+    turned = np.einsum("ik,ik->i", n[:, 0], n[:, 1]) < COS_SHARP
     return middle + SHAPE * np.where(turned[:, None], 0.0, bulge)
