@@ -1,5 +1,6 @@
 """Automation by the command line: one JSON document on stdout, events on stderr, exit codes, completion."""
 
+import argparse
 import json
 import shutil
 import subprocess
@@ -28,8 +29,14 @@ def answer(capsys, *words):
 
 def test_every_command_that_answers_has_json():
     commands = next(action.choices for action in parser_of_all()._actions if action.dest == "command")
-    without = [name for name, own in commands.items() if "--json" not in own._option_string_actions]
+    own = {name: parsers_of(parser) for name, parser in commands.items()}
+    without = [name for name, all_ in own.items() if not all("--json" in each._option_string_actions for each in all_)]
     assert without == ["completion"]
+
+
+def parsers_of(parser: argparse.ArgumentParser) -> list[argparse.ArgumentParser]:
+    """Parsers of the actions of a command that has some, else its own."""
+    return next((list(action.choices.values()) for action in parser._actions if action.dest == "action"), [parser])
 
 
 def test_a_run_is_a_document_and_events_of_progress(place, capsys):

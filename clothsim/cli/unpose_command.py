@@ -35,6 +35,7 @@ def add_to(commands: Any) -> None:
     repose.add_argument("--cloth", metavar="NAME", help="which of several")
     repose.add_argument("--frame", default="last", metavar="N", help="0, 1, ... or last (default: last)")
     repose.add_argument("--time", default="0", metavar="S", help="of the scene's motion [s] (default: 0)")
+    repose.add_argument("--json", action="store_true", help="print vertices, those inside and depth as JSON")
     repose.add_argument("--debug", action="store_true", help="show tracebacks")
     repose.set_defaults(handler=_repose)
 
@@ -91,6 +92,12 @@ def _repose(arguments: argparse.Namespace) -> int:
     write_obj(arguments.output, points, made.triangles[inside] - rows.start)
     body = placed.character.vertices(placed.pose(time)) @ placed.linear.T + placed.shift
     found = body_surface(body, placed.character.triangles).penetration(points)
+    if arguments.json:
+        from clothsim.io.record import to_json
+
+        figures = {"file": str(arguments.output), "vertices": len(points)}
+        print(to_json({**figures, "inside": int(found.count), "deepest": float(found.depth)}))
+        return 0
     print(
         f"{arguments.output}: {len(points)} vertices, {found.count} of them inside the body, "
         f"the deepest by {1e3 * found.depth:.3g} mm."
