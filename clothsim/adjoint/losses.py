@@ -1,4 +1,4 @@
-"""Losses: a number that a run is judged by, with its derivative by the positions of the cloth in one frame."""
+"""Losses: a number that rates a run, with its derivative by the positions of the cloth in one frame."""
 
 import abc
 from collections.abc import Callable

@@ -4,7 +4,7 @@ At key times the rotation vectors w of all limbs about their first joints solve
 
     min |w|^2   subject to   d_i + n_i . ((w_a - w0_a) x r_a - (w_b - w0_b) x r_b) >= gap,
 
-linearised anew a few times, for the vertices of a part near another: d the signed distance, n the direction away from
+linearised again a few times, for the vertices of a part near another: d the signed distance, n the direction away from
 the other part, r the arms from the joints (least distance programming, Lawson and Hanson 1974, chapter 23). A key time
 begins with the turns of the one before, the first with those of poses between the first pose and its own, so that no
 limb is ever deep in another part. In time the vectors are the largest of a window, averaged over it, and interpolated.

@@ -98,13 +98,13 @@ def _removed_stale(path: Path, worker: Worker) -> bool:
     """Rename a stale claim away; False where it is alive, or another thief was first."""
     if not is_stale(path, worker):
         return False
-    judged = _content(path).get("token")
+    stale = _content(path).get("token")
     aside = path.with_name(f".{path.name}.{worker.token}")
     try:
         os.rename(path, aside)
     except FileNotFoundError:
         return False
-    ours = _content(aside).get("token") == judged
+    ours = _content(aside).get("token") == stale
     if not ours:  # a new claim came between the look and the rename: it goes back, if its place is still free
         with suppress(OSError):
             os.link(aside, path)

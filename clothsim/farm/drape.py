@@ -1,4 +1,4 @@
-"""One drape of a farm: simulated, judged by its certificate, and made ready for publication."""
+"""One drape of a farm: simulated, accepted by its certificate, and made ready for publication."""
 
 import shutil
 import warnings
