@@ -89,6 +89,7 @@ def test_caches_go_into_the_coordinates_of_an_object(tmp_path):
     matrix[:3, :3] = 2 * np.linalg.qr(np.random.default_rng(1).random((3, 3)))[0]
     matrix[:3, 3] = [1, 2, 3]
     there = point_cache.moved(frames, matrix)
+    assert np.allclose(there[0, 0], (matrix @ [*frames[0, 0], 1.0])[:3])
     assert np.allclose(point_cache.moved(there, np.linalg.inv(matrix)), frames)
     point_cache.write_cache(tmp_path / "a.pc2", there)
     assert np.allclose(point_cache.read_cache(tmp_path / "a.pc2"), there, atol=1e-6)
