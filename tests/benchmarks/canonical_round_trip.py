@@ -32,6 +32,8 @@ NEAR = 1e-3
 GARMENTS, FABRICS = ("shirt", "skirt", "trousers"), ("cotton", "polyester", "denim", "wool")
 CLIPS = {"walk": 1.0, "turn": 1.0}
 """Clips that poses are drawn from, and their lengths [s]."""
+MOST_DRAWS = 3
+"""Draws for each drape that is asked for."""
 LEAD_IN, DURATION, FRAMES = 0.3, 0.4, 10
 EFFECTS = {
     "inertia": {},
@@ -82,9 +84,11 @@ def drawn_scene(rng: np.random.Generator, edge: float = 0.04) -> tuple[str, Scen
 
 
 def last_frames(count: int, seed: int) -> Iterator[Row]:
-    """Rows of the ends of drawn drapes; one that fails is left out, with a line to stderr."""
-    rng = np.random.default_rng(seed)
-    for _ in range(count):
+    """Rows of the ends of `count` drawn drapes; others are drawn for those that fail, with a line to stderr."""
+    rng, left = np.random.default_rng(seed), count
+    for _ in range(MOST_DRAWS * count):
+        if not left:
+            return
         name, scene = drawn_scene(rng)
         with tempfile.TemporaryDirectory(prefix="clothsim-round-trip-") as folder:
             try:
@@ -95,6 +99,7 @@ def last_frames(count: int, seed: int) -> Iterator[Row]:
             if run.status != "completed":
                 print(f"{name}: {run.reason}", file=sys.stderr)
                 continue
+            left -= 1
             yield from rows_of(run, scene, [len(run) - 1], name)
 
 
