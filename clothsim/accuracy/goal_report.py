@@ -99,10 +99,11 @@ def goal_lines(goal: dict[str, Any]) -> list[str]:
         return [f"Goal {goal['name']}: not by triangles: {goal['failed']}."]
     cells = goal["cells"]
     mesh = "x".join(map(str, cells)) if isinstance(cells, list) else str(cells)
+    area = f"{100 * goal['area_of_half']:.2g} % of the cloth ({PICTURE_NAME})"
     lines = [
         f"Goal {goal['name']}: {goal['value']:.6g}, {goal['difference']:+.3g} with {mesh} cells.",
-        f"By triangles: {goal['estimated']:+.3g} ({goal['effectivity']:.2f} of it), parts of {goal['sum_of_parts']:.2g} "
-        f"without their signs; half of them in {100 * goal['area_of_half']:.0f} % of the cloth ({PICTURE_NAME}).",
+        f"By triangles: {goal['estimated']:+.3g} ({goal['effectivity']:.2f} of it), without signs "
+        f"{goal['sum_of_parts']:.2g}, half of that in {area}.",
     ]
     if not goal["believed"]:
         lines.append("The estimate is off by more than a factor of 2: the two meshes differ too much for the picture.")
