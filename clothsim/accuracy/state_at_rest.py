@@ -58,6 +58,10 @@ class StateAtRest:
         x[self.fixed] = self.x[self.fixed]
         return x
 
+    def unfinished(self, velocities: Floats) -> Floats:
+        """Return velocity . force that the solve left at each vertex of the cloths, (n,)."""
+        return np.asarray((self.potential.gradient(self.x) * velocities).sum(axis=1)[: self.world.n_cloth])
+
 
 def state_at_rest(scene: Scene, positions: Floats) -> StateAtRest:
     """Bind a scene to its loads at the end of its run.
@@ -104,10 +108,10 @@ def refuse_history(built: Built) -> None:
             )
 
 
-def powers(potential: Potential, x: Floats, velocities: Floats) -> Floats:
-    """Return velocity . gradient by rows of x (N,), that of each element shared equally among its vertices.
+def powers(potential: Potential, x: Floats, velocities: Floats, n: int) -> Floats:
+    """Return velocity . gradient by the first n rows of x, that of each element shared equally among its ones of them.
 
-    Energies without elements are taken vertex by vertex.
+    Energies without elements are taken vertex by vertex; velocities (N, 3) are 0 in the other rows.
     """
     out = np.zeros(len(x))
     for energy in potential.acting.values():
@@ -116,9 +120,10 @@ def powers(potential: Potential, x: Floats, velocities: Floats) -> Floats:
             out += (energy.gradient(x) * velocities).sum(axis=1)
             continue
         elements, forces = divided
-        shares = (forces * velocities[elements]).sum(axis=(1, 2)) / elements.shape[1]
-        np.add.at(out, elements, shares[:, None])
-    return out
+        own = elements < n
+        shares = (forces * velocities[elements]).sum(axis=(1, 2)) / np.maximum(own.sum(axis=1), 1)
+        np.add.at(out, elements, np.where(own, shares[:, None], 0.0))
+    return out[:n]
 
 
 def _divided(energy: Any, x: Floats) -> tuple[Ints, Floats] | None:
