@@ -36,7 +36,7 @@ def cloth_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
         from clothsim.build.pattern_file import shape_of_pattern
 
         return shape_of_pattern(existing_file(f"{where}.mesh", directory, mesh), keys, where)
-    return _shape(keys, where, directory)
+    return mesh_shape(keys, where, directory)
 
 
 def cloth_of(
@@ -105,7 +105,7 @@ def body_of(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body,
         return body_of_model(keys, where, directory)
     if "frames" in keys:
         return body_of_files(keys, where, directory)
-    shape = _shape(keys, where, directory)
+    shape = mesh_shape(keys, where, directory)
     if isinstance(keys["mesh"], MeshArrays) and keys["mesh"].frames is not None:
         return body_of_frames(keys, where, shape)
     notes = examined(name_of(keys, where), shape, "body")
@@ -121,7 +121,7 @@ def _flag(name: str, value: Any) -> bool:
     return value
 
 
-def _shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
+def mesh_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
     """The mesh that the key `mesh` names or holds."""
     mesh = keys["mesh"]
     if isinstance(mesh, MeshArrays):

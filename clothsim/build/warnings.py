@@ -65,7 +65,7 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
     tuple of str
         One sentence each.
     """
-    tables = [*scene.cloths, *scene.bodies]
+    tables = [*scene.cloths, *scene.bodies, *scene.rigid_bodies]
     meshes = [(cloth.name, cloth.positions) for cloth in world.cloths]
     meshes += [(body.name, body.positions) for body in world.bodies]
     sentences = []
@@ -74,7 +74,7 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
         if not (isinstance(keys.get("mesh"), str) and keys["mesh"] == "slab"):
             sentences += _other_unit(name, float(extent.max()))
     gravity = getattr(energies.get("gravity"), "acceleration", None)
-    for body, keys in zip(world.bodies, scene.bodies, strict=True):
+    for body, keys in zip(world.prescribed_bodies, scene.bodies, strict=True):
         if gravity is not None and not (isinstance(mesh := keys.get("mesh"), str) and mesh in GENERATOR_KEYS):
             sentences += _lying(body.name, np.ptp(body.positions, axis=0), gravity, keys.get("up", "z"))
     return tuple(sentences)

@@ -264,6 +264,7 @@ _REASON = {
     "cloth_cloth": "[effects.self_contact] is not on: from a start without intersections it lets none arise",
     "cloth_body": "[effects.body_contact] is not on: from a start without intersections it lets none arise",
     "excluded": "the scene excludes the pair from contact",
+    "rigid": "[effects.body_contact] is not on: from a start without intersections it lets none arise",
     "carried": "vertices of these triangles are carried through a pinch (contact.pinch)",
 }
 

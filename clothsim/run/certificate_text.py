@@ -7,6 +7,7 @@ _PAIRS = {
     "cloth_cloth": "cloth and cloth",
     "excluded": "excluded pairs",
     "carried": "carried vertices",
+    "rigid": "rigid bodies and bodies",
 }
 
 

@@ -46,7 +46,7 @@ def with_fabric(
     made, _ = fabric_of(table, names[k])
     scene = replace(scene, cloth=[table if i == k else each for i, each in enumerate(scene.cloths)])
     cloths = tuple(replace(each, fabric=made) if i == k else each for i, each in enumerate(world.cloths))
-    unclamped = replace(make_world(cloths, world.bodies), origin=world.origin)
+    unclamped = replace(make_world(cloths, world.prescribed_bodies, world.rigid), origin=world.origin)
     return rebuilt(session, scene, by_hand.applied(build_effects(scene, unclamped)))
 
 

@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.hessians import Hessian, explicit
 from clothsim.indexing import Rows
+from clothsim.solve.dependent_rows import NO_DEPENDENT_ROWS, DependentRows
 from clothsim.solve.direct_solver import LinearSolver
 from clothsim.solve.linear_solvers import make_solver
 from clothsim.solve.nonlinear_elimination import Patch
@@ -32,7 +33,9 @@ class System:
     threads : int
         0: by size (`threads.solver_threads`).
     patch : Patch, optional
-        Vertices that the matrix is restricted to; None: all cloth vertices.
+        Vertices that the matrix is restricted to; None: all unknowns.
+    dependent : DependentRows
+        Rows of x that follow unknowns (vertices of rigid bodies).
 
     Attributes
     ----------
@@ -42,8 +45,16 @@ class System:
         Name of the solver once one was made; a summary reads it without an analysis.
     """
 
-    def __init__(self, base: Pattern, linear: str = "auto", threads: int = 0, patch: Patch | None = None) -> None:
+    def __init__(
+        self,
+        base: Pattern,
+        linear: str = "auto",
+        threads: int = 0,
+        patch: Patch | None = None,
+        dependent: DependentRows = NO_DEPENDENT_ROWS,
+    ) -> None:
         self.base = base
+        self.dependent = dependent
         self.patch = patch
         self.rows: Rows = slice(0, base.n_vertices) if patch is None else patch.rows
         self.analyses, self.name = 0, linear
@@ -76,7 +87,7 @@ class System:
 
     def begin(self, couplings: list[Ints]) -> None:
         """Set the pattern to the base and `couplings`, lists of rows (m, k) that act on one another."""
-        self._set_pattern(extended(self.base, couplings))
+        self._set_pattern(extended(self.base, self.dependent.coupled(couplings) if self.dependent else couplings))
         if self._analysed.same_as(self.pattern):
             self.pattern = self._analysed
         else:
@@ -88,7 +99,7 @@ class System:
         """Return a system whose base has the couplings of `elements` too, (m, k) each; the last one is cached."""
         base = extended(self.base, elements)
         if self._wider is None or not self._wider.base.same_as(base):
-            self._wider = System(base, self._linear, self._threads)
+            self._wider = System(base, self._linear, self._threads, dependent=self.dependent)
         return self._wider
 
     def subsystem(self, patch: Patch) -> "System":
@@ -97,7 +108,7 @@ class System:
 
     def assemble(self, given: list[Hessian]) -> Floats:
         """Sum the Hessians as data of the pattern, which is extended first where a block is outside of it."""
-        hessians = explicit(given)
+        hessians = self.dependent.hessians(explicit(given))
         if self.patch is not None:
             hessians = [self.patch.hessian(hessian) for hessian in hessians]
         data, outside = self._assembled(hessians)
