@@ -69,7 +69,9 @@ class ContactSurface:
         """All triangles, (m, 3)."""
         if self.is_self_contact:
             return self.first.triangles
-        return np.concatenate([self.first.triangles[: len(self.first.triangles) - self.n_shared], self.second.triangles])
+        return np.concatenate(
+            [self.first.triangles[: len(self.first.triangles) - self.n_shared], self.second.triangles]
+        )
 
     @cached_property
     def rows(self) -> Ints:

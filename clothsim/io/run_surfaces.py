@@ -68,11 +68,11 @@ def check_surfaces(surfaces: Sequence[Surface]) -> None:
         raise InputError("A trajectory needs at least one cloth.")
     if roles != sorted(roles, reverse=True):
         raise InputError("The cloths of a trajectory come before its bodies.")
-    end, last = 0, "cloth"
+    end, gap = 0, any(surface.rigid for surface in surfaces)
     for surface in surfaces:
-        follows = surface.rows.start == end or (surface.rows.start > end and surface.role != last)
-        last = surface.role
-        if not follows or surface.rows.stop < end:
+        if surface.role == "body" and gap and surface.rows.start > end:
+            gap, end = False, surface.rows.start
+        if surface.rows.start != end or surface.rows.stop < end:
             raise InputError(f"{surface.name} has rows {surface.rows.start}..{surface.rows.stop} of x, not from {end}.")
         end = surface.rows.stop
 
