@@ -102,7 +102,10 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Rep
             step.dt,
             step.contact_time_scale or step.dt,
         )
-        stiffness = max([stiffness, *(body.stiffness(step, self.d_hat) for body in self.heavy)])
+        load = sum(
+            body.load(step) for body in self.heavy
+        )  # the lowest of a pile, or the first link of a chain, bears all
+        stiffness = max([stiffness, *(body.stiffness(step, load, self.d_hat) for body in self.heavy)])
         before = float(step.memory.get(self.name, stiffness))
         if stiffness > before and "inertia" in step.bound:
             kinetic = kinetic_energy_of_impact(step.velocities, self.masses)

@@ -147,9 +147,12 @@ class HeavyBody:
     masses: Floats
     area: float
 
-    def stiffness(self, step: Step, d_hat: float) -> float:
-        """Return the barrier stiffness [Pa] that bears the body in a step, from its loads and speed at the start."""
-        load = float(np.linalg.norm(step.gradient[self.rows].sum(axis=0)))
+    def load(self, step: Step) -> float:
+        """Return the force of all energies but contact on the body at the start of a step [N]."""
+        return float(np.linalg.norm(step.gradient[self.rows].sum(axis=0)))
+
+    def stiffness(self, step: Step, load: float, d_hat: float) -> float:
+        """Return the barrier stiffness [Pa] that bears a `load` [N] on the body, and stops it at its speed."""
         speed = float(np.linalg.norm(step.velocities[self.rows], axis=1).max())
         density = float(self.masses.sum()) / self.area
         return barrier_stiffness(load / self.area, density, speed, d_hat, step.dt, step.contact_time_scale or step.dt)

@@ -15,8 +15,8 @@ from clothsim.mesh.world import World
 class Surface:
     """A cloth or body.
 
-    rows: of x; triangles (m, 3): in rows of x; moving: False where its positions are the same in all frames; rigid: True
-    for a rigid body that forces move.
+    rows: of x; triangles (m, 3): in rows of x; moving: False where its positions are the same in all frames; rigid:
+    True for a rigid body that forces move.
     """
 
     name: str

@@ -1,15 +1,15 @@
 """Rigid body: a solid whose motion is affine, in few coordinates.
 
 Affine body dynamics (Lan et al. 2022, "Affine body dynamics: fast, stable and intersection-free simulation of stiff
-materials") follows the map x(X) = A X + t of a solid and keeps A near a rotation by a stiff energy (`energies.rigidity`).
-Here the map has k coordinates z_j, rows of x like the vertices of a cloth:
+materials") follows the map x(X) = A X + t of a solid and keeps A near a rotation by a stiff energy
+(`energies.rigidity`). Here the map has k coordinates z_j, rows of x like the vertices of a cloth:
 
     x(X) = c(X) + sum_j f_j(X) z_j,    A = C + sum_j z_j grad f_j'
 
-with affine f_j that are orthogonal in the mass of the body, so that its kinetic energy is exactly sum_j mu_j |z_j'|^2 / 2:
-a free body moves as four points of a quarter of its mass each, at +-s along its principal axes, s^2 the covariance
-(c = 0, C = 0). A body that turns about a point keeps three f_j, those that vanish there, and one on a hinge two: what is
-held is left out of the coordinates, and holds exactly.
+with affine f_j that are orthogonal in the mass of the body, so that its kinetic energy is exactly
+sum_j mu_j |z_j'|^2 / 2: a free body moves as four points of a quarter of its mass each, at +-s along its principal
+axes, s^2 the covariance (c = 0, C = 0). A body that turns about a point keeps three f_j, those that vanish there, and
+one on a hinge two: what is held is left out of the coordinates, and holds exactly.
 """
 
 from dataclasses import dataclass, replace

@@ -1,7 +1,7 @@
 """World: cloths and bodies in one array of vertices, and the rest quantities that the energies need.
 
-Rows of x: first the unknowns, which are the vertices of all cloths and the coordinates of rigid bodies; then the vertices
-of all bodies, those of rigid ones last; then ghosts (see `clamp`).
+Rows of x: first the unknowns, which are the vertices of all cloths and the coordinates of rigid bodies; then the
+vertices of all bodies, those of rigid ones last; then ghosts (see `clamp`).
 """
 
 from collections.abc import Sequence

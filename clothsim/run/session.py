@@ -91,7 +91,8 @@ def _pattern(built: Built) -> Pattern:
 def _dependent_rows(world: World) -> DependentRows:
     """The vertices of rigid bodies, which follow their coordinates."""
     parts = zip(world.rigid_slices, world.coordinate_slices, world.rigid, strict=True)
-    return DependentRows(tuple(Dependence(*rows, body.weights) for *rows, body in parts), world.n_vertices)
+    follow = tuple(Dependence(rows, unknowns, body.weights) for rows, unknowns, body in parts)
+    return DependentRows(follow, world.n_vertices)
 
 
 def _same_couplings(before: Built, built: Built) -> bool:

@@ -1,8 +1,8 @@
 """Dependent rows of x: vertices of rigid bodies as affine functions of few unknowns, and the chain rule for them.
 
-x_d = c + W z for the rows d of a body's surface and its coordinates z. A displacement of the unknowns moves them by W dz,
-a gradient at them adds W' g to that by z, and a Hessian block H of an element adds E' H E, E the derivative of the
-element's vertices by the unknowns. So energies, contact and line search see vertices alone.
+x_d = c + W z for the rows d of a body's surface and its coordinates z. A displacement of the unknowns moves them by
+W dz, a gradient at them adds W' g to that by z, and a Hessian block H of an element adds E' H E, E the derivative of
+the element's vertices by the unknowns. So energies, contact and line search see vertices alone.
 """
 
 from collections.abc import Iterable, Sequence

@@ -20,7 +20,9 @@ def unit_world():
     positions, triangles = slab((1.0, 1.4, 0.8))
     joints = (None, Joint(np.zeros(3), np.array([0.0, 0.6, 0.8])), Joint(np.full(3, 0.2), np.zeros(3)))
     bodies = [
-        rigid_body(f"box{k}", positions + [3.0 * k, 0, 0], triangles, 1.0, np.zeros(3), np.zeros(3), 1.0, joint)
+        rigid_body(
+            f"box{k}", positions + np.array([3.0 * k, 0, 0]), triangles, 1.0, np.zeros(3), np.zeros(3), 1.0, joint
+        )
         for k, joint in enumerate(joints)
     ]
     return make_world([cloth(*grid(2, 2))], rigid=bodies)

@@ -1,4 +1,4 @@
-"""Rigid bodies against closed forms: fall, spin, pendulum, precession, momentum, rolling; resting and refused scenes."""
+"""Rigid bodies against closed forms: fall, spin, pendulum, precession, momentum, rolling; rest; refused scenes."""
 
 import numpy as np
 import pytest
@@ -110,7 +110,7 @@ def test_a_cube_at_rest_on_the_floor_stays_and_its_weight_is_carried(tmp_path):
     assert run.status == "completed"
     assert run.intersection_free
     cubes = [run.bodies(k) for k in (1, -1)]
-    first, last = (dict((name, points) for name, points, _ in each)["cube"] for each in cubes)
+    first, last = ({name: points for name, points, _ in each}["cube"] for each in cubes)
     assert np.abs(first - last).max() < 5e-4
     assert run.forces().bodies["floor"][-1][2] == pytest.approx(-500 * 0.008 * G, rel=0.05)
 
