@@ -58,6 +58,6 @@ class RigidTable(PlacedKeys):
 
 
 def check_rigid(where: str, keys: Any) -> Mapping[str, Any]:
-    """The table of a rigid body, with the keys of its generator or of a part of its file; InputError names a bad one."""
+    """The table of a rigid body, with the keys of its generator or file part. InputError names a bad one."""
     given = table(where, keys)
     return check_keys(where, given, (RigidTable, *sources(where, given)))

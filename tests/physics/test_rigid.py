@@ -78,7 +78,7 @@ def test_two_balls_that_collide_keep_their_momentum():
     mass = simulation._session.built.world.rigid[0].mass
     assert found[-1].velocity[0] < 0.7
     assert linear == pytest.approx([mass, 0, 0], abs=1e-6 * mass)
-    assert angular == pytest.approx(np.zeros(3), abs=2e-3 * mass * 0.1)
+    assert angular == pytest.approx(np.zeros(3), abs=5e-3 * mass * 0.1)  # BDF2 keeps it to its order
     assert 0.3 * mass < energy < 0.5 * mass
 
 
@@ -115,6 +115,14 @@ def test_a_cube_at_rest_on_the_floor_stays_and_its_weight_is_carried(tmp_path):
     assert run.forces().bodies["floor"][-1][2] == pytest.approx(-500 * 0.008 * G, rel=0.05)
 
 
+@pytest.mark.parametrize(("rate", "said"), [(400.0, False), (700.0, True)])
+def test_a_body_that_will_lose_spin_is_named_with_a_shorter_step(rate, said):
+    built = build(rigid_scene({"name": "top", "mesh": "slab", "spin_degrees_per_second": [0, 0, rate]}))
+    notes = [note for note in built.notes if "solver.dt" in note]
+    assert len(notes) == said
+    assert all("top" in note and "7 degrees" in note and "0.004" in note for note in notes)
+
+
 @pytest.mark.parametrize(
     ("rigid", "effects", "words"),
     [
@@ -127,7 +135,7 @@ def test_a_cube_at_rest_on_the_floor_stays_and_its_weight_is_carried(tmp_path):
         ({"mesh": "sphere", "tie": [{"select": [999]}]}, {"inertia": {}}, "999"),
         ({"mesh": "sphere", "colour": "red"}, {"inertia": {}}, "colour"),
         (
-            {"mesh": "sphere", "radius": 0.04, "position": [30, 0, 50]},
+            {"mesh": "sphere", "radius": 0.04, "position": [0, 3, 2]},
             {"inertia": {}, "body_contact": {}},
             "intersects",
         ),
