@@ -7,7 +7,11 @@ from scipy.special import ellipk
 
 from clothsim import Scene, simulate
 from clothsim.build.scene_world import build
+from clothsim.energies.step import Step
 from clothsim.errors import InputError
+from clothsim.run.session import prepare
+from clothsim.sim.rigid_prediction import predicted_start
+from clothsim.sim.state import first_state
 
 G = 9.81
 FLOOR = {"name": "floor", "mesh": "slab", "size": [4, 2, 0.1], "position": [0, 0, -0.05]}
@@ -144,3 +148,34 @@ def test_a_body_that_will_lose_spin_is_named_with_a_shorter_step(rate, said):
 def test_a_bad_rigid_body_is_named(rigid, effects, words):
     with pytest.raises(InputError, match=words):
         build(rigid_scene(rigid, effects=effects))
+
+
+def test_a_body_that_spins_is_solved_from_where_it_turns_to(tmp_path):
+    block = {"mesh": "slab", "size": [0.1, 0.2, 0.3], "spin_degrees_per_second": [0, 0, 900]}
+    run = simulate(rigid_scene(block, dt=0.01, duration=0.05, tolerance=1e-3), tmp_path)
+    assert run.summary["newton_iterations"] <= 3 * run.summary["steps"]  # 13 a step from the positions as they are
+
+
+def test_the_prediction_keeps_the_distances_and_the_joint():
+    coordinates = {}
+    for name, joint in (("free", None), ("hinged", {"point": [0.3, 0, 0], "axis": [0, 0, 1]})):
+        block = {"mesh": "slab", "size": [0.1, 0.2, 0.3], "spin_degrees_per_second": [0, 0, 900]}
+        scene = rigid_scene(block | ({"joint": joint} if joint else {}))
+        built = build(scene)
+        session = prepare(scene, built)
+        state = first_state(built.world, 0.01)
+        bound = session.integrator.potential.begin(
+            Step(0.0, 0.01, state.positions, state.velocities, 1.0, np.zeros_like(state.positions))
+        )
+        ahead = predicted_start(built.world, session.integrator.system.dependent, bound, state, 0.01)
+        assert bound.energies["rigidity"].value(ahead) < 1e-15
+        rows = built.world.rigid_slices[0]
+        turned = ahead[rows] - ahead[rows].mean(axis=0)
+        angle = np.arctan2(turned[0, 1], turned[0, 0]) - np.arctan2(
+            *(state.positions[rows] - state.positions[rows].mean(axis=0))[0, [1, 0]]
+        )
+        assert np.degrees(angle) % 360 == pytest.approx(9.0, abs=1e-6)
+        coordinates[name] = ahead[rows].mean(axis=0) - state.positions[rows].mean(axis=0)
+    assert coordinates["free"] == pytest.approx(np.zeros(3), abs=1e-12)
+    turn = np.radians(9.0)
+    assert coordinates["hinged"] == pytest.approx(0.3 * np.array([1 - np.cos(turn), -np.sin(turn), 0]), abs=1e-12)

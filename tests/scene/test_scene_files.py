@@ -46,7 +46,8 @@ def test_first_steps_of_a_scene(path, tmp_path):
     assert certificate["intersection_free"] is True
     most = VIOLENT.get(path.stem, 2.0)
     assert 1 / most < certificate["stretch_min"] <= certificate["stretch_max"] < most
-    assert set(run.summary["effects"]) | set(scene.effects) == set(scene.effects)
+    implied = {"rigidity"} if scene.rigid_bodies else set()
+    assert set(run.summary["effects"]) | set(scene.effects) == set(scene.effects) | implied
     first, last = run.positions(0), run.positions(-1)
     if "gravity" in scene.effects:
         down = np.asarray(scene.effects["gravity"].get("acceleration", (0, 0, -9.81)))
