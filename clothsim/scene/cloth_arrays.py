@@ -1,5 +1,6 @@
 """Cloths and bodies from arrays: `clothsim.Cloth` and `clothsim.Body`."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -25,6 +26,8 @@ class ClothArrays(ClothKeys):
     rest : (n, 2), (n, 3) or (m, 3, 2) array_like [m], optional
         Rest shape: coordinates in the material plane by vertex or by corner of a triangle, or positions in space.
         None: the vertices are the rest shape.
+    groups : mapping of str to (k,) array_like, optional
+        Triangles of each panel, none in two: `fabric_of` and values by panel name them.
     fabric : str
         Named fabric; density and the other keys of a fabric override its values.
 
@@ -46,12 +49,14 @@ class ClothArrays(ClothKeys):
     vertices: ArrayLike | Any
     triangles: ArrayLike | None = None
     rest: ArrayLike | None = None
+    groups: Mapping[str, ArrayLike] | None = None
     arrays: MeshArrays = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _refuse_file("Cloth", self.vertices)
-        _keep(self, MeshArrays.checked(self.section, self.vertices, self.triangles, self.rest), "rest")
+        made = MeshArrays.checked(self.section, self.vertices, self.triangles, self.rest, groups=self.groups)
+        _keep(self, made, "rest", "groups")
 
     def as_table(self) -> dict[str, Any]:
         """The table of [cloth] with the arrays as its mesh."""
@@ -117,8 +122,8 @@ def _refuse_file(name: str, vertices: Any) -> None:
         )
 
 
-def _keep(made: Any, arrays: MeshArrays, other: str) -> None:
+def _keep(made: Any, arrays: MeshArrays, *others: str) -> None:
     """Set the read-only copies in place of what was given."""
-    for field_name in ("vertices", "triangles", other):
+    for field_name in ("vertices", "triangles", *others):
         object.__setattr__(made, field_name, getattr(arrays, field_name))
     object.__setattr__(made, "arrays", arrays)
