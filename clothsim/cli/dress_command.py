@@ -39,7 +39,7 @@ def add_to(commands: Any) -> None:
         action="append",
         default=[],
         metavar="PANEL=NAME",
-        help="fabric of a panel, as collar=denim, or of several: '*sleeve*=silk'; may be given again",
+        help="fabric of a panel, as collar=denim, or of several: '*sleeve*=wool'; may be given again",
     )
     dress.add_argument("--origin", default="auto", choices=("auto", "floor", "waist"), help="level y = 0 of the file")
     dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")

@@ -59,9 +59,9 @@ def fabrics_of(where: str, panels: Collection[str], given: Mapping[str, Any]) ->
 
     Examples
     --------
-    >>> found = fabrics_of("cloth.fabric_of", ["front", "cuff_l", "cuff_r"], {"cuff*": "denim", "cuff_l": "silk"})
+    >>> found = fabrics_of("cloth.fabric_of", ["front", "cuff_l", "cuff_r"], {"cuff*": "denim", "cuff_l": "wool"})
     >>> {panel: fabric.name for panel, fabric in found.items()}
-    {'cuff_l': 'silk', 'cuff_r': 'denim'}
+    {'cuff_l': 'wool', 'cuff_r': 'denim'}
     """
     if not isinstance(given, Mapping) or not all(isinstance(name, str) for name in given):
         raise InputError(f"{where} must be a table of fabrics by panel, not {given!r}.", 'As {"collar": "denim"}.')

@@ -5,6 +5,7 @@ import pytest
 from sewing_patterns import panel, specification, stitch
 
 from clothsim.build.scene_world import build, world_of
+from clothsim.dressing.garment_surfaces import numbers_of_fabrics
 from clothsim.dressing.sewing_state import as_placed
 from clothsim.dressing.sewn_cloth import Fabrics, sewn_cloth
 from clothsim.errors import InputError
@@ -93,7 +94,7 @@ def test_the_text_of_a_scene_keeps_panels_and_fabrics():
     assert np.array_equal(before.hinges.stiffness, after.hinges.stiffness)
 
 
-@pytest.mark.parametrize("of_panels", [{"middle": "denim"}, {"left": "felt"}, {"l*": "denim", "*t": "silk"}, ["left"]])
+@pytest.mark.parametrize("of_panels", [{"middle": "denim"}, {"left": "felt"}, {"l*": "denim", "*t": "wool"}, ["left"]])
 def test_unknown_panels_and_fabrics_are_refused(of_panels):
     with pytest.raises(InputError):
         Fabrics("cotton", of_panels).of(two_panels().mesh.pattern)
@@ -101,5 +102,12 @@ def test_unknown_panels_and_fabrics_are_refused(of_panels):
 
 def test_fabric_of_every_panel():
     pattern = two_panels().mesh.pattern
-    found = Fabrics("cotton", {"*": "silk", "left": "denim"}).of(pattern)
-    assert {panel: fabric.name for panel, fabric in found.items()} == {"left": "denim", "right": "silk"}
+    found = Fabrics("cotton", {"*": "wool", "left": "denim"}).of(pattern)
+    assert {panel: fabric.name for panel, fabric in found.items()} == {"left": "denim", "right": "wool"}
+
+
+def test_numbers_of_fabrics_in_pictures():
+    state = two_panels()
+    numbers = numbers_of_fabrics(state, Fabrics("cotton", {"left": "denim"}).of(state.mesh.pattern))
+    assert [set(numbers[state.mesh.faces[name]]) for name in ("left", "right")] == [{0}, {1}]
+    assert not numbers_of_fabrics(state, {}).any()
