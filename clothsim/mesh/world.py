@@ -154,9 +154,7 @@ class World:
 
     def per_triangle(self, property_name: str) -> Floats:
         """Return a property of each triangle's fabric, (m,): "density", "shear_modulus", "thickness", ..."""
-        return np.concatenate(
-            [np.full(len(cloth.triangles), getattr(cloth.fabric, property_name)) for cloth in self.cloths]
-        )
+        return np.concatenate([cloth.per_triangle(property_name) for cloth in self.cloths])
 
     def _to_vertices(self, amounts: Floats) -> Floats:
         """A third of each triangle's amount to each of its corners, (n_cloth,)."""

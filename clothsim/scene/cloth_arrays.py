@@ -1,5 +1,6 @@
 """Cloths and bodies from arrays: `clothsim.Cloth`, `clothsim.Body` and `clothsim.Rigid`."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -26,6 +27,8 @@ class ClothArrays(ClothKeys):
     rest : (n, 2), (n, 3) or (m, 3, 2) array_like [m], optional
         Rest shape: coordinates in the material plane by vertex or by corner of a triangle, or positions in space.
         None: the vertices are the rest shape.
+    groups : mapping of str to (k,) array_like, optional
+        Triangles of each panel, none in two: `fabric_of` and values by panel name them.
     fabric : str
         Named fabric; density and the other keys of a fabric override its values.
 
@@ -47,12 +50,14 @@ class ClothArrays(ClothKeys):
     vertices: ArrayLike | Any
     triangles: ArrayLike | None = None
     rest: ArrayLike | None = None
+    groups: Mapping[str, ArrayLike] | None = None
     arrays: MeshArrays = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _refuse_file("Cloth", self.vertices)
-        _keep(self, MeshArrays.checked(self.section, self.vertices, self.triangles, self.rest), "rest")
+        made = MeshArrays.checked(self.section, self.vertices, self.triangles, self.rest, groups=self.groups)
+        _keep(self, made, "rest", "groups")
 
     def as_table(self) -> dict[str, Any]:
         """The table of [cloth] with the arrays as its mesh."""

@@ -27,6 +27,11 @@ class ClothKeys(PlacedKeys):
 
     velocity: Annotated[Vector, Key("Velocity at the start", "m/s", length=3)] = (0.0, 0.0, 0.0)
     fabric: Annotated[str, Key("Named fabric, whose values the next keys override; see `clothsim fabrics`")] = "cotton"
+    fabric_of: Annotated[
+        Mapping[str, Any] | None,
+        Key("Named fabrics of panels (groups of a file, panels of a pattern), by name; * stands for any letters",
+            shown="none"),
+    ] = None  # fmt: skip
     density: Annotated[float | None, Key("Area density", "kg/m2", above=0, shown="the fabric's")] = None
     thickness: Annotated[float | None, Key("Thickness", "m", above=0, shown="the fabric's")] = None
     youngs_modulus: Annotated[
