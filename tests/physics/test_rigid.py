@@ -5,7 +5,7 @@ import pytest
 from rigid_scenes import WEIGHTLESS, moments_of, momentum, rigid_scene
 from scipy.special import ellipk
 
-from clothsim import Scene, simulate
+from clothsim import Scene, Simulation, simulate
 from clothsim.build.scene_world import build
 from clothsim.energies.step import Step
 from clothsim.errors import InputError
@@ -125,6 +125,24 @@ def test_a_body_that_will_lose_spin_is_named_with_a_shorter_step(rate, said):
     notes = [note for note in built.notes if "solver.dt" in note]
     assert len(notes) == said
     assert all("top" in note and "7 degrees" in note and "0.004" in note for note in notes)
+
+
+def test_a_rigid_body_is_not_moved_by_hand():
+    simulation = Simulation(rigid_scene({"name": "ball", "mesh": "sphere"}))
+    with pytest.raises(InputError, match="ball is rigid"):
+        simulation.drive_body("ball", velocity=[1.0, 0, 0])
+
+
+def test_a_scene_of_rigid_bodies_is_stored_and_restored(tmp_path):
+    ball = {"name": "ball", "mesh": "sphere", "subdivisions": 1, "spin_degrees_per_second": [200, 0, 0]}
+    simulation = Simulation(rigid_scene(ball))
+    for _ in range(3):
+        simulation.step()
+    simulation.save(tmp_path / "state")
+    restored = Simulation.restore(tmp_path / "state")
+    for each in (simulation, restored):
+        each.step()
+    assert np.array_equal(restored.state.bodies["ball"], simulation.state.bodies["ball"])
 
 
 @pytest.mark.parametrize(
