@@ -1,4 +1,4 @@
-"""Rules of other systems: file names that Windows takes, text files with a named encoding, no paths put together by hand."""
+"""Rules of other systems: file names that Windows takes, text files with a named encoding."""
 
 import ast
 import subprocess
