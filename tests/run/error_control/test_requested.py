@@ -63,7 +63,7 @@ def test_an_estimate_is_made_of_the_distances_to_two_coarser_runs(tmp_path):
 
 
 def test_an_estimate_whose_differences_do_not_fall_is_not_known(tmp_path):
-    """Two cells across and four steps of a fast swing: the coarser runs are no less wrong in a way that has an order."""
+    """A soft strip that swings fast: the coarser runs are wrong in ways that have no order."""
     run = {"duration": 0.6, "frames_per_second": 25}
     scene = replace(strip(dt=0.01, estimate=True), cloth={**STRIP, "cells": [8, 4], "youngs_modulus": 3e4}, run=run)
     estimate = simulate(scene, tmp_path).summary["certificate"]["error_estimate"]
