@@ -13,6 +13,8 @@ STEPS = 50
 """Bound on the Gauss-Newton steps that make both sides of all seams alike."""
 ALIKE = 1e-12
 """Largest difference of the logarithms of both factors of a seam at which they are alike."""
+STAY = 1.0
+"""Weight of the displacements of corners over that of the changes of edges, at the size of the panel."""
 FLAT = 1e-9
 """Height of an arc over its chord below which it is a straight line, as a fraction of the chord."""
 
@@ -80,10 +82,12 @@ def _relative(points: Floats, start: Floats, end: Floats) -> Floats:
 
 
 def with_seams_alike(graded: Pattern, original: Pattern) -> Pattern:
-    """Copy of a graded pattern, moved at its corners by the least that makes both sides of each seam change alike.
+    """Copy of a graded pattern whose edges change by the least that makes both sides of each seam change alike.
 
-    Curves are similar to those of `graded`, so that the length of an edge goes as its chord. Each step is the least
-    displacement that closes the linearized differences of the logarithms of both factors.
+    Curves are similar to those of `graded`, so that the length of an edge goes as its chord. Each Gauss-Newton step
+    closes the linearized differences r of the logarithms of both factors, J d = -r, and of all such displacements d of
+    the corners takes the one whose chords change least as fractions of their lengths: the sum of |d_j - d_i|^2 / l_ij^2
+    (the metric M), d = -M^-1 J^T (J M^-1 J^T)^-1 r.
     """
     names = list(graded.panels)
     offsets = dict(zip(names, np.cumsum([0, *(len(graded.panels[n].vertices) for n in names)])[:-1], strict=True))
@@ -91,11 +95,14 @@ def with_seams_alike(graded: Pattern, original: Pattern) -> Pattern:
     sides = [stitch.sides for stitch in graded.stitches]
     ends = np.array([[_ends(graded, side, offsets) for side in pair] for pair in sides], np.int64).reshape(-1, 2, 2)
     fixed = np.log([[_per_chord(graded, original, side) for side in pair] for pair in sides]).reshape(-1, 2)
+    inverse = np.linalg.inv(_metric(graded, offsets, len(points)))
     for _ in range(STEPS):
         differences, slopes = _differences(points, ends, fixed)
         if np.abs(differences).max(initial=0.0) < ALIKE:
             break
-        points = points - np.linalg.lstsq(slopes, differences, rcond=1e-10)[0].reshape(-1, 2)
+        moves = np.einsum("nm,smk->snk", inverse, slopes)
+        system = np.einsum("snk,tnk->st", slopes, moves)
+        points = points - np.einsum("s,snk->nk", np.linalg.lstsq(system, differences, rcond=1e-10)[0], moves)
     return replace(graded, panels={name: _moved(graded.panels[name], points[offsets[name] :]) for name in names})
 
 
@@ -126,7 +133,7 @@ def _ends(pattern: Pattern, side: Side, offsets: Mapping[str, int]) -> tuple[int
 
 
 def _differences(points: Floats, ends: Ints, fixed: Floats) -> tuple[Floats, Floats]:
-    """Difference of the logarithms of both factors of each seam (s,), and its derivative (s, 2 n)."""
+    """Difference of the logarithms of both factors of each seam (s,), and its derivative (s, n, 2)."""
     chords = points[ends[..., 1]] - points[ends[..., 0]]  # (s, 2, 2)
     squared = (chords**2).sum(axis=2)
     logarithms = fixed + 0.5 * np.log(squared)
@@ -136,7 +143,20 @@ def _differences(points: Floats, ends: Ints, fixed: Floats) -> tuple[Floats, Flo
         slope = sign * chords[:, side] / squared[:, side, None]
         np.add.at(slopes, (seams, ends[:, side, 1]), slope)
         np.add.at(slopes, (seams, ends[:, side, 0]), -slope)
-    return logarithms[:, 0] - logarithms[:, 1], slopes.reshape(len(ends), 2 * len(points))
+    return logarithms[:, 0] - logarithms[:, 1], slopes
+
+
+def _metric(pattern: Pattern, offsets: Mapping[str, int], n: int) -> Floats:
+    """Matrix (n, n) of the sum over all edges of |d_j - d_i|^2 / l_ij^2, and STAY |d_i|^2 / size^2."""
+    metric = np.zeros((n, n))
+    for name, panel in pattern.panels.items():
+        for edge in panel.edges:
+            rows = offsets[name] + np.array([edge.start, edge.end])
+            squared = ((panel.vertices[edge.end] - panel.vertices[edge.start]) ** 2).sum()
+            metric[np.ix_(rows, rows)] += np.array([[1, -1], [-1, 1]]) / squared
+        own = slice(offsets[name], offsets[name] + len(panel.vertices))
+        metric[own, own] += STAY / np.ptp(panel.vertices, axis=0).max() ** 2 * np.eye(len(panel.vertices))
+    return metric
 
 
 def _moved(panel: Panel, points: Floats) -> Panel:
