@@ -52,6 +52,9 @@ def add_to(commands: Any) -> None:
         metavar="NAME=F",
         help="grade by this factor of girth or length, as waist=1.05; may be given again",
     )
+    dress.add_argument(
+        "--hold", action="store_true", help="take in upper edges that would slide to the girth of the body"
+    )
     dress.add_argument("--origin", default="auto", choices=("auto", "floor", "waist"), help="level y = 0 of the file")
     dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")
     dress.add_argument("--scale", metavar="S", help="metres per unit of the body (default: by height)")
@@ -131,6 +134,7 @@ def _dress(arguments: argparse.Namespace) -> int:
             fabrics=as_fabrics(arguments.fabric_of),
             cut_for=_body(arguments.cut_for),
             grade=as_factors(arguments.grade),
+            hold=arguments.hold,
             origin=arguments.origin,
             rotation_order=arguments.rotation_order,
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),

@@ -15,6 +15,7 @@ from clothsim.dressing.draping import drape
 from clothsim.dressing.dressed import Dress
 from clothsim.dressing.facing import refuse_unsuitable
 from clothsim.dressing.grading import Grading, graded
+from clothsim.dressing.held_edges import edges_held, parts_for_edges, slid
 from clothsim.dressing.legs import turned_to_legs
 from clothsim.dressing.lifting import lifted
 from clothsim.dressing.placing import placed_on
@@ -48,6 +49,7 @@ class _Task:
     body: Figure
     surface: BodySurface
     fabrics: Fabrics
+    hold: bool
     directory: Path
     on_stage: StageCallback
     progress: Listener | None
@@ -76,6 +78,7 @@ def dress(
     fabrics: Mapping[str, str] | None = None,
     cut_for: str | Path | Any | None = None,
     grade: Mapping[str, float] | None = None,
+    hold: bool = False,
     origin: str = "auto",
     rotation_order: str = "zyx",
     scale: float | None = None,
@@ -105,6 +108,8 @@ def dress(
         The body that the pattern was cut for: it is graded from its girths and lengths to those of `on`. None: as cut.
     grade : mapping of str to float, optional
         Factors by name (`body_sizes.NAMES`) in place of those between both bodies; without `cut_for` the others are 1.
+    hold : bool
+        True: upper edges that would slide are taken in to the girth of the body before the drape (`held_edges`).
     origin : str
         Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placing.placed_on`).
     rotation_order : str
@@ -146,6 +151,8 @@ def dress(
     name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
     body = read_figure(on, scale=scale, group=body_group) if isinstance(on, str | Path) else figure_of(on)
     refuse_unsuitable(body)
+    if hold:
+        parts_for_edges(body)  # an error now, not after the closing
     grading = _graded(read, body, cut_for, grade or {}, origin)
     if grading is not None:
         read, origin = grading.pattern, grading.origin
@@ -155,7 +162,7 @@ def dress(
     mesh, arm_notes = turned_to_arms(mesh, body)
     mesh, leg_notes = turned_to_legs(mesh, body, surface)
     make_directory(directory)
-    task = _Task(body, surface, chosen, directory, on_stage, progress, announce)
+    task = _Task(body, surface, chosen, hold, directory, on_stage, progress, announce)
     begun = _Progress(
         as_placed(mesh),
         (),
@@ -301,9 +308,12 @@ def _welded(task: _Task, done: _Progress) -> _Progress:
 
 def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
     """Drape; where it cannot start or complete, the sewn garment is the result."""
-    started = perf_counter()
+    started, held = perf_counter(), done.state
+    if task.hold:
+        held, notes = edges_held(done.state, task.body)
+        done = replace(done, notes=(*done.notes, *notes))
     try:
-        run = drape(done.state, task.body, task.fabrics, task.directory, task.progress, task.announce)
+        run = drape(held, task.body, task.fabrics, task.directory, task.progress, task.announce)
     except InputError as error:
         return done, "sewn", f"The drape could not start: {error.sentence}"
     if run.status != "completed":
@@ -322,10 +332,11 @@ def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
     gap, name = worst_gap(draped.state)
     if gap > mean_edge(draped.state):
         return draped, "failed", f"Seam {name}, held by strings, opened to {1e3 * gap:.3g} mm in the drape."
-    slid = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
-    if slid > SLID * height:
-        note = f"the top of the garment lies {1e3 * slid:.0f} mm below where its pattern places it"
+    below = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
+    if below > SLID * height:
+        note = f"the top of the garment lies {1e3 * below:.0f} mm below where its pattern places it"
         draped = replace(draped, notes=(*draped.notes, note))
+    draped = replace(draped, notes=(*draped.notes, *slid(done.state, draped.state, task.body)))
     return draped, "completed", _closed_seams(draped.state, task.body.name)
 
 
