@@ -7,7 +7,7 @@ import numpy as np
 from clothsim import Scene, Simulation
 from clothsim.energies.rigidity import rigidity
 
-ASIDE = {"mesh": "rectangle", "size": [0.1, 0.1], "cells": [2, 2], "position": [30.0, 0.0, 50.0]}
+ASIDE = {"mesh": "rectangle", "size": [0.1, 0.1], "cells": [2, 2], "position": [0.0, 3.0, 2.0]}
 """A piece of cloth that takes no part: a scene has one."""
 EFFECTS = {"inertia": {}, "membrane": {}, "gravity": {}}
 WEIGHTLESS = {"inertia": {}, "membrane": {}}

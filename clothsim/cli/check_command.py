@@ -249,6 +249,8 @@ def _intersections(
         print(f"  cloth and body do not intersect {anywhere}{others}")
     if "cloth_cloth" not in kinds:
         print(f"  cloth and cloth do not intersect {anywhere}{others}")
+    if check.rigid and "rigid" not in kinds:
+        print(f"  rigid bodies and bodies do not intersect {anywhere}{others}")
     return len(kinds) - len(allowed), len(allowed)
 
 

@@ -1,4 +1,4 @@
-"""Cloths and bodies from arrays: `clothsim.Cloth` and `clothsim.Body`."""
+"""Cloths and bodies from arrays: `clothsim.Cloth`, `clothsim.Body` and `clothsim.Rigid`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from clothsim.errors import InputError
 from clothsim.scene.mesh_arrays import MeshArrays
 from clothsim.scene.mesh_keys import BodyKeys, ClothKeys, FrameRate
+from clothsim.scene.rigid_keys import RigidKeys
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +111,53 @@ class BodyArrays(BodyKeys, FrameRate):
 
     def as_table(self) -> dict[str, Any]:
         """The table of [[body]] with the arrays as its mesh."""
+        return {"mesh": self.arrays, **super().as_table()}
+
+
+@dataclass(frozen=True, eq=False)
+class RigidArrays(RigidKeys):
+    """A rigid body from arrays or a mesh object, with the keys of [[rigid]].
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like [m], or mesh object
+        Positions at the start, before `scale`, `rotation_degrees` and `position`, of a closed surface; or a
+        trimesh.Trimesh, pyvista.PolyData, meshio.Mesh or scikit-fem MeshTri.
+    triangles : (m, 3) array_like, optional
+        Vertex numbers; left out where `vertices` is a mesh object.
+    density : float [kg/m3]
+        Of the solid inside.
+    velocity, spin_degrees_per_second : (3,) array_like [m/s, degrees/s]
+        At the start.
+    joint : dict, optional
+        `point`, and `axis` of a hinge.
+
+    Raises
+    ------
+    InputError
+        For another shape, a number that is not finite or an index out of range: it names array and index.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> tetrahedron = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    >>> clothsim.Rigid(*tetrahedron, density=600.0).as_table()["density"]
+    600.0
+    """
+
+    section: ClassVar[str] = "rigid"
+
+    vertices: ArrayLike | Any
+    triangles: ArrayLike | None = None
+    arrays: MeshArrays = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _refuse_file("Rigid", self.vertices)
+        _keep(self, MeshArrays.checked(self.section, self.vertices, self.triangles))
+
+    def as_table(self) -> dict[str, Any]:
+        """The table of [[rigid]] with the arrays as its mesh."""
         return {"mesh": self.arrays, **super().as_table()}
 
 

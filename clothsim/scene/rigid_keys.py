@@ -37,12 +37,11 @@ class TieKeys(KeyTable):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RigidTable(PlacedKeys):
-    """A rigid body that weight, contact and cloth move: a closed mesh, generated, of a file or in memory."""
+class RigidKeys(PlacedKeys):
+    """Mass, start, joint and ties of a rigid body."""
 
     section: ClassVar[str] = "rigid"
 
-    mesh: Annotated[str | Any, MESH]
     density: Annotated[float, Key("Density of the solid inside the mesh", "kg/m3", above=0)] = 1000.0
     velocity: Annotated[Vector, Key("Velocity of the centre of mass at the start", "m/s", length=3)] = (0.0, 0.0, 0.0)
     spin_degrees_per_second: Annotated[
@@ -57,7 +56,14 @@ class RigidTable(PlacedKeys):
     stiffness: Annotated[float, Key("Stiffness of the energy that keeps it rigid", "Pa", above=0)] = 1e8
 
 
+@dataclass(frozen=True, kw_only=True)
+class RigidTable(RigidKeys):
+    """A rigid body that weight, contact and cloth move: a closed mesh, generated, of a file or in memory."""
+
+    mesh: Annotated[str | Any, MESH]
+
+
 def check_rigid(where: str, keys: Any) -> Mapping[str, Any]:
-    """The table of a rigid body, with the keys of its generator or of a part of its file; InputError names a bad one."""
+    """The table of a rigid body, with the keys of its generator or file part. InputError names a bad one."""
     given = table(where, keys)
     return check_keys(where, given, (RigidTable, *sources(where, given)))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.errors import InputError
-from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
+from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays, RigidArrays
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.key_table import KeyTable, as_tables
 from clothsim.scene.keys import refuse_deep, refuse_unknown, shown, table
@@ -36,7 +36,7 @@ class Scene:
         Keys of [cloth].
     body : dict, Body, mesh object, or a list of them
         Keys of [[body]].
-    rigid : dict, or a list of them
+    rigid : dict, Rigid, mesh object, or a list of them
         Keys of [[rigid]].
     effects : dict or list of effects
         {name: {key: value}}, or typed effects.
@@ -221,7 +221,7 @@ def _mesh_tables(name: str, value: Any) -> Any:
 
 
 def _mesh_table(where: str, value: Any) -> Any:
-    if isinstance(value, ClothArrays | BodyArrays):
+    if isinstance(value, ClothArrays | BodyArrays | RigidArrays):
         if value.section != where.partition("[")[0]:
             given, right = value.section.capitalize(), where.partition("[")[0].capitalize()
             raise InputError(f"{where} is a clothsim.{given}.", f"Give a clothsim.{right}.")
@@ -241,24 +241,16 @@ def _several(name: str, value: Any) -> tuple[Table, ...]:
     if isinstance(value, str) or not isinstance(value, Sequence):
         raise InputError(
             f"{name} must be a table or a list of tables, not {shown(value)}.",
-            f"Write [{name}] or [[{name}]] with a mesh; in Python a dict{_in_python(name)} or a mesh.",
+            f"Write [{name}] or [[{name}]] with a mesh; in Python a dict, clothsim.{name.capitalize()} or a mesh.",
         )
     return tuple(
         table(
             f"{name}[{k}]",
             entry,
-            f"Write [[{name}]]; arrays go into {_arrays(name)}.",
+            f"Write [[{name}]]; arrays go into clothsim.{name.capitalize()}(vertices, triangles).",
         )
         for k, entry in enumerate(value)
     )
-
-
-def _in_python(name: str) -> str:
-    return "" if name == "rigid" else f", clothsim.{name.capitalize()}"
-
-
-def _arrays(name: str) -> str:
-    return "mesh = a mesh object" if name == "rigid" else f"clothsim.{name.capitalize()}(vertices, triangles)"
 
 
 def _plain(value: Any) -> Any:

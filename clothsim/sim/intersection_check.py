@@ -44,6 +44,11 @@ class IntersectionCheck:
         """True where the scene has a body."""
         return any(surface.role == "body" for surface in self.surfaces)
 
+    @property
+    def rigid(self) -> bool:
+        """True where the scene has a rigid body that forces move."""
+        return any(surface.rigid for surface in self.surfaces)
+
     def crossings(self, x: Floats, origin: Floats = _ORIGIN) -> "tuple[Crossing, ...]":
         """Find all intersections in x (N, 3) [m], which is relative to `origin` (3,)."""
         from clothsim.intersection.crossings import crossings  # kernels: a process that runs nothing does not load them
@@ -79,7 +84,8 @@ class IntersectionCheck:
     def coverage(self, complete: bool = True) -> dict[str, str]:
         """Return a description of the checked pairs, for the certificate; complete: of all states."""
         checked = "checked at every step" if complete else "checked at every step since the run was resumed"
-        return {"cloth_body": checked if self.bodies else "no body", "cloth_cloth": checked}
+        kinds = {"cloth_body": checked if self.bodies else "no body", "cloth_cloth": checked}
+        return kinds | ({"rigid": checked} if self.rigid else {})
 
 
 def intersection_check_of(

@@ -17,6 +17,7 @@ from clothsim.sim.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
 from clothsim.sim.local_error import StepError, step_error
 from clothsim.sim.mechanical_energy import gains_energy
 from clothsim.sim.prescribed import prescribed
+from clothsim.sim.rigid_prediction import predicted_start
 from clothsim.sim.state import Previous, State, Switch
 from clothsim.sim.step_size import ErrorControl
 from clothsim.solve.linear_system import System
@@ -282,7 +283,10 @@ def _solve(
 ) -> tuple[Potential, NewtonResult]:
     bound = integrator.potential.begin(step_of(integrator, state, formula, h, end))
     integrator.system.begin(bound.couplings(state.positions, h * state.velocities))
-    result = _newton(integrator, state, formula, h, bound, target).minimise(state.positions, target)
+    start = state.positions
+    if integrator.world.rigid:
+        start = predicted_start(integrator.world, integrator.system.dependent, bound, state, h)
+    result = _newton(integrator, state, formula, h, bound, target).minimise(start, target)
     for _ in range(1, bound.lag_iterations):
         if not result.outcome.converged:
             break

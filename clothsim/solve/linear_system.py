@@ -1,5 +1,7 @@
 """Newton matrix and its solver: one sparsity pattern for many steps, extended where contact couples vertices."""
 
+from operator import is_
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +18,9 @@ NEW_BLOCKS = 0.02
 """Fraction of blocks that may be missing from the last symbolic analysis for a preconditioner to do without them: a
 crumpling sheet would otherwise be reanalysed at every second iteration.
 """
+
+SPARE_BLOCKS = 0.1
+"""Fraction of blocks beyond those of a matrix that `System.cover` keeps, as the next matrix may need them again."""
 
 
 class System:
@@ -62,7 +67,7 @@ class System:
         self.pattern = self._analysed = base
         self._offsets: dict[int, tuple[Ints, NDArray[np.int32]]] = {}
         self._solver: LinearSolver | None = None
-        self._wider: System | None = None
+        self._wider: tuple[list[Ints], System] | None = None
 
     @property
     def solver(self) -> LinearSolver:
@@ -95,12 +100,23 @@ class System:
         if self._solver is not None:
             self._solver.restart()
 
+    def cover(self, couplings: list[Ints]) -> None:
+        """Extend the pattern to `couplings`, and leave out what only earlier matrices coupled where that is much."""
+        wider = extended(self.pattern, couplings)
+        if wider is not self.pattern:
+            least = extended(self.base, couplings)
+            self._set_pattern(least if len(wider.columns) > (1.0 + SPARE_BLOCKS) * len(least.columns) else wider)
+
     def widened(self, elements: list[Ints]) -> "System":
         """Return a system whose base has the couplings of `elements` too, (m, k) each; the last one is cached."""
+        lists, system = self._wider or ([], self)
+        if self._wider is not None and len(lists) == len(elements) and all(map(is_, lists, elements)):
+            return system
         base = extended(self.base, elements)
-        if self._wider is None or not self._wider.base.same_as(base):
-            self._wider = System(base, self._linear, self._threads, dependent=self.dependent)
-        return self._wider
+        if self._wider is None or not system.base.same_as(base):
+            system = System(base, self._linear, self._threads, dependent=self.dependent)
+        self._wider = elements, system
+        return system
 
     def subsystem(self, patch: Patch) -> "System":
         """Return a system of the vertices of a patch, with the same kind of solver."""

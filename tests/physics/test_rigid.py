@@ -5,9 +5,13 @@ import pytest
 from rigid_scenes import WEIGHTLESS, moments_of, momentum, rigid_scene
 from scipy.special import ellipk
 
-from clothsim import Scene, simulate
+from clothsim import Scene, Simulation, simulate
 from clothsim.build.scene_world import build
+from clothsim.energies.step import Step
 from clothsim.errors import InputError
+from clothsim.run.session import prepare
+from clothsim.sim.rigid_prediction import predicted_start
+from clothsim.sim.state import first_state
 
 G = 9.81
 FLOOR = {"name": "floor", "mesh": "slab", "size": [4, 2, 0.1], "position": [0, 0, -0.05]}
@@ -78,7 +82,7 @@ def test_two_balls_that_collide_keep_their_momentum():
     mass = simulation._session.built.world.rigid[0].mass
     assert found[-1].velocity[0] < 0.7
     assert linear == pytest.approx([mass, 0, 0], abs=1e-6 * mass)
-    assert angular == pytest.approx(np.zeros(3), abs=2e-3 * mass * 0.1)
+    assert angular == pytest.approx(np.zeros(3), abs=5e-3 * mass * 0.1)  # BDF2 keeps it to its order
     assert 0.3 * mass < energy < 0.5 * mass
 
 
@@ -115,6 +119,32 @@ def test_a_cube_at_rest_on_the_floor_stays_and_its_weight_is_carried(tmp_path):
     assert run.forces().bodies["floor"][-1][2] == pytest.approx(-500 * 0.008 * G, rel=0.05)
 
 
+@pytest.mark.parametrize(("rate", "said"), [(400.0, False), (700.0, True)])
+def test_a_body_that_will_lose_spin_is_named_with_a_shorter_step(rate, said):
+    built = build(rigid_scene({"name": "top", "mesh": "slab", "spin_degrees_per_second": [0, 0, rate]}))
+    notes = [note for note in built.notes if "solver.dt" in note]
+    assert len(notes) == said
+    assert all("top" in note and "7 degrees" in note and "0.004" in note for note in notes)
+
+
+def test_a_rigid_body_is_not_moved_by_hand():
+    simulation = Simulation(rigid_scene({"name": "ball", "mesh": "sphere"}))
+    with pytest.raises(InputError, match="ball is rigid"):
+        simulation.drive_body("ball", velocity=[1.0, 0, 0])
+
+
+def test_a_scene_of_rigid_bodies_is_stored_and_restored(tmp_path):
+    ball = {"name": "ball", "mesh": "sphere", "subdivisions": 1, "spin_degrees_per_second": [200, 0, 0]}
+    simulation = Simulation(rigid_scene(ball))
+    for _ in range(3):
+        simulation.step()
+    simulation.save(tmp_path / "state")
+    restored = Simulation.restore(tmp_path / "state")
+    for each in (simulation, restored):
+        each.step()
+    assert np.array_equal(restored.state.bodies["ball"], simulation.state.bodies["ball"])
+
+
 @pytest.mark.parametrize(
     ("rigid", "effects", "words"),
     [
@@ -127,7 +157,7 @@ def test_a_cube_at_rest_on_the_floor_stays_and_its_weight_is_carried(tmp_path):
         ({"mesh": "sphere", "tie": [{"select": [999]}]}, {"inertia": {}}, "999"),
         ({"mesh": "sphere", "colour": "red"}, {"inertia": {}}, "colour"),
         (
-            {"mesh": "sphere", "radius": 0.04, "position": [30, 0, 50]},
+            {"mesh": "sphere", "radius": 0.04, "position": [0, 3, 2]},
             {"inertia": {}, "body_contact": {}},
             "intersects",
         ),
@@ -136,3 +166,34 @@ def test_a_cube_at_rest_on_the_floor_stays_and_its_weight_is_carried(tmp_path):
 def test_a_bad_rigid_body_is_named(rigid, effects, words):
     with pytest.raises(InputError, match=words):
         build(rigid_scene(rigid, effects=effects))
+
+
+def test_a_body_that_spins_is_solved_from_where_it_turns_to(tmp_path):
+    block = {"mesh": "slab", "size": [0.1, 0.2, 0.3], "spin_degrees_per_second": [0, 0, 900]}
+    run = simulate(rigid_scene(block, dt=0.01, duration=0.05, tolerance=1e-3), tmp_path)
+    assert run.summary["newton_iterations"] <= 3 * run.summary["steps"]  # 13 a step from the positions as they are
+
+
+def test_the_prediction_keeps_the_distances_and_the_joint():
+    coordinates = {}
+    for name, joint in (("free", None), ("hinged", {"point": [0.3, 0, 0], "axis": [0, 0, 1]})):
+        block = {"mesh": "slab", "size": [0.1, 0.2, 0.3], "spin_degrees_per_second": [0, 0, 900]}
+        scene = rigid_scene(block | ({"joint": joint} if joint else {}))
+        built = build(scene)
+        session = prepare(scene, built)
+        state = first_state(built.world, 0.01)
+        bound = session.integrator.potential.begin(
+            Step(0.0, 0.01, state.positions, state.velocities, 1.0, np.zeros_like(state.positions))
+        )
+        ahead = predicted_start(built.world, session.integrator.system.dependent, bound, state, 0.01)
+        assert bound.energies["rigidity"].value(ahead) < 1e-15
+        rows = built.world.rigid_slices[0]
+        turned = ahead[rows] - ahead[rows].mean(axis=0)
+        angle = np.arctan2(turned[0, 1], turned[0, 0]) - np.arctan2(
+            *(state.positions[rows] - state.positions[rows].mean(axis=0))[0, [1, 0]]
+        )
+        assert np.degrees(angle) % 360 == pytest.approx(9.0, abs=1e-6)
+        coordinates[name] = ahead[rows].mean(axis=0) - state.positions[rows].mean(axis=0)
+    assert coordinates["free"] == pytest.approx(np.zeros(3), abs=1e-12)
+    turn = np.radians(9.0)
+    assert coordinates["hinged"] == pytest.approx(0.3 * np.array([1 - np.cos(turn), -np.sin(turn), 0]), abs=1e-12)
