@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.hessians import Hessian, explicit
 from clothsim.indexing import Rows
+from clothsim.solve.dependent_rows import NO_DEPENDENT_ROWS, DependentRows
 from clothsim.solve.direct_solver import LinearSolver
 from clothsim.solve.linear_solvers import make_solver
 from clothsim.solve.nonlinear_elimination import Patch
@@ -37,7 +38,9 @@ class System:
     threads : int
         0: by size (`threads.solver_threads`).
     patch : Patch, optional
-        Vertices that the matrix is restricted to; None: all cloth vertices.
+        Vertices that the matrix is restricted to; None: all unknowns.
+    dependent : DependentRows
+        Rows of x that follow unknowns (vertices of rigid bodies).
 
     Attributes
     ----------
@@ -47,8 +50,16 @@ class System:
         Name of the solver once one was made; a summary reads it without an analysis.
     """
 
-    def __init__(self, base: Pattern, linear: str = "auto", threads: int = 0, patch: Patch | None = None) -> None:
+    def __init__(
+        self,
+        base: Pattern,
+        linear: str = "auto",
+        threads: int = 0,
+        patch: Patch | None = None,
+        dependent: DependentRows = NO_DEPENDENT_ROWS,
+    ) -> None:
         self.base = base
+        self.dependent = dependent
         self.patch = patch
         self.rows: Rows = slice(0, base.n_vertices) if patch is None else patch.rows
         self.analyses, self.name = 0, linear
@@ -81,7 +92,7 @@ class System:
 
     def begin(self, couplings: list[Ints]) -> None:
         """Set the pattern to the base and `couplings`, lists of rows (m, k) that act on one another."""
-        self._set_pattern(extended(self.base, couplings))
+        self._set_pattern(extended(self.base, self.dependent.coupled(couplings) if self.dependent else couplings))
         if self._analysed.same_as(self.pattern):
             self.pattern = self._analysed
         else:
@@ -103,7 +114,7 @@ class System:
             return system
         base = extended(self.base, elements)
         if self._wider is None or not system.base.same_as(base):
-            system = System(base, self._linear, self._threads)
+            system = System(base, self._linear, self._threads, dependent=self.dependent)
         self._wider = elements, system
         return system
 
@@ -113,7 +124,7 @@ class System:
 
     def assemble(self, given: list[Hessian]) -> Floats:
         """Sum the Hessians as data of the pattern, which is extended first where a block is outside of it."""
-        hessians = explicit(given)
+        hessians = self.dependent.hessians(explicit(given))
         if self.patch is not None:
             hessians = [self.patch.hessian(hessian) for hessian in hessians]
         data, outside = self._assembled(hessians)
