@@ -100,6 +100,11 @@ def refuse_history(built: Built) -> None:
             "The error of a goal by triangles is that of a cloth at rest, and the scene has effects.inertia.",
             "Leave effects.inertia out: the loads then grow over the run, and the cloth ends at rest.",
         )
+    if built.world.rigid:
+        raise InputError(
+            "The error of a goal by triangles is not known with rigid bodies.",
+            "Make them bodies with a motion: [[body]].",
+        )
     for name, energy in built.energies.items():
         if isinstance(energy, Lagged | History) and not isinstance(energy, AdaptiveStiffness):
             raise InputError(

@@ -13,7 +13,7 @@ from clothsim.accuracy.goal_error import goal_error
 from clothsim.accuracy.goal_report import NamedGoal, goal_lines, goal_report
 from clothsim.accuracy.knobs import KNOBS
 from clothsim.accuracy.points import BASE, Bench, point
-from clothsim.accuracy.state_at_rest import powers, state_at_rest
+from clothsim.accuracy.state_at_rest import powers, refuse_history, state_at_rest
 from clothsim.accuracy.study import study_accuracy
 from clothsim.adjoint.hem import border_sides, hem_of
 from clothsim.adjoint.losses import Height
@@ -107,6 +107,9 @@ def test_what_has_no_error_by_triangles(tmp_path, capsys):
         other = replace(scene, effects=scene.effects | effects, body={"name": "b", "mesh": "sphere"})
         with pytest.raises(InputError, match=next(reversed(effects))):
             state_at_rest(other, ends)
+    rigid: Any = SimpleNamespace(energies={}, world=SimpleNamespace(rigid=("button",)))
+    with pytest.raises(InputError, match="rigid"):
+        refuse_history(rigid)
     with pytest.raises(InputError, match="cells"):
         study_accuracy(scene, tmp_path / "no", ["dt"], runners=Runners(), goal=NamedGoal("hem", hem_of))
     assert not (tmp_path / "no" / "study.json").exists()
