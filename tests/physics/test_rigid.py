@@ -225,6 +225,10 @@ def test_a_scene_far_from_the_origin_is_the_same(tmp_path):
         floor = FLOOR | {"position": at(*FLOOR["position"])}
         cloth = {"mesh": "rectangle", "size": [0.1, 0.1], "cells": [2, 2], "position": at(0, 0.5, 1)}
         scene = rigid_scene(rigid, floor, EFFECTS | {"body_contact": {}}, duration=0.1, cloth=cloth)
+        world = build(scene).world
+        for body, rows, surface in zip(world.rigid, world.coordinate_slices, world.rigid_slices, strict=True):
+            followed = body.offset + body.weights @ world.start()[rows]
+            assert world.start()[surface] == pytest.approx(followed, abs=1e-12)
         run = simulate(scene, tmp_path / str(len(ends)))
         ends.append({name: points - shift for name, points, _ in run.bodies(-1)})
     for name in ("ball", "door"):
