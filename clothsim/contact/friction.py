@@ -57,6 +57,8 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
         mu_kinetic and mu_static of each pair of objects.
     labels : (N,) int array
         Object of each row of x.
+    triangles_at : (N, 3) int array
+        Rows of a triangle at each vertex of a body (`anchors.turners_of`).
     eps_v : float
         Speed below which a contact creeps [m/s]; 0 with anchors.
     elastic_slip : float
@@ -75,6 +77,7 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
     kinetic: Floats
     static: Floats
     labels: Ints
+    triangles_at: Ints
     eps_v: float
     elastic_slip: float
     iterations: int
@@ -110,7 +113,7 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
         if not self.elastic_slip:
             return np.zeros(0)
         pairs = self.elements, self.weights, self.normals, self.slips, self.slides
-        return anchors_at(self.contacts.start, *pairs).as_array()
+        return anchors_at(self.contacts.start, *pairs, self.triangles_at).as_array()
 
     def begin(self, step: Step) -> Self:
         """Copy for the step, with the contacts and their forces at its start.
@@ -123,7 +126,7 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
         start, slip, anchors = step.past.positions, self.eps_v * step.past.dt, NO_ANCHORS
         if self.elastic_slip:
             start, slip = step.positions, self.elastic_slip
-            anchors = anchors_from(step.memory.get(NAME, ()))
+            anchors = anchors_from(step.memory.get(NAME, ()), self.triangles_at)
             objects = self.labels[anchors.elements[:, 0]], self.labels[anchors.elements[:, 3]]
             anchors = anchors.after(step.positions, slip, self.kinetic[objects] / self.static[objects])
         contacts = Contacts(tuple(found.values()), start, slip, least_gap, step.dt * step.velocities)
@@ -157,7 +160,8 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
             return none, none, np.zeros(len(elements), bool)
         parents, slips = self.anchors.inherited(elements, weights, normals, self.labels)
         start, displacements = self.contacts.start, self.contacts.displacements
-        at_start = anchors_at(start, elements, weights, normals, none, np.zeros(len(elements), bool))
+        still = np.zeros(len(elements), bool)
+        at_start = anchors_at(start, elements, weights, normals, none, still, self.triangles_at)
         turns = tangential(at_start.turning(start + displacements), normals)
         moves = tangential(relative_positions(displacements, elements, weights), normals) - turns
         slides = np.linalg.norm(moves, axis=1) > self.elastic_slip

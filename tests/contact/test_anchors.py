@@ -138,7 +138,7 @@ def test_a_vertex_keeps_its_anchor_from_face_to_face_and_on_one_side_alone():
 
 def test_the_nearest_normal_or_the_same_pair_inherits():
     both = [one((0.1 * E, 0, 0)), replace(one((0.2 * E, 0, 0)), normals=np.array([[0.6, 0.0, 0.8]]))]
-    names = ("elements", "weights", "normals", "slips", "origins", "directions", "facings", "slides")
+    names = ("elements", "weights", "normals", "slips", "origins", "directions", "facings", "slides", "turners")
     anchors = Anchors(*(np.concatenate([getattr(each, name) for each in both]) for name in names))
     elements, weights = np.array([[0, 2, 4, 3]]), np.array([[1, -0.2, -0.4, -0.4]])
     for normal, parent in ((UP, 0), (np.array([0.6, 0.0, 0.8]), 1)):
