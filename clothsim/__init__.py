@@ -14,7 +14,8 @@ if _TYPE_CHECKING:
     from clothsim.accuracy.study import Study, study_accuracy
     from clothsim.adjoint.design import design
     from clothsim.adjoint.recover import recover
-    from clothsim.dressing.dress import Dress, dress
+    from clothsim.dressing.dress import dress
+    from clothsim.dressing.dressed import Dress
     from clothsim.errors import ClothsimError, InputError, IntersectionWarning
     from clothsim.fitting.fit import Fit, fit
     from clothsim.mesh.checks import Finding
@@ -26,6 +27,7 @@ if _TYPE_CHECKING:
     from clothsim.run.simulation_state import SimulationError, SimulationState
     from clothsim.scene.cloth_arrays import BodyArrays as Body
     from clothsim.scene.cloth_arrays import ClothArrays as Cloth
+    from clothsim.scene.cloth_arrays import RigidArrays as Rigid
     from clothsim.scene.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
     from clothsim.scene.effects import register_effect
     from clothsim.scene.scene import Scene
@@ -64,7 +66,7 @@ _HOMES = {
     "Contact": "clothsim.scene.settings",
     "Crease": "clothsim.scene.effect_tables",
     "Damping": "clothsim.scene.typed_effects",
-    "Dress": "clothsim.dressing.dress",
+    "Dress": "clothsim.dressing.dressed",
     "Fibres": "clothsim.scene.typed_effects",
     "Finding": "clothsim.mesh.checks",
     "Fit": "clothsim.fitting.fit",
@@ -81,6 +83,7 @@ _HOMES = {
     "PlasticBending": "clothsim.scene.typed_effects",
     "Pressure": "clothsim.scene.typed_effects",
     "RestAngle": "clothsim.scene.typed_effects",
+    "Rigid": "clothsim.scene.cloth_arrays:RigidArrays",
     "Run": "clothsim.run.results",
     "RunSettings": "clothsim.scene.settings",
     "Scene": "clothsim.scene.scene",
@@ -140,6 +143,7 @@ __all__ = [
     "PlasticBending",
     "Pressure",
     "RestAngle",
+    "Rigid",
     "Run",
     "RunSettings",
     "Scene",

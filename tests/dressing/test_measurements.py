@@ -1,12 +1,11 @@
 """Measurements: girths against closed forms and against sections of trimesh, areas, marker."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from capsule_bodies import person
 from real_data import DATA, needs_data
-from sewing_patterns import panel, skirt, specification, stitch
+from sewing_patterns import panel, skirt, specification
+from sewn_tubes import tube
 
 from clothsim.dressing.measurements import (
     areas_of_panels,
@@ -21,6 +20,7 @@ from clothsim.dressing.sewing_state import as_placed
 from clothsim.fitting.inputs import Figure, read_figure
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
 from clothsim.mesh.pattern.specification import pattern_of
+from clothsim.scene.fabrics import FABRICS
 
 BODIES = ("mean_all", "mean_all_tpose", "mean_female", "f_smpl_average_A40")
 GARMENTCODE = {"chest": 0.9984, "waist": 0.8433, "hip": 1.0348}
@@ -32,24 +32,6 @@ UP = np.array([0.0, 1.0, 0.0])
 def body() -> Figure:
     """The person of capsules."""
     return Figure("person", *person(0.05), 1.0, ())
-
-
-def tube(radius: float, low: float, high: float, panels: dict | None = None):
-    """State of a skirt of two panels, bent to a cylinder round the axis of y."""
-    half = 100 * np.pi * radius
-    front = [[0, 0], [half, 0], [half, 100 * (high - low)], [0, 100 * (high - low)]]
-    entries = specification(
-        {"front": panel(front), "back": panel(front), **(panels or {})},
-        [stitch(("front", 1), ("back", 3)), stitch(("front", 3), ("back", 1))],
-    )
-    mesh = mesh_pattern(pattern_of(entries), 0.04)
-    positions = mesh.positions.copy()
-    for name, turn in (("front", 0.0), ("back", np.pi)):
-        x, y = mesh.panel_coordinates[mesh.vertices[name]].T
-        angle = x / radius + turn
-        positions[mesh.vertices[name]] = np.column_stack([radius * np.sin(angle), low + y, radius * np.cos(angle)])
-    state = as_placed(replace(mesh, positions=positions))
-    return state.weld([0, 1])
 
 
 def test_section_of_a_tetrahedron():
@@ -92,7 +74,10 @@ def test_areas_and_marker():
 
 
 def test_entries_are_numbers(body):
-    entries = measurement_entries(tube(0.3, 0.6, 1.4), body)
+    state = tube(0.3, 0.6, 1.4)
+    fabrics = dict.fromkeys(state.mesh.faces, FABRICS["cotton"])
+    entries = measurement_entries(state, body, fabrics)
+    assert np.isclose(entries["mass"], 0.15 * entries["cloth_area"])
     assert 0 < entries["marker"]["use"] < 1
     assert np.isclose(entries["cloth_area"], 2 * np.pi * 0.3 * 0.8, rtol=1e-12)
 
