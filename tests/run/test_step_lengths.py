@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from small_scenes import RUN, SHEET, small_scene
+from small_scenes import RUN, SHEET, SOLVER, small_scene
 
 from clothsim import InputError, Simulation, simulate
 from clothsim.sim import stepping
@@ -68,3 +68,16 @@ def test_a_step_that_round_off_lengthens_is_the_shortest_one(above, is_retried):
     h = control.shortest * (1 + above)
     next_h = stepping._shorter(SimpleNamespace(control=control), state, h, SimpleNamespace(rms=1.0))
     assert (next_h < h) == is_retried
+
+
+@pytest.mark.parametrize(
+    "sections",
+    [
+        {"run": RUN | {"duration": 1e-300}},
+        {"run": RUN | {"frames_per_second": 1e13}},
+        {"solver": SOLVER | {"dt": 1e-13}},
+    ],
+)
+def test_steps_shorter_than_any_motion_are_refused(tmp_path, sections):
+    with pytest.raises(InputError, match=r"Steps of .* s"):
+        simulate(small_scene(body=(), effects=HELD, **sections), tmp_path, force=True)
