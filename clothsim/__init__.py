@@ -26,6 +26,7 @@ if _TYPE_CHECKING:
     from clothsim.run.simulation_state import SimulationError, SimulationState
     from clothsim.scene.cloth_arrays import BodyArrays as Body
     from clothsim.scene.cloth_arrays import ClothArrays as Cloth
+    from clothsim.scene.cloth_arrays import RigidArrays as Rigid
     from clothsim.scene.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
     from clothsim.scene.effects import register_effect
     from clothsim.scene.scene import Scene
@@ -81,6 +82,7 @@ _HOMES = {
     "PlasticBending": "clothsim.scene.typed_effects",
     "Pressure": "clothsim.scene.typed_effects",
     "RestAngle": "clothsim.scene.typed_effects",
+    "Rigid": "clothsim.scene.cloth_arrays:RigidArrays",
     "Run": "clothsim.run.results",
     "RunSettings": "clothsim.scene.settings",
     "Scene": "clothsim.scene.scene",
@@ -140,6 +142,7 @@ __all__ = [
     "PlasticBending",
     "Pressure",
     "RestAngle",
+    "Rigid",
     "Run",
     "RunSettings",
     "Scene",

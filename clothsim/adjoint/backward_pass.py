@@ -16,6 +16,7 @@ import numpy as np
 from clothsim.adjoint.exact_system import exact_system, solved
 from clothsim.adjoint.past_differences import past_by_differences
 from clothsim.adjoint.recorded_step import RecordedStep, bound_to, free_rows
+from clothsim.adjoint.remembered_pairs import remember, with_remembered_pairs
 from clothsim.arrays import Floats
 from clothsim.energies.base import Energy
 from clothsim.energies.protocols import PastSensitivity, SeesPast
@@ -73,6 +74,7 @@ def backward_pass(
     NoMinimumError
         Where a step did not end at a minimum.
     """
+    integrator = with_remembered_pairs(integrator)
     n, rows = integrator.world.n_cloth, integrator.world.n_vertices
     x = [np.zeros((rows, 3)) for _ in range(len(steps) + 1)]
     v = [np.zeros((rows, 3)) for _ in range(len(steps) + 1)]
@@ -83,6 +85,8 @@ def backward_pass(
     newton = np.zeros(len(steps))
     for k in range(len(steps) - 1, -1, -1):
         record = steps[k]
+        for near in steps[max(k - 1, 0) : k + 1]:
+            remember(integrator, near)
         step, bound = bound_to(integrator, record)
         past, free = step.past, free_rows(integrator, record)
         by_velocity = velocity_part(v[k + 1], past.dt)

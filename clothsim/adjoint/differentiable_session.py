@@ -72,6 +72,8 @@ def refuse(session: Session) -> None:
         raise InputError("solver.error has no gradient: its steps depend on what is varied.", "Give solver.dt.")
     if scene.contact_settings.pinch == "carry":
         raise InputError('contact.pinch = "carry" has no gradient.', "Leave it out.")
+    if session.built.world.rigid:
+        raise InputError("Rigid bodies have no gradient.", "Make them bodies with a motion: [[body]].")
     if scene.contact_settings.backend == "ipctk":
         raise InputError('contact.backend = "ipctk" has no gradient.', 'Take "numba".')
 

@@ -114,12 +114,9 @@ def _assembled(potential: Potential, x: Floats, system: System) -> tuple[System,
     given = [energy.hessian(x, False) for energy in potential.acting.values()]
     implicit = split(given)[1]
     wider = system.widened([part.elements for part in implicit])
-    hessians, before = explicit(given), wider.pattern
-    data = wider.assemble(list(hessians))
-    if wider.pattern is not before:  # it has grown: leave out what only earlier states coupled
-        wider.begin([couplings(part) for part in hessians])
-        data = wider.assemble(list(hessians))
-    return wider, hessians, data
+    hessians = explicit(given)
+    wider.cover([couplings(part) for part in hessians])
+    return wider, hessians, wider.assemble(list(hessians))
 
 
 def _free(system: System, prescribed: np.ndarray) -> np.ndarray:

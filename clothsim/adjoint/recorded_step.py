@@ -1,10 +1,12 @@
 """Record of a step, from which it is bound again as it was taken."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
+from clothsim.contact.barrier import Barrier
 from clothsim.energies.step import Step
 from clothsim.sim.integrators import BACKWARD_EULER, Formula, formula_of
 from clothsim.sim.prescribed import prescribed
@@ -28,8 +30,8 @@ class RecordedStep:
         Minimiser of its energy [m]: the end but for the displacement that leaves an unstable equilibrium.
     restarted : bool
         True where backward Euler took the step of a run with BDF2.
-    pairs : int
-        Contact pairs that acted on it.
+    pairs : mapping of str to (p,) int arrays
+        Keys of the contact pairs that are active at the solution, by effect.
     """
 
     start: State
@@ -37,6 +39,7 @@ class RecordedStep:
     dt: float
     solution: Floats
     restarted: bool
+    pairs: Mapping[str, Ints]
 
     def formula(self, integrator: Integrator) -> Formula:
         """Return the difference formula of the step."""
@@ -54,7 +57,9 @@ class RecordedStep:
 
 def recorded(start: State, report: StepReport) -> RecordedStep:
     """Return the record of a step from `start`."""
-    return RecordedStep(start, report.state, report.dt, report.result.x, report.restarted)
+    x, contacts = report.result.x, report.potential.energies.items()
+    pairs = {name: each.candidates.active(x).keys for name, each in contacts if isinstance(each, Barrier)}
+    return RecordedStep(start, report.state, report.dt, x, report.restarted, pairs)
 
 
 def untimed(potential: Potential) -> Potential:

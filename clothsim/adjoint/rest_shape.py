@@ -55,7 +55,7 @@ def rest_along(run: "Trace", adjoints: Adjoints, cloth: int, field: Floats) -> f
 
     def built(change: float) -> Variant:
         cloths = [_displaced(each, change * field) if k == cloth else each for k, each in enumerate(world.cloths)]
-        varied = replace(make_world(cloths, world.bodies), origin=world.origin)
+        varied = replace(make_world(cloths, world.prescribed_bodies, world.rigid), origin=world.origin)
         made = build_effects(session.scene, varied)
         return Variant(made.world, held_energies(made.energies, run.stiffness), made.constraints)
 

@@ -77,7 +77,10 @@ class Variation:
         moved = world.origin - variant.world.origin
         start, velocities = variant.world.start() - moved - world.start(), variant.world.start_velocities()
         total = float(np.vdot(adjoints.start, start) + np.vdot(adjoints.velocities, velocities))
-        potential = Potential(variant.energies, Timers())
+        energies = variant.energies
+        if not any(energies[name].begins_last for name in self.affected):  # the others are not asked for
+            energies = {name: energies[name] for name in self.affected}
+        potential = Potential(energies, Timers())
         for k, record in enumerate(steps):
             held, own = (_prescribed(each, record.end.time) for each in (variant, integrator))
             total += float(np.vdot(adjoints.prescribed[k], held - moved - own))

@@ -19,7 +19,7 @@ from clothsim.mesh.cloth import Cloth, make_cloth
 from clothsim.mesh.fabric import BENDINGS, Fabric
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.motion import rigid_motion
-from clothsim.scene.fabrics import fabric_named
+from clothsim.scene.fabrics import fabric_named, fabrics_of
 from clothsim.scene.keys import table
 from clothsim.scene.mesh_arrays import MeshArrays
 
@@ -36,7 +36,7 @@ def cloth_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
         from clothsim.build.pattern_file import shape_of_pattern
 
         return shape_of_pattern(existing_file(f"{where}.mesh", directory, mesh), keys, where)
-    return _shape(keys, where, directory)
+    return mesh_shape(keys, where, directory)
 
 
 def cloth_of(
@@ -68,6 +68,7 @@ def cloth_of(
     """
     label = name_of(keys, where)
     fabric, fabric_note = fabric_of(keys, where)
+    own = fabrics_of(f"{where}.fabric_of", shape.groups, keys.get("fabric_of") or {})
     rest = keys.get("rest", "file")
     if not isinstance(rest, str) or rest not in ("file", "vt"):
         raise InputError(f"{where}.rest is {rest!r}.", 'Known: "file", "vt".')
@@ -93,8 +94,10 @@ def cloth_of(
         velocity=as_vector(f"{where}.velocity", keys.get("velocity", (0, 0, 0))),
         groups=shape.groups,
         texture=shape.texture,
+        fabrics={panel: own[panel] for panel in shape.groups if panel in own},
     )
-    return cloth, (*warnings, fabric_note)
+    of_panels = tuple(f"{label}: fabric {own[panel].name} of {panel}." for panel in cloth.fabrics)
+    return cloth, (*warnings, fabric_note, *of_panels)
 
 
 def body_of(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
@@ -105,7 +108,7 @@ def body_of(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body,
         return body_of_model(keys, where, directory)
     if "frames" in keys:
         return body_of_files(keys, where, directory)
-    shape = _shape(keys, where, directory)
+    shape = mesh_shape(keys, where, directory)
     if isinstance(keys["mesh"], MeshArrays) and keys["mesh"].frames is not None:
         return body_of_frames(keys, where, shape)
     notes = examined(name_of(keys, where), shape, "body")
@@ -121,7 +124,7 @@ def _flag(name: str, value: Any) -> bool:
     return value
 
 
-def _shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
+def mesh_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
     """The mesh that the key `mesh` names or holds."""
     mesh = keys["mesh"]
     if isinstance(mesh, MeshArrays):
@@ -155,10 +158,10 @@ def _from_arrays(mesh: MeshArrays, keys: Mapping[str, Any], where: str) -> Shape
     vertices, triangles = scale * mesh.vertices, mesh.triangles.copy()
     none = np.zeros((0, 3, 2))
     if mesh.rest is None:
-        return Shape(vertices, triangles, none, ())
+        return Shape(vertices, triangles, none, (), mesh.groups)
     if mesh.is_flat:
-        return Shape(vertices, triangles, scale * mesh.rest, (), flat=True)
-    return Shape(scale * mesh.rest, triangles, none, (), start=vertices)
+        return Shape(vertices, triangles, scale * mesh.rest, (), mesh.groups, flat=True)
+    return Shape(scale * mesh.rest, triangles, none, (), mesh.groups, start=vertices)
 
 
 def fabric_of(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:

@@ -1,6 +1,6 @@
 """World and energies of a scene: only the effects that it names are built, and imported."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from clothsim.energies.constraint import Constraint
 from clothsim.energies.protocols import report_of
 from clothsim.errors import InputError
 from clothsim.mesh.local_origin import with_local_origin
+from clothsim.mesh.rigid_body import RigidBody
 from clothsim.mesh.world import World, make_world
 from clothsim.scene.effects import CONTACTS, EFFECTS
 from clothsim.scene.scene import Scene
@@ -114,6 +115,8 @@ def build_effects(
             notes.extend(f"{name}: {choice}." for choice in report_of(made).defaults_used())
         else:
             world, constraints[name] = _constrained(name, made)
+    for name, energy in _rigid_energies(scene, world, energies).items():
+        energies[name] = energy
     if not energies:
         raise InputError(
             "The scene has no effect that is on.", f"Write [effects.NAME], NAME one of {', '.join(EFFECTS)}."
@@ -127,6 +130,15 @@ def build_effects(
         off,
         (*notes, *size_warnings(world, scene, energies), *scene_warnings(world, energies, dt)),
     )
+
+
+def _rigid_energies(scene: Scene, world: World, energies: dict[str, Energy]) -> dict[str, Energy]:
+    """What comes with rigid bodies; a scene without them does not import it."""
+    if not world.rigid:
+        return {}
+    from clothsim.build.rigid_bodies import rigid_energies
+
+    return rigid_energies(scene, world, energies)
 
 
 def _constrained(name: str, made: Any) -> tuple[World, Constraint]:
@@ -151,6 +163,12 @@ def _take_over(
         off[name] = before.off[name]
 
 
+def _rigid_body(keys: Mapping[str, Any], where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
+    from clothsim.build.rigid_bodies import rigid_body_of
+
+    return rigid_body_of(keys, where, scene)
+
+
 def world_of(scene: Scene) -> World:
     """The cloths and bodies of a scene, without its effects. InputError as of `build`."""
     return _world(scene)[0]
@@ -170,7 +188,12 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
         body, body_notes = body_of(keys, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
         bodies.append(body)
         notes.extend(body_notes)
-    world = make_world(cloths, bodies)
+    rigid = []
+    for k, keys in enumerate(scene.rigid_bodies):
+        solid, body_notes = _rigid_body(keys, "rigid" if len(scene.rigid_bodies) == 1 else f"rigid[{k}]", scene)
+        rigid.append(solid)
+        notes.extend(body_notes)
+    world = make_world(cloths, bodies, rigid)
     if scene.seed_settings.untangle:
         world, done = untangled(world)
         notes.append(done)

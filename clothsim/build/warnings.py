@@ -18,6 +18,9 @@ LARGEST, SMALLEST = 10.0, 0.01
 LYING, FLAT = 0.5, 0.1
 """Extent along gravity, as fraction of the longest, below which a body lies, and below which it is a floor."""
 
+FAST_SPIN = 5.0
+"""Degrees in a step from which on a rigid body loses more than 1 % of its spin in a second of steps of .01 s."""
+
 INSIDE = 0.9
 """Gap at the start, as fraction of d_hat, below which a warning is given."""
 
@@ -42,6 +45,7 @@ def scene_warnings(world: World, energies: dict[str, Energy], dt: float) -> tupl
     return (
         *_ignored_keys(world, energies),
         *_skipped_frames(world, dt),
+        *_fast_spins(world, dt),
         *_starts_inside(world, energies),
         *_wide_activation(world, energies),
         *_close_starts(world, energies),
@@ -65,7 +69,7 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
     tuple of str
         One sentence each.
     """
-    tables = [*scene.cloths, *scene.bodies]
+    tables = [*scene.cloths, *scene.bodies, *scene.rigid_bodies]
     meshes = [(cloth.name, cloth.positions) for cloth in world.cloths]
     meshes += [(body.name, body.positions) for body in world.bodies]
     sentences = []
@@ -74,7 +78,7 @@ def size_warnings(world: World, scene: Scene, energies: Mapping[str, Energy]) ->
         if not (isinstance(keys.get("mesh"), str) and keys["mesh"] == "slab"):
             sentences += _other_unit(name, float(extent.max()))
     gravity = getattr(energies.get("gravity"), "acceleration", None)
-    for body, keys in zip(world.bodies, scene.bodies, strict=True):
+    for body, keys in zip(world.prescribed_bodies, scene.bodies, strict=True):
         if gravity is not None and not (isinstance(mesh := keys.get("mesh"), str) and mesh in GENERATOR_KEYS):
             sentences += _lying(body.name, np.ptp(body.positions, axis=0), gravity, keys.get("up", "z"))
     return tuple(sentences)
@@ -111,6 +115,20 @@ def _ignored_keys(world: World, energies: dict[str, Energy]) -> list[str]:
     if len(world.ghosts) and "bending" not in energies:
         ignored.append("pins: clamp does nothing without effects.bending.")
     return ignored
+
+
+def _fast_spins(world: World, dt: float) -> list[str]:
+    """Rigid bodies that turn by more than FAST_SPIN degrees in a step of `dt` [s]."""
+    sentences = []
+    for body in world.rigid:
+        rate = body.velocities.T @ body.gradients
+        turned = float(np.degrees(np.linalg.norm(rate - rate.T) / np.sqrt(8))) * dt
+        if turned > FAST_SPIN:
+            sentences.append(
+                f"{body.name} turns by {turned:.3g} degrees in a step of {dt:g} s, and will lose spin: "
+                f"take solver.dt = {0.6 * FAST_SPIN / turned * dt:.1g}."
+            )
+    return sentences
 
 
 def _skipped_frames(world: World, dt: float) -> list[str]:

@@ -249,6 +249,8 @@ def _intersections(
         print(f"  cloth and body do not intersect {anywhere}{others}")
     if "cloth_cloth" not in kinds:
         print(f"  cloth and cloth do not intersect {anywhere}{others}")
+    if check.rigid and "rigid" not in kinds:
+        print(f"  rigid bodies and bodies do not intersect {anywhere}{others}")
     return len(kinds) - len(allowed), len(allowed)
 
 
@@ -264,6 +266,7 @@ _REASON = {
     "cloth_cloth": "[effects.self_contact] is not on: from a start without intersections it lets none arise",
     "cloth_body": "[effects.body_contact] is not on: from a start without intersections it lets none arise",
     "excluded": "the scene excludes the pair from contact",
+    "rigid": "[effects.body_contact] is not on: from a start without intersections it lets none arise",
     "carried": "vertices of these triangles are carried through a pinch (contact.pinch)",
 }
 

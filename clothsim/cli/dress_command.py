@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_positive_number
+from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.dressing.dress import Dress
@@ -33,6 +34,13 @@ def add_to(commands: Any) -> None:
     )
     dress.add_argument("--size", default="2cm", metavar="L", help="size of the mesh: 2cm, 15mm, .01 [m] (default 2cm)")
     dress.add_argument("--fabric", default="cotton", metavar="NAME", help="a named fabric (default cotton)")
+    dress.add_argument(
+        "--fabric-of",
+        action="append",
+        default=[],
+        metavar="PANEL=NAME",
+        help="fabric of a panel, as collar=denim, or of several: '*sleeve*=wool'; may be given again",
+    )
     dress.add_argument("--origin", default="auto", choices=("auto", "floor", "waist"), help="level y = 0 of the file")
     dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")
     dress.add_argument("--scale", metavar="S", help="metres per unit of the body (default: by height)")
@@ -50,6 +58,19 @@ def as_length(option: str, text: str) -> float:
     """A length in metres from "2cm", "15 mm", ".02". InputError for what is none."""
     unit = next((unit for unit in LENGTHS if text.strip().lower().endswith(unit)), "")
     return as_positive_number(option, text.strip()[: -len(unit)] if unit else text) * LENGTHS.get(unit, 1.0)
+
+
+def as_fabrics(given: list[str]) -> dict[str, str]:
+    """Named fabric by panel from "collar=denim" and the like. InputError for what is none, or a panel given twice."""
+    found: dict[str, str] = {}
+    for text in given:
+        panel, equals, fabric = text.rpartition("=")
+        if not (panel and equals and fabric):
+            raise InputError(f"--fabric-of is {text!r}.", "Write PANEL=FABRIC, as collar=denim.")
+        if panel in found:
+            raise InputError(f"--fabric-of names the panel {panel} twice.", "Give it one fabric.")
+        found[panel] = fabric
+    return found
 
 
 def _dress(arguments: argparse.Namespace) -> int:
@@ -76,6 +97,7 @@ def _dress(arguments: argparse.Namespace) -> int:
             directory,
             size=as_length("--size", arguments.size),
             fabric=arguments.fabric,
+            fabrics=as_fabrics(arguments.fabric_of),
             origin=arguments.origin,
             rotation_order=arguments.rotation_order,
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),

@@ -11,7 +11,7 @@ from clothsim.contact.barrier_hessian import exact, projected
 from clothsim.contact.candidates import Candidates
 from clothsim.contact.distinct_features import distinct
 from clothsim.contact.pair_list import Pairs
-from clothsim.contact.stiffness import barrier_stiffness, bounded_stiffness, kinetic_energy_of_impact
+from clothsim.contact.stiffness import HeavyBody, barrier_stiffness, bounded_stiffness, kinetic_energy_of_impact
 from clothsim.contact.subset import CandidateSubset
 from clothsim.energies.base import Energy
 from clothsim.energies.hessians import ByElement, ElementHessian
@@ -64,6 +64,8 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Rep
         Let `begin` choose the stiffness of each step.
     name : str
         Effect, for its stiffness in `Step.memory`.
+    heavy : tuple of HeavyBody
+        Rigid bodies that may touch something, whose loads the stiffness must bear too.
     """
 
     candidates: Candidates
@@ -74,6 +76,7 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Rep
     stiffness: float
     adaptive: bool
     name: str = ""
+    heavy: tuple[HeavyBody, ...] = ()
     _cache: list[ActiveSet] = field(default_factory=list, init=False, repr=False, compare=False)
 
     begins_last = True
@@ -99,9 +102,14 @@ class Barrier(Energy, ContactGap, Coupling, AdaptiveStiffness, Restrictable, Rep
             step.dt,
             step.contact_time_scale or step.dt,
         )
+        load = sum(
+            body.load(step) for body in self.heavy
+        )  # the lowest of a pile, or the first link of a chain, bears all
+        stiffness = max([stiffness, *(body.stiffness(step, load, self.d_hat) for body in self.heavy)])
         before = float(step.memory.get(self.name, stiffness))
         if stiffness > before and "inertia" in step.bound:
             kinetic = kinetic_energy_of_impact(step.velocities, self.masses)
+            kinetic += sum(body.kinetic_energy(step) for body in self.heavy)
             energy = self.value(step.positions) / self.stiffness
             stiffness = bounded_stiffness(stiffness, before, energy, kinetic, step.dt)
         return replace(self, stiffness=stiffness)

@@ -18,7 +18,7 @@ def body_contact(
     exclude: Sequence[Sequence[str]] = (),
     backend: str = "auto",
 ) -> Energy | Off:
-    """Log-barrier contact between every cloth and every body.
+    """Log-barrier contact between every cloth and every body, and of rigid bodies with bodies and each other.
 
     Parameters
     ----------

@@ -1,37 +1,38 @@
 """Derivative of lagged friction by the start of a step: displacements, normals, weights and normal forces.
 
-The force of a pair is L f0'(|u|)/|u| g_i u with u = (I - n n') sum_i g_i (x_i - start_i). It depends on the start of
-the displacements, by minus its Hessian; and on the pair's own twelve coordinates at the start of the step, from which
-the limit L = mu F, the normal n and the weights g are lagged. For those the pairs are taken apart, each with vertices
-of its own, so that one coordinate of all pairs is varied at a time, by central differences of fourth order.
+With D = sum g_i (x_i - start_i) and w = sum g_i a_i of a pair, a the adjoint, the power of its force is
+
+    P = L f(|u|) u.w,    u = (I - n n') D,    f(y) = f0'(y)/y,    n = r/|r|
+
+It depends on the start of the displacements, by minus the Hessian; and on the pair's own twelve coordinates y_i at the
+start of the step, from which the limit L = mu F, the normal n and the weights g are lagged. By r and g, with
+q = f w + f' (u.w) u/|u| and L by its chain,
+
+    P_g_i = L ((I - n n') q . (x_i - start_i) + f u . a_i)
+    P_r   = L_r f u.w - L ((q.n) u + (D.n)(I - n n') q)/|r|
+
+and, as r = sum g_i y_i is the shortest over the feature's tangents t_a with dg = c_a dp_a (`distance`),
+
+    P_y_i = g_i P_r - sum_a (t_a . P_r + c_a . P_g) (g_i t_a + c_ai r)    (+ L's mollifier of nearly parallel edges).
 """
 
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.contact import barrier_kernels
+from clothsim.arrays import Floats
+from clothsim.contact.barrier_kernels import barrier as barrier_function
+from clothsim.contact.barrier_kernels import cross_squared, cross_squared_gradient, edges, mollifier
+from clothsim.contact.closest_points import dot
+from clothsim.contact.distance import closest_points, tangent_directions
 from clothsim.energies.protocols import PastSensitivity
 from clothsim.energies.step import Step
+from clothsim.indexing import four_points
+from clothsim.jit import kernel, natural, part
 
 if TYPE_CHECKING:
     from clothsim.contact.barrier import Barrier
     from clothsim.contact.friction import Friction
-
-STEP = 3e-5
-"""Displacement of a coordinate, as a fraction of the gap of its pair. Ten times more is wrong by 1e-6 where edges are
-nearly parallel, ten times less rounds."""
-WITHIN_RANGE = 0.1
-"""Largest displacement as a fraction of what is left to the end of the barrier, where its third derivative jumps."""
-
-MOST_REDUCTIONS = 4
-"""Tenfold reductions of the displacement for a pair whose closest features change within it: the lagged weights and
-normal have a kink there."""
-
-STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
-"""Offsets and weights of the first derivative, of fourth order."""
 
 
 def friction_sensitivity(friction: "Friction", step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
@@ -53,7 +54,8 @@ def friction_sensitivity(friction: "Friction", step: Step, x: Floats, adjoint: F
     """
     blocks = friction.hessian(x)
     products = blocks.times(adjoint[blocks.elements].reshape(len(blocks.elements), 12)).reshape(-1, 4, 3)
-    by_start = -_scattered(blocks.elements, products, len(x))
+    by_start = np.zeros_like(x)
+    np.subtract.at(by_start, blocks.elements.ravel(), products.reshape(-1, 3))
     by_lag = np.zeros_like(x)
     displacements = x - friction.contacts.start
     for name, barrier in ((each.name, each) for each in friction.contacts.barriers):
@@ -66,70 +68,110 @@ def _by_lag(
     friction: "Friction", barrier: "Barrier", stiffness: float, at: Floats, displacements: Floats, adjoint: Floats
 ) -> Floats:
     """The derivative by the positions `at` the start from which the pairs of one barrier are lagged, (N, 3)."""
-    pairs = barrier.distinct(at)
-    if not len(pairs):
-        return np.zeros_like(at)
-    elements, p = pairs.elements, len(pairs)
-    coefficients = friction.static[friction.labels[elements[:, 0]], friction.labels[elements[:, 3]]]
-    corners = at[elements]
-    corners = corners - corners.mean(axis=1, keepdims=True)
-    own = np.arange(4 * p).reshape(p, 4)
-    least_gap = friction.contacts.least_gap * barrier.d_hat
-    lists = own, pairs.weights, pairs.thresholds, pairs.n_points, barrier.offset, barrier.d_hat, least_gap
-    moved, turned = displacements[elements], adjoint[elements]
-
-    def power(points: Floats) -> tuple[Floats, np.ndarray]:
-        """Adjoint . friction force of each pair, (p,), its vertices at `points` (p, 4, 3) at first; its features."""
-        weights, differences, slopes = barrier_kernels.normal_forces(points.reshape(-1, 3), *lists)
-        limits = np.maximum(-stiffness * coefficients * slopes, 0.0)
-        normals = differences / np.linalg.norm(differences, axis=1, keepdims=True)
-        u, along = (np.einsum("pk,pkc->pc", weights, each) for each in (moved, turned))
-        u = u - np.einsum("pc,pc->p", u, normals)[:, None] * normals
-        values = limits * _per_length(np.linalg.norm(u, axis=1), friction.contacts.slip) * (u * along).sum(axis=1)
-        return values, weights == 0
-
-    differences = barrier_kernels.normal_forces(corners.reshape(-1, 3), *lists)[1]
-    gaps = np.linalg.norm(differences, axis=1) - barrier.offset
-    steps = np.minimum(STEP * gaps, WITHIN_RANGE * (barrier.d_hat - gaps))
-    slopes, switched = _by_corners(power, corners, elements, steps)
-    for _ in range(MOST_REDUCTIONS):
-        if not switched.any():
-            break
-        steps = np.where(switched, 0.1 * steps, steps)
-        again, still = _by_corners(power, corners, elements, steps)
-        slopes, switched = np.where(switched[:, None, None], again, slopes), switched & still
-    return _scattered(elements, slopes, len(at))
+    pairs, least_gap = barrier.distinct(at), friction.contacts.least_gap * barrier.d_hat
+    rows = pairs.elements
+    factors = stiffness * friction.static[friction.labels[rows[:, 0]], friction.labels[rows[:, 3]]]
+    lists = rows, pairs.weights, pairs.thresholds, pairs.n_points, factors
+    lengths = barrier.offset, barrier.d_hat, least_gap, friction.contacts.slip
+    return np.asarray(by_lag(at, displacements, adjoint, *lists, *lengths))
 
 
-def _by_corners(
-    power: Callable[[Floats], tuple[Floats, np.ndarray]], corners: Floats, elements: Ints, steps: Floats
-) -> tuple[Floats, np.ndarray]:
-    """Derivatives (p, 4, 3) by each corner; the pairs whose closest features change within the differences, (p,)."""
-    slopes, features = np.zeros(corners.shape), power(corners)[1]
-    switched = np.zeros(len(corners), bool)
-    for slot in range(4):
-        same = elements == elements[:, slot : slot + 1]  # a corner may be there twice: both are one vertex
-        first = same.argmax(axis=1) == slot
-        for k in range(3):
-            offset = np.zeros_like(corners)
-            offset[:, :, k] = same * steps[:, None]
-            total = np.zeros(len(corners))
-            for factor, weight in STENCIL:
-                values, near = power(corners + factor * offset)
-                total += weight * values
-                switched |= (near != features).any(axis=1)
-            slopes[:, slot, k] = np.where(first, total / steps, 0.0)
-    return slopes, switched
+@kernel
+def by_lag(at, moves, adjoint, elements, weights, thresholds, n_points, factors, offset, d_hat, least_gap, slip):
+    """Derivative of the power of all pairs by the positions `at` which they are lagged, (N, 3).
 
-
-def _per_length(length: Floats, e: float) -> Floats:
-    """f0'(y)/y [1/m], as in `friction_kernels`."""
-    slipping = 1.0 / np.maximum(length, e)
-    return np.where(length >= e, slipping, (2.0 - length / e) / e)
-
-
-def _scattered(elements: Ints, vectors: Floats, n: int) -> Floats:
-    """Sum vectors (p, 4, 3) into the rows of their vertices, (n, 3)."""
-    out = np.zeros((n, 3))
-    np.add.at(out, elements.ravel(), vectors.reshape(-1, 3))
+    moves: x - start; factors (p,): mu kappa; slip: displacement from which a contact slides; lengths in [m].
+    """
+    out = np.zeros_like(at)
+    for e in range(len(elements)):
+        points = four_points(at, elements, e)
+        g, r = closest_points(points, e >= n_points)
+        limit, by_distance, by_cross = _limit(points, r, weights[e], thresholds[e], offset, d_hat, least_gap)
+        limit, by_distance, by_cross = factors[e] * limit, factors[e] * by_distance, factors[e] * by_cross
+        if not limit > 0.0:
+            continue
+        d, a = four_points(moves, elements, e), four_points(adjoint, elements, e)
+        by_r, by_g, per_limit = _by_closest_points(g, r, d, a, limit, by_distance, slip)
+        (has_first, t, c), (has_second, u, b) = tangent_directions(points, e >= n_points, g)
+        first = dot(t, by_r) + _dot_four(c, by_g) if has_first else 0.0
+        second = dot(u, by_r) + _dot_four(b, by_g) if has_second else 0.0
+        for i in range(4):
+            row = natural(elements[e, i])
+            along = first * c[i] + second * b[i]
+            for k in range(3):
+                out[row, k] += g[i] * (by_r[k] - first * t[k] - second * u[k]) - along * r[k]
+        if by_cross != 0.0:
+            du, dv = cross_squared_gradient(*edges(points))
+            slope = per_limit * by_cross
+            for k in range(3):
+                out[natural(elements[e, 0]), k] -= slope * du[k]
+                out[natural(elements[e, 1]), k] += slope * du[k]
+                out[natural(elements[e, 2]), k] -= slope * dv[k]
+                out[natural(elements[e, 3]), k] += slope * dv[k]
     return out
+
+
+@part
+def _limit(points, r, weight, threshold, offset, d_hat, least_gap):
+    """-w m db/dd of `barrier_kernels.normal_forces`, its derivatives by |r| and by the squared cross product."""
+    length = np.sqrt(dot(r, r))
+    distance = max(length, offset + least_gap)
+    s, s_hat = distance * distance - offset * offset, d_hat * (2.0 * offset + d_hat)
+    if s >= s_hat:
+        return 0.0, 0.0, 0.0
+    m, dm = 1.0, 0.0
+    if threshold > 0.0:
+        ratio = cross_squared(points) / threshold
+        if ratio < 1.0:
+            m, dm, _ = mollifier(ratio, threshold)
+    _, first, second = barrier_function(s, s_hat, d_hat)
+    slope = -2.0 * weight * first * distance
+    by_distance = -2.0 * weight * m * (first + 2.0 * second * distance * distance) if length == distance else 0.0
+    return m * slope, by_distance, dm * slope
+
+
+@part
+def _by_closest_points(g, r, d, a, limit, by_distance, slip):
+    """Derivatives of P by r (3) and by g (4), and P/L."""
+    length = np.sqrt(dot(r, r))
+    n = r[0] / length, r[1] / length, r[2] / length
+    moved, w = _combined(g, d), _combined(g, a)
+    normal = dot(moved, n)
+    u = moved[0] - normal * n[0], moved[1] - normal * n[1], moved[2] - normal * n[2]
+    y, power = np.sqrt(dot(u, u)), dot(u, w)
+    if y >= slip:
+        f, slope = 1.0 / y, -power / (y * y * y)
+    else:
+        f, slope = (2.0 - y / slip) / slip, (-power / (slip * slip * y) if y > 0.0 else 0.0)
+    q = f * w[0] + slope * u[0], f * w[1] + slope * u[1], f * w[2] + slope * u[2]
+    out = dot(q, n)
+    q = q[0] - out * n[0], q[1] - out * n[1], q[2] - out * n[2]
+    by_length, turn = by_distance * f * power, limit / length
+    by_r = (
+        by_length * n[0] - turn * (out * u[0] + normal * q[0]),
+        by_length * n[1] - turn * (out * u[1] + normal * q[1]),
+        by_length * n[2] - turn * (out * u[2] + normal * q[2]),
+    )
+    by_g = (
+        limit * (dot(q, d[0]) + f * dot(u, a[0])),
+        limit * (dot(q, d[1]) + f * dot(u, a[1])),
+        limit * (dot(q, d[2]) + f * dot(u, a[2])),
+        limit * (dot(q, d[3]) + f * dot(u, a[3])),
+    )
+    return by_r, by_g, f * power
+
+
+@part
+def _combined(g, x):
+    """Sum of g_i x_i."""
+    p, a, b, c = x
+    return (
+        g[0] * p[0] + g[1] * a[0] + g[2] * b[0] + g[3] * c[0],
+        g[0] * p[1] + g[1] * a[1] + g[2] * b[1] + g[3] * c[1],
+        g[0] * p[2] + g[1] * a[2] + g[2] * b[2] + g[3] * c[2],
+    )
+
+
+@part
+def _dot_four(c, g):
+    return c[0] * g[0] + c[1] * g[1] + c[2] * g[2] + c[3] * g[3]

@@ -4,7 +4,7 @@ from typing import cast
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, Ints
 from clothsim.contact.broad_phase import FoundPairs, candidate_pairs
 from clothsim.contact.bvh import BoxTree, build_tree, refit
 from clothsim.contact.pair_list import Pairs, concatenated_rows
@@ -15,6 +15,8 @@ from clothsim.jit import kernel
 PARALLEL = 1e-3
 """Squared sine, at rest, below which a pair of edges is mollified (Li et al. 2020, IPC, section 4.1)."""
 
+INDEX = (1 << 30) - 1
+"""Bits of a key that hold the number of a primitive."""
 NO_PAIRS_FOUND: FoundPairs = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
 
 
@@ -77,6 +79,11 @@ class Search:
             both = tuple(np.concatenate(two) for two in zip(point_triangle, swapped, strict=True))
             return self._assembled(cast(FoundPairs, both), NO_PAIRS_FOUND, edge_edge)
         return self._assembled(point_triangle, swapped, edge_edge)
+
+    def of_keys(self, keys: Ints) -> Pairs:
+        """The pairs with given `Pairs.keys`, ascending."""
+        kinds = [keys[keys >> 60 == kind] for kind in range(3)]
+        return self._assembled(*((own >> 30 & INDEX, own & INDEX, np.zeros(len(own))) for own in kinds))[0]
 
     def _assembled(self, *found: FoundPairs) -> tuple[Pairs, Floats]:
         """Pair list of points of the first group and triangles of the second, the reverse, and edges of both.

@@ -1,12 +1,14 @@
 """Setup of the contact effects: scales, and the refusal of a start in contact."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
-from clothsim.arrays import Floats, as_positive
+from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.contact.barrier import Barrier
 from clothsim.contact.candidates import Candidates
-from clothsim.contact.stiffness import default_d_hat
-from clothsim.contact.surface import ContactSurface
+from clothsim.contact.stiffness import HeavyBody, default_d_hat
+from clothsim.contact.surface import ContactSurface, triangle_areas
 from clothsim.energies.base import Energy
 from clothsim.errors import InputError, MissingPackageError
 from clothsim.intersection.intersecting_pairs import intersecting_pairs, intersection_points
@@ -74,12 +76,24 @@ def contact_energy(
                 'contact.backend = "ipctk" needs ipctk, which is not installed.',
                 "Run: pip install 'clothsim[oracle]', or take contact.backend = \"numba\".",
             ) from error
+        if world.rigid:
+            raise InputError("Rigid bodies do not work with ipctk.", 'Use contact.backend = "numba".')
         if offset or not surface.complete:
             key = "offset" if offset else "exclude"
             raise InputError(f"effects.{name}.{key} does not work with ipctk.", 'Use contact.backend = "numba".')
         candidates = IpctkCandidates(surface, d_hat, skin=d_hat)
         return IpctkBarrier(candidates, d_hat, 0.0, world.vertex_areas, world.masses, kappa, adaptive, name)
-    return Barrier(candidates, d_hat, offset, world.vertex_areas, world.masses, kappa, adaptive, name)
+    heavy = _heavy_bodies(world) if surface.n_shared else ()
+    return Barrier(candidates, d_hat, offset, world.vertex_areas, world.masses, kappa, adaptive, name, heavy)
+
+
+def _heavy_bodies(world: World) -> tuple[HeavyBody, ...]:
+    """The rigid bodies as loads on contact."""
+    found = []
+    for body, rows in zip(world.rigid, world.coordinate_slices, strict=True):
+        shadow = 0.25 * float(triangle_areas(body.positions[body.triangles]).sum())
+        found.append(HeavyBody(rows, body.masses, shadow))
+    return tuple(found)
 
 
 def _resolved_d_hat(name: str, world: World, d_hat: float | str) -> float:
@@ -111,17 +125,32 @@ def edge_lengths(world: World) -> Floats:
 
 def _refuse_intersections(world: World, surface: ContactSurface, start: Floats) -> None:
     """InputError where surfaces that may touch intersect at the start: names the first pair of objects and a point."""
+    for first, second in _checked_groups(surface):
+        pairs = intersecting_pairs(start, first, None if surface.is_self_contact else second)
+        labels = surface.labels[first[pairs[:, 0], 0]], surface.labels[second[pairs[:, 1], 0]]
+        pairs = pairs[surface.allowed[labels]]
+        if len(pairs):
+            raise _intersecting(world, surface, start, first, second, pairs)
+
+
+def _checked_groups(surface: ContactSurface) -> Iterator[tuple[Ints, Ints]]:
+    """Groups of triangles to check: cloths against the second group, and each rigid body against the others."""
     first, second = surface.first.triangles, surface.second.triangles
-    pairs = intersecting_pairs(start, first, None if surface.is_self_contact else second)
-    labels = surface.labels[first[pairs[:, 0], 0]], surface.labels[second[pairs[:, 1], 0]]
-    pairs = pairs[surface.allowed[labels]]
-    if not len(pairs):
-        return
+    own = len(first) - surface.n_shared
+    yield first[:own], second
+    owners = surface.labels[first[own:, 0]]
+    for label in np.unique(owners):
+        yield first[own:][owners == label], second[surface.labels[second[:, 0]] != label]
+
+
+def _intersecting(
+    world: World, surface: ContactSurface, start: Floats, first: Ints, second: Ints, pairs: Ints
+) -> InputError:
     a, b = first[pairs[0, 0]], second[pairs[0, 1]]
     one, other = world.names[surface.labels[a[0]]], world.names[surface.labels[b[0]]]
     at = ", ".join(f"{c:.4g}" for c in intersection_points(start, first, second, pairs[:1])[0] + world.origin)
     statement = f"{one} intersects itself" if one == other else f"{one} intersects {other}"
-    raise InputError(
+    return InputError(
         f"{statement} at the start, in {len(pairs):,} pairs of triangles; the first is at ({at}) m.",
         "Move the cloth out (position, rotation_degrees), or exclude the pair (exclude).",
     )

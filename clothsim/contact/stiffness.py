@@ -1,8 +1,11 @@
 """Contact scales: d_hat from the mesh, barrier stiffness from loads and masses."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.energies.step import Step
 
 RISE_TIME = 0.3
 """Shortest time in which a rise of the stiffness may add the kinetic and barrier energy to the cloth [s]."""
@@ -124,3 +127,36 @@ def kinetic_energy_of_impact(velocities: Floats, masses: Floats) -> float:
     bodies, momentum = velocities[n:], masses @ velocities[:n]
     gains = masses.sum() * (bodies**2).sum(axis=1) - 2 * bodies @ momentum
     return 0.5 * (float(masses @ (velocities[:n] ** 2).sum(axis=1)) + max(float(gains.max(initial=0.0)), 0.0))
+
+
+@dataclass(frozen=True)
+class HeavyBody:
+    """A rigid body as a load on contact.
+
+    Parameters
+    ----------
+    rows : slice
+        Rows of x of its coordinates.
+    masses : (k,) array
+        Of the coordinates [kg].
+    area : float
+        Area on which its load is spread [m2]: its mean shadow, a quarter of its surface (Cauchy).
+    """
+
+    rows: slice
+    masses: Floats
+    area: float
+
+    def load(self, step: Step) -> float:
+        """Return the force of all energies but contact on the body at the start of a step [N]."""
+        return float(np.linalg.norm(step.gradient[self.rows].sum(axis=0)))
+
+    def stiffness(self, step: Step, load: float, d_hat: float) -> float:
+        """Return the barrier stiffness [Pa] that bears a `load` [N] on the body, and stops it at its speed."""
+        speed = float(np.linalg.norm(step.velocities[self.rows], axis=1).max())
+        density = float(self.masses.sum()) / self.area
+        return barrier_stiffness(load / self.area, density, speed, d_hat, step.dt, step.contact_time_scale or step.dt)
+
+    def kinetic_energy(self, step: Step) -> float:
+        """Return its kinetic energy at the start of a step [J]."""
+        return 0.5 * float(self.masses @ (step.velocities[self.rows] ** 2).sum(axis=1))

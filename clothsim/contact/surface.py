@@ -40,6 +40,8 @@ class ContactSurface:
         Pairs of objects that may touch.
     flat : FlatFeatures
         Points and edges of the second group inside flat faces: their pairs stop a motion, but push nothing.
+    n_shared : int
+        Last triangles of the first group that are in the second too (those of rigid bodies).
     """
 
     first: Primitives
@@ -49,6 +51,7 @@ class ContactSurface:
     labels: Ints
     allowed: np.ndarray
     flat: FlatFeatures = NO_FLAT_FEATURES
+    n_shared: int = 0
 
     @property
     def is_self_contact(self) -> bool:
@@ -66,12 +69,17 @@ class ContactSurface:
         """All triangles, (m, 3)."""
         if self.is_self_contact:
             return self.first.triangles
-        return np.concatenate([self.first.triangles, self.second.triangles])
+        return np.concatenate(
+            [self.first.triangles[: len(self.first.triangles) - self.n_shared], self.second.triangles]
+        )
 
     @cached_property
     def rows(self) -> Ints:
         """The rows of x that collide."""
-        return self.first.points if self.is_self_contact else np.concatenate([self.first.points, self.second.points])
+        if self.is_self_contact:
+            return self.first.points
+        both = np.concatenate([self.first.points, self.second.points])
+        return np.unique(both) if self.n_shared else both
 
     @cached_property
     def vertex_areas(self) -> Floats:
@@ -112,7 +120,9 @@ class ContactSurface:
 
 
 def cloth_body_surface(world: World, excluded: np.ndarray | None = None) -> ContactSurface:
-    """Surface of cloths against bodies: neither cloths nor bodies touch each other or themselves.
+    """Surface of cloths and rigid bodies against bodies; no other pairs of bodies touch, and no body touches itself.
+
+    A rigid body is in both groups: `allowed` has each pair of two of them once, so that no pair is found twice.
 
     excluded (L, L): pairs of objects that never touch. The weight of a pair is the rest area incident to its vertices
     and edges. A body much coarser than the cloth (a slab of two triangles) would weigh a contact by its own square
@@ -121,6 +131,9 @@ def cloth_body_surface(world: World, excluded: np.ndarray | None = None) -> Cont
     n = len(world.cloths)
     allowed = np.zeros((n + len(world.bodies),) * 2, bool)
     allowed[:n, n:] = allowed[n:, :n] = True
+    fixed = n + len(world.prescribed_bodies)
+    allowed[fixed:, n:fixed] = True
+    allowed[fixed:, fixed:] = np.triu(np.ones((len(world.rigid),) * 2, bool), 1)
     rest = _rest_positions(world)
     cloth_area = world.rest_areas.mean()
     for body, rows in zip(world.bodies, world.body_slices, strict=True):
@@ -128,13 +141,13 @@ def cloth_body_surface(world: World, excluded: np.ndarray | None = None) -> Cont
         rest[rows] = body.positions * np.sqrt(min(1.0, cloth_area / area.mean()))
     corners = np.concatenate([_cloth_corners(world), rest[world.body_triangles]])
     bodies = Primitives(
-        np.arange(world.n_cloth, world.n_vertices - len(world.ghosts)),
+        np.arange(world.n_unknowns, world.n_vertices - len(world.ghosts)),
         unique_edges(world.body_triangles),
         world.body_triangles,
     )
-    return ContactSurface(
-        _cloths(world), bodies, rest, corners, world.labels, _excluding(allowed, excluded), _flat(world)
-    )
+    movers, n_shared = _movers(world), sum(len(body.triangles) for body in world.rigid)
+    allowed = _excluding(allowed, excluded)
+    return ContactSurface(movers, bodies, rest, corners, world.labels, allowed, _flat(world), n_shared)
 
 
 def cloth_surface(world: World, excluded: np.ndarray | None = None) -> ContactSurface:
@@ -155,6 +168,21 @@ def triangle_areas(corners: Floats) -> Floats:
 
 def _cloths(world: World) -> Primitives:
     return Primitives(np.arange(world.n_cloth), world.edges, world.triangles)
+
+
+def _movers(world: World) -> Primitives:
+    """Cloths, and rigid bodies that forces move."""
+    cloths = _cloths(world)
+    if not world.rigid:
+        return cloths
+    starts = [rows.start for rows in world.rigid_slices]
+    triangles = np.concatenate([body.triangles + start for body, start in zip(world.rigid, starts, strict=True)])
+    points = np.arange(starts[0], world.rigid_slices[-1].stop)
+    return Primitives(
+        np.concatenate([cloths.points, points]),
+        np.concatenate([cloths.edges, unique_edges(triangles)]),
+        np.concatenate([cloths.triangles, triangles]),
+    )
 
 
 def _flat(world: World) -> FlatFeatures:

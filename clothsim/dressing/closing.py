@@ -17,6 +17,7 @@ from clothsim.arrays import Floats
 from clothsim.build.scene_world import build
 from clothsim.dressing.closing_rounds import Round, Strings, further_turns, turns
 from clothsim.dressing.sewing_state import SewingState
+from clothsim.dressing.sewn_cloth import Fabrics, sewn_cloth
 from clothsim.dressing.welding import welded_where_closed
 from clothsim.energies.protocols import ContactGap
 from clothsim.errors import IntersectionWarning
@@ -24,7 +25,7 @@ from clothsim.fitting.inputs import Figure
 from clothsim.run.recorded_run import Listener
 from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
-from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
+from clothsim.scene.cloth_arrays import BodyArrays
 from clothsim.scene.scene import Scene
 from transfer.signed_distance import BodySurface
 
@@ -74,7 +75,7 @@ class Closing:
 
 
 def close(
-    state: SewingState, body: Figure, surface: BodySurface, fabric: str, folder: Path, listener: Listener | None
+    state: SewingState, body: Figure, surface: BodySurface, fabrics: Fabrics, folder: Path, listener: Listener | None
 ) -> Closing:
     """Draw all open seams together. InputError for a start that cannot be simulated.
 
@@ -91,7 +92,7 @@ def close(
             waiting.appendleft(replace(turn, patient=False))
         if not made.strings:
             continue
-        scene = _scene(state, body, fabric, made)
+        scene = _scene(state, body, fabrics, made)
         limit = CLOSED * contact_gap(scene) if waiting else NEAR * mean_edge(state)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IntersectionWarning)
@@ -124,11 +125,8 @@ def contact_gap(scene: Scene) -> float:
     return float(contact.activation_distance)
 
 
-def _scene(state: SewingState, body: Figure, fabric: str, turn: Round) -> Scene:
+def _scene(state: SewingState, body: Figure, fabrics: Fabrics, turn: Round) -> Scene:
     """Scene of a round."""
-    cloth = ClothArrays(
-        state.positions, state.triangles, rest=state.mesh.material_coordinates, name="garment", fabric=fabric, sewn=True
-    )
     contact = {"d_hat": THICKNESS * mean_edge(state)}
     effects = {
         **SETTINGS["effects"],
@@ -141,7 +139,7 @@ def _scene(state: SewingState, body: Figure, fabric: str, turn: Round) -> Scene:
     if len(turn.held):
         effects["pins"] = {"select": turn.held.tolist()}
     return Scene(
-        cloth=cloth,
+        cloth=sewn_cloth(state, fabrics),
         body=BodyArrays(body.positions, body.triangles, name="body"),
         effects=effects,
         solver=SETTINGS["solver"],

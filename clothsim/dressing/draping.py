@@ -13,12 +13,13 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.dressing.sewing_state import SewingState
+from clothsim.dressing.sewn_cloth import Fabrics, sewn_cloth
 from clothsim.errors import IntersectionWarning
 from clothsim.fitting.inputs import Figure
 from clothsim.run.recorded_run import Announcement, Listener
 from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
-from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
+from clothsim.scene.cloth_arrays import BodyArrays
 from clothsim.scene.scene import Scene
 
 LONGEST = 3.0
@@ -56,7 +57,7 @@ def open_seam_tables(state: SewingState) -> list[dict[str, Any]]:
 def drape(
     state: SewingState,
     body: Figure,
-    fabric: str,
+    fabrics: Fabrics,
     folder: Path,
     listener: Listener | None,
     announce: Announcement | None,
@@ -71,13 +72,13 @@ def drape(
         A start that cannot be simulated.
     """
     if hangs_on_shoulders(state.positions, body):
-        shaken = _run(state, body, fabric, folder / "shaken", SLIPPERY, listener, announce)
+        shaken = _run(state, body, fabrics, folder / "shaken", SLIPPERY, listener, announce)
         if shaken.status != "completed":
             return shaken
         sank = (state.positions @ body.up).max() - (shaken.positions(-1) @ body.up).max()
         if sank < SANK * np.ptp(body.positions @ body.up):
             state = state.at(shaken.positions(-1))
-    return _run(state, body, fabric, folder, FRICTION, listener, announce)
+    return _run(state, body, fabrics, folder, FRICTION, listener, announce)
 
 
 def hangs_on_shoulders(positions: Floats, body: Figure) -> bool:
@@ -89,7 +90,7 @@ def hangs_on_shoulders(positions: Floats, body: Figure) -> bool:
 def _run(
     state: SewingState,
     body: Figure,
-    fabric: str,
+    fabrics: Fabrics,
     folder: Path,
     friction: float,
     listener: Listener | None,
@@ -102,14 +103,7 @@ def _run(
         "gravity": {"acceleration": (-9.81 * body.up).tolist()},
     }
     scene = Scene(
-        cloth=ClothArrays(
-            state.positions,
-            state.triangles,
-            rest=state.mesh.material_coordinates,
-            name="garment",
-            fabric=fabric,
-            sewn=True,
-        ),
+        cloth=sewn_cloth(state, fabrics),
         body=BodyArrays(body.positions, body.triangles, name="body"),
         effects=effects | ({"seams": {"seam": seam}} if seam else {}),
         solver=SETTINGS["solver"],

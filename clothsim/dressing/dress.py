@@ -1,7 +1,8 @@
 """Dress: a sewing pattern meshed, placed, closed round a body, welded and draped; checked exactly after each stage."""
 
 import tempfile
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -18,6 +19,7 @@ from clothsim.dressing.lifting import lifted
 from clothsim.dressing.placing import placed_on
 from clothsim.dressing.separating import crossing_panels, panels_in_contact, separated
 from clothsim.dressing.sewing_state import SewingState, as_placed
+from clothsim.dressing.sewn_cloth import Fabrics
 from clothsim.dressing.sleeves import turned_to_arms
 from clothsim.dressing.welding import welded_where_closed
 from clothsim.dressing.written_files import GARMENT, write_results
@@ -25,6 +27,7 @@ from clothsim.errors import InputError
 from clothsim.fitting.inputs import Figure, figure_of, read_figure
 from clothsim.fitting.penetration import Counts
 from clothsim.fitting.stage import Stage, StageCallback, staged
+from clothsim.mesh.fabric import Fabric
 from clothsim.mesh.pattern.pattern import Pattern
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
 from clothsim.mesh.pattern.sewing import TOUCHING, sewn_vertices
@@ -32,7 +35,6 @@ from clothsim.mesh.pattern.specification import read_specification
 from clothsim.run.output_directory import make_directory, refuse_earlier_run
 from clothsim.run.recorded_run import Announcement, Listener
 from clothsim.run.results import Run
-from clothsim.scene.fabrics import fabric_named
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 
@@ -69,6 +71,8 @@ class Dress:
         Defaults used in reading and dressing.
     closing : tuple of Run
         Rounds in which the seams were closed.
+    fabrics : mapping of str to Fabric
+        Fabric of each panel.
 
     Examples
     --------
@@ -89,6 +93,7 @@ class Dress:
     run: Run | None
     notes: tuple[str, ...]
     closing: tuple[Run, ...] = ()
+    fabrics: Mapping[str, Fabric] = field(default_factory=dict)
 
     @property
     def positions(self) -> Floats:
@@ -112,7 +117,7 @@ class _Task:
 
     body: Figure
     surface: BodySurface
-    fabric: str
+    fabrics: Fabrics
     directory: Path
     on_stage: StageCallback
     progress: Listener | None
@@ -138,6 +143,7 @@ def dress(
     *,
     size: float = 0.02,
     fabric: str = "cotton",
+    fabrics: Mapping[str, str] | None = None,
     origin: str = "auto",
     rotation_order: str = "zyx",
     scale: float | None = None,
@@ -161,6 +167,8 @@ def dress(
         Distance of neighbouring vertices [m].
     fabric : str
         A named fabric.
+    fabrics : mapping of str to str, optional
+        Named fabrics of panels with one of their own, by name; `*` stands for any letters: {"*cuff*": "denim"}.
     origin : str
         Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placing.placed_on`).
     rotation_order : str
@@ -193,11 +201,12 @@ def dress(
     'completed'
     """
     started = perf_counter()
-    fabric_named("fabric", fabric)
+    chosen = Fabrics(fabric, fabrics or {})
     directory = _directory(output, overwrite)
     if not isinstance(pattern, str | Path | Pattern):
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
     read = pattern if isinstance(pattern, Pattern) else read_specification(pattern, rotation_order)
+    of_panels = chosen.of(read)
     name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
     body = read_figure(on, scale=scale, group=body_group) if isinstance(on, str | Path) else figure_of(on)
     refuse_unsuitable(body)
@@ -207,7 +216,7 @@ def dress(
     mesh, arm_notes = turned_to_arms(mesh, body)
     mesh, leg_notes = turned_to_legs(mesh, body, surface)
     make_directory(directory)
-    task = _Task(body, surface, fabric, directory, on_stage, progress, announce)
+    task = _Task(body, surface, chosen, directory, on_stage, progress, announce)
     begun = _Progress(
         as_placed(mesh), (), notes=(*mesh.pattern.notes, *placing_notes, *arm_notes, *leg_notes, *body.notes)
     )
@@ -217,7 +226,18 @@ def dress(
     if not done.failure:
         done, status, reason = _draped(task, done)
     worn = Dress(
-        directory, status, reason, read, begun.state, done.state, body, done.stages, done.run, done.notes, done.closing
+        directory,
+        status,
+        reason,
+        read,
+        begun.state,
+        done.state,
+        body,
+        done.stages,
+        done.run,
+        done.notes,
+        done.closing,
+        of_panels,
     )
     write_results(worn, name, size, perf_counter() - started)
     return worn
@@ -304,7 +324,7 @@ def _closed(task: _Task, done: _Progress) -> _Progress:
         return done
     started = perf_counter()
     try:
-        closing = close(done.state, task.body, task.surface, task.fabric, task.directory, task.progress)
+        closing = close(done.state, task.body, task.surface, task.fabrics, task.directory, task.progress)
     except InputError as error:
         return replace(done, failure=f"The closing could not start: {error.sentence}")
     done = _after(task, done, "close", closing.state, closing.description, started)
@@ -326,7 +346,7 @@ def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
     """Drape; where it cannot start or complete, the sewn garment is the result."""
     started = perf_counter()
     try:
-        run = drape(done.state, task.body, task.fabric, task.directory, task.progress, task.announce)
+        run = drape(done.state, task.body, task.fabrics, task.directory, task.progress, task.announce)
     except InputError as error:
         return done, "sewn", f"The drape could not start: {error.sentence}"
     if run.status != "completed":

@@ -1,10 +1,14 @@
 """Garment in sewing as a surface to draw: cloth with its seams as dark lines."""
 
+from collections import Counter
+from collections.abc import Mapping
+
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, Ints
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.fitting.inputs import Figure
+from clothsim.mesh.fabric import Fabric
 from clothsim.render.strokes import WIDTHS
 from clothsim.render.surface_look import Surface, vertex_normals
 
@@ -14,13 +18,31 @@ POINT = 1e-6
 """Length of the second stroke of a cross, which only says in which plane the first one lies [m]."""
 
 
-def garment_surface(state: SewingState, positions: Floats, stretches: Floats | None = None) -> Surface:
-    """Cloth at positions (k, 3) [m] with its sewn edges; stretches (m, 2) colour it, None: plain."""
+def garment_surface(
+    state: SewingState, positions: Floats, stretches: Floats | None = None, fabrics: Mapping[str, Fabric] | None = None
+) -> Surface:
+    """Cloth at positions (k, 3) [m] with its sewn edges; stretches (m, 2) colour it, None: plain by fabric of panel."""
     plain = np.zeros((0, 2)) if stretches is None else stretches
     spacing = LINE / WIDTHS[0]
     return Surface(
-        "garment", positions, state.triangles, "cloth", plain, strokes=seam_strokes(state, positions), spacing=spacing
+        "garment",
+        positions,
+        state.triangles,
+        "cloth",
+        plain,
+        strokes=seam_strokes(state, positions),
+        spacing=spacing,
+        fabrics=numbers_of_fabrics(state, fabrics or {}),
     )
+
+
+def numbers_of_fabrics(state: SewingState, fabrics: Mapping[str, Fabric]) -> Ints:
+    """Number of the fabric of each triangle, (m,), the one of most panels first; fabrics: of each panel."""
+    order = [name for name, _ in Counter(fabric.name for fabric in fabrics.values()).most_common()]
+    numbers = np.zeros(len(state.triangles), np.int64)
+    for panel, fabric in fabrics.items():
+        numbers[state.mesh.faces[panel]] = order.index(fabric.name)
+    return numbers
 
 
 def body_surface_look(body: Figure) -> Surface:

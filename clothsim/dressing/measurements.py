@@ -1,5 +1,6 @@
 """Measurements of a dressed garment: girths of body and garment at the same levels, ease, areas of cloth."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -9,6 +10,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.dressing.sleeves import is_of_arm
 from clothsim.fitting.inputs import Figure
+from clothsim.mesh.fabric import Fabric
 from clothsim.mesh.pattern.pattern import Pattern
 from clothsim.mesh.topology import border_edges, components
 
@@ -134,14 +136,22 @@ def areas_of_panels(state: SewingState) -> dict[str, float]:
     return {name: float(areas[rows].sum()) for name, rows in state.mesh.faces.items()}
 
 
-def measurement_entries(state: SewingState, body: Figure) -> dict[str, Any]:
-    """Measurements as in summary.json."""
+def measurement_entries(state: SewingState, body: Figure, fabrics: Mapping[str, Fabric]) -> dict[str, Any]:
+    """Measurements as in summary.json; fabrics: of each panel."""
     areas = areas_of_panels(state)
     rows = [{**asdict(girth), "ease": girth.ease} for girth in girths(state, body)]
     total = sum(areas.values())
     width, length = marker(state.mesh.pattern)
     laid = {"width": width, "length": length, "use": total / (width * length)}
-    return {"girths": rows, "panel_areas": areas, "cloth_area": total, "marker": laid}
+    masses = {name: fabrics[name].density * area for name, area in areas.items()}
+    cut = {
+        "panel_areas": areas,
+        "panel_fabrics": {name: fabrics[name].name for name in areas},
+        "panel_masses": masses,
+        "cloth_area": total,
+        "mass": sum(masses.values()),
+    }
+    return {"girths": rows, **cut, "marker": laid}
 
 
 def marker(pattern: Pattern) -> tuple[float, float]:

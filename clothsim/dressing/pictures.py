@@ -25,8 +25,8 @@ ABOVE = 0.25
 def draw_dress(done: "Dress") -> list[Path]:
     """Write placed.png, worn.png in plain colour with its seams, and stretch.png; returns their paths."""
     title = {"completed": "worn", "sewn": "sewn, not draped"}.get(done.status, done.status)
-    placed = garment_surface(done.placed, done.placed.positions)
-    worn = garment_surface(done.state, done.state.positions)
+    placed = garment_surface(done.placed, done.placed.positions, fabrics=done.fabrics)
+    worn = garment_surface(done.state, done.state.positions, fabrics=done.fabrics)
     stretched = garment_surface(done.state, done.state.positions, done.state.stretches())
     return [
         _pair(done.directory / PLACED, "as placed", placed, done.body),

@@ -1,6 +1,6 @@
 """Movie of the sewing: the seams closing, then the drape, seen by one camera."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,6 +8,7 @@ from clothsim.dressing.dress import touching_seams
 from clothsim.dressing.garment_surfaces import body_surface_look, garment_surface
 from clothsim.dressing.pictures import view_of
 from clothsim.dressing.sewing_state import SewingState
+from clothsim.mesh.fabric import Fabric
 from clothsim.render.surface_look import Surface
 from clothsim.run.results import Run
 
@@ -44,13 +45,13 @@ def frames_of(done: "Dress") -> list[list[Surface]]:
     """Garment and body of each frame: as placed, of each round of closing, of the drape."""
     body = body_surface_look(done.body)
     in_pieces = done.placed.weld(touching_seams(done.placed))
-    frames = [[garment_surface(done.placed, done.placed.positions), body]]
+    frames = [[garment_surface(done.placed, done.placed.positions, fabrics=done.fabrics), body]]
     for run in done.closing:
-        frames += [[garment, body] for garment in _frames(in_pieces, run)]
+        frames += [[garment, body] for garment in _frames(in_pieces, run, done.fabrics)]
     if done.run is not None:
-        frames += [[garment, body] for garment in _frames(done.state, done.run)]
+        frames += [[garment, body] for garment in _frames(done.state, done.run, done.fabrics)]
     return frames
 
 
-def _frames(state: SewingState, run: Run) -> list[Surface]:
-    return [garment_surface(state, run.positions(number)) for number in range(len(run))]
+def _frames(state: SewingState, run: Run, fabrics: Mapping[str, Fabric]) -> list[Surface]:
+    return [garment_surface(state, run.positions(number), fabrics=fabrics) for number in range(len(run))]

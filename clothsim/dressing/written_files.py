@@ -36,7 +36,7 @@ def write_results(done: "Dress", name: str, size: float, seconds: float) -> None
         "reason": done.reason,
         "stages": [stage.as_dict() for stage in done.stages],
         "seams": seam_entries(done.state),
-        "measurements": measurement_entries(done.state, done.body),
+        "measurements": measurement_entries(done.state, done.body, done.fabrics),
         "vertices": len(done.state.positions),
         "spacing": size,
         "stretch_low": low,

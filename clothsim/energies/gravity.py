@@ -74,7 +74,7 @@ class Gravity(Elementwise, Energy, SeesPast):
 
 
 def gravity(world: World, *, acceleration: ArrayLike = (0.0, 0.0, -9.81)) -> Energy | Off:
-    """The weight of all cloths.
+    """The weight of all cloths and rigid bodies.
 
     Parameters
     ----------
@@ -88,7 +88,8 @@ def gravity(world: World, *, acceleration: ArrayLike = (0.0, 0.0, -9.81)) -> Ene
     vector = as_vector("effects.gravity.acceleration", acceleration)
     if not vector.any():
         return Off("acceleration is zero")
-    return Gravity(every_vertex(world.n_cloth), world.masses, vector, world.start()[: world.n_cloth].mean(axis=0))
+    origin = world.start()[: world.n_cloth].mean(axis=0)
+    return Gravity(every_vertex(world.n_unknowns), world.weighing_masses, vector, origin)
 
 
 EXAMPLE = Example(

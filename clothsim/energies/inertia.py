@@ -73,8 +73,8 @@ class Inertia(Elementwise, Energy, SeesPast):
 
 
 def inertia(world: World) -> Energy:
-    """The inertia of all cloth vertices."""
-    return Inertia(every_vertex(world.n_cloth), world.masses, world.start()[: world.n_cloth], 1.0)
+    """The inertia of all cloth vertices and rigid bodies."""
+    return Inertia(every_vertex(world.n_unknowns), world.inertial_masses, world.start()[: world.n_unknowns], 1.0)
 
 
 EXAMPLE = Example(external=True)

@@ -103,12 +103,13 @@ def membrane(
 def _refuse_negative(world: World) -> None:
     """InputError for a cloth of negative Poisson ratio, whose isotropic energy falls without bound as it collapses."""
     for cloth in world.cloths:
-        if cloth.fabric is not None and cloth.fabric.poisson_ratio < 0:
-            raise InputError(
-                f'effects.membrane.material = "neo_hookean" does not take the poisson_ratio '
-                f"{cloth.fabric.poisson_ratio:g} of {cloth.name!r}.",
-                'Take material = "orthotropic", or leave it out.',
-            )
+        for name, fabric in ((cloth.name, cloth.fabric), *cloth.fabrics.items()):
+            if fabric is not None and fabric.poisson_ratio < 0:
+                raise InputError(
+                    f'effects.membrane.material = "neo_hookean" does not take the poisson_ratio '
+                    f"{fabric.poisson_ratio:g} of {name!r}.",
+                    'Take material = "orthotropic", or leave it out.',
+                )
 
 
 def _refuse_others(material: str, given: Mapping[str, bool]) -> None:

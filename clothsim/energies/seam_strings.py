@@ -19,6 +19,7 @@ from clothsim.energies.hinge_bending import HingeBending
 from clothsim.energies.links import Links
 from clothsim.energies.protocols import Coupling, Driven, Report
 from clothsim.energies.step import Step
+from clothsim.mesh.hinges import stiffness_in_series
 from clothsim.mesh.world import World
 
 
@@ -135,8 +136,9 @@ def bending_across(world: World, hinges: Ints, triangles: Ints) -> HingeBending:
     """The energy of hinges (h, 4) across closed seams between triangles (h, 2), weighted as all hinges."""
     rest = np.concatenate([cloth.rest_positions for cloth in world.cloths])
     edges = rest[hinges[:, 1]] - rest[hinges[:, 0]]
-    stiffness = world.per_triangle("bending_stiffness")[triangles].mean(axis=1)
-    weights = stiffness * np.einsum("ij,ij->i", edges, edges) / world.rest_areas[triangles].sum(axis=1)
+    areas = world.rest_areas[triangles]
+    stiffness = stiffness_in_series(world.per_triangle("bending_stiffness")[triangles], areas)
+    weights = stiffness * np.einsum("ij,ij->i", edges, edges) / areas.sum(axis=1)
     return HingeBending(hinges, np.zeros(len(hinges)), weights)
 
 

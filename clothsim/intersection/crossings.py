@@ -1,7 +1,7 @@
 """Intersecting pairs of a scene's surfaces, by the names of its cloths and bodies."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -28,14 +28,14 @@ class Surface(Protocol):
 
 @dataclass(frozen=True)
 class Crossing:
-    """Intersections of a cloth with itself, another cloth or a body.
+    """Intersections of a cloth with itself, another cloth or a body, or of a rigid body with a body.
 
     Attributes
     ----------
     first, second : str
         Names of the two surfaces.
     role : str
-        "cloth" or "body", of the second.
+        "cloth" or "body", of the second; "rigid" where both are bodies.
     pairs : (p, 2) int array
         The triangles of each surface, counted in it from 0.
     position : (3,) array
@@ -64,9 +64,9 @@ class Crossing:
 
 
 def crossings(x: Floats, parts: Sequence[Surface], limit: int = LIMIT) -> tuple[Crossing, ...]:
-    """All intersections of cloths with bodies, with themselves and with each other.
+    """All intersections of cloths with bodies, with themselves and with each other, and of rigid bodies with bodies.
 
-    Bodies are never checked against each other. There are two searches, however many surfaces there are.
+    Other bodies are never checked against each other. There are two searches, and one for each rigid body.
 
     Parameters
     ----------
@@ -93,7 +93,12 @@ def crossings(x: Floats, parts: Sequence[Surface], limit: int = LIMIT) -> tuple[
     ['sheet and peg intersect']
     """
     cloths = [part for part in parts if part.role == "cloth"]
-    found = _between(x, cloths, None, limit) + _between(x, cloths, [p for p in parts if p.role == "body"], limit)
+    bodies = [part for part in parts if part.role == "body"]
+    found = _between(x, cloths, None, limit) + _between(x, cloths, bodies, limit)
+    rigid = [part for part in bodies if getattr(part, "rigid", False)]
+    for number, one in enumerate(rigid):
+        others = [part for part in bodies if part not in rigid[: number + 1]]
+        found += [replace(each, role="rigid") for each in _between(x, [one], others, limit)]
     order = {part.name: k for k, part in enumerate(parts)}
     return tuple(sorted(found, key=lambda each: (order[each.first], order[each.second])))
 

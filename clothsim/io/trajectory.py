@@ -255,7 +255,8 @@ def _read_surfaces(file: h5py.File) -> tuple[Surface, ...]:
         stop = start + int(block["NumberOfPoints"][0])
         triangles = block["Polygons/Connectivity"][:].reshape(-1, 3) + start
         name, role, moving = (block.attrs[key] for key in ("Name", "Role", "Moving"))
-        surfaces.append(Surface(name, role, slice(start, stop), triangles, bool(moving)))
+        rigid = bool(block.attrs.get("Rigid", 0))
+        surfaces.append(Surface(name, role, slice(start, stop), triangles, bool(moving), rigid))
         if triangles.size and not start <= triangles.min() <= triangles.max() < stop:
             raise ValueError(f"{name} has triangles of vertices that are not there")
         start = stop

@@ -166,6 +166,8 @@ def _create_block(block: h5py.Group, surface: Surface, shared: h5py.Group, array
     triangles = surface.own_triangles
     _mark(block, "PolyData")
     block.attrs.update({"Name": surface.name, "Role": surface.role, "Moving": int(surface.moving)})
+    if surface.rigid:
+        block.attrs["Rigid"] = 1
     block["NumberOfPoints"] = np.array([surface.n_vertices])
     _create_frames(block, "Points", surface.n_vertices, (3,), "f8")
     _create_cells(block.create_group("Polygons"), triangles)

@@ -98,7 +98,7 @@ def _ghost_hinges(world: World, cloth_number: int, pinned: np.ndarray, first_gho
     corners[:, 2:, 1] = height[:, None] * [1.0, -1.0]
     vertices = vertices + offset
     vertices[:, 3] = first_ghost + np.arange(len(vertices))
-    stiffness = np.full(len(vertices), 2 * cloth.fabric.bending_stiffness)
+    stiffness = 2 * cloth.per_triangle("bending_stiffness")[triangles]
     return Hinges(vertices, corners, np.zeros(len(vertices)), stiffness, np.ones(len(vertices), np.int64)), ghosts
 
 

@@ -12,7 +12,7 @@ from clothsim.mesh.fabric import Fabric
 
 @dataclass(frozen=True)
 class Cloth:
-    """One sheet of one fabric.
+    """One sheet, of one fabric unless its panels have their own.
 
     Parameters
     ----------
@@ -36,6 +36,8 @@ class Cloth:
         Triangles of each panel that the mesh names.
     texture : (m, 3, 2) or (0, 3, 2) float64
         Texture coordinates of each corner, where the mesh has them; no energy reads them.
+    fabrics : mapping
+        Material of the panels that have one of their own; the others are of `fabric`.
     """
 
     name: str
@@ -48,6 +50,14 @@ class Cloth:
     velocity: Floats
     groups: Mapping[str, Ints] = field(default_factory=dict)
     texture: Floats = field(default_factory=lambda: np.zeros((0, 3, 2)))
+    fabrics: Mapping[str, Fabric] = field(default_factory=dict)
+
+    def per_triangle(self, property_name: str) -> Floats:
+        """Return a property of the fabric of each triangle, (m,)."""
+        values = np.full(len(self.triangles), getattr(self.fabric, property_name))
+        for panel, fabric in self.fabrics.items():
+            values[self.groups[panel]] = getattr(fabric, property_name)
+        return values
 
 
 def make_cloth(
@@ -60,12 +70,13 @@ def make_cloth(
     velocity: Floats | tuple[float, float, float] = (0.0, 0.0, 0.0),
     groups: Mapping[str, Ints] | None = None,
     texture: Floats | None = None,
+    fabrics: Mapping[str, Fabric] | None = None,
 ) -> Cloth:
     """Make a cloth from checked arrays.
 
     Parameters
     ----------
-    name, fabric, velocity, groups, texture
+    name, fabric, velocity, groups, texture, fabrics
         See `Cloth`.
     rest_positions : (n, 3) array_like
         Rest shape [m].
@@ -92,7 +103,7 @@ def make_cloth(
         raise InputError(f"{name}: material_coordinates must be finite numbers of shape ({len(faces)}, 3, 2).")
     _refuse_no_area(name, material)
     speed, corners = np.asarray(velocity, float), np.zeros((0, 3, 2)) if texture is None else texture
-    return Cloth(name, start, faces, material, rest, flat, fabric, speed, groups or {}, corners)
+    return Cloth(name, start, faces, material, rest, flat, fabric, speed, groups or {}, corners, fabrics or {})
 
 
 def triangle_planes(rest_positions: Floats, triangles: Ints) -> Floats:

@@ -24,7 +24,8 @@ class Hinges:
     rest_angles : (h,) float64
         Dihedral angle at rest [rad], 0 where flat.
     stiffness : (h,) float64
-        Bending stiffness D [N m], the mean of both sides', doubled on a clamp line (docs/validation.md, A3).
+        Bending stiffness D [N m], doubled on a clamp line (docs/validation.md, A3); where two fabrics meet that of
+        both sides in series (see `stiffness_in_series`).
     held : (h,) int64
         Side whose triangle a clamp fixes and which does not bend: 0 the first, 1 the second, -1 neither.
     """
@@ -57,7 +58,30 @@ def cloth_hinges(cloth: Cloth, offset: int = 0) -> Hinges:
         corners[:, 2 + side, 1] = sign * height
     angles = np.zeros(len(vertices)) if cloth.flat else dihedral_angles(cloth.rest_positions, vertices)
     stiffness = np.full(len(vertices), cloth.fabric.bending_stiffness)
+    if cloth.fabrics:
+        heights = np.stack([corners[:, 2, 1], -corners[:, 3, 1]], axis=1)
+        stiffness = stiffness_in_series(cloth.per_triangle("bending_stiffness")[pairs], heights)
     return Hinges(vertices + offset, corners, angles, stiffness, np.full(len(vertices), -1))
+
+
+def stiffness_in_series(stiffnesses: Floats, heights: Floats) -> Floats:
+    """Return the bending stiffness (h,) [N m] of hinges between two strips.
+
+    Both strips bear the moment M of the hinge and share its angle: h_k M / D_k in strip k, so that
+    D = (h_1 + h_2) / (h_1 / D_1 + h_2 / D_2), as a strip of two fabrics does in pure bending. The arithmetic
+    mean would be too stiff.
+
+    Parameters
+    ----------
+    stiffnesses : (h, 2) array
+        D of both strips [N m].
+    heights : (h, 2) array
+        Their widths across the edge [m].
+    """
+    with np.errstate(divide="ignore"):
+        flexibility = (heights / stiffnesses).sum(axis=1)
+    alike = stiffnesses[:, 0] == stiffnesses[:, 1]  # to the last bit as within one fabric
+    return np.where(alike, stiffnesses[:, 0], heights.sum(axis=1) / flexibility)
 
 
 def join_hinges(parts: Sequence[Hinges]) -> Hinges:

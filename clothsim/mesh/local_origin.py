@@ -38,7 +38,8 @@ def with_local_origin(world: World) -> World:
         )
     cloths = tuple(replace(each, positions=each.positions - middle) for each in world.cloths)
     bodies = tuple(_moved(body, middle) for body in world.bodies)
-    return replace(world, cloths=cloths, bodies=bodies, origin=world.origin + middle)
+    rigid = tuple(body.relative_to(middle) for body in world.rigid)
+    return replace(world, cloths=cloths, bodies=bodies, rigid=rigid, origin=world.origin + middle)
 
 
 def _moved(body: Body, origin: np.ndarray) -> Body:

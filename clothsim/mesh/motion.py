@@ -1,4 +1,4 @@
-"""Motion of a body: rigid, or interpolated between animated frames; both map its vertices at time 0 to a time."""
+"""Motion of a body: rigid, posed, or between animated frames; they map its vertices at time 0 to a time."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -127,7 +127,21 @@ class PosedMotion:
         return points if self.still else points + self.displacement(time)
 
 
-Motion = RigidMotion | FrameMotion | PosedMotion | LaterMotion
+@dataclass(frozen=True)
+class FreeMotion:
+    """Motion of a rigid body that forces move (`mesh.rigid_body`): none is prescribed."""
+
+    @property
+    def still(self) -> bool:
+        """True: no position is prescribed."""
+        return True
+
+    def apply(self, points: Floats, time: float) -> Floats:
+        """Return `points (n, 3)` of time 0: where they are later is part of the solution."""
+        return points
+
+
+Motion = RigidMotion | FrameMotion | PosedMotion | LaterMotion | FreeMotion
 
 
 def rigid_motion(

@@ -1,6 +1,7 @@
 """World: cloths and bodies in one array of vertices, and the rest quantities that the energies need.
 
-Rows of x: first the vertices of all cloths (the unknowns), then those of all bodies, then ghosts (see `clamp`).
+Rows of x: first the unknowns, which are the vertices of all cloths and the coordinates of rigid bodies; then the
+vertices of all bodies, those of rigid ones last; then ghosts (see `clamp`).
 """
 
 from collections.abc import Sequence
@@ -14,6 +15,8 @@ from clothsim.errors import InputError
 from clothsim.mesh.body import Body
 from clothsim.mesh.cloth import Cloth
 from clothsim.mesh.hinges import Hinges, cloth_hinges, join_hinges
+from clothsim.mesh.motion import FreeMotion
+from clothsim.mesh.rigid_body import RigidBody
 from clothsim.mesh.topology import unique_edges
 
 
@@ -24,13 +27,15 @@ class World:
     Parameters
     ----------
     cloths, bodies : tuple
-        At least one cloth.
+        At least one cloth. The last bodies are the surfaces of `rigid`.
     hinges : Hinges
         Those of all cloths, and of clamps.
     ghosts : (g, 3) float64
         Ghost vertices of clamps at the start [m].
     origin : (3,) float64
         Origin of all positions in the coordinates of the scene [m] (see `local_origin`).
+    rigid : tuple of RigidBody
+        Rigid bodies that forces move.
     """
 
     cloths: tuple[Cloth, ...]
@@ -38,16 +43,22 @@ class World:
     hinges: Hinges
     ghosts: Floats
     origin: Floats
+    rigid: tuple[RigidBody, ...] = ()
 
     @cached_property
     def n_cloth(self) -> int:
-        """Number of cloth vertices: rows 0..n_cloth-1 of x are the unknowns."""
+        """Number of cloth vertices, rows 0..n_cloth-1 of x."""
         return sum(len(cloth.positions) for cloth in self.cloths)
 
     @cached_property
+    def n_unknowns(self) -> int:
+        """Number of unknown rows of x: cloth vertices, then the coordinates of rigid bodies."""
+        return self.n_cloth + sum(len(body.coordinates) for body in self.rigid)
+
+    @cached_property
     def n_vertices(self) -> int:
-        """Number of rows of x: cloth, bodies and ghosts."""
-        return self.n_cloth + sum(len(body.positions) for body in self.bodies) + len(self.ghosts)
+        """Number of rows of x: unknowns, bodies and ghosts."""
+        return self.n_unknowns + sum(len(body.positions) for body in self.bodies) + len(self.ghosts)
 
     @cached_property
     def cloth_slices(self) -> tuple[slice, ...]:
@@ -57,7 +68,22 @@ class World:
     @cached_property
     def body_slices(self) -> tuple[slice, ...]:
         """The rows of x of each body."""
-        return _slices([len(body.positions) for body in self.bodies], self.n_cloth)
+        return _slices([len(body.positions) for body in self.bodies], self.n_unknowns)
+
+    @cached_property
+    def coordinate_slices(self) -> tuple[slice, ...]:
+        """The rows of x of the coordinates of each rigid body."""
+        return _slices([len(body.coordinates) for body in self.rigid], self.n_cloth)
+
+    @property
+    def prescribed_bodies(self) -> tuple[Body, ...]:
+        """The bodies that are not rigid ones moved by forces."""
+        return self.bodies[: len(self.bodies) - len(self.rigid)]
+
+    @cached_property
+    def rigid_slices(self) -> tuple[slice, ...]:
+        """The rows of x of the surface of each rigid body."""
+        return self.body_slices[len(self.bodies) - len(self.rigid) :]
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -66,7 +92,7 @@ class World:
 
     @cached_property
     def labels(self) -> Ints:
-        """Number in `names` of the object of each row of x, (N,); -1 for a ghost."""
+        """Number in `names` of the object of each row of x, (N,); -1 for a ghost and for a rigid body's coordinates."""
         labels = np.full(self.n_vertices, -1)
         for number, rows in enumerate((*self.cloth_slices, *self.body_slices)):
             labels[rows] = number
@@ -112,15 +138,23 @@ class World:
         return self._to_vertices(self.per_triangle("density") * self.rest_areas)
 
     @cached_property
+    def inertial_masses(self) -> Floats:
+        """Masses of all unknowns in the kinetic energy, (n_unknowns,) [kg]."""
+        return np.concatenate([self.masses, *(body.masses for body in self.rigid)])
+
+    @cached_property
+    def weighing_masses(self) -> Floats:
+        """Masses of all unknowns on which gravity acts, (n_unknowns,) [kg]."""
+        return np.concatenate([self.masses, *(body.weighing for body in self.rigid)])
+
+    @cached_property
     def vertex_areas(self) -> Floats:
         """Reference area of each cloth vertex, (n_cloth,) [m2]."""
         return self._to_vertices(self.rest_areas)
 
     def per_triangle(self, property_name: str) -> Floats:
         """Return a property of each triangle's fabric, (m,): "density", "shear_modulus", "thickness", ..."""
-        return np.concatenate(
-            [np.full(len(cloth.triangles), getattr(cloth.fabric, property_name)) for cloth in self.cloths]
-        )
+        return np.concatenate([cloth.per_triangle(property_name) for cloth in self.cloths])
 
     def _to_vertices(self, amounts: Floats) -> Floats:
         """A third of each triangle's amount to each of its corners, (n_cloth,)."""
@@ -130,18 +164,22 @@ class World:
     def start(self) -> Floats:
         """Return the positions of every vertex at time 0, (N, 3) [m]."""
         cloth = [c.positions for c in self.cloths]
-        return np.concatenate([*cloth, *(body.at(0.0) for body in self.bodies), self.ghosts])
+        rigid = [body.coordinates for body in self.rigid]
+        return np.concatenate([*cloth, *rigid, *(body.at(0.0) for body in self.bodies), self.ghosts])
 
     def start_velocities(self) -> Floats:
-        """Return the velocities of every vertex at time 0, (N, 3) [m/s]; 0 for bodies and ghosts."""
+        """Return the velocities of every row at time 0, (N, 3) [m/s]; 0 for ghosts and bodies that are not rigid."""
         velocities = np.zeros((self.n_vertices, 3))
         for cloth, rows in zip(self.cloths, self.cloth_slices, strict=True):
             velocities[rows] = cloth.velocity
+        for body, rows, surface in zip(self.rigid, self.coordinate_slices, self.rigid_slices, strict=True):
+            velocities[rows] = body.velocities
+            velocities[surface] = body.weights @ body.velocities
         return velocities
 
 
-def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = ()) -> World:
-    """Make a world of at least one cloth.
+def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = (), rigid: Sequence[RigidBody] = ()) -> World:
+    """Make a world of at least one cloth; `bodies` without the surfaces of `rigid`, which are added.
 
     Raises
     ------
@@ -150,13 +188,14 @@ def make_world(cloths: Sequence[Cloth], bodies: Sequence[Body] = ()) -> World:
     """
     if not cloths:
         raise InputError("The scene has no cloth.", "Add a [[cloth]] table with a mesh.")
+    bodies = [*bodies, *(Body(body.name, body.positions, body.triangles, FreeMotion()) for body in rigid)]
     names = [cloth.name for cloth in cloths] + [body.name for body in bodies]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"Two things are called {twice!r}.", "Give each cloth and body a name of its own.")
     offsets = np.cumsum([0] + [len(cloth.positions) for cloth in cloths])
     parts = [cloth_hinges(cloth, offset) for cloth, offset in zip(cloths, offsets[:-1], strict=True)]
-    return World(tuple(cloths), tuple(bodies), join_hinges(parts), np.zeros((0, 3)), np.zeros(3))
+    return World(tuple(cloths), tuple(bodies), join_hinges(parts), np.zeros((0, 3)), np.zeros(3), tuple(rigid))
 
 
 def _slices(sizes: Sequence[int], start: int) -> tuple[slice, ...]:

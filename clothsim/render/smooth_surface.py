@@ -33,8 +33,9 @@ def smoothed(surface: Surface) -> Surface:
         if 4 * len(triangles) > MOST_TRIANGLES:
             break
         x, triangles, values = _halved(x, triangles, values)
-    none = np.zeros((0, 2))
-    return replace(surface, positions=x, triangles=triangles, values=values, principal_stretches=none)
+    none, parts = np.zeros((0, 2)), len(triangles) // max(len(surface.triangles), 1)
+    fabrics = np.repeat(surface.fabrics, parts)
+    return replace(surface, positions=x, triangles=triangles, values=values, principal_stretches=none, fabrics=fabrics)
 
 
 def _halved(x: Floats, triangles: Ints, values: Floats) -> tuple[Floats, Ints, Floats]:

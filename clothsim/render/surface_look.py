@@ -23,7 +23,8 @@ class Surface:
 
     positions: (n, 3) [m]; triangles: (m, 3); role: "cloth" or "body"; principal_stretches: (m, 2), or empty (0, 2)
     where they are not known, which draws the cloth in its plain colour; values: (n,) that colour the cloth instead, or
-    empty; strokes: (k, 2, 2, 3) ends of crosses drawn on it [m], `spacing` [m] apart.
+    empty; strokes: (k, 2, 2, 3) ends of crosses drawn on it [m], `spacing` [m] apart; fabrics: (m,) number of the
+    fabric of each triangle, which has a plain colour of its own, or empty.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Surface:
     values: Floats = field(default_factory=lambda: np.zeros(0))
     strokes: Floats = field(default_factory=lambda: np.zeros((0, 2, 2, 3)))
     spacing: float = 0.0
+    fabrics: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,8 @@ def looks(surfaces: Sequence[Surface], scale: Scale | None) -> list[Look]:
         if scale is not None and len(values):
             front = scale.colours(values)[surface.triangles]
         else:
-            front = np.broadcast_to(FABRICS[n_cloths % len(FABRICS)], corners.shape)
+            numbers = surface.fabrics if len(surface.fabrics) else np.zeros(len(corners), np.int64)
+            front = np.broadcast_to(FABRICS[(n_cloths + numbers) % len(FABRICS), None], corners.shape)
         n_cloths += 1
         normals = vertex_normals(surface.positions, surface.triangles)[surface.triangles]
         made.append(Look(corners, normals, front, front * _BACK))

@@ -7,6 +7,7 @@ _PAIRS = {
     "cloth_cloth": "cloth and cloth",
     "excluded": "excluded pairs",
     "carried": "carried vertices",
+    "rigid": "rigid bodies and bodies",
 }
 
 
@@ -30,6 +31,8 @@ def _contact_and_balance(certificate: dict[str, Any], contact: bool) -> list[tup
             parts.append(f"{_PAIRS[kind]} INTERSECT in {many(each['states'], 'state')}")
         elif kind != "excluded" and not (parts and kind == "cloth_body"):
             parts.append(f"{_PAIRS[kind]} never intersect")
+    if "rigid" in certificate and "rigid" not in certificate["intersections"]:
+        parts.append(f"{_PAIRS['rigid']} never intersect")
     if certificate["intersection_free"] is None:
         parts.append("earlier steps were NOT CHECKED")
     gap = certificate["minimum_gap"]

@@ -46,7 +46,7 @@ def with_fabric(
     made, _ = fabric_of(table, names[k])
     scene = replace(scene, cloth=[table if i == k else each for i, each in enumerate(scene.cloths)])
     cloths = tuple(replace(each, fabric=made) if i == k else each for i, each in enumerate(world.cloths))
-    unclamped = replace(make_world(cloths, world.bodies), origin=world.origin)
+    unclamped = replace(make_world(cloths, world.prescribed_bodies, world.rigid), origin=world.origin)
     return rebuilt(session, scene, by_hand.applied(build_effects(scene, unclamped)))
 
 
@@ -110,7 +110,9 @@ def body_at(world: World, state: State, name: str, positions: ArrayLike) -> Late
 
 
 def body_rows(world: World, name: str) -> slice:
-    """The rows of x of a body."""
+    """The rows of x of a body whose motion is prescribed. InputError for a rigid one, which forces move."""
+    if name in [body.name for body in world.rigid]:
+        raise InputError(f"{name} is rigid: forces move it.", "Make it a [[body]] to move it by hand.")
     return world.body_slices[number_of("body", name, [each.name for each in world.bodies])]
 
 

@@ -242,7 +242,7 @@ def body_pressure(at: Configuration) -> Floats:
 
 def body_rows(world: World) -> slice:
     """Rows of x of all bodies."""
-    return slice(world.n_cloth, world.n_cloth + sum(len(body.positions) for body in world.bodies))
+    return slice(world.n_unknowns, world.n_unknowns + sum(len(body.positions) for body in world.bodies))
 
 
 def _forces_of_step(name: str, effects: Sequence[str], at: Configuration) -> Floats:

@@ -18,8 +18,9 @@ from clothsim.solve.timers import EffectCounters
 class Receipt:
     """Counters of all effects.
 
-    effects: every name of the table with on, reason and its counters; of a scene also bytes, of the arrays that the
-    effect alone holds, and where it was measured adding, the cost of an effect that is not named (`absent_cost.Added`).
+    effects: every name of the table, and what comes with rigid bodies, with on, reason and its counters; of a scene
+    also bytes, of the arrays that the effect alone holds, and where it was measured adding, the cost of an effect that
+    is not named (`absent_cost.Added`).
     phases: seconds that belong to no effect; "step control" is the remainder. seconds: of all of them together, which
     is all of the measured time; source: the run or the steps that were measured.
     """
@@ -89,10 +90,12 @@ def _receipt(
 ) -> Receipt:
     seconds = sum(account["seconds"] for account in effect_counters.values()) + sum(phases.values())
     effects = {}
-    for name in EFFECTS:
-        on = name in named and name not in off
+    implied = [name for name in effect_counters if name not in EFFECTS]
+    for name in (*EFFECTS, *implied):
+        on = (name in named or name in implied) and name not in off
         account = {**asdict(EffectCounters()), **effect_counters.get(name, {})}
         reason = _named(account) if on else off.get(name, "not named in the scene")
+        reason = "comes with [[rigid]]" if name in implied else reason
         fraction = account["seconds"] / seconds if seconds else 0.0
         effects[name] = {"on": on, "reason": reason, **account, "share": fraction}
     return Receipt(effects, dict(phases), seconds, source)

@@ -9,12 +9,14 @@ from clothsim.build.scene_world import Built
 from clothsim.energies.hessians import ByElement
 from clothsim.errors import InputError
 from clothsim.mesh.motion import RigidMotion
+from clothsim.mesh.world import World
 from clothsim.run.step_lengths import LARGEST_TURN, refuse_leaps, turns
 from clothsim.scene.scene import Scene
 from clothsim.sim.integrators import BACKWARD_EULER
 from clothsim.sim.step_size import ErrorControl
 from clothsim.sim.stepping import Integrator
 from clothsim.solve.convergence import LEAST_SPEED
+from clothsim.solve.dependent_rows import Dependence, DependentRows
 from clothsim.solve.linear_solvers import slowness
 from clothsim.solve.linear_system import System
 from clothsim.solve.newton import NewtonSettings
@@ -53,7 +55,8 @@ def prepare(scene: Scene, built: Built) -> Session:
     reproducible = _make_reproducible() if settings.repeatable else ""
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
-    system = System(_pattern(built), settings.linear, settings.threads)
+    dependent = _dependent_rows(built.world)
+    system = System(_pattern(built), settings.linear, settings.threads, dependent=dependent)
     newton, finer = _newton_settings(scene)
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
@@ -76,7 +79,8 @@ def rebuilt(session: Session, scene: Scene, built: Built) -> Session:
     if not _same_couplings(session.built, built):
         pattern = _pattern(built)
         if not pattern.same_as(system.base):
-            system = System(pattern, settings.linear, settings.threads)
+            dependent = _dependent_rows(built.world)
+            system = System(pattern, settings.linear, settings.threads, dependent=dependent)
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, before.settings)
     return Session(scene, built, integrator, session.notes)
 
@@ -85,7 +89,14 @@ def _pattern(built: Built) -> Pattern:
     """The blocks that the mesh and the energies couple at the start."""
     start = built.world.start()
     hessians = [energy.hessian(start) for energy in built.energies.values()]
-    return make_pattern(built.world.n_cloth, built.world.triangles, hessians)
+    return make_pattern(built.world.n_unknowns, built.world.triangles, hessians)
+
+
+def _dependent_rows(world: World) -> DependentRows:
+    """The vertices of rigid bodies, which follow their coordinates."""
+    parts = zip(world.rigid_slices, world.coordinate_slices, world.rigid, strict=True)
+    follow = tuple(Dependence(rows, unknowns, body.weights) for rows, unknowns, body in parts)
+    return DependentRows(follow, world.n_vertices)
 
 
 def _same_couplings(before: Built, built: Built) -> bool:

@@ -93,14 +93,14 @@ def state_after(world: World, report: StepReport) -> SimulationState:
     """The state at the end of a step as users see it."""
     state, acting = report.state, report.potential.acting
     at_end = starting_state(world, state)
-    speeds = (state.velocities[: world.n_cloth] ** 2).sum(axis=1)
+    speeds = (state.velocities[: world.n_unknowns] ** 2).sum(axis=1)
     return replace(
         at_end,
         dt=report.dt,
         newton_iterations=report.result.iterations,
         unstable=report.switches,
         minimum_gap=report.minimum_gap,
-        kinetic_energy=0.5 * float(world.masses @ speeds) if "inertia" in acting else 0.0,
+        kinetic_energy=0.5 * float(world.inertial_masses @ speeds) if "inertia" in acting else 0.0,
         energies={name: energy.value(state.positions) for name, energy in acting.items()},
         mechanical_energy=mechanical_energy(world, report.potential, state).total,
     )

@@ -1,5 +1,6 @@
-"""Cloths and bodies from arrays: `clothsim.Cloth` and `clothsim.Body`."""
+"""Cloths and bodies from arrays: `clothsim.Cloth`, `clothsim.Body` and `clothsim.Rigid`."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -9,6 +10,7 @@ from numpy.typing import ArrayLike
 from clothsim.errors import InputError
 from clothsim.scene.mesh_arrays import MeshArrays
 from clothsim.scene.mesh_keys import BodyKeys, ClothKeys, FrameRate
+from clothsim.scene.rigid_keys import RigidKeys
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,6 +27,8 @@ class ClothArrays(ClothKeys):
     rest : (n, 2), (n, 3) or (m, 3, 2) array_like [m], optional
         Rest shape: coordinates in the material plane by vertex or by corner of a triangle, or positions in space.
         None: the vertices are the rest shape.
+    groups : mapping of str to (k,) array_like, optional
+        Triangles of each panel, none in two: `fabric_of` and values by panel name them.
     fabric : str
         Named fabric; density and the other keys of a fabric override its values.
 
@@ -46,12 +50,14 @@ class ClothArrays(ClothKeys):
     vertices: ArrayLike | Any
     triangles: ArrayLike | None = None
     rest: ArrayLike | None = None
+    groups: Mapping[str, ArrayLike] | None = None
     arrays: MeshArrays = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _refuse_file("Cloth", self.vertices)
-        _keep(self, MeshArrays.checked(self.section, self.vertices, self.triangles, self.rest), "rest")
+        made = MeshArrays.checked(self.section, self.vertices, self.triangles, self.rest, groups=self.groups)
+        _keep(self, made, "rest", "groups")
 
     def as_table(self) -> dict[str, Any]:
         """The table of [cloth] with the arrays as its mesh."""
@@ -108,6 +114,53 @@ class BodyArrays(BodyKeys, FrameRate):
         return {"mesh": self.arrays, **super().as_table()}
 
 
+@dataclass(frozen=True, eq=False)
+class RigidArrays(RigidKeys):
+    """A rigid body from arrays or a mesh object, with the keys of [[rigid]].
+
+    Parameters
+    ----------
+    vertices : (n, 3) array_like [m], or mesh object
+        Positions at the start, before `scale`, `rotation_degrees` and `position`, of a closed surface; or a
+        trimesh.Trimesh, pyvista.PolyData, meshio.Mesh or scikit-fem MeshTri.
+    triangles : (m, 3) array_like, optional
+        Vertex numbers; left out where `vertices` is a mesh object.
+    density : float [kg/m3]
+        Of the solid inside.
+    velocity, spin_degrees_per_second : (3,) array_like [m/s, degrees/s]
+        At the start.
+    joint : dict, optional
+        `point`, and `axis` of a hinge.
+
+    Raises
+    ------
+    InputError
+        For another shape, a number that is not finite or an index out of range: it names array and index.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> tetrahedron = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+    >>> clothsim.Rigid(*tetrahedron, density=600.0).as_table()["density"]
+    600.0
+    """
+
+    section: ClassVar[str] = "rigid"
+
+    vertices: ArrayLike | Any
+    triangles: ArrayLike | None = None
+    arrays: MeshArrays = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _refuse_file("Rigid", self.vertices)
+        _keep(self, MeshArrays.checked(self.section, self.vertices, self.triangles))
+
+    def as_table(self) -> dict[str, Any]:
+        """The table of [[rigid]] with the arrays as its mesh."""
+        return {"mesh": self.arrays, **super().as_table()}
+
+
 def _refuse_file(name: str, vertices: Any) -> None:
     """InputError for the name of a file in place of arrays."""
     if isinstance(vertices, str | Path):
@@ -117,8 +170,8 @@ def _refuse_file(name: str, vertices: Any) -> None:
         )
 
 
-def _keep(made: Any, arrays: MeshArrays, other: str) -> None:
+def _keep(made: Any, arrays: MeshArrays, *others: str) -> None:
     """Set the read-only copies in place of what was given."""
-    for field_name in ("vertices", "triangles", other):
+    for field_name in ("vertices", "triangles", *others):
         object.__setattr__(made, field_name, getattr(arrays, field_name))
     object.__setattr__(made, "arrays", arrays)

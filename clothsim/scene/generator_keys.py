@@ -89,6 +89,19 @@ class Capsule(KeyTable):
 
 
 @dataclass(frozen=True, kw_only=True)
+class Ring(KeyTable):
+    """A ring about z of a round bar; with a stretch the link of a chain."""
+
+    section: ClassVar[str] = "ring"
+
+    radius: Annotated[float, Key("Radius of the circle in the middle of the bar", "m", above=0)] = 0.05
+    thickness: Annotated[float, Key("Diameter of the bar", "m", above=0)] = 0.02
+    segments: Annotated[int, Key("Edges along the ring", "1", least=4, most=4096)] = 24
+    around: Annotated[int, Key("Edges about the bar", "1", least=3, most=4096)] = 12
+    stretch: Annotated[float, Key("Length by which its halves are pulled apart along x", "m", least=0)] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
 class Cone(KeyTable):
     """A closed cone along z, tip up."""
 
@@ -162,6 +175,6 @@ class Trousers(GarmentKeys):
 GENERATOR_KEYS: dict[str, type[KeyTable]] = {
     kind.section: kind
     for kind in (
-        Rectangle, Disk, Tube, Pillow, Sphere, Slab, Capsule, Cone, Mannequin, Shirt, Skirt, Trousers
+        Rectangle, Disk, Tube, Pillow, Sphere, Slab, Capsule, Cone, Ring, Mannequin, Shirt, Skirt, Trousers
     )
 }  # fmt: skip

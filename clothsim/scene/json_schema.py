@@ -9,6 +9,7 @@ from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
 from clothsim.scene.model_keys import ModelTable
 from clothsim.scene.reference import sections
+from clothsim.scene.rigid_keys import RigidTable
 from clothsim.scene.schema import Key, SceneKey, choices, keys_of, members
 from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
 from clothsim.scene.typed_effects import TYPED_EFFECTS
@@ -30,6 +31,7 @@ def json_schema() -> dict[str, Any]:
     properties = {
         "cloth": _one_or_several(_object("A cloth", (ClothTable, PatternFile, *meshes), ("mesh",))),
         "body": _one_or_several(_object("A body", (BodyTable, FramesTable, ModelTable, *meshes), ())),
+        "rigid": _one_or_several(_object("A rigid body", (RigidTable, *meshes), ("mesh",))),
         "effects": {"type": "object", "properties": effects, "additionalProperties": False},
     }
     for kind in (Solver, Contact, RunSettings, Seed):

@@ -4,7 +4,7 @@ import base64
 import io
 import zipfile
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Self
 
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from clothsim.arrays import Floats, Ints, as_finite, as_points, as_triangles
 from clothsim.errors import InputError
 from clothsim.scene.mesh_objects import is_mesh, surface_of
+from clothsim.scene.panel_groups import PANELS, checked_groups, groups_of, panel_arrays
 
 TEXT = "arrays"
 """The key under which the text of a scene holds the arrays of a mesh."""
@@ -33,12 +34,15 @@ class MeshArrays:
         Rest positions, or the material coordinates of each triangle's corners; None: the vertices.
     frames : (k, n, 3) ndarray [m], optional
         Positions of an animated body in each frame.
+    groups : mapping of str to (k,) ndarray
+        Triangles of each named panel; none is in two.
     """
 
     vertices: Floats
     triangles: Ints
     rest: Floats | None = None
     frames: Floats | None = None
+    groups: Mapping[str, Ints] = field(default_factory=dict)
 
     @classmethod
     def checked(
@@ -48,6 +52,7 @@ class MeshArrays:
         triangles: Any = None,
         rest: ArrayLike | None = None,
         frames: ArrayLike | None = None,
+        groups: Mapping[str, ArrayLike] | None = None,
     ) -> Self:
         """The mesh of arrays, or of a mesh object where `triangles` is None.
 
@@ -67,7 +72,7 @@ class MeshArrays:
             raise InputError(f"{where}.triangles is empty.", "Give at least one triangle.")
         material = None if rest is None else _rest(f"{where}.rest", rest, faces, len(points))
         moving = None if frames is None else _frames(f"{where}.frames", frames, len(points))
-        return cls(points, faces, material, moving)
+        return cls(points, faces, material, moving, checked_groups(f"{where}.groups", groups or {}, len(faces)))
 
     @property
     def is_flat(self) -> bool:
@@ -80,6 +85,8 @@ class MeshArrays:
         packed = io.BytesIO()
         given = {"rest": self.rest, "frames": self.frames}
         others = {name: array for name, array in given.items() if array is not None}
+        if self.groups:
+            others |= panel_arrays(self.groups, len(self.triangles))
         np.savez(packed, vertices=self.vertices, triangles=self.triangles, **others)  # type: ignore[arg-type]
         return base64.b64encode(packed.getvalue()).decode("ascii")
 
@@ -93,7 +100,8 @@ class MeshArrays:
                     raise ValueError("they would unpack to more than they hold")  # NumPy writes them uncompressed
             with np.load(packed, allow_pickle=False) as arrays:
                 given = {name: arrays[name] for name in ("vertices", "triangles", "rest", "frames") if name in arrays}
-                return cls.checked(where, given.pop("vertices"), given.pop("triangles"), **given)
+                groups = groups_of(arrays) if PANELS in arrays else None
+                return cls.checked(where, given.pop("vertices"), given.pop("triangles"), groups=groups, **given)
         except InputError:
             raise
         except Exception as error:  # zipfile and the headers of NumPy raise a dozen types of errors

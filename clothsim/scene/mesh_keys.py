@@ -27,6 +27,11 @@ class ClothKeys(PlacedKeys):
 
     velocity: Annotated[Vector, Key("Velocity at the start", "m/s", length=3)] = (0.0, 0.0, 0.0)
     fabric: Annotated[str, Key("Named fabric, whose values the next keys override; see `clothsim fabrics`")] = "cotton"
+    fabric_of: Annotated[
+        Mapping[str, Any] | None,
+        Key("Named fabrics of panels (groups of a file, panels of a pattern), by name; * stands for any letters",
+            shown="none"),
+    ] = None  # fmt: skip
     density: Annotated[float | None, Key("Area density", "kg/m2", above=0, shown="the fabric's")] = None
     thickness: Annotated[float | None, Key("Thickness", "m", above=0, shown="the fabric's")] = None
     youngs_modulus: Annotated[
@@ -142,7 +147,7 @@ class FramesTable(PlacedKeys, FrameRate):
 def check_cloth(where: str, keys: Any) -> Mapping[str, Any]:
     """The table of a cloth, with the keys of its generator or of a part of its file. InputError names a bad one."""
     given = table(where, keys)
-    return _check(where, given, (ClothTable, *_cloth_sources(where, given)))
+    return check_keys(where, given, (ClothTable, *_cloth_sources(where, given)))
 
 
 def check_body(where: str, keys: Any) -> Mapping[str, Any]:
@@ -151,21 +156,21 @@ def check_body(where: str, keys: Any) -> Mapping[str, Any]:
     if "model" in given:
         return check_model(where, given)
     if "frames" not in given:
-        return _check(where, given, (BodyTable, *_sources(where, given)))
+        return check_keys(where, given, (BodyTable, *sources(where, given)))
     for other in ("mesh", "motion"):
         if other in given:
             raise InputError(f"{where} has frames and {other}.", f"Give {other} or frames, not both.")
-    return _check(where, given, (FramesTable, FilePart))
+    return check_keys(where, given, (FramesTable, FilePart))
 
 
 def _cloth_sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
-    """The section of a sewing pattern, else as `_sources`."""
+    """The section of a sewing pattern, else as `sources`."""
     mesh = keys.get("mesh")
     is_pattern = isinstance(mesh, str) and mesh.isprintable() and Path(mesh).suffix.lower() == ".json"
-    return (PatternFile,) if is_pattern else _sources(where, keys)
+    return (PatternFile,) if is_pattern else sources(where, keys)
 
 
-def _sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
+def sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
     """The section of the generator, or of a part of a file, that the key `mesh` names."""
     mesh = keys.get("mesh")
     if isinstance(mesh, MeshArrays):
@@ -181,7 +186,8 @@ def _sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
     return (FilePart,)
 
 
-def _check(where: str, keys: Mapping[str, Any], sections: tuple[type[KeyTable], ...]) -> Mapping[str, Any]:
+def check_keys(where: str, keys: Mapping[str, Any], sections: tuple[type[KeyTable], ...]) -> Mapping[str, Any]:
+    """The table, whose keys are those of the sections. InputError names a bad one."""
     known = {name: key for section in sections for name, key in keys_of(section).items()}
     source = sections[-1].section if len(sections) > 1 else "arrays"
     refuse_unknown(f"{where} ({source})", keys, known)

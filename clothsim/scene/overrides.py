@@ -11,6 +11,7 @@ from clothsim.errors import InputError
 from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.keys import refuse_unknown
 from clothsim.scene.mesh_keys import FilePart, check_body, check_cloth
+from clothsim.scene.rigid_keys import check_rigid
 from clothsim.scene.scene import SECTIONS, Scene
 from clothsim.scene.schema import keys_of
 
@@ -18,7 +19,7 @@ FILES = ("mesh", "frames", "model", "clip", "file")
 """Keys that name files."""
 SOURCES = ("mesh", "frames", "model")
 """Keys of which a cloth or body has one."""
-MESHES = {"cloth": check_cloth, "body": check_body}
+MESHES = {"cloth": check_cloth, "body": check_body, "rigid": check_rigid}
 _INSTEAD = {
     "error": "dt",
     "dt": "error",

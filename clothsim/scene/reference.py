@@ -10,6 +10,7 @@ from clothsim.scene.effects import EFFECTS
 from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
 from clothsim.scene.model_keys import ClipKeys, ModelTable
+from clothsim.scene.rigid_keys import JointKeys, RigidTable, TieKeys
 from clothsim.scene.schema import Key, SceneKey, keys_of, type_in_words
 from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
 from clothsim.scene.typed_effects import TYPED_EFFECTS
@@ -102,6 +103,9 @@ def _sections() -> Iterator[Section]:
     yield _of("body of a model", ModelTable)
     yield _of("body.motion of a model", ClipKeys)
     yield _of("body.motion", Motion)
+    yield _of("rigid", RigidTable)
+    yield _of("rigid.joint", JointKeys)
+    yield _of("rigid.tie", TieKeys)
     yield _of("cloth or body of a file", FilePart)
     yield _of("cloth of a sewing pattern", PatternFile)
     for name, kind in GENERATOR_KEYS.items():

@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from clothsim.errors import InputError
-from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
+from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays, RigidArrays
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.key_table import KeyTable, as_tables
 from clothsim.scene.keys import refuse_deep, refuse_unknown, shown, table
 from clothsim.scene.mesh_arrays import TEXT, MeshArrays, mesh_arrays
 from clothsim.scene.mesh_keys import check_body, check_cloth
 from clothsim.scene.mesh_objects import is_mesh
+from clothsim.scene.rigid_keys import check_rigid
 from clothsim.scene.schema import FUNCTION
 from clothsim.scene.section_hints import effect_remedy, section_remedy
 from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
@@ -35,6 +36,8 @@ class Scene:
         Keys of [cloth].
     body : dict, Body, mesh object, or a list of them
         Keys of [[body]].
+    rigid : dict, Rigid, mesh object, or a list of them
+        Keys of [[rigid]].
     effects : dict or list of effects
         {name: {key: value}}, or typed effects.
     solver, contact, run, seed : dict or Solver, Contact, RunSettings, Seed
@@ -74,6 +77,7 @@ class Scene:
     run: Table
     seed: Table
     directory: Path
+    rigid: Table | Sequence[Table]
 
     def __init__(
         self,
@@ -85,12 +89,14 @@ class Scene:
         run: Table | RunSettings | None = None,
         seed: Table | Seed | None = None,
         directory: Path = Path(),
+        rigid: Table | Sequence[Table] = (),
     ) -> None:
-        for name, value in (("cloth", cloth), ("body", body), ("effects", effects)):
+        for name, value in (("cloth", cloth), ("body", body), ("rigid", rigid), ("effects", effects)):
             refuse_deep(name, value)
         given = {
             "cloth": _mesh_tables("cloth", cloth),
             "body": _mesh_tables("body", body),
+            "rigid": _mesh_tables("rigid", rigid),
             "effects": effect_tables(effects),
             "directory": directory,
         }
@@ -118,6 +124,8 @@ class Scene:
             check_cloth("cloth" if len(self.cloths) == 1 else f"cloth[{k}]", keys)
         for k, keys in enumerate(self.bodies):
             check_body("body" if len(self.bodies) == 1 else f"body[{k}]", keys)
+        for k, keys in enumerate(self.rigid_bodies):
+            check_rigid("rigid" if len(self.rigid_bodies) == 1 else f"rigid[{k}]", keys)
 
     @property
     def cloths(self) -> tuple[Table, ...]:
@@ -128,6 +136,11 @@ class Scene:
     def bodies(self) -> tuple[Table, ...]:
         """The tables of the bodies."""
         return _several("body", self.body)
+
+    @property
+    def rigid_bodies(self) -> tuple[Table, ...]:
+        """The tables of the rigid bodies."""
+        return _several("rigid", self.rigid)
 
     @property
     def solver_settings(self) -> Solver:
@@ -151,11 +164,11 @@ class Scene:
 
     def to_text(self) -> str:
         """The scene as JSON text, which `scene_from_text` reads back; meshes in memory are in it."""
-        sections = {name: getattr(self, name) for name in SECTIONS}
+        sections = {name: getattr(self, name) for name in SECTIONS if name != "rigid" or self.rigid}
         return json.dumps({**sections, "directory": str(Path(self.directory).resolve())}, default=_plain)
 
 
-SECTIONS = ("cloth", "body", "effects", "solver", "contact", "run", "seed")
+SECTIONS = ("cloth", "body", "rigid", "effects", "solver", "contact", "run", "seed")
 
 
 def make_scene(data: Table, directory: Path) -> Scene:
@@ -208,7 +221,7 @@ def _mesh_tables(name: str, value: Any) -> Any:
 
 
 def _mesh_table(where: str, value: Any) -> Any:
-    if isinstance(value, ClothArrays | BodyArrays):
+    if isinstance(value, ClothArrays | BodyArrays | RigidArrays):
         if value.section != where.partition("[")[0]:
             given, right = value.section.capitalize(), where.partition("[")[0].capitalize()
             raise InputError(f"{where} is a clothsim.{given}.", f"Give a clothsim.{right}.")

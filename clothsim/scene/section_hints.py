@@ -6,6 +6,7 @@ from clothsim.scene.effects import EFFECTS
 from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.keys import nearest
 from clothsim.scene.mesh_keys import BodyTable, ClothTable, FilePart
+from clothsim.scene.rigid_keys import RigidTable
 from clothsim.scene.schema import keys_of
 from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
 from clothsim.scene.typed_effects import TYPED_EFFECTS
@@ -25,7 +26,7 @@ def home_of(name: str) -> str:
     if name in EFFECTS:
         return effect_remedy(name)
     settings = [f"[{kind.section}]" for kind in (Solver, RunSettings, Seed, Contact) if name in keys_of(kind)]
-    meshes = [f"[{kind.section}]" for kind in (ClothTable, BodyTable) if name in keys_of(kind)]
+    meshes = [f"[{kind.section}]" for kind in (ClothTable, BodyTable, RigidTable) if name in keys_of(kind)]
     files = ["a mesh file"] if name in keys_of(FilePart) else []
     generators = [f"mesh = {mesh!r}" for mesh, kind in GENERATOR_KEYS.items() if name in keys_of(kind)]
     effects = [f"[effects.{effect}]" for effect, kind in TYPED_EFFECTS.items() if name in keys_of(kind)]

@@ -56,12 +56,17 @@ class Side:
 
 
 def static_model(integrator: Integrator, report: StepReport, only: np.ndarray | None = None) -> StaticModel:
-    """Return the static model at the end of a step; only (n,) bool: all other vertices are fixed."""
+    """Return the static model at the end of a step; only (n_cloth,) bool: all other vertices are fixed.
+
+    Rigid bodies are held where they are: one that may roll has no stiffness, and is no instability of the cloth.
+    """
     world, state = integrator.world, report.state
-    fixed = np.zeros(world.n_cloth, bool) if only is None else ~only
+    fixed = np.ones(world.n_unknowns, bool)
+    fixed[: world.n_cloth] = False if only is None else ~only
     rows = prescribed(world, integrator.constraints.values(), state.time).vertices
     fixed[rows[rows < world.n_cloth]] = True
-    return StaticModel(report.potential, integrator.system, world.masses, fixed, standing(integrator, state, 0.0))
+    rest = standing(integrator, state, 0.0)
+    return StaticModel(report.potential, integrator.system, world.inertial_masses, fixed, rest)
 
 
 def standing(integrator: Integrator, state: State, later: float) -> Step:

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from clothsim.intersection.crossings import Crossing
     from clothsim.sim.state import State
 
-_EFFECT = {"body": "body_contact", "cloth": "self_contact"}
-"""Effect that keeps cloth from intersecting a body or cloth."""
+_EFFECT = {"body": "body_contact", "cloth": "self_contact", "rigid": "body_contact"}
+"""Effect that keeps cloth from intersecting a body or cloth, and rigid bodies from bodies."""
 
 _ORIGIN = np.zeros(3)
 
@@ -23,7 +23,7 @@ _ORIGIN = np.zeros(3)
 class IntersectionCheck:
     """Surfaces to check, and the pairs that a scene keeps free of intersections.
 
-    All pairs of cloths, and of cloth and body, are checked, whatever effects are on.
+    All pairs of cloths, of cloth and body, and of rigid bodies and bodies are checked, whatever effects are on.
 
     Parameters
     ----------
@@ -44,6 +44,11 @@ class IntersectionCheck:
         """True where the scene has a body."""
         return any(surface.role == "body" for surface in self.surfaces)
 
+    @property
+    def rigid(self) -> bool:
+        """True where the scene has a rigid body that forces move."""
+        return any(surface.rigid for surface in self.surfaces)
+
     def crossings(self, x: Floats, origin: Floats = _ORIGIN) -> "tuple[Crossing, ...]":
         """Find all intersections in x (N, 3) [m], which is relative to `origin` (3,)."""
         from clothsim.intersection.crossings import crossings  # kernels: a process that runs nothing does not load them
@@ -62,11 +67,14 @@ class IntersectionCheck:
         return exempted(found, self.surfaces, carried_in(state.memory).vertices)
 
     def kind(self, crossing: "Crossing") -> str:
-        """Return the kind of a crossing: "cloth_body", "cloth_cloth", "excluded" by the scene, "carried" in a pinch."""
+        """Return the kind of a crossing.
+
+        "cloth_body", "cloth_cloth", "rigid" of a rigid body, "excluded" by the scene, "carried" in a pinch.
+        """
         if frozenset((crossing.first, crossing.second)) in self.excluded:
             return "excluded"
-        if crossing.role == "carried":
-            return "carried"
+        if crossing.role in ("carried", "rigid"):
+            return crossing.role
         return f"cloth_{crossing.role}"
 
     def violations(self, found: "Sequence[Crossing]") -> "list[Crossing]":
@@ -76,7 +84,8 @@ class IntersectionCheck:
     def coverage(self, complete: bool = True) -> dict[str, str]:
         """Return a description of the checked pairs, for the certificate; complete: of all states."""
         checked = "checked at every step" if complete else "checked at every step since the run was resumed"
-        return {"cloth_body": checked if self.bodies else "no body", "cloth_cloth": checked}
+        kinds = {"cloth_body": checked if self.bodies else "no body", "cloth_cloth": checked}
+        return kinds | ({"rigid": checked} if self.rigid else {})
 
 
 def intersection_check_of(

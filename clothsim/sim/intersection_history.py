@@ -12,10 +12,13 @@ if TYPE_CHECKING:
 KINDS = ("cloth_body", "cloth_cloth", "excluded")
 """Kinds of intersections: of cloth with a body, of cloth with cloth, of pairs that the scene excludes from contact."""
 
-ALL_KINDS = (*KINDS, "carried")
-"""With those of vertices that are carried through a pinch, which only its policy brings about."""
+OPTIONAL = ("carried", "rigid")
+"""Kinds of few scenes: of vertices that are carried through a pinch, which only its policy brings about, and of rigid
+bodies with bodies."""
 
-_EFFECT = {"cloth_body": "body_contact", "cloth_cloth": "self_contact"}
+ALL_KINDS = (*KINDS, *OPTIONAL)
+
+_EFFECT = {"cloth_body": "body_contact", "cloth_cloth": "self_contact", "rigid": "body_contact"}
 
 
 @dataclass(frozen=True)
@@ -71,8 +74,8 @@ class IntersectionHistory:
         Recorded frames that intersect.
     complete : bool
         False where earlier states were not checked: those of a run that an older version began.
-    carried : Occurrences
-        Of vertices that are carried through a pinch.
+    carried, rigid : Occurrences
+        Of vertices that are carried through a pinch, and of rigid bodies with bodies.
     """
 
     cloth_body: Occurrences = field(default_factory=Occurrences)
@@ -81,6 +84,7 @@ class IntersectionHistory:
     frames: tuple[int, ...] = ()
     complete: bool = True
     carried: Occurrences = field(default_factory=Occurrences)
+    rigid: Occurrences = field(default_factory=Occurrences)
 
     def after(self, check: "IntersectionCheck", found: "Sequence[Crossing]", state: "State", is_frame: bool) -> Self:
         """Return the history after one more checked state.
@@ -113,7 +117,7 @@ class IntersectionHistory:
 
     def as_dict(self) -> dict[str, Any]:
         """Return the entry of the certificate, {kind: counts and first occurrence}."""
-        kinds = ALL_KINDS if self.carried.states else KINDS
+        kinds = (*KINDS, *(kind for kind in OPTIONAL if getattr(self, kind).states))
         return {kind: asdict(getattr(self, kind)) for kind in kinds}
 
     def as_json(self) -> dict[str, Any]:

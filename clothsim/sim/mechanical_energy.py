@@ -59,9 +59,9 @@ def mechanical_energy(world: World, potential: Potential, state: State) -> Mecha
     stored = [value for name, value in values.items() if not energies[name].incremental]
     dynamic = len(stored) < len(values)
     stored += [energy.stored(state.positions) for energy in energies.values() if isinstance(energy, Storing)]
-    speeds = (state.velocities[: world.n_cloth] ** 2).sum(axis=1)
-    kinetic = 0.5 * float(world.masses @ speeds) if dynamic else 0.0
-    least = 0.5 * float(world.masses.sum()) * LEAST_SPEED**2
+    speeds = (state.velocities[: world.n_unknowns] ** 2).sum(axis=1)
+    kinetic = 0.5 * float(world.inertial_masses @ speeds) if dynamic else 0.0
+    least = 0.5 * float(world.inertial_masses.sum()) * LEAST_SPEED**2
     scale = max(least, *(abs(part) for part in (kinetic, *stored)))
     return MechanicalEnergy(kinetic + sum(stored), sum(values.values()), kinetic, scale)
 

@@ -17,6 +17,7 @@ from clothsim.sim.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
 from clothsim.sim.local_error import StepError, step_error
 from clothsim.sim.mechanical_energy import gains_energy
 from clothsim.sim.prescribed import prescribed
+from clothsim.sim.rigid_prediction import predicted_start
 from clothsim.sim.state import Previous, State, Switch
 from clothsim.sim.step_size import ErrorControl
 from clothsim.solve.linear_system import System
@@ -146,7 +147,7 @@ class StepReport:
     minimum_gap : float
         Smallest distance below d_hat [m], else inf.
     fastest : float
-        Largest speed of a cloth vertex [m/s].
+        Largest speed of a cloth vertex or of a coordinate of a rigid body [m/s].
     frame_done : bool
         True where it ended on a frame.
     failure : Failure or None
@@ -282,7 +283,10 @@ def _solve(
 ) -> tuple[Potential, NewtonResult]:
     bound = integrator.potential.begin(step_of(integrator, state, formula, h, end))
     integrator.system.begin(bound.couplings(state.positions, h * state.velocities))
-    result = _newton(integrator, state, formula, h, bound, target).minimise(state.positions, target)
+    start = state.positions
+    if integrator.world.rigid:
+        start = predicted_start(integrator.world, integrator.system.dependent, bound, state, h)
+    result = _newton(integrator, state, formula, h, bound, target).minimise(start, target)
     for _ in range(1, bound.lag_iterations):
         if not result.outcome.converged:
             break
@@ -305,10 +309,10 @@ def _newton(
     observe = integrator.watch(state.step + 1, h, bound)
     balance = TOLERANCE_ALONE
     if integrator.settings.error_fraction and "inertia" in integrator.potential.energies:
-        n = integrator.world.n_cloth
+        n = integrator.world.n_unknowns
         held = target.vertices[target.vertices < n]
         balance = error_balance(integrator.settings.error_fraction, integrator.formula, formula, state, n, h, held)
-    least = float(integrator.world.masses.max()) * integrator.settings.tolerance / abs(h)
+    least = float(integrator.world.inertial_masses.max()) * integrator.settings.tolerance / abs(h)
     return Newton(bound, integrator.system, integrator.settings, h, observe, balance, least)
 
 
@@ -325,7 +329,7 @@ def _after(
     previous = Previous(state.positions, state.velocities, h) if integrator.formula == BDF2 else None
     velocities, error, spent = formula.velocities(result.x), None, 0.0
     if "inertia" in integrator.potential.energies:
-        n = integrator.world.n_cloth
+        n = integrator.world.n_unknowns
         held = target.vertices[target.vertices < n]
         error = step_error(integrator.formula, formula, state, velocities[:n], h, held)
         spent = error.rms
@@ -366,6 +370,6 @@ def _next_dt(
 def _report(
     integrator: Integrator, state: State, h: float, result: NewtonResult, bound: Potential, failures: list[str]
 ) -> StepReport:
-    velocities = state.velocities[: integrator.world.n_cloth]
+    velocities = state.velocities[: integrator.world.n_unknowns]
     fastest = float(np.linalg.norm(velocities, axis=1).max())
     return StepReport(state, h, result, bound, tuple(failures), bound.minimum_gap(state.positions), fastest)

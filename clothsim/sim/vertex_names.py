@@ -12,6 +12,13 @@ from clothsim.mesh.world import World
 def vertex_name(world: World, constraints: Iterable[Constraint], row: int) -> str:
     """Return the name of a row of x: its number in its object, and the constraint that prescribes it in brackets."""
     label = int(world.labels[row])
+    of_rigid = (
+        body.name
+        for body, at in zip(world.rigid, world.coordinate_slices, strict=True)
+        if row in range(at.start, at.stop)
+    )
+    if moving := next(of_rigid, ""):
+        return moving
     holder = next(filter(None, (constraint.holder(row) for constraint in constraints)), "")
     if label < 0:
         return f"the clamped edge of {holder}"

@@ -148,8 +148,8 @@ class QuadraticModel:
         return int(np.arange(len(x))[self.system.rows][_first_not_finite(vector.reshape(-1, 3))])
 
     def _free(self, vectors: Floats) -> Floats:
-        """Entries (3 n,) of vectors (N, 3) at the system's vertices, 0 where they are fixed."""
-        entries = taken(vectors, self.system.rows)
+        """Entries (3 n,) of gradients (N, 3) by the system's unknowns, 0 where they are fixed."""
+        entries = taken(self.system.dependent.reduced(vectors), self.system.rows)
         if self.fixed.any():
             entries = np.where(self.fixed[:, None], 0.0, entries)
         return entries.ravel()
@@ -160,7 +160,7 @@ class QuadraticModel:
         if self.fixed.any():
             moved = np.where(self.fixed[:, None], taken(displacement, self.system.rows), moved)
         dx[self.system.rows] = moved
-        return dx
+        return self.system.dependent.follow(dx)
 
     def _products(self, hessians: list[Hessian], n_rows: int) -> Product:
         """v -> H v of Hessians over n_rows rows, for v (3 n,) that is 0 at the fixed vertices.

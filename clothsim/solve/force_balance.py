@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.solve.dependent_rows import NO_DEPENDENT_ROWS, DependentRows
 from clothsim.solve.potential import Potential
 
 BALANCED = 0.3
@@ -50,7 +51,13 @@ class ForceBalance:
         return self.residual <= fraction * self.scale
 
 
-def force_balance(potential: Potential, x: Floats, free: np.ndarray, least: float) -> ForceBalance:
+def force_balance(
+    potential: Potential,
+    x: Floats,
+    free: np.ndarray,
+    least: float,
+    dependent: DependentRows = NO_DEPENDENT_ROWS,
+) -> ForceBalance:
     """Return the force balance at x.
 
     Parameters
@@ -63,8 +70,10 @@ def force_balance(potential: Potential, x: Floats, free: np.ndarray, least: floa
         Rows of the free vertices.
     least : float
         Force that is no imbalance [N]; inf where masses are unknown.
+    dependent : DependentRows
+        Rows whose forces act on the unknowns that they follow.
     """
-    largest = np.abs(potential.gradient(x)[free]).max(axis=1, initial=0.0)
+    largest = np.abs(dependent.reduced(potential.gradient(x))[free]).max(axis=1, initial=0.0)
     if not len(largest):
         return ForceBalance(0.0, least, 0)
     worst = int(largest.argmax())

@@ -1,11 +1,14 @@
 """Newton matrix and its solver: one sparsity pattern for many steps, extended where contact couples vertices."""
 
+from operator import is_
+
 import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.arrays import Floats, Ints
 from clothsim.energies.hessians import Hessian, explicit
 from clothsim.indexing import Rows
+from clothsim.solve.dependent_rows import NO_DEPENDENT_ROWS, DependentRows
 from clothsim.solve.direct_solver import LinearSolver
 from clothsim.solve.linear_solvers import make_solver
 from clothsim.solve.nonlinear_elimination import Patch
@@ -15,6 +18,9 @@ NEW_BLOCKS = 0.02
 """Fraction of blocks that may be missing from the last symbolic analysis for a preconditioner to do without them: a
 crumpling sheet would otherwise be reanalysed at every second iteration.
 """
+
+SPARE_BLOCKS = 0.1
+"""Fraction of blocks beyond those of a matrix that `System.cover` keeps, as the next matrix may need them again."""
 
 
 class System:
@@ -32,7 +38,9 @@ class System:
     threads : int
         0: by size (`threads.solver_threads`).
     patch : Patch, optional
-        Vertices that the matrix is restricted to; None: all cloth vertices.
+        Vertices that the matrix is restricted to; None: all unknowns.
+    dependent : DependentRows
+        Rows of x that follow unknowns (vertices of rigid bodies).
 
     Attributes
     ----------
@@ -42,8 +50,16 @@ class System:
         Name of the solver once one was made; a summary reads it without an analysis.
     """
 
-    def __init__(self, base: Pattern, linear: str = "auto", threads: int = 0, patch: Patch | None = None) -> None:
+    def __init__(
+        self,
+        base: Pattern,
+        linear: str = "auto",
+        threads: int = 0,
+        patch: Patch | None = None,
+        dependent: DependentRows = NO_DEPENDENT_ROWS,
+    ) -> None:
         self.base = base
+        self.dependent = dependent
         self.patch = patch
         self.rows: Rows = slice(0, base.n_vertices) if patch is None else patch.rows
         self.analyses, self.name = 0, linear
@@ -51,7 +67,7 @@ class System:
         self.pattern = self._analysed = base
         self._offsets: dict[int, tuple[Ints, NDArray[np.int32]]] = {}
         self._solver: LinearSolver | None = None
-        self._wider: System | None = None
+        self._wider: tuple[list[Ints], System] | None = None
 
     @property
     def solver(self) -> LinearSolver:
@@ -76,7 +92,7 @@ class System:
 
     def begin(self, couplings: list[Ints]) -> None:
         """Set the pattern to the base and `couplings`, lists of rows (m, k) that act on one another."""
-        self._set_pattern(extended(self.base, couplings))
+        self._set_pattern(extended(self.base, self.dependent.coupled(couplings) if self.dependent else couplings))
         if self._analysed.same_as(self.pattern):
             self.pattern = self._analysed
         else:
@@ -84,12 +100,23 @@ class System:
         if self._solver is not None:
             self._solver.restart()
 
+    def cover(self, couplings: list[Ints]) -> None:
+        """Extend the pattern to `couplings`, and leave out what only earlier matrices coupled where that is much."""
+        wider = extended(self.pattern, couplings)
+        if wider is not self.pattern:
+            least = extended(self.base, couplings)
+            self._set_pattern(least if len(wider.columns) > (1.0 + SPARE_BLOCKS) * len(least.columns) else wider)
+
     def widened(self, elements: list[Ints]) -> "System":
         """Return a system whose base has the couplings of `elements` too, (m, k) each; the last one is cached."""
+        lists, system = self._wider or ([], self)
+        if self._wider is not None and len(lists) == len(elements) and all(map(is_, lists, elements)):
+            return system
         base = extended(self.base, elements)
-        if self._wider is None or not self._wider.base.same_as(base):
-            self._wider = System(base, self._linear, self._threads)
-        return self._wider
+        if self._wider is None or not system.base.same_as(base):
+            system = System(base, self._linear, self._threads, dependent=self.dependent)
+        self._wider = elements, system
+        return system
 
     def subsystem(self, patch: Patch) -> "System":
         """Return a system of the vertices of a patch, with the same kind of solver."""
@@ -97,7 +124,7 @@ class System:
 
     def assemble(self, given: list[Hessian]) -> Floats:
         """Sum the Hessians as data of the pattern, which is extended first where a block is outside of it."""
-        hessians = explicit(given)
+        hessians = self.dependent.hessians(explicit(given))
         if self.patch is not None:
             hessians = [self.patch.hessian(hessian) for hessian in hessians]
         data, outside = self._assembled(hessians)

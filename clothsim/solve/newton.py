@@ -229,7 +229,7 @@ class Newton:
         if self.balance.fraction:
             least = max(least, min(self.balance.allowed(x)[0], self.balance.most(self.dt)))
         rows = unconverged(moved, least, self.system.base, model.fixed)
-        if not len(rows):
+        if not len(rows) or self.system.dependent.any_of(rows):
             return None
         with self.potential.timers.patch():
             return self._solve_patch(x, Patch(rows, len(x)))
@@ -339,7 +339,7 @@ class Newton:
     def _force_balance(self, x: Floats, model: QuadraticModel) -> ForceBalance:
         """Force balance at the free vertices of the system."""
         rows = np.arange(len(x))[self.system.rows]
-        return force_balance(self.potential, x, rows[~model.fixed], self.least_force)
+        return force_balance(self.potential, x, rows[~model.fixed], self.least_force, self.system.dependent)
 
     def _below_noise(self, x: Floats, dx: Floats, gradient: Floats, speed: float) -> bool:
         """True where the full step was rejected for the round-off of E alone.

@@ -8,6 +8,7 @@ from sewing_patterns import panel, specification
 
 from clothsim.dressing.draping import drape, hangs_on_shoulders
 from clothsim.dressing.sewing_state import SewingState, as_placed
+from clothsim.dressing.sewn_cloth import Fabrics
 from clothsim.fitting.inputs import Figure
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
 from clothsim.mesh.pattern.specification import pattern_of
@@ -32,7 +33,7 @@ def sheet_over(body: Figure, aside: float = 0.0) -> SewingState:
 
 def test_what_hangs_on_the_shoulders_is_shaken_down(ball, tmp_path):
     state = sheet_over(ball)
-    run = drape(state, ball, "cotton", tmp_path, None, None)
+    run = drape(state, ball, Fabrics("cotton"), tmp_path, None, None)
     assert run.status == "completed"
     shaken = open_run(tmp_path / "shaken")
     assert np.array_equal(shaken.positions(0), state.positions)
@@ -42,7 +43,7 @@ def test_what_hangs_on_the_shoulders_is_shaken_down(ball, tmp_path):
 
 def test_what_friction_alone_holds_is_draped_as_it_was_sewn(ball, tmp_path):
     state = sheet_over(ball, aside=0.05)
-    run = drape(state, ball, "cotton", tmp_path, None, None)
+    run = drape(state, ball, Fabrics("cotton"), tmp_path, None, None)
     assert np.array_equal(run.positions(0), state.positions)
 
 

@@ -21,6 +21,7 @@ from clothsim.dressing.sewing_state import as_placed
 from clothsim.fitting.inputs import Figure, read_figure
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
 from clothsim.mesh.pattern.specification import pattern_of
+from clothsim.scene.fabrics import FABRICS
 
 BODIES = ("mean_all", "mean_all_tpose", "mean_female", "f_smpl_average_A40")
 GARMENTCODE = {"chest": 0.9984, "waist": 0.8433, "hip": 1.0348}
@@ -92,7 +93,10 @@ def test_areas_and_marker():
 
 
 def test_entries_are_numbers(body):
-    entries = measurement_entries(tube(0.3, 0.6, 1.4), body)
+    state = tube(0.3, 0.6, 1.4)
+    fabrics = dict.fromkeys(state.mesh.faces, FABRICS["cotton"])
+    entries = measurement_entries(state, body, fabrics)
+    assert np.isclose(entries["mass"], 0.15 * entries["cloth_area"])
     assert 0 < entries["marker"]["use"] < 1
     assert np.isclose(entries["cloth_area"], 2 * np.pi * 0.3 * 0.8, rtol=1e-12)
 

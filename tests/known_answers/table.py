@@ -15,6 +15,7 @@ from tests.known_answers import (
     a7_drape,
     a8_wrinkles,
     a9_plates,
+    a10_rigid,
 )
 from tests.known_answers.row import Outcome, Row, Seen
 
@@ -28,6 +29,7 @@ ROWS: tuple[Row, ...] = (
     *a7_drape.ROWS,
     *a8_wrinkles.ROWS,
     *a9_plates.ROWS,
+    *a10_rigid.ROWS,
 )
 
 HEADER = ("row", "what", "ours", "exact", "off", "bar", "order", "hinges off", "CPU s", "passed")

@@ -3,7 +3,8 @@ from meshes import grid
 from render_scenes import NO_STRETCHES, ball, sheet
 
 from clothsim.render.colour_scale import stretch_scale
-from clothsim.render.surface_look import BODY_GREY, Surface, creased_normals, looks, vertex_normals
+from clothsim.render.smooth_surface import smoothed
+from clothsim.render.surface_look import BODY_GREY, FABRICS, Surface, creased_normals, looks, vertex_normals
 
 TENT = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -1, 0]], float)
 SIDES = np.array([[0, 1, 2], [0, 3, 1]])
@@ -53,3 +54,20 @@ def test_plain_cloths_differ_in_colour():
     second = Surface("other", first.positions, first.triangles, "cloth", NO_STRETCHES)
     colours = [look.front[0, 0] for look in looks([first, second], scale=None)]
     assert np.abs(colours[0] - colours[1]).max() > 0.1
+
+
+def test_each_fabric_has_a_plain_colour_also_on_the_smooth_surface():
+    positions, triangles = grid(2, 2)
+    fabrics = np.arange(len(triangles)) % 2
+    surface = Surface("cloth", positions, triangles, "cloth", NO_STRETCHES, fabrics=fabrics)
+    fine = smoothed(surface)
+    for each in (surface, fine):
+        (look,) = looks([each], None)
+        assert np.array_equal(look.front[:, 0], FABRICS[each.fabrics])
+    areas = [
+        np.linalg.norm(np.cross(*np.moveaxis(np.diff(each.positions[each.triangles], axis=1), 1, 0)), axis=1)
+        for each in (surface, fine)
+    ]
+    for number in (0, 1):
+        old, new = (area[each.fabrics == number].sum() for area, each in zip(areas, (surface, fine), strict=True))
+        assert np.isclose(old, new)

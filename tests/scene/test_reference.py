@@ -95,6 +95,10 @@ def test_what_is_documented_is_accepted(section, key):
         table = {"model": "mannequin"} if section.endswith("of a model") else table
         table |= {"motion": {key.name: value}} if section.startswith("body.motion") else {key.name: value}
         scene = {"cloth": cloth, "body": table}
+    elif section.startswith("rigid."):
+        nested = section.removeprefix("rigid.")
+        keys = {key.name: value}
+        scene = {"cloth": cloth, "rigid": {"mesh": "sphere", nested: keys if nested == "joint" else [keys]}}
     elif section.startswith("effects."):
         _, name, *nested = re.split(r"[.,]", section)
         keys = {key.name: value}

@@ -159,3 +159,21 @@ def test_what_was_not_expected_changes_the_way_and_not_the_end(monkeypatch):
     assert seldom < often
     assert np.abs(surprised - expected).max() < 1e-6
     assert 0.0 < np.abs(lacking - expected).max() < 1e-6
+
+
+def test_a_covered_pattern_keeps_few_spare_blocks():
+    system = System(make_pattern(COUNT, TRIANGLES, []), "superlu")
+    mesh = len(system.pattern.columns)
+    system.cover([far(5).elements])
+    wider = system.pattern
+    assert len(wider.columns) == mesh + 5
+    system.cover([far(3).elements])
+    assert system.pattern is wider  # nothing is missing
+    system.cover([far(200).elements])
+    system.cover([far(1).elements + 17])
+    assert len(system.pattern.columns) == mesh + 200  # the pair was there
+    system.cover([np.array([[0, 300]])])
+    assert len(system.pattern.columns) == mesh + 1
+    first = system.widened([far(4).elements])
+    assert system.widened([far(4).elements]) is first
+    assert len(system.widened([far(9).elements]).base.columns) == mesh + 9

@@ -81,6 +81,34 @@ def cone(radius: float = 0.1, height: float = 0.3, segments: int = 32) -> tuple[
     return np.concatenate([base, [[0, 0, -height / 2], [0, 0, height / 2]]]), np.concatenate(triangles).astype(np.int64)
 
 
+def ring(
+    radius: float = 0.05, thickness: float = 0.02, segments: int = 24, around: int = 12, stretch: float = 0.0
+) -> tuple[Floats, Ints]:
+    """Ring about z of a round bar of `thickness` [m] along a circle of `radius` [m], pulled apart along x by `stretch`.
+
+    `segments` edges along the ring and `around` about the bar; with a stretch [m] it is the link of a chain.
+
+    >>> positions, triangles = ring(radius=1.0, thickness=0.5, segments=8, around=6)
+    >>> positions.shape, triangles.shape
+    ((48, 3), (96, 3))
+    """
+    radius, thickness = as_positive("radius", radius), as_positive("thickness", thickness)
+    stretch = as_positive("stretch", stretch, zero=True)
+    segments, around = as_count("segments", segments, least=4), as_count("around", around, least=3)
+    if thickness >= 2 * radius:
+        raise InputError(f"thickness must be below 2 radius = {2 * radius:g} m, not {thickness:g}.")
+    along, about = (2 * np.pi * np.arange(n) / n for n in (segments, around))
+    distance = (radius + 0.5 * thickness * np.cos(about))[None, :, None]
+    outward = np.stack([np.cos(along), np.sin(along), np.zeros(segments)], axis=1)
+    positions = distance * outward[:, None]
+    positions[:, :, 2] = 0.5 * thickness * np.sin(about)
+    positions[:, :, 0] += 0.5 * stretch * np.sign(np.round(outward[:, 0], 12))[:, None]
+    i, j = np.meshgrid(np.arange(segments), np.arange(around), indexing="ij")
+    corners = [((i + a) % segments * around + (j + b) % around).ravel() for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    quads = np.stack(corners, axis=1)
+    return positions.reshape(-1, 3), np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
 def _capsule_rings(radius: float, straight: float, segments: int) -> tuple[Floats, Floats]:
     """Radius and height of the rings from below upwards, without the tips, evenly spaced along the profile."""
     quarter = max(2, segments // 4)

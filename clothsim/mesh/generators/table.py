@@ -23,6 +23,7 @@ _MODULES = {
     "slab": "shapes",
     "capsule": "shapes",
     "cone": "shapes",
+    "ring": "shapes",
     "mannequin": "mannequin.generator",
     "shirt": "garments.shirt_skirt_trousers",
     "skirt": "garments.shirt_skirt_trousers",

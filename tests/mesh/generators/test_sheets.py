@@ -11,7 +11,7 @@ from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.topology import border_edges, unique_edges
 
 DIAGONALS = ("right", "alternating", "crisscross", "delaunay")
-CLOSED = ("pillow", "sphere", "slab", "capsule", "cone")
+CLOSED = ("pillow", "sphere", "slab", "capsule", "cone", "ring")
 STANDING = ("mannequin", "shirt", "skirt", "trousers")
 """Not centred: they are where they stand, and have tests of their own."""
 SMALL = {
@@ -23,6 +23,7 @@ SMALL = {
     "slab": {"size": (0.5, 0.3, 0.1), "cells": (3, 2, 1)},
     "capsule": {"radius": 0.1, "height": 0.5, "segments": 12},
     "cone": {"radius": 0.1, "height": 0.2, "segments": 8},
+    "ring": {"radius": 0.1, "thickness": 0.08, "segments": 8, "around": 6, "stretch": 0.05},
 }
 
 
@@ -61,7 +62,7 @@ def test_every_mesh_is_sound_centred_and_typed(name, keywords):
     assert positions.shape[1:] == triangles.shape[1:] == (3,)
     assert examine(name, positions, triangles).findings == ()
     np.testing.assert_allclose(positions.min(axis=0) + positions.max(axis=0), 0, atol=1e-12)
-    expected = {"rectangle": 1, "disk": 1, "tube": 0}.get(name, 2)
+    expected = {"rectangle": 1, "disk": 1, "tube": 0, "ring": 0}.get(name, 2)
     assert euler(positions, triangles) == expected
     assert (len(border_edges(triangles)[0]) == 0) == (name in CLOSED)
 
@@ -70,7 +71,11 @@ def test_every_mesh_is_sound_centred_and_typed(name, keywords):
 def test_closed_bodies_face_outward(name):
     positions, triangles = GENERATORS[name](**SMALL[name])
     assert volume(positions, triangles) > 0
-    outward = np.einsum("ij,ij->i", normals(positions, triangles), positions[triangles].mean(axis=1))
+    centres = positions[triangles].mean(axis=1)
+    if name == "ring":  # from the middle of its bar
+        around = centres[:, :2] / np.linalg.norm(centres[:, :2], axis=1, keepdims=True)
+        centres[:, :2] -= 0.1 * around + 0.025 * np.sign(centres[:, :1]) * [1.0, 0.0]
+    outward = np.einsum("ij,ij->i", normals(positions, triangles), centres)
     assert (outward > 0).all()
 
 
@@ -204,6 +209,8 @@ def test_capsule_converges_to_its_volume_and_has_its_height():
         ("capsule", {"radius": 0.2, "height": 0.4}, "height"),
         ("capsule", {"segments": 3}, "segments"),
         ("cone", {"segments": 2}, "segments"),
+        ("ring", {"thickness": 0.2}, "thickness"),
+        ("ring", {"around": 2}, "around"),
         ("tube", {"top_radius": 0}, "top_radius"),
         ("capsule", {"radius": 1e-9, "height": 1.0}, "height"),
     ],
