@@ -64,8 +64,12 @@ def test_what_no_machine_can_do_is_refused_before_it_is_built(tmp_path, sections
     if "radius" in sections["body"]:
         sections["body"] = {key: value for key, value in sections["body"].items() if key in ("name", "mesh", "cells")}
     scene = small_scene(**sections)
+
+    def begun(_):
+        raise AssertionError("not refused")
+
     with pytest.raises(InputError, match="--force"):
-        simulate(scene, tmp_path / "never")
+        simulate(scene, tmp_path / "never", announce=begun)
     assert not (tmp_path / "never").exists()
     assert [(finding.severity, finding.kind) for finding in check(scene)] == [("error", "cost")]
 
