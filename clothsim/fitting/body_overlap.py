@@ -18,6 +18,8 @@ DEPTHS = (0.006, 0.012)
 """Depths by which a body is pressed in at an overlap [m], in the order in which they are tried."""
 NEAR = 0.06
 """Distance from a point within which an overlap is there, as a fraction of the body's largest extent."""
+LINKED = 0.03
+"""Distance within which points belong to one overlap, as such a fraction."""
 WHOLE, NONE = 0.018, 0.055
 """Distances from the overlap up to which, and from which on, the depth is whole and none, as such fractions."""
 
@@ -60,11 +62,13 @@ NO_OVERLAP = Overlap(np.zeros((0, 3)), np.zeros((0, 3)), 0.0, 0.0)
 
 
 def overlaps_at(body: BodySurface, place: Floats) -> Iterator[Overlap]:
-    """Yield the overlap near a place (3,) [m] at each of the DEPTHS; nothing where the body has none there."""
+    """Yield the overlap that begins near a place (3,) [m], at each of the DEPTHS; nothing where none does."""
     pairs = intersecting_pairs(body.positions, body.triangles)
     points = intersection_points(body.positions, body.triangles, body.triangles, pairs)
     extent = float(np.ptp(body.positions, axis=0).max())
-    points = points[np.linalg.norm(points - place, axis=1) < NEAR * extent]
+    if not len(points):
+        return
+    points = _connected(points, np.linalg.norm(points - place, axis=1) < NEAR * extent, LINKED * extent)
     if not len(points):
         return
     left = (NONE * extent - _distances(points, body.positions)) / ((NONE - WHOLE) * extent)
@@ -79,6 +83,18 @@ def overlaps_at(body: BodySurface, place: Floats) -> Iterator[Overlap]:
 def carried_rows(overlap: Overlap, positions: Floats, carried: np.ndarray) -> Ints:
     """Rows of the vertices (n, 3) [m] that are marked as carried (n,) where the body overlaps itself."""
     return np.flatnonzero(carried & overlap.holds(positions)).astype(np.int64)
+
+
+def _connected(points: Floats, chosen: np.ndarray, distance: float) -> Floats:
+    """The chosen points (k, 3), and those that a chain of points no further than `distance` apart joins to them [m]."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+    from scipy.spatial import cKDTree
+
+    one, other = cKDTree(points).query_pairs(distance, output_type="ndarray").T
+    links = coo_array((np.ones(len(one)), (one, other)), shape=(len(points), len(points)))
+    _, label = connected_components(links, directed=False)
+    return np.asarray(points[np.isin(label, label[chosen])], np.float64)
 
 
 def _distances(points: Floats, positions: Floats) -> Floats:
