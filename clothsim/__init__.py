@@ -14,7 +14,8 @@ if _TYPE_CHECKING:
     from clothsim.accuracy.study import Study, study_accuracy
     from clothsim.adjoint.design import design
     from clothsim.adjoint.recover import recover
-    from clothsim.dressing.dress import Dress, dress
+    from clothsim.dressing.dress import dress
+    from clothsim.dressing.dressed import Dress
     from clothsim.errors import ClothsimError, InputError, IntersectionWarning
     from clothsim.fitting.fit import Fit, fit
     from clothsim.mesh.checks import Finding
@@ -65,7 +66,7 @@ _HOMES = {
     "Contact": "clothsim.scene.settings",
     "Crease": "clothsim.scene.effect_tables",
     "Damping": "clothsim.scene.typed_effects",
-    "Dress": "clothsim.dressing.dress",
+    "Dress": "clothsim.dressing.dressed",
     "Fibres": "clothsim.scene.typed_effects",
     "Finding": "clothsim.mesh.checks",
     "Fit": "clothsim.fitting.fit",

@@ -95,6 +95,7 @@ def cloth_of(
         groups=shape.groups,
         texture=shape.texture,
         fabrics={panel: own[panel] for panel in shape.groups if panel in own},
+        lines=shape.lines,
     )
     of_panels = tuple(f"{label}: fabric {own[panel].name} of {panel}." for panel in cloth.fabrics)
     return cloth, (*warnings, fabric_note, *of_panels)

@@ -11,6 +11,7 @@ from clothsim.build.placement import Shape
 from clothsim.mesh.pattern.pattern_mesh import PatternMesh, mesh_pattern, scaled_mesh
 from clothsim.mesh.pattern.sewing import TOUCHING, largest_gap, sewn_vertices
 from clothsim.mesh.pattern.specification import read_specification
+from clothsim.mesh.pattern_lines import PatternLines
 from clothsim.mesh.weld import mean_of_parts
 
 SIZE = 0.02
@@ -56,7 +57,14 @@ def shape_of_pattern(path: Path, keys: Mapping[str, Any], where: str) -> Shape:
         tuple(notes),
         groups,
         flat=True,
+        lines=lines_of(mesh).renumbered(number),
     )
+
+
+def lines_of(mesh: PatternMesh) -> PatternLines:
+    """Edges, labels and seams of a meshed pattern whose seams are all open."""
+    edges = {(side.panel, side.edge): rows for side, rows in mesh.edges.items()}
+    return PatternLines(edges, mesh.labelled(), {seam.name: seam.pairs for seam in mesh.seams})
 
 
 def mesh_of_file(path: Path, keys: Mapping[str, Any], where: str) -> PatternMesh:

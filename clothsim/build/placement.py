@@ -11,6 +11,7 @@ from clothsim.arrays import Floats, Ints, as_vector
 from clothsim.errors import InputError
 from clothsim.mesh.checks import Role, examine, refuse
 from clothsim.mesh.motion import rotation_matrix
+from clothsim.mesh.pattern_lines import PatternLines
 
 PART = ("scale", "group", "component", "vertices")
 """The keys that name a part of a file and its unit."""
@@ -40,6 +41,8 @@ class Shape:
         True where the material is at rest in `texture`.
     sewn : (k,) ndarray
         Of a sewn shape the vertex that each vertex before became, -1 where it is in no triangle; else (0,).
+    lines : PatternLines
+        Edges, labels and open seams of a sewing pattern.
     """
 
     positions: Floats
@@ -50,6 +53,7 @@ class Shape:
     start: Floats | None = None
     flat: bool = False
     sewn: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    lines: PatternLines = field(default_factory=PatternLines)
 
 
 def name_of(keys: Mapping[str, Any], where: str) -> str:

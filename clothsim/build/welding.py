@@ -53,4 +53,6 @@ def sewn(label: str, shape: Shape, start: Floats | None, gap: float, at_start: b
     became = np.full(len(positions), -1)
     became[used] = np.arange(len(used))
     faces = faces.reshape(-1, 3).astype(np.int64)
-    return Shape(positions[used], faces, texture, tuple(notes), groups, sewn=became[number]), joined
+    lines = shape.lines.renumbered(became[number])
+    made = Shape(positions[used], faces, texture, tuple(notes), groups, sewn=became[number], lines=lines)
+    return made, joined

@@ -9,7 +9,7 @@ from clothsim.cli.arguments import as_positive_number
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.dressing.dress import Dress
+    from clothsim.dressing.dressed import Dress
     from clothsim.fitting.stage import Stage
 
 _DESCRIPTION = """\
@@ -18,6 +18,7 @@ Leaves what a run leaves, garment.obj with the pattern as texture, and pictures.
 
   clothsim dress shirt_specification.json --on body.obj -o worn
   clothsim dress tunic --on shirt -o worn            (a pattern and a body that come with the package)
+  clothsim dress shirt_specification.json --on hers.obj --cut-for his.obj      (graded by girths and lengths)
 """
 LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
@@ -40,6 +41,19 @@ def add_to(commands: Any) -> None:
         default=[],
         metavar="PANEL=NAME",
         help="fabric of a panel, as collar=denim, or of several: '*sleeve*=wool'; may be given again",
+    )
+    dress.add_argument(
+        "--cut-for", type=Path, metavar="BODY", help="the body that the pattern was cut for: grade it to --on"
+    )
+    dress.add_argument(
+        "--grade",
+        action="append",
+        default=[],
+        metavar="NAME=F",
+        help="grade by this factor of girth or length, as waist=1.05; may be given again",
+    )
+    dress.add_argument(
+        "--hold", action="store_true", help="take in upper edges that would slide to the girth of the body"
     )
     dress.add_argument("--origin", default="auto", choices=("auto", "floor", "waist"), help="level y = 0 of the file")
     dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")
@@ -73,11 +87,31 @@ def as_fabrics(given: list[str]) -> dict[str, str]:
     return found
 
 
+def as_factors(given: list[str]) -> dict[str, float]:
+    """Factor by name from "waist=1.05" and the like. InputError for what is none, or a name given twice."""
+    found: dict[str, float] = {}
+    for text in given:
+        name, equals, factor = text.partition("=")
+        if not (name and equals):
+            raise InputError(f"--grade is {text!r}.", "Write NAME=FACTOR, as waist=1.05.")
+        if name in found:
+            raise InputError(f"--grade names {name} twice.", "Give one factor.")
+        found[name] = as_positive_number("--grade", factor)
+    return found
+
+
+def _body(path: Path | None) -> Path | None:
+    """A body file, or the installed scene of that name."""
+    from clothsim.run.example_scenes import installed_scene
+
+    return path if path is None or path.exists() else installed_scene(path) or path
+
+
 def _dress(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
     from clothsim.cli import progress
     from clothsim.dressing.dress import dress
-    from clothsim.run.example_scenes import installed_pattern, installed_scene
+    from clothsim.run.example_scenes import installed_pattern
 
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     directory = arguments.output or Path(arguments.pattern.stem)
@@ -89,7 +123,7 @@ def _dress(arguments: argparse.Namespace) -> int:
     report(f"clothsim {__version__}: dress {arguments.pattern}")
     pattern = arguments.pattern
     pattern = pattern if pattern.exists() else installed_pattern(pattern) or pattern
-    body = arguments.on if arguments.on.exists() else installed_scene(arguments.on) or arguments.on
+    body = _body(arguments.on)
     with progress.shown(arguments.quiet) as listener:
         done = dress(
             pattern,
@@ -98,6 +132,9 @@ def _dress(arguments: argparse.Namespace) -> int:
             size=as_length("--size", arguments.size),
             fabric=arguments.fabric,
             fabrics=as_fabrics(arguments.fabric_of),
+            cut_for=_body(arguments.cut_for),
+            grade=as_factors(arguments.grade),
+            hold=arguments.hold,
             origin=arguments.origin,
             rotation_order=arguments.rotation_order,
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),

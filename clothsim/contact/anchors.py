@@ -5,9 +5,10 @@ return mapping: Simo and Hughes 1998, "Computational inelasticity", box 1.4; Cun
 springs of contacts). z is the tangential displacement of the points since they last fitted, at most e. A step adds the
 relative displacement u of the closest points: beyond |z + u| = e the anchor is drawn along, with |z| = e.
 
-z turns with the second surface of a contact: on a turntable it would else be left behind at the rate omega z. So does
-the gap d between the points: on a slab that tilts by an angle it moves one over the other by |d| times that angle,
-which is no slip (`turning`).
+z turns with the body of a contact, with the second surface where cloth touches cloth: on a turntable it would else be
+left behind at the rate omega z. So does the gap d between the points: on a slab that tilts by an angle it moves one
+over the other by |d| times that angle, which is no slip (`turning`). It is the body's rotation that counts, whichever
+surface has the vertex: the tilt of a triangle of cloth is unknown before the step.
 
 The anchor belongs to a material point (a vertex, or an edge) and to the object that it touches, not to a pair of
 simplices: a vertex that passes from face to face keeps it. Where one point touches an object from several sides, the
@@ -31,6 +32,10 @@ LEAST_TANGENT = 0.1
 """Tangential fraction of a direction below which it does not tell the rotation about the normal."""
 
 
+NO_TRIANGLES = np.zeros((0, 3), np.int64)
+"""Triangles at the vertices of a scene without bodies."""
+
+
 @dataclass(frozen=True)
 class Anchors:
     """Elastic slips of contacts at the start of a step.
@@ -44,11 +49,13 @@ class Anchors:
     origins : (p, 3) array
         sum g_i x_i at the start of the step [m].
     directions : (p, 3) array
-        `directions_of` the second surface at the start of the step [m].
+        `directions_of` the contacts at the start of the step [m].
     facings : (p, 3) array
         `facings_of` the contacts at the start of the step [m2].
     slides : (p,) bool array
         True where the contact slid in the step before.
+    turners : (p, 3) int array
+        `turners_of` the contacts.
     """
 
     elements: Ints
@@ -59,9 +66,10 @@ class Anchors:
     directions: Floats
     facings: Floats
     slides: np.ndarray
+    turners: Ints
 
     def as_array(self) -> Floats:
-        """All numbers, (p, 24)."""
+        """All numbers but the turners, (p, 24)."""
         vectors = self.normals, self.slips, self.origins, self.directions, self.facings
         parts = self.elements, self.weights, *vectors, self.slides[:, None]
         return np.concatenate([np.asarray(part, np.float64) for part in parts], axis=1)
@@ -72,7 +80,7 @@ class Anchors:
         One that comes to rest holds with mu_static from then on: its slip shrinks so that its force stays.
         """
         moved = relative_positions(x, self.elements, self.weights) - self.origins - self.turning(x)
-        turned = _rotated(self.slips, self.normals, self.directions, directions_of(x, self.elements))
+        turned = _rotated(self.slips, self.normals, self.directions, directions_of(x, self.elements, self.turners))
         slips = turned + tangential(moved, self.normals)
         fractions = np.linalg.norm(slips, axis=1) / elastic_slip
         slides = fractions >= 1.0
@@ -83,12 +91,13 @@ class Anchors:
         return replace(self, slips=slips * scale[:, None], slides=slides)
 
     def turning(self, x: Floats) -> Floats:
-        """Displacements of the gaps (p, 3) [m] as the second surface turns until it is that of x (N, 3) [m].
+        """Displacements of the gaps (p, 3) [m] as the surface that turns them moves until it is that of x (N, 3) [m].
 
         Where only an edge of it is known it turns the shortest way; a vertex does not turn.
         """
         e, m = _units(self.directions), _units(self.facings)
-        e_end, m_end = _units(directions_of(x, self.elements)), _units(facings_of(x, self.elements, self.weights))
+        e_end = _units(directions_of(x, self.elements, self.turners))
+        m_end = _units(facings_of(x, self.elements, self.weights, self.turners))
         axes, along = np.cross(e, e_end), (e * e_end).sum(axis=1, keepdims=True)
         across = np.cross(axes, self.origins)
         shortest = across + np.cross(axes, across) / np.maximum(1.0 + along, 1.0)
@@ -120,20 +129,38 @@ class Anchors:
         return parents, slips
 
 
-def anchors_from(numbers: object) -> Anchors:
-    """Anchors of `Anchors.as_array`, which a file may hold as lists."""
+def anchors_from(numbers: object, triangles_at: Ints = NO_TRIANGLES) -> Anchors:
+    """Anchors of `Anchors.as_array`, which a file may hold as lists; triangles_at as of `turners_of`."""
     rows = np.asarray(numbers, np.float64).reshape(-1, COLUMNS[-1] + 1)
-    elements, weights, normals, slips, origins, directions, facings, slides = np.split(rows, COLUMNS, axis=1)
-    vectors = normals, slips, origins, directions, facings
-    return Anchors(elements.astype(np.int64), weights, *vectors, slides[:, 0] > 0.0)
+    parts, weights, normals, slips, origins, directions, facings, slides = np.split(rows, COLUMNS, axis=1)
+    vectors, elements = (normals, slips, origins, directions, facings), parts.astype(np.int64)
+    return Anchors(elements, weights, *vectors, slides[:, 0] > 0.0, turners_of(elements, triangles_at))
 
 
 def anchors_at(
-    x: Floats, elements: Ints, weights: Floats, normals: Floats, slips: Floats, slides: np.ndarray
+    x: Floats,
+    elements: Ints,
+    weights: Floats,
+    normals: Floats,
+    slips: Floats,
+    slides: np.ndarray,
+    triangles_at: Ints = NO_TRIANGLES,
 ) -> Anchors:
-    """Anchors of contacts in a step that starts at x (N, 3) [m]."""
-    origins, directions = relative_positions(x, elements, weights), directions_of(x, elements)
-    return Anchors(elements, weights, normals, slips, origins, directions, facings_of(x, elements, weights), slides)
+    """Anchors of contacts in a step that starts at x (N, 3) [m]; triangles_at as of `turners_of`."""
+    origins, turners = relative_positions(x, elements, weights), turners_of(elements, triangles_at)
+    directions, facings = directions_of(x, elements, turners), facings_of(x, elements, weights, turners)
+    return Anchors(elements, weights, normals, slips, origins, directions, facings, slides, turners)
+
+
+def turners_of(elements: Ints, triangles_at: Ints) -> Ints:
+    """Rows (p, 3) of a triangle of the body of each contact; -1 where cloth touches cloth.
+
+    triangles_at (N, 3): rows of a triangle at each vertex of a body, -1 for all others; empty where there is no body.
+    """
+    if not len(triangles_at):
+        return np.full((len(elements), 3), -1)
+    last = triangles_at[elements[:, 3]]
+    return np.where(last[:, :1] < 0, triangles_at[elements[:, 0]], last)
 
 
 def relative_positions(x: Floats, elements: Ints, weights: Floats) -> Floats:
@@ -141,21 +168,29 @@ def relative_positions(x: Floats, elements: Ints, weights: Floats) -> Floats:
     return np.asarray(np.einsum("pk,pkc->pc", weights, x[elements]), np.float64)
 
 
-def directions_of(x: Floats, elements: Ints) -> Floats:
-    """An edge of the second surface of each contact, (p, 3) [m]; 0 where that is a vertex."""
+def directions_of(x: Floats, elements: Ints, turners: Ints) -> Floats:
+    """An edge of the body of each contact, else of its second surface, (p, 3) [m]; 0 where that is a vertex."""
+    of_body = turners[:, 0] >= 0
     first = np.where(elements[:, 2] == elements[:, 3], elements[:, 1], elements[:, 2])
     second = np.where(elements[:, 2] == elements[:, 3], elements[:, 2], elements[:, 3])
+    first, second = np.where(of_body, turners[:, 0], first), np.where(of_body, turners[:, 1], second)
     return np.asarray(x[second] - x[first], np.float64)
 
 
-def facings_of(x: Floats, elements: Ints, weights: Floats) -> Floats:
-    """Normal of the face of a contact, or of its two edges, (p, 3) [m2]; 0 where it has none or they are parallel."""
+def facings_of(x: Floats, elements: Ints, weights: Floats, turners: Ints) -> Floats:
+    """Normal of the body of a contact, else of its face or its two edges, (p, 3) [m2].
+
+    0 where it has none or the edges are parallel.
+    """
     a, b, c, d = (x[elements[:, k]] for k in range(4))
     of_edges = (weights[:, 0] > 0.0) & (weights[:, 0] < 1.0)
     first, second = np.where(of_edges[:, None], b - a, c - b), d - c
+    of_body = turners[:, 0] >= 0
+    corners = x[turners[of_body]]
+    first[of_body], second[of_body] = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normals = np.cross(first, second)
     least = LEAST_TANGENT * np.linalg.norm(first, axis=1) * np.linalg.norm(second, axis=1)
-    has_one = (of_edges | (weights[:, 1] < 0.0)) & (np.linalg.norm(normals, axis=1) > least)
+    has_one = (of_body | of_edges | (weights[:, 1] < 0.0)) & (np.linalg.norm(normals, axis=1) > least)
     return np.where(has_one[:, None], normals, 0.0)
 
 

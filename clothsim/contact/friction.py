@@ -10,6 +10,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.contact import friction_kernels as kernels
 from clothsim.contact.anchors import Anchors, anchors_at, anchors_from, relative_positions, tangential
 from clothsim.contact.barrier import Barrier
+from clothsim.contact.rigid_motion import rigid_displacements
 from clothsim.energies.base import Energy
 from clothsim.energies.elementwise import Elementwise
 from clothsim.energies.hessians import ElementHessian
@@ -57,6 +58,8 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
         mu_kinetic and mu_static of each pair of objects.
     labels : (N,) int array
         Object of each row of x.
+    triangles_at : (N, 3) int array
+        Rows of a triangle at each vertex of a body (`anchors.turners_of`).
     eps_v : float
         Speed below which a contact creeps [m/s]; 0 with anchors.
     elastic_slip : float
@@ -69,12 +72,13 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
         Of the contacts of the step before, as they are at its end.
     elements, weights, normals, slips, turns, limits, slides : (p, 4), (p, 4), (p, 3), (p, 3), (p, 3), (p,), (p,) array
         Lagged pairs: rows, weights, normals, z [m], `Anchors.turning` of the step as the velocities at its start
-        predict it [m], limits mu F [N], and whether they slide.
+        predict it (`_predictable`) [m], limits mu F [N], and whether they slide.
     """
 
     kinetic: Floats
     static: Floats
     labels: Ints
+    triangles_at: Ints
     eps_v: float
     elastic_slip: float
     iterations: int
@@ -110,7 +114,7 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
         if not self.elastic_slip:
             return np.zeros(0)
         pairs = self.elements, self.weights, self.normals, self.slips, self.slides
-        return anchors_at(self.contacts.start, *pairs).as_array()
+        return anchors_at(self.contacts.start, *pairs, self.triangles_at).as_array()
 
     def begin(self, step: Step) -> Self:
         """Copy for the step, with the contacts and their forces at its start.
@@ -123,7 +127,7 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
         start, slip, anchors = step.past.positions, self.eps_v * step.past.dt, NO_ANCHORS
         if self.elastic_slip:
             start, slip = step.positions, self.elastic_slip
-            anchors = anchors_from(step.memory.get(NAME, ()))
+            anchors = anchors_from(step.memory.get(NAME, ()), self.triangles_at)
             objects = self.labels[anchors.elements[:, 0]], self.labels[anchors.elements[:, 3]]
             anchors = anchors.after(step.positions, slip, self.kinetic[objects] / self.static[objects])
         contacts = Contacts(tuple(found.values()), start, slip, least_gap, step.dt * step.velocities)
@@ -157,13 +161,27 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
             return none, none, np.zeros(len(elements), bool)
         parents, slips = self.anchors.inherited(elements, weights, normals, self.labels)
         start, displacements = self.contacts.start, self.contacts.displacements
-        at_start = anchors_at(start, elements, weights, normals, none, np.zeros(len(elements), bool))
-        turns = tangential(at_start.turning(start + displacements), normals)
+        still = np.zeros(len(elements), bool)
+        at_start = anchors_at(start, elements, weights, normals, none, still, self.triangles_at)
+        turns = tangential(at_start.turning(start + self._predictable(at_start)), normals)
         moves = tangential(relative_positions(displacements, elements, weights), normals) - turns
         slides = np.linalg.norm(moves, axis=1) > self.elastic_slip
         known = parents >= 0
         slides[known] = self.anchors.slides[parents[known]]
         return slips, turns, slides
+
+    def _predictable(self, anchors: Anchors) -> Floats:
+        """Displacements (N, 3) [m] of the step that are known at its start: of a cloth in contact its rigid part.
+
+        The tilt of its triangles is not: friction that follows the tilt of the step before drives it to and fro.
+        """
+        displacements = self.contacts.displacements
+        cloths = np.unique(self.labels[anchors.elements[anchors.turners[:, 0] < 0]])
+        if not len(cloths):
+            return displacements
+        rows, found = np.isin(self.labels, cloths), displacements.copy()
+        found[rows] = rigid_displacements(self.contacts.start[rows], displacements[rows], self.labels[rows])
+        return found
 
     def value(self, x: Floats) -> float:
         """Dissipation potential of the step [J]."""

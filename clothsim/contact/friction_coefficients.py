@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clothsim.arrays import Floats, as_count, as_positive
+from clothsim.arrays import Floats, Ints, as_count, as_positive
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example, Idle
 from clothsim.errors import InputError
@@ -79,7 +79,15 @@ def friction(
 
     none, rows = np.zeros((0, 3)), NO_ANCHORS.elements
     lagged = rows, NO_ANCHORS.weights, none, none, none, np.zeros(0), np.zeros(0, bool)
-    return Friction(kinetic, static, world.labels, speed, slip, lag_iterations, NO_CONTACTS, NO_ANCHORS, *lagged)
+    at = triangles_at(world)
+    return Friction(kinetic, static, world.labels, at, speed, slip, lag_iterations, NO_CONTACTS, NO_ANCHORS, *lagged)
+
+
+def triangles_at(world: World) -> Ints:
+    """Rows (N, 3) of a triangle at each vertex of a body; -1 for vertices of none, and of cloths."""
+    found = np.full((world.n_vertices, 3), -1)
+    found[world.body_triangles.ravel()] = np.repeat(world.body_triangles, 3, axis=0)
+    return found
 
 
 def _scales(size: float, eps_v: float | str, elastic_slip: float | str, two: bool) -> tuple[float, float]:

@@ -152,7 +152,8 @@ def _intersecting(
     statement = f"{one} intersects itself" if one == other else f"{one} intersects {other}"
     return InputError(
         f"{statement} at the start, in {len(pairs):,} pairs of triangles; the first is at ({at}) m.",
-        "Move the cloth out (position, rotation_degrees), or exclude the pair (exclude).",
+        f"Move {'the cloth out' if a[0] < world.n_cloth else 'them apart'} (position, rotation_degrees), "
+        "or exclude the pair (exclude).",
     )
 
 

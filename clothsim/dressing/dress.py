@@ -2,18 +2,20 @@
 
 import tempfile
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
 from clothsim.dressing.approaching import approached
-from clothsim.dressing.closing import close, mean_edge, stretch_range, worst_gap
+from clothsim.dressing.closing import close, mean_edge, worst_gap
 from clothsim.dressing.draping import drape
+from clothsim.dressing.dressed import Dress
 from clothsim.dressing.facing import refuse_unsuitable
+from clothsim.dressing.grading import Grading, graded
+from clothsim.dressing.held_edges import edges_held, parts_for_edges, slid
 from clothsim.dressing.legs import turned_to_legs
 from clothsim.dressing.lifting import lifted
 from clothsim.dressing.placing import placed_on
@@ -22,12 +24,10 @@ from clothsim.dressing.sewing_state import SewingState, as_placed
 from clothsim.dressing.sewn_cloth import Fabrics
 from clothsim.dressing.sleeves import turned_to_arms
 from clothsim.dressing.welding import welded_where_closed
-from clothsim.dressing.written_files import GARMENT, write_results
+from clothsim.dressing.written_files import write_results
 from clothsim.errors import InputError
 from clothsim.fitting.inputs import Figure, figure_of, read_figure
-from clothsim.fitting.penetration import Counts
 from clothsim.fitting.stage import Stage, StageCallback, staged
-from clothsim.mesh.fabric import Fabric
 from clothsim.mesh.pattern.pattern import Pattern
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
 from clothsim.mesh.pattern.sewing import TOUCHING, sewn_vertices
@@ -43,81 +43,13 @@ SLID = 0.07
 
 
 @dataclass(frozen=True)
-class Dress:
-    """Result of `dress`.
-
-    Attributes
-    ----------
-    directory : Path
-        Output directory.
-    status : str
-        "completed" (every seam is closed and the garment rests on the body, free of intersections), "sewn" (closed and
-        free of intersections, but its drape did not complete) or "failed".
-    reason : str
-        Reason for the status, one sentence.
-    pattern : Pattern
-        Pattern as read.
-    placed : SewingState
-        Panels as placed.
-    state : SewingState
-        Garment at the end: positions, triangles, welded seams.
-    body : Figure
-        Body that wears it.
-    stages : tuple of Stage
-        Stages in order, each with positions and penetration counts.
-    run : Run or None
-        Drape; None where none was started.
-    notes : tuple of str
-        Defaults used in reading and dressing.
-    closing : tuple of Run
-        Rounds in which the seams were closed.
-    fabrics : mapping of str to Fabric
-        Fabric of each panel.
-
-    Examples
-    --------
-    >>> import clothsim
-    >>> worn = clothsim.dress("shirt_specification.json", on="body.obj")  # doctest: +SKIP
-    >>> worn.status, worn.counts.clean  # doctest: +SKIP
-    ('completed', True)
-    """
-
-    directory: Path
-    status: str
-    reason: str
-    pattern: Pattern
-    placed: SewingState
-    state: SewingState
-    body: Figure
-    stages: tuple[Stage, ...]
-    run: Run | None
-    notes: tuple[str, ...]
-    closing: tuple[Run, ...] = ()
-    fabrics: Mapping[str, Fabric] = field(default_factory=dict)
-
-    @property
-    def positions(self) -> Floats:
-        """Positions of the garment at its end, (n, 3) [m]."""
-        return self.state.positions
-
-    @property
-    def counts(self) -> Counts:
-        """Penetration counts of the last stage by the exact check."""
-        return self.stages[-1].counts
-
-    @property
-    def stretch(self) -> tuple[float, float]:
-        """1st and 99th percentile of the principal stretches against the pattern."""
-        return stretch_range(self.state.stretches())
-
-
-@dataclass(frozen=True)
 class _Task:
     """What all stages share: the body and its surface, fabric, directory and listeners."""
 
     body: Figure
     surface: BodySurface
     fabrics: Fabrics
+    hold: bool
     directory: Path
     on_stage: StageCallback
     progress: Listener | None
@@ -144,6 +76,9 @@ def dress(
     size: float = 0.02,
     fabric: str = "cotton",
     fabrics: Mapping[str, str] | None = None,
+    cut_for: str | Path | Any | None = None,
+    grade: Mapping[str, float] | None = None,
+    hold: bool = False,
     origin: str = "auto",
     rotation_order: str = "zyx",
     scale: float | None = None,
@@ -169,6 +104,12 @@ def dress(
         A named fabric.
     fabrics : mapping of str to str, optional
         Named fabrics of panels with one of their own, by name; `*` stands for any letters: {"*cuff*": "denim"}.
+    cut_for : str, Path, Body or mesh object, optional
+        The body that the pattern was cut for: it is graded from its girths and lengths to those of `on`. None: as cut.
+    grade : mapping of str to float, optional
+        Factors by name (`body_sizes.NAMES`) in place of those between both bodies; without `cut_for` the others are 1.
+    hold : bool
+        True: upper edges that would slide are taken in to the girth of the body before the drape (`held_edges`).
     origin : str
         Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placing.placed_on`).
     rotation_order : str
@@ -210,15 +151,29 @@ def dress(
     name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
     body = read_figure(on, scale=scale, group=body_group) if isinstance(on, str | Path) else figure_of(on)
     refuse_unsuitable(body)
+    if hold:
+        parts_for_edges(body)  # an error now, not after the closing
+    grading = _graded(read, body, cut_for, grade or {}, origin)
+    if grading is not None:
+        read, origin = grading.pattern, grading.origin
     mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
     sewn_vertices(mesh, mesh.seams)  # an error now, not after the closing
     surface = _surface(body)
     mesh, arm_notes = turned_to_arms(mesh, body)
     mesh, leg_notes = turned_to_legs(mesh, body, surface)
     make_directory(directory)
-    task = _Task(body, surface, chosen, directory, on_stage, progress, announce)
+    task = _Task(body, surface, chosen, hold, directory, on_stage, progress, announce)
     begun = _Progress(
-        as_placed(mesh), (), notes=(*mesh.pattern.notes, *placing_notes, *arm_notes, *leg_notes, *body.notes)
+        as_placed(mesh),
+        (),
+        notes=(
+            *mesh.pattern.notes,
+            *(grading.notes if grading else ()),
+            *placing_notes,
+            *arm_notes,
+            *leg_notes,
+            *body.notes,
+        ),
     )
     done = _sewn(task, begun)
     status = "failed" if done.failure else "completed"
@@ -238,6 +193,7 @@ def dress(
         done.notes,
         done.closing,
         of_panels,
+        grading,
     )
     write_results(worn, name, size, perf_counter() - started)
     return worn
@@ -252,6 +208,14 @@ def _directory(output: str | Path | None, overwrite: bool) -> Path:
     directory = Path(output)
     refuse_earlier_run(directory, overwrite)
     return directory
+
+
+def _graded(pattern: Pattern, body: Figure, cut_for: Any, factors: Mapping[str, float], origin: str) -> Grading | None:
+    """The pattern graded for a body; None where it is sewn as cut."""
+    if cut_for is None:
+        return graded(pattern, body, body, origin, factors) if factors else None
+    source = read_figure(cut_for, option="cut_for") if isinstance(cut_for, str | Path) else figure_of(cut_for)
+    return graded(pattern, source, body, origin, factors)
 
 
 def _surface(body: Figure) -> BodySurface:
@@ -344,9 +308,12 @@ def _welded(task: _Task, done: _Progress) -> _Progress:
 
 def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
     """Drape; where it cannot start or complete, the sewn garment is the result."""
-    started = perf_counter()
+    started, held = perf_counter(), done.state
+    if task.hold:
+        held, notes = edges_held(done.state, task.body)
+        done = replace(done, notes=(*done.notes, *notes))
     try:
-        run = drape(done.state, task.body, task.fabrics, task.directory, task.progress, task.announce)
+        run = drape(held, task.body, task.fabrics, task.directory, task.progress, task.announce)
     except InputError as error:
         return done, "sewn", f"The drape could not start: {error.sentence}"
     if run.status != "completed":
@@ -365,10 +332,11 @@ def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
     gap, name = worst_gap(draped.state)
     if gap > mean_edge(draped.state):
         return draped, "failed", f"Seam {name}, held by strings, opened to {1e3 * gap:.3g} mm in the drape."
-    slid = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
-    if slid > SLID * height:
-        note = f"the top of the garment lies {1e3 * slid:.0f} mm below where its pattern places it"
+    below = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
+    if below > SLID * height:
+        note = f"the top of the garment lies {1e3 * below:.0f} mm below where its pattern places it"
         draped = replace(draped, notes=(*draped.notes, note))
+    draped = replace(draped, notes=(*draped.notes, *slid(done.state, draped.state, task.body)))
     return draped, "completed", _closed_seams(draped.state, task.body.name)
 
 
@@ -381,6 +349,3 @@ def _closed_seams(state: SewingState, body: str) -> str:
         f"{len(state.welded)} of {seams} seams are welded throughout, strings hold the rest, within {1e3 * gap:.2g} mm"
         f" ({name}); the garment rests on {body}."
     )
-
-
-__all__ = ["GARMENT", "Dress", "dress"]

@@ -12,7 +12,7 @@ from clothsim.fitting.inputs import Figure
 from clothsim.render.surface_look import Surface
 
 if TYPE_CHECKING:
-    from clothsim.dressing.dress import Dress
+    from clothsim.dressing.dressed import Dress
 
 SIZE = (640, 960)
 PLACED, WORN, STRETCH = "placed.png", "worn.png", "stretch.png"

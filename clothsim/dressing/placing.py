@@ -37,16 +37,12 @@ def placed_on(mesh: PatternMesh, body: Figure, origin: str = "auto") -> tuple[Pa
     InputError
         Another origin.
     """
-    if origin not in ORIGINS:
-        raise InputError(f"origin is {origin!r}.", f"Known: {', '.join(ORIGINS)}.")
-    lowest, highest = float(mesh.positions[:, 1].min()), float(mesh.positions[:, 1].max())
-    chosen = origin if origin != "auto" else ("waist" if lowest < -BELOW and highest < LOW else "floor")
-    notes = []
+    chosen, notes = chosen_origin(mesh.positions[:, 1], origin), []
+    lowest = float(mesh.positions[:, 1].min())
     if chosen == "waist" and origin == "auto":
         notes.append(f"panels lie {-lowest:.2f} m below y = 0: read as made round the waist (origin = waist)")
     levels = body.positions @ body.up
-    low, high = float(levels.min()), float(levels.max())
-    level = low + (ORIGIN_HEIGHT * (high - low) if chosen == "waist" else 0.0)
+    level = float(levels.min()) + height_of_origin(body, chosen)
     across = np.eye(3)[[k for k in range(3) if body.up[k] == 0]]
     middles = [float((points.min() + points.max()) / 2) for points in (body.positions @ axis for axis in across)]
     shift = level * body.up
@@ -61,6 +57,20 @@ def placed_on(mesh: PatternMesh, body: Figure, origin: str = "auto") -> tuple[Pa
         notes.append(f"the body faces ({facing}) by its feet: the pattern is turned to it")
     positions = positions + shift
     return replace(mesh, positions=positions), tuple(notes)
+
+
+def chosen_origin(heights: Floats, origin: str) -> str:
+    """Level y = 0 of a pattern whose points have the heights (k,) [m] in it: "floor" or "waist"."""
+    if origin not in ORIGINS:
+        raise InputError(f"origin is {origin!r}.", f"Known: {', '.join(ORIGINS)}.")
+    if origin != "auto":
+        return origin
+    return "waist" if heights.min() < -BELOW and heights.max() < LOW else "floor"
+
+
+def height_of_origin(body: Figure, origin: str) -> float:
+    """Height of the origin of a pattern, "floor" or "waist", above the floor of a body [m]."""
+    return ORIGIN_HEIGHT * float(np.ptp(body.positions @ body.up)) if origin == "waist" else 0.0
 
 
 def _upright(positions: Floats, up: Floats) -> Floats:

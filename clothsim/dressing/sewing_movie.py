@@ -13,7 +13,7 @@ from clothsim.render.surface_look import Surface
 from clothsim.run.results import Run
 
 if TYPE_CHECKING:
-    from clothsim.dressing.dress import Dress
+    from clothsim.dressing.dressed import Dress
 
 VIEW = (0.55, 0.2, 1.0)
 """View direction along the body's left, up and front."""

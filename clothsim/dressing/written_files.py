@@ -15,9 +15,10 @@ from clothsim.mesh.pattern.specification import write_specification
 from clothsim.render.pattern_drawing import draw_pattern
 
 if TYPE_CHECKING:
-    from clothsim.dressing.dress import Dress
+    from clothsim.dressing.dressed import Dress
 
 GARMENT, PATTERN, DRAWING = "garment.obj", "pattern.json", "pattern.svg"
+GRADED = "graded_specification.json"
 REMEDY = "Look at the pattern (pattern.svg) and at the panels as placed: `clothsim check` names what intersects."
 
 
@@ -27,6 +28,8 @@ def write_results(done: "Dress", name: str, size: float, seconds: float) -> None
     directory.mkdir(parents=True, exist_ok=True)
     write_atomically(directory / GARMENT, sewn_obj(done.state).encode())
     write_specification(directory / PATTERN, done.pattern)
+    if done.grading is not None:
+        write_specification(directory / GRADED, done.pattern)
     draw_pattern(directory / DRAWING, done.pattern, name)
     file = directory / SUMMARY_NAME
     previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
@@ -37,6 +40,7 @@ def write_results(done: "Dress", name: str, size: float, seconds: float) -> None
         "stages": [stage.as_dict() for stage in done.stages],
         "seams": seam_entries(done.state),
         "measurements": measurement_entries(done.state, done.body, done.fabrics),
+        "grading": None if done.grading is None else done.grading.as_dict(),
         "vertices": len(done.state.positions),
         "spacing": size,
         "stretch_low": low,

@@ -18,7 +18,14 @@ from clothsim.arrays import Floats, Ints, as_points, as_positive
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example, Idle
 from clothsim.energies.protocols import ContactGap
-from clothsim.energies.selection import as_flag, check_tables, cloth_number, selected_vertices, vertex_numbers
+from clothsim.energies.selection import (
+    as_flag,
+    check_tables,
+    cloth_number,
+    of_pattern,
+    selected_vertices,
+    vertex_numbers,
+)
 from clothsim.errors import InputError
 from clothsim.mesh.edge_paths import path_along
 from clothsim.mesh.stitches import Line, hinges_across, line_of, nearest_stitches, stitches
@@ -30,7 +37,9 @@ if TYPE_CHECKING:
 
 KEYS = ("from", "to", "start", "end", "stiffness", "flip", "bends", "match")
 MATCHES = ("length", "vertices")
-SIDE = ("cloth", "side", "through", "vertices", "nearest")
+OF_PATTERN = ("start", "end", "stiffness", "bends")
+SIDE = ("cloth", "side", "through", "vertices", "panel", "edge", "nearest")
+WAYS = ("side", "through", "vertices", "panel", "nearest")
 NEAREST = {"nearest": True}
 """The `to` of a seam whose vertices are each stitched to the nearest edge of another piece."""
 SIDES = ("left", "right", "top", "bottom")
@@ -39,7 +48,11 @@ STIFFER = 100.0
 
 
 def seams(
-    world: World, *, seam: Sequence[Mapping[str, Any]] = (), built: Mapping[str, Energy] | None = None
+    world: World,
+    *,
+    seam: Sequence[Mapping[str, Any]] = (),
+    pattern: Mapping[str, Any] | None = None,
+    built: Mapping[str, Energy] | None = None,
 ) -> Energy | Off:
     """Seams from a list of tables.
 
@@ -53,7 +66,10 @@ def seams(
         are several, and one of `side` ("left", "right", from bottom to top, or "bottom", "top", from left to right),
         `through`, points [[x, y, z], ...] along the border in the coordinates of the mesh before its placement [m],
         and `vertices`, numbers in their order.
+        A line of a sewing pattern is `panel` with its `edge`.
         `to` = { nearest = true } stitches each vertex of `from` to the nearest edge of another piece of cloth at rest.
+    pattern : table, optional
+        All seams of sewing patterns that are open as placed, with `start`, `end`, `stiffness` and `bends` for each.
     built : mapping, optional
         The energies built so far: seams bend if bending is on, and leave a gap for self_contact.
 
@@ -67,18 +83,40 @@ def seams(
         Names the seam and line.
     """
     check_tables("effects.seams.seam", seam, KEYS, ("from", "to"))
-    if not seam:
+    tables = {f"effects.seams.seam[{k}]": keys for k, keys in enumerate(seam)}
+    if pattern is not None:
+        tables |= pattern_tables(world, pattern)
+    if not tables:
         return Off("there is no seam")
     from clothsim.energies.seam_strings import Seams, bending_across, those  # after the last Off: no kernel for a zero
 
     on = built or {}
-    parts = [_seam(f"effects.seams.seam[{k}]", world, keys, "bending" in on) for k, keys in enumerate(seam)]
+    parts = [_seam(name, world, keys, "bending" in on) for name, keys in tables.items()]
     rows, weights, stiffness, hinges, beside = (np.concatenate([part[k] for part in parts]) for k in range(1, 6))
     contact = on.get("self_contact")
     gap = contact.activation_distance if isinstance(contact, ContactGap) else 0.0
     m, over = len(rows), bending_across(world, hinges, beside)
     links = rows, weights, np.zeros((m, 3)), np.full(m, gap), np.zeros(m), np.ones(m, bool)
     return Seams(*links, tuple(part[0] for part in parts), stiffness, gap, over, those(over, np.zeros(0, np.int64)))
+
+
+def pattern_tables(world: World, keys: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Tables of the open seams of all patterns by name, each with the `keys`. InputError without a pattern."""
+    check_tables("effects.seams.pattern", [keys], OF_PATTERN, ())
+    if not any(cloth.lines.edges for cloth in world.cloths):
+        raise InputError(
+            "effects.seams.pattern: no cloth is of a sewing pattern.", "Give its seams: [[effects.seams.seam]]."
+        )
+    return {
+        f"effects.seams.pattern.{cloth.name}.{name}": {
+            "from": {"cloth": cloth.name, "vertices": pairs[:, 0]},
+            "to": {"cloth": cloth.name, "vertices": pairs[:, 1]},
+            "match": "vertices",
+            **keys,
+        }
+        for cloth in world.cloths
+        for name, pairs in cloth.lines.open_seams.items()
+    }
 
 
 def _seam(
@@ -137,8 +175,10 @@ def _line(name: str, world: World, keys: object, fewest: int) -> Line:
     number = cloth_number(name, world, keys.get("cloth"))
     cloth, rows = world.cloths[number], world.cloth_slices[number]
     rest = cloth.rest_positions
-    if sum(key in keys for key in SIDE[1:]) != 1:
-        raise InputError(f"{name} needs one of {', '.join(SIDE[1:])}.", 'For a rectangle: { side = "left" }.')
+    if sum(key in keys for key in WAYS) != 1 or ("panel" in keys) != ("edge" in keys):
+        raise InputError(
+            f"{name} needs one of {', '.join(WAYS)}; panel with edge.", 'For a rectangle: { side = "left" }.'
+        )
     if "nearest" in keys:
         raise InputError(f"{name}.nearest is {keys['nearest']!r}.", "Only `to` may be { nearest = true }.")
     if "side" in keys:
@@ -147,6 +187,9 @@ def _line(name: str, world: World, keys: object, fewest: int) -> Line:
         every = selected_vertices(f"{name}.side", world, keys["side"])
         line = every[(every >= rows.start) & (every < rows.stop)] - rows.start
         line = line[np.argsort(rest[line, 1 if keys["side"] in ("left", "right") else 0], kind="stable")]
+    elif "panel" in keys:
+        every = of_pattern(name, world, {"panel": keys["panel"], "edge": keys["edge"]})
+        line = every[(every >= rows.start) & (every < rows.stop)] - rows.start
     elif "through" in keys:
         points = as_points(f"{name}.through", keys["through"])
         line = path_along(f"{name}.through", rest, border_edges(cloth.triangles)[0], points)

@@ -11,6 +11,9 @@ from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World
 
 NAMED = ("corners", "left", "right", "top", "bottom", "boundary")
+TABLES = (
+    'It takes { box = [lo, hi] }, { panel = "front" }, { panel = "front", edge = 2 } or { label = "lower_interface" }.'
+)
 
 
 def check_tables(
@@ -49,7 +52,10 @@ def cloth_number(where: str, world: World, name: object) -> int:
 
 
 def selected_vertices(where: str, world: World, select: object) -> Ints:
-    """Rows of x selected by a side of every cloth, { box = [lo, hi] } at the start [m], or vertex numbers."""
+    """Rows of x selected by a side of every cloth, a box at the start [m], names of a pattern, or vertex numbers.
+
+    Tables: { box = [lo, hi] }, { panel = "front" }, { panel = "front", edge = 2 }, { label = "lower_interface" }.
+    """
     if isinstance(select, str):
         if select not in NAMED:
             raise InputError(f"{where} is {select!r}.", f"Known: {', '.join(NAMED)}, [indices], {{ box = [lo, hi] }}.")
@@ -59,7 +65,7 @@ def selected_vertices(where: str, world: World, select: object) -> Ints:
         ]
         return np.concatenate(parts)
     if isinstance(select, Mapping):
-        return _in_box(where, world, select)
+        return _in_box(where, world, select) if "box" in select else of_pattern(where, world, select)
     indices = np.asarray(select)
     if indices.size == 0:
         return np.zeros(0, np.int64)
@@ -80,9 +86,34 @@ def vertex_numbers(where: str, numbers: Any, n_vertices: int) -> Ints:
     return indices.astype(np.int64)
 
 
+def of_pattern(where: str, world: World, select: Mapping[str, Any]) -> Ints:
+    """Rows of x of a panel, of an edge of it in its order, or of the edges of a label, in every cloth that has it."""
+    if set(select) not in ({"panel"}, {"panel", "edge"}, {"label"}):
+        raise InputError(f"{where} has the keys {sorted(select)}.", TABLES)
+    if "edge" in select and (isinstance(select["edge"], bool) or not isinstance(select["edge"], int | np.integer)):
+        raise InputError(f"{where}.edge is {select['edge']!r}.", "Edges of a panel count from 0.")
+    found, known = [], set()
+    for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True):
+        if "label" in select:
+            named: Mapping[Any, Ints] = cloth.lines.labels
+        elif "edge" in select:
+            named = cloth.lines.edges
+        else:
+            named = {name: np.unique(cloth.triangles[faces]) for name, faces in cloth.groups.items()}
+        wanted = select["label"] if "label" in select else select["panel"]
+        wanted = (wanted, int(select["edge"])) if "edge" in select else wanted
+        if isinstance(wanted, str | tuple) and wanted in named:
+            found.append(named[wanted] + rows.start)
+        known |= {name if isinstance(name, str) else f"{name[0]}.{name[1]}" for name in named}
+    if not found:
+        names = ", ".join(sorted(known)) or "none: no cloth is of a sewing pattern"
+        raise InputError(f"{where} names {dict(select)!r}, which no cloth has.", f"Known: {names}.")
+    return np.concatenate(found)
+
+
 def _in_box(where: str, world: World, select: Mapping[str, Any]) -> Ints:
     if set(select) != {"box"}:
-        raise InputError(f"{where} has the keys {sorted(select)}.", "It takes { box = [lo, hi] }.")
+        raise InputError(f"{where} has the keys {sorted(select)}.", TABLES)
     box = as_points(f"{where}.box", select["box"])
     if len(box) != 2:
         raise InputError(f"{where}.box has {len(box)} corners.", "Give two: [lo, hi].")

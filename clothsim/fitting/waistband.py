@@ -34,12 +34,39 @@ class Banded(NamedTuple):
     factors: tuple[float, ...]
 
 
+class Band(NamedTuple):
+    """Directed border edges (b, 2), vertices (k,) of its piece, centre (3,) and girth [m] of the body at its height.
+
+    The centre is in the frame of the body.
+    """
+
+    edges: Ints
+    piece: Ints
+    centre: Floats
+    girth: float
+
+
 def with_waistbands(positions: Floats, triangles: Ints, body: Figure, parts: BodyParts) -> Banded:
     """Close the waistbands of a garment at `positions` (n, 3) [m] on a body and its parts."""
     local = parts.frame.local(positions)
     rest, factors = local.copy(), []
+    for band in bands(local, triangles, body, parts):
+        length = float(np.linalg.norm(np.diff(local[band.edges], axis=1), axis=2).sum())
+        factor = TIGHT * band.girth / length
+        if not LEAST <= factor < 1.0:
+            continue
+        scale = 1.0 + (factor - 1.0) * nearness(local, band, parts)
+        for axis in (0, 2):
+            rest[band.piece, axis] = band.centre[axis] + scale * (local[band.piece, axis] - band.centre[axis])
+        factors.append(factor)
+    return Banded(parts.frame.world(rest) if factors else positions, tuple(factors))
+
+
+def bands(local: Floats, triangles: Ints, body: Figure, parts: BodyParts) -> list[Band]:
+    """Topmost borders about the trunk, between crotch and armpits, of a garment at `local` (n, 3) [m]."""
+    found = []
     on_body = parts.frame.local(body.positions)
-    pieces = components(triangles, len(positions))
+    pieces = components(triangles, len(local))
     for edges in border_loops(triangles):
         loop = np.unique(edges)
         piece = np.flatnonzero(pieces == pieces[loop[0]])
@@ -48,19 +75,16 @@ def with_waistbands(positions: Floats, triangles: Ints, body: Figure, parts: Bod
         topmost = local[piece, 1].max() <= local[loop, 1].max() + TOP * parts.frame.height
         centre = parts.trunk.at(np.array([height]), parts.trunk.centres)[0]
         centre[1] = height
-        if not (topmost and low < height < high and abs(turns_about(local[edges] - centre)) > 0.5):
-            continue
-        length = float(np.linalg.norm(np.diff(local[edges], axis=1), axis=2).sum())
-        factor = TIGHT * girth_at(on_body, body.triangles, centre) / length
-        if not LEAST <= factor < 1.0:
-            continue
-        distance = np.minimum(cKDTree(local[loop]).query(local[piece])[0] / (DEPTH * parts.frame.height), 1.0)
-        near = 1.0 - distance**2 * (3.0 - 2.0 * distance)
-        scale = 1.0 + (factor - 1.0) * near
-        for axis in (0, 2):
-            rest[piece, axis] = centre[axis] + scale * (local[piece, axis] - centre[axis])
-        factors.append(factor)
-    return Banded(parts.frame.world(rest) if factors else positions, tuple(factors))
+        if topmost and low < height < high and abs(turns_about(local[edges] - centre)) > 0.5:
+            found.append(Band(edges, piece, centre, girth_at(on_body, body.triangles, centre)))
+    return found
+
+
+def nearness(local: Floats, band: Band, parts: BodyParts) -> Floats:
+    """Smooth weight of each vertex of the piece of a band, 1 at the band and 0 from DEPTH on, (k,)."""
+    nearest = cKDTree(local[np.unique(band.edges)]).query(local[band.piece])[0]
+    distance = np.minimum(nearest / (DEPTH * parts.frame.height), 1.0)
+    return np.asarray(1.0 - distance**2 * (3.0 - 2.0 * distance), np.float64)
 
 
 def girth_at(local: Floats, triangles: Ints, centre: Floats) -> float:

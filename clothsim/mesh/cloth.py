@@ -8,6 +8,7 @@ import numpy as np
 from clothsim.arrays import Floats, Ints, as_points, as_triangles
 from clothsim.errors import InputError
 from clothsim.mesh.fabric import Fabric
+from clothsim.mesh.pattern_lines import PatternLines
 
 
 @dataclass(frozen=True)
@@ -38,6 +39,8 @@ class Cloth:
         Texture coordinates of each corner, where the mesh has them; no energy reads them.
     fabrics : mapping
         Material of the panels that have one of their own; the others are of `fabric`.
+    lines : PatternLines
+        Edges, labels and open seams of a sewing pattern.
     """
 
     name: str
@@ -51,6 +54,7 @@ class Cloth:
     groups: Mapping[str, Ints] = field(default_factory=dict)
     texture: Floats = field(default_factory=lambda: np.zeros((0, 3, 2)))
     fabrics: Mapping[str, Fabric] = field(default_factory=dict)
+    lines: PatternLines = field(default_factory=PatternLines)
 
     def per_triangle(self, property_name: str) -> Floats:
         """Return a property of the fabric of each triangle, (m,)."""
@@ -71,12 +75,13 @@ def make_cloth(
     groups: Mapping[str, Ints] | None = None,
     texture: Floats | None = None,
     fabrics: Mapping[str, Fabric] | None = None,
+    lines: PatternLines | None = None,
 ) -> Cloth:
     """Make a cloth from checked arrays.
 
     Parameters
     ----------
-    name, fabric, velocity, groups, texture, fabrics
+    name, fabric, velocity, groups, texture, fabrics, lines
         See `Cloth`.
     rest_positions : (n, 3) array_like
         Rest shape [m].
@@ -103,7 +108,8 @@ def make_cloth(
         raise InputError(f"{name}: material_coordinates must be finite numbers of shape ({len(faces)}, 3, 2).")
     _refuse_no_area(name, material)
     speed, corners = np.asarray(velocity, float), np.zeros((0, 3, 2)) if texture is None else texture
-    return Cloth(name, start, faces, material, rest, flat, fabric, speed, groups or {}, corners, fabrics or {})
+    named = groups or {}, corners, fabrics or {}, lines or PatternLines()
+    return Cloth(name, start, faces, material, rest, flat, fabric, speed, *named)
 
 
 def triangle_planes(rest_positions: Floats, triangles: Ints) -> Floats:

@@ -107,11 +107,14 @@ def _error(certificate: dict[str, Any]) -> str:
         of_refined = estimate.get("of_refined", estimate)
         if isinstance(total, float) and not of_refined["known"]:
             known = f"not known, {known} by the last difference"
-        if not estimate.get("fixed"):
+        fixed = dict(estimate.get("fixed", {}))
+        if why := fixed.pop("coarser runs", ""):
+            return f"not known in all: {why} (--error 1mm, or `clothsim study`, refines); {parts}"
+        if not fixed:
             return f"{known} in all{request}; {parts}"
         if asked:
             request = f" ({'met by these' if of_refined['met'] else 'MISSED'}: {length(asked)} requested)"
-        unknown = " and ".join(estimate["fixed"])
+        unknown = " and ".join(fixed)
         return f"not known in all, as that of {unknown} is not; others {known}{request}; {parts}"
     temporal = estimate["temporal"]
     steps = temporal if isinstance(temporal, str) else length(temporal)

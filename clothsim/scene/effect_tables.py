@@ -74,6 +74,8 @@ class SeamLine(KeyTable):
         Sequence[Sequence[float]], Key("Points [[x, y, z], ...] along the border of the unplaced mesh", "m")
     ] = ()
     vertices: Annotated[Sequence[int], Key("Vertex numbers in order", "1")] = ()
+    panel: Annotated[str | None, Key("A panel of a sewing pattern, with `edge`", shown="none")] = None
+    edge: Annotated[int | None, Key("Edge of the panel as meshed, counted from 0", "1", least=0, shown="none")] = None
     nearest: Annotated[
         bool, Key("Of `to` alone: the edge of another piece that is nearest to each vertex of `from` at rest")
     ] = False  # fmt: skip
@@ -97,6 +99,20 @@ class Seam(KeyTable):
         Literal["length", "vertices"], Key("Borders meet at equal fractions of their lengths, or vertex by vertex")
     ] = "length"  # fmt: skip
     bends: Annotated[bool, Key("The closed seam bends as the cloth does; false: it folds freely")] = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class PatternSeams(KeyTable):
+    """All seams of sewing patterns that are open as placed: effects.seams.pattern."""
+
+    section: ClassVar[str] = "effects.seams.pattern"
+
+    start: Annotated[float, Key("Time at which the seams start to close", "s")] = 0.0
+    end: Annotated[float, Key("Time at which they are closed", "s")] = 1.0
+    stiffness: Annotated[
+        float | None, Key("Stiffness of a stitch", "N/m", above=0, shown="100 times the fabric's")
+    ] = None  # fmt: skip
+    bends: Annotated[bool, Key("The closed seams bend as the cloth does; false: they fold freely")] = True
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,7 +33,11 @@ _WORDS: tuple[tuple[Any, str], ...] = (
     (OverCloth, "number, array, .npy file or table by cloth"),
     (OverTimeByCloth, "number, key frames, function or table by cloth"),
     (Curve, "rows of [strain, stress] or .npy file"),
-    (Selection, '"corners" | "left" | "right" | "top" | "bottom" | "boundary", vertex numbers or { box = [lo, hi] }'),
+    (
+        Selection,
+        '"corners" | "left" | "right" | "top" | "bottom" | "boundary", vertex numbers, { box = [lo, hi] } or'
+        " { panel = name }",
+    ),
 )
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 from clothsim.errors import InputError
-from clothsim.scene.effect_tables import SELECT, Crease, Gust, Motion, PinGroup, Seam, Spring, Vortex
+from clothsim.scene.effect_tables import SELECT, Crease, Gust, Motion, PatternSeams, PinGroup, Seam, Spring, Vortex
 from clothsim.scene.key_table import KeyTable, as_tables
 from clothsim.scene.keys import shown
 from clothsim.scene.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Vector
@@ -216,6 +216,10 @@ class Seams(EffectKeys):
     section: ClassVar[str] = "effects.seams"
 
     seam: Annotated[Sequence[Seam | Mapping[str, Any]], Key("Seams between two borders", tables=(Seam,))] = ()
+    pattern: Annotated[
+        PatternSeams | Mapping[str, Any] | None,
+        Key("All seams of sewing patterns that are open as placed", tables=(PatternSeams,), shown="none"),
+    ] = None  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from PIL import Image, ImageDraw
 
 import clothsim
 from clothsim.cli.dress_command import as_length
-from clothsim.dressing.dress import Dress
+from clothsim.dressing.dressed import Dress
 from clothsim.dressing.pictures import WORN, draw_dress
 from clothsim.errors import ClothsimError
 from clothsim.io.atomic import write_atomically

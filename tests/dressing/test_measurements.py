@@ -1,12 +1,11 @@
 """Measurements: girths against closed forms and against sections of trimesh, areas, marker."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from capsule_bodies import person
 from real_data import DATA, needs_data
-from sewing_patterns import panel, skirt, specification, stitch
+from sewing_patterns import panel, skirt, specification
+from sewn_tubes import tube
 
 from clothsim.dressing.measurements import (
     areas_of_panels,
@@ -33,24 +32,6 @@ UP = np.array([0.0, 1.0, 0.0])
 def body() -> Figure:
     """The person of capsules."""
     return Figure("person", *person(0.05), 1.0, ())
-
-
-def tube(radius: float, low: float, high: float, panels: dict | None = None):
-    """State of a skirt of two panels, bent to a cylinder round the axis of y."""
-    half = 100 * np.pi * radius
-    front = [[0, 0], [half, 0], [half, 100 * (high - low)], [0, 100 * (high - low)]]
-    entries = specification(
-        {"front": panel(front), "back": panel(front), **(panels or {})},
-        [stitch(("front", 1), ("back", 3)), stitch(("front", 3), ("back", 1))],
-    )
-    mesh = mesh_pattern(pattern_of(entries), 0.04)
-    positions = mesh.positions.copy()
-    for name, turn in (("front", 0.0), ("back", np.pi)):
-        x, y = mesh.panel_coordinates[mesh.vertices[name]].T
-        angle = x / radius + turn
-        positions[mesh.vertices[name]] = np.column_stack([radius * np.sin(angle), low + y, radius * np.cos(angle)])
-    state = as_placed(replace(mesh, positions=positions))
-    return state.weld([0, 1])
 
 
 def test_section_of_a_tetrahedron():

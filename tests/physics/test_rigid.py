@@ -2,16 +2,17 @@
 
 import numpy as np
 import pytest
-from rigid_scenes import WEIGHTLESS, moments_of, momentum, rigid_scene
+from rigid_scenes import EFFECTS, WEIGHTLESS, moments_of, momentum, rigid_scene
 from scipy.special import ellipk
 
 from clothsim import Scene, Simulation, simulate
 from clothsim.build.scene_world import build
 from clothsim.energies.step import Step
-from clothsim.errors import InputError
+from clothsim.errors import InputError, IntersectionWarning
 from clothsim.run.session import prepare
 from clothsim.sim.rigid_prediction import predicted_start
 from clothsim.sim.state import first_state
+from clothsim.solve import nonlinear_elimination
 
 G = 9.81
 FLOOR = {"name": "floor", "mesh": "slab", "size": [4, 2, 0.1], "position": [0, 0, -0.05]}
@@ -197,3 +198,50 @@ def test_the_prediction_keeps_the_distances_and_the_joint():
     assert coordinates["free"] == pytest.approx(np.zeros(3), abs=1e-12)
     turn = np.radians(9.0)
     assert coordinates["hinged"] == pytest.approx(0.3 * np.array([1 - np.cos(turn), -np.sin(turn), 0]), abs=1e-12)
+
+
+def test_rigid_bodies_that_intersect_are_seen_by_the_exact_check(tmp_path):
+    ball = {"mesh": "sphere", "radius": 0.1, "subdivisions": 1}
+    rigid = [ball | {"name": "a", "velocity": [2.0, 0, 0]}, ball | {"name": "b", "position": [0.22, 0.01, 0.02]}]
+    with pytest.warns(IntersectionWarning, match="a and b intersect"):
+        run = simulate(rigid_scene(rigid, effects=WEIGHTLESS, dt=0.01, duration=0.05), tmp_path)
+    assert run.intersection_free is False
+    assert run.intersections["rigid"]["states"] > 0
+    assert run.intersections["cloth_body"]["states"] == 0
+
+
+def test_a_scene_far_from_the_origin_is_the_same(tmp_path):
+    far, ends = np.array([2e3, -1e3, 500.0]), []
+    for shift in (np.zeros(3), far):
+
+        def at(*point, shift=shift):
+            return shift + np.array(point)
+
+        rigid = [
+            {"name": "ball", "mesh": "sphere", "radius": 0.1, "subdivisions": 2, "position": at(0, 0, 0.13)},
+            {"name": "door", "mesh": "slab", "size": [0.1, 0.02, 0.2], "position": at(1, 0, 0.3)}
+            | {"joint": {"point": at(1, 0, 0.5), "axis": [0, 1, 0]}, "spin_degrees_per_second": [0, 90, 0]},
+        ]
+        floor = FLOOR | {"position": at(*FLOOR["position"])}
+        cloth = {"mesh": "rectangle", "size": [0.1, 0.1], "cells": [2, 2], "position": at(0, 0.5, 1)}
+        scene = rigid_scene(rigid, floor, EFFECTS | {"body_contact": {}}, duration=0.1, cloth=cloth)
+        world = build(scene).world
+        for body, rows, surface in zip(world.rigid, world.coordinate_slices, world.rigid_slices, strict=True):
+            followed = body.offset + body.weights @ world.start()[rows]
+            assert world.start()[surface] == pytest.approx(followed, abs=1e-12)
+        run = simulate(scene, tmp_path / str(len(ends)))
+        ends.append({name: points - shift for name, points, _ in run.bodies(-1)})
+    for name in ("ball", "door"):
+        assert ends[1][name] == pytest.approx(ends[0][name], abs=1e-6)
+
+
+def test_vertices_follow_their_coordinates_where_patches_are_eliminated(monkeypatch):
+    monkeypatch.setattr(nonlinear_elimination, "MIN_VERTICES", 1)
+    sheet = {"mesh": "rectangle", "size": [0.6, 0.6], "cells": [10, 10]}
+    ball = {"mesh": "sphere", "radius": 0.1, "subdivisions": 2, "position": [0.03, 0.02, 0.12], "velocity": [0, 0, -3]}
+    effects = EFFECTS | {"bending": {}, "pins": {"select": "boundary"}, "body_contact": {}, "self_contact": {}}
+    found, simulation = moments_of(rigid_scene(ball, effects=effects, dt=0.01, duration=0.06, cloth=sheet))
+    world, x = simulation._session.built.world, simulation._state.positions
+    body, rows, surface = world.rigid[0], world.coordinate_slices[0], world.rigid_slices[0]
+    assert x[surface] == pytest.approx(body.offset + body.weights @ x[rows], abs=1e-12)
+    assert found[-1].strain < 1e-3

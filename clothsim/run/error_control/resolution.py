@@ -120,7 +120,7 @@ def resolvable(given: Scene) -> Resolvable:
     try:
         with_cells(scene, Fraction(2))
         knobs.append(CELLS)
-        cells = Fraction(1, 2) if _halves(scene) else cells
+        cells = Fraction(1, 2) if has_cells_for(scene, 2) else cells
     except InputError as error:
         missing[CELLS] = error.sentence.rstrip(".")
     if d_hats(scene):
@@ -128,12 +128,12 @@ def resolvable(given: Scene) -> Resolvable:
     return Resolvable(scene, frame, Resolution(steps, cells), tuple(knobs), missing)
 
 
-def _halves(scene: Scene) -> bool:
-    """True where every cloth's cells are even numbers whose halves are FEWEST_CELLS or more."""
-    if any(count % 2 or count < 2 * FEWEST_CELLS for count in _counts(scene)):
+def has_cells_for(scene: Scene, factor: int, fewest: int = FEWEST_CELLS) -> bool:
+    """True where every cloth's cells over a factor are whole numbers, `fewest` or more."""
+    if any(count % factor or count < factor * fewest for count in _counts(scene)):
         return False
     try:
-        with_cells(scene, Fraction(1, 2))
+        with_cells(scene, Fraction(1, factor))
     except InputError:
         return False
     return True

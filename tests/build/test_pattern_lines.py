@@ -1,0 +1,147 @@
+"""Names of a sewing pattern in a scene: pins and seams by panel, edge and label, and open seams as strings."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sewing_patterns import SQUARE, panel, skirt, specification, stitch
+
+import clothsim
+from clothsim import InputError, load_scene
+from clothsim.build.scene_world import build
+from clothsim.energies.selection import selected_vertices
+from clothsim.mesh.pattern_lines import PatternLines
+
+
+def scene_of(tmp_path, entries, effects=(), **keys):
+    """The scene of a pattern with lines of TOML for its effects."""
+    (tmp_path / "x_specification.json").write_text(json.dumps(entries), encoding="utf-8")
+    table = {"mesh": "x_specification.json", "size": 0.05, "up": "y", **keys}
+    lines = ["[cloth]", *(f"{key} = {json.dumps(value)}" for key, value in table.items()), "[effects.membrane]"]
+    (tmp_path / "scene.toml").write_text("\n".join([*lines, "[effects.inertia]", *effects, ""]), encoding="utf-8")
+    return load_scene(tmp_path / "scene.toml")
+
+
+def labelled():
+    """Two panels side by side that touch, the top of the left one labelled; the third is apart."""
+    panels = {"left": panel(), "right": panel(SQUARE, translation=[10, 0, 0]), "pocket": panel(translation=[0, 0, 9])}
+    panels["left"]["edges"][2]["label"] = "waist"
+    sewn_edges = [stitch(("left", 1), ("right", 3)), stitch(("left", 0), ("pocket", 0), "right_wrong")]
+    return specification(panels, sewn_edges)
+
+
+def test_vertices_of_panel_edge_and_label(tmp_path):
+    world = build(scene_of(tmp_path, labelled())).world
+    cloth = world.cloths[0]
+    at = cloth.positions + world.origin
+
+    def of(**select):
+        return at[selected_vertices("pins", world, select)]
+
+    whole = of(panel="left")
+    assert np.ptp(whole, axis=0) == pytest.approx([0.1, 0.0, 0.2], abs=1e-12)
+    top = of(panel="left", edge=2)
+    assert np.allclose(top[:, 2], 0.2)
+    assert np.allclose(top[:, 0], [0.1, 0.05, 0.0])  # from its start to its end
+    assert np.allclose(np.sort(of(label="waist")[:, 0]), [0.0, 0.05, 0.1])
+    shared = [
+        set(selected_vertices("pins", world, {"panel": name, "edge": k})) for name, k in (("left", 1), ("right", 3))
+    ]
+    assert shared[0] == shared[1]
+    assert len(shared[0]) == 5
+
+
+def test_pins_hold_an_edge(tmp_path):
+    effects = ["[effects.gravity]", "[effects.pins]", 'select = { panel = "left", edge = 2 }']
+    made = build(scene_of(tmp_path, labelled(), effects))
+    assert len(made.constraints["pins"].at(0.0).vertices) == 3
+
+
+@pytest.mark.parametrize(
+    "select",
+    [
+        {"panel": "sleeve"},
+        {"panel": "left", "edge": 9},
+        {"panel": "left", "edge": 1.0},
+        {"panel": "left", "edge": True},
+        {"edge": 2},
+        {"label": "hem"},
+        {"label": ["waist"]},
+        {"panel": "left", "label": "waist"},
+    ],
+)
+def test_names_that_no_cloth_has(tmp_path, select):
+    world = build(scene_of(tmp_path, labelled())).world
+    with pytest.raises(InputError):
+        selected_vertices("pins", world, select)
+
+
+def test_open_seams_become_strings(tmp_path):
+    effects = ["[effects.seams]", "pattern = { end = 0.5, stiffness = 20.0 }"]
+    made = build(scene_of(tmp_path, labelled(), effects))
+    seams = made.energies["seams"]
+    assert [seam.name for seam in seams.seams] == ["pattern.cloth.left.0 to pocket.0"]  # the other one is welded
+    assert (seams.seams[0].start, seams.seams[0].end, seams.seams[0].stitches) == (0.0, 0.5, 3)
+    gaps = seams.lines(made.world.start())
+    assert np.allclose(np.abs(gaps), [0, 0.09, 0], atol=1e-9)
+    assert np.array_equal(np.unique(seams.stiffness), [20.0])
+
+
+def test_a_seam_between_edges_by_name(tmp_path):
+    lines = ["[[effects.seams.seam]]", 'from = { panel = "left", edge = 0 }', 'to = { panel = "pocket", edge = 0 }']
+    by_name = build(scene_of(tmp_path, labelled(), lines)).energies["seams"]
+    of_pattern = build(scene_of(tmp_path, labelled(), ["[effects.seams]", "pattern = {}"])).energies["seams"]
+    x = build(scene_of(tmp_path, labelled())).world.start()
+    assert np.allclose(by_name.lines(x), of_pattern.lines(x))
+    assert by_name.value(x) == pytest.approx(of_pattern.value(x))
+
+
+def test_two_panels_close_in_a_run(tmp_path):
+    effects = ["[effects.damping]", "rate = 5.0", "[effects.seams]", "pattern = { end = 0.4 }"]
+    scene = replace(scene_of(tmp_path, skirt(), effects), solver={"dt": 0.04}, run={"duration": 0.6})
+    run = clothsim.simulate(scene)
+    assert run.status == "completed"
+    (pairs, others) = build(scene).world.cloths[0].lines.open_seams.values()
+    joined = np.concatenate([pairs, others])
+    gaps = [np.linalg.norm(np.diff(run.positions(k)[joined], axis=1)[:, 0], axis=1) for k in (0, -1)]
+    assert gaps[0].min() > 0.19
+    assert gaps[1].max() < 0.01
+
+
+@pytest.mark.parametrize("keys", ["{ finish = 1.0 }", "{ start = 2.0 }", "1", "{ stiffness = -1.0 }"])
+def test_strings_that_cannot_be(tmp_path, keys):
+    with pytest.raises(InputError):
+        build(scene_of(tmp_path, labelled(), ["[effects.seams]", f"pattern = {keys}"]))
+
+
+def test_strings_without_a_pattern():
+    scene = clothsim.Scene(cloth={"mesh": "rectangle"}, effects={"inertia": {}, "seams": {"pattern": {}}})
+    with pytest.raises(InputError):
+        build(scene)
+
+
+def test_a_pattern_without_open_seams_needs_no_strings(tmp_path):
+    entries = specification({"left": panel(), "right": panel(SQUARE, translation=[10, 0, 0])},
+                            [stitch(("left", 1), ("right", 3))])  # fmt: skip
+    made = build(scene_of(tmp_path, entries, ["[effects.seams]", "pattern = {}"]))
+    assert "seams" in made.off
+
+
+def test_welding_by_distance_keeps_the_names(tmp_path):
+    apart = specification({"left": panel(), "right": panel(SQUARE, translation=[10.1, 0, 0])},
+                          [stitch(("left", 1), ("right", 3))])  # fmt: skip
+    open_ = build(scene_of(tmp_path, apart)).world.cloths[0]
+    welded = build(scene_of(tmp_path, apart, weld=2e-3)).world.cloths[0]
+    assert list(open_.lines.open_seams) == ["left.1 to right.3"]
+    assert dict(welded.lines.open_seams) == {}
+    left, right = welded.lines.edges["left", 1], welded.lines.edges["right", 3]
+    assert np.array_equal(left, right[::-1])
+
+
+def test_lines_under_another_numbering():
+    lines = PatternLines({("a", 0): np.array([0, 1, 2])}, {"top": np.array([2, 1])}, {"s": np.array([[0, 3], [1, 2]])})
+    after = lines.renumbered(np.array([0, 1, -1, 0]))
+    assert after.edges["a", 0].tolist() == [0, 1]
+    assert after.labels["top"].tolist() == [1]
+    assert dict(after.open_seams) == {}
