@@ -85,7 +85,7 @@ def penetrations(
     x = np.concatenate([garment, body.positions])
     faces = body.triangles + len(garment)
     own, with_body = intersecting_pairs(x, triangles), intersecting_pairs(x, triangles, faces)
-    whole = free[triangles].all(axis=1)
+    whole = np.asarray(free[triangles].all(axis=1))
     own, with_body = own[whole[own].any(axis=1)], with_body[whole[with_body[:, 0]]]
     position = None
     if within.count:
