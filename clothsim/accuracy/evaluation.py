@@ -83,6 +83,11 @@ class Gatherer:
         """True for a point that is a data point."""
         return where in self.outcomes and not self.outcomes[where].failed
 
+    def own_positions(self, where: Point) -> Floats:
+        """Positions of the vertices of a data point's own mesh at its end, (k, 3) [m]."""
+        with np.load(self._file(self.bench.key(where))) as arrays:
+            return np.asarray(arrays["positions"], np.float64)
+
     def missing_seconds(self, points: Iterable[Point]) -> float:
         """Wall-clock seconds that those of the points would take that are not known yet.
 

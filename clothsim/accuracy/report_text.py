@@ -27,11 +27,20 @@ def markdown(name: str, result: Mapping[str, Any]) -> str:
         "## How this was measured",
         "\n".join(f"* {line}" for line in _method(result)),
     ]
+    if "goal" in result:
+        parts[-2:-2] = _goal(result["goal"])
     if result["left_out"] or result["failed"]:
         lines = [f"* {name}: {reason}." for name, reason in result["left_out"].items()]
         lines += [f"* {entry['label']} is no data point: {entry['failed']}" for entry in result["failed"]]
         parts += ["## Left out", "\n".join(lines)]
     return "\n\n".join(parts) + "\n"
+
+
+def _goal(goal: dict[str, Any]) -> list[str]:
+    from clothsim.accuracy.goal_report import PICTURE_NAME, goal_lines
+
+    picture = [] if goal["failed"] else [f"![Error of {goal['name']} on the cloth]({PICTURE_NAME})"]
+    return [f"## Which triangles make the error of {goal['name']}", "\n".join(goal_lines(goal)), *picture]
 
 
 def _remainder(length: float | None) -> str:

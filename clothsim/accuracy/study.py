@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from time import monotonic
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -29,6 +29,9 @@ from clothsim.mesh.resample import material_of
 from clothsim.mesh.world import World
 from clothsim.scene.scene import Scene
 from clothsim.solve.threads import available_cores
+
+if TYPE_CHECKING:
+    from clothsim.accuracy.goal_report import NamedGoal
 
 FOR_FILES = 0.15, 8.0
 """Reserve of the budget for picture and tables: fraction of the budget, and most seconds."""
@@ -74,6 +77,7 @@ def study_accuracy(
     runners: Callable[[int], AbstractContextManager[Runner]] = worker_processes,
     name: str = "the scene",
     stopped: Callable[[], bool] = lambda: False,
+    goal: "NamedGoal | None" = None,
 ) -> Study:
     """Estimate the error of a scene's last frame, its sources, and the cost of a smaller one.
 
@@ -102,6 +106,8 @@ def study_accuracy(
         Name of the scene in the reports.
     stopped : callable
         Asked while the study runs; once it returns True the workers end, and the study with what it has.
+    goal : NamedGoal, optional
+        A number of the drape, whose difference to the finest cells is attributed to triangles; quasi-static scenes.
 
     Returns
     -------
@@ -133,6 +139,10 @@ def study_accuracy(
     base = fixed(scene, built)
     knobs_used, missing = usable(base, None if knobs is None else list(knobs))
     bench = Bench(scene, base, knobs_used)
+    if goal is not None:
+        from clothsim.accuracy.goal_report import refuse_goal
+
+        refuse_goal(built, bench)
     count = workers or available_cores()
     material = material_of([c.rest_positions for c in built.world.cloths], [c.triangles for c in built.world.cloths])
     fingerprint = _fingerprint(base, built.world)
@@ -157,7 +167,16 @@ def study_accuracy(
         )
         seen = gathered(gatherer)
     _refuse_failed_base(gatherer)
-    spent = {"budget": seconds, "seconds": monotonic() - started, "workers": count, "stopped": stopped()}
+    spent: dict[str, Any] = {
+        "budget": seconds,
+        "seconds": monotonic() - started,
+        "workers": count,
+        "stopped": stopped(),
+    }
+    if goal is not None:
+        from clothsim.accuracy.goal_report import goal_report
+
+        spent["goal"] = goal_report(gatherer, goal)
     return _written(StudyData(name, bench, gatherer, seen, missing), {**spent, "searched": found})
 
 

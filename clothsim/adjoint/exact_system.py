@@ -1,5 +1,6 @@
 """Solution with the exact Hessian of a bound potential at its minimum."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,10 +80,41 @@ def exact_system(potential: Potential, x: Floats, system: System, prescribed: np
     prescribed : (k,) int array
         Rows of x with prescribed positions.
     """
-    wider, hessians, data = _assembled(potential, x, system)
+    wider, hessians, data = _assembled(potential, [x], system)
     free = _free(wider, prescribed)
     wider.pattern.fix(data, ~free)
     return ExactSystem(hessians, free, wider.solver, data)
+
+
+def mean_adjoint(
+    potential: Potential, states: Sequence[Floats], system: System, prescribed: np.ndarray, forces: Floats
+) -> Floats:
+    """Solve with the mean of the exact Hessians at several states.
+
+    Parameters
+    ----------
+    states : sequence of (N, 3) arrays
+        Positions [m].
+    forces : (N, 3) float64
+        Right-hand side.
+    potential, system, prescribed
+        As of `exact_system`.
+
+    Returns
+    -------
+    (N, 3) float64
+        0 in the prescribed rows.
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        Where the mean is not positive definite.
+    """
+    wider, _, data = _assembled(potential, states, system)
+    free = _free(wider, prescribed)
+    data /= len(states)
+    wider.pattern.fix(data, ~free)
+    return ExactSystem([], free, wider.solver, data).solve(forces)
 
 
 def lowest_direction(potential: Potential, x: Floats, system: System, prescribed: np.ndarray) -> Floats | None:
@@ -90,7 +122,7 @@ def lowest_direction(potential: Potential, x: Floats, system: System, prescribed
 
     (N, 3); None where the curvature is not negative, or the projected one singular. Parameters as of `exact_system`.
     """
-    wider, _, exact = _assembled(potential, x, system)
+    wider, _, exact = _assembled(potential, [x], system)
     free = _free(wider, prescribed)
     projected = wider.assemble(potential.hessians(x))
     for data in (exact, projected):
@@ -109,9 +141,9 @@ def lowest_direction(potential: Potential, x: Floats, system: System, prescribed
     return out
 
 
-def _assembled(potential: Potential, x: Floats, system: System) -> tuple[System, list[Explicit], Floats]:
-    """A system wide enough for the exact Hessian, its parts, and its data in the pattern."""
-    given = [energy.hessian(x, False) for energy in potential.acting.values()]
+def _assembled(potential: Potential, states: Sequence[Floats], system: System) -> tuple[System, list[Explicit], Floats]:
+    """A system wide enough for the sum of the exact Hessians at states, its parts, and its data in the pattern."""
+    given = [energy.hessian(x, False) for x in states for energy in potential.acting.values()]
     implicit = split(given)[1]
     wider = system.widened([part.elements for part in implicit])
     hessians = explicit(given)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
 LOSSES = {
     "height": "mean height of the cloth [m]",
+    "hem": "mean height of the side of its border that hangs lowest [m]",
     "silhouette": "area of its shadow on the ground [m2]",
     "girth=HEIGHT": "length of its cut with the plane z = HEIGHT [m]",
     "target=FILE": "mean squared distance to a drape: a mesh, points (.xyz) or a run [m2]",
@@ -20,24 +21,29 @@ LOSSES = {
 """Losses by the form in which they are given."""
 
 
-def loss_of(text: str, world: "World") -> "Loss":
-    """Return the loss that a text such as "girth=0.8" names. InputError for another text."""
+def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
+    """Return the loss that a text such as "girth=0.8" names. InputError, with the option's name, for another text."""
+    from clothsim.adjoint.hem import hem_of
     from clothsim.adjoint.losses import Girth, Height, Silhouette
     from clothsim.adjoint.targets import target_loss
 
     name, _, value = (part.strip() for part in text.partition("="))
     if name == "height" and not value:
         return Height()
+    if name == "hem" and not value:
+        return hem_of(world)
     if name == "silhouette" and not value:
         return Silhouette()
     if name == "girth" and value:
         try:
             return Girth(float(value))
         except ValueError as error:
-            raise InputError(f"--loss {text}: {value!r} is no height.", "Write it as girth=0.8, in metres.") from error
+            raise InputError(
+                f"{option} {text}: {value!r} is no height.", "Write it as girth=0.8, in metres."
+            ) from error
     if name == "target" and value:
         return target_loss(Path(value), world)
-    raise InputError(f"--loss {text!r} is no loss.", f"Give {', '.join(LOSSES)}.")
+    raise InputError(f"{option} {text!r} is no loss.", f"Give {', '.join(LOSSES)}.")
 
 
 def words(option: str, text: str) -> list[str]:

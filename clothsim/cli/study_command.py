@@ -15,6 +15,8 @@ from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.accuracy.evaluation import Progress
+    from clothsim.accuracy.goal_report import NamedGoal
+    from clothsim.scene.scene import Scene
 
 NO_ANSWER = 1
 """Exit code of a study whose budget, or end by SIGTERM, left runs out that its answer needs."""
@@ -36,6 +38,7 @@ def add_to(commands: Any) -> None:
         "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name_study)"
     )
     study.add_argument("--knobs", metavar="NAMES", help="dt,cells,tolerance,d_hat,eps_v,iterations (default: all)")
+    study.add_argument("--goal", metavar="GOAL", help="which triangles make its error: hem, height, girth=0.8, ...")
     study.add_argument("--budget", default="120s", metavar="TIME", help="of the whole study: 90s, 10min (default 120s)")
     study.add_argument("--workers", metavar="N", help="processes at a time (default: one a core)")
     study.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of the scene")
@@ -62,13 +65,14 @@ def _study(arguments: argparse.Namespace) -> int:
     scene = load_scene(scene_file(arguments.scene))
     for assignment in arguments.set:
         scene = override(scene, assignment)
+    goal = None if arguments.goal is None else _goal(arguments.goal, scene)
     directory = arguments.output or Path(f"{arguments.scene.stem}_study")
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     if not arguments.quiet:
         print(f"clothsim {__version__}: study {arguments.scene}", file=talk, flush=True)
     with shown(arguments.quiet) as on_progress, terminated() as stopped:
-        name = arguments.scene.stem
-        done = study_accuracy(scene, directory, knobs, budget, workers, on_progress, name=name, stopped=stopped)
+        named: dict[str, Any] = {"name": arguments.scene.stem, **({} if goal is None else {"goal": goal})}
+        done = study_accuracy(scene, directory, knobs, budget, workers, on_progress, stopped=stopped, **named)
     if arguments.json:
         print((done.directory / "study.json").read_text(encoding="utf-8"), end="")
     lines = answer(done.result)
@@ -76,12 +80,28 @@ def _study(arguments: argparse.Namespace) -> int:
         f"  for <= {each['error']:g} mm: {settings_text(each['settings'])}, about {each['seconds']:.2g} s"
         for each in done.result["recommended"]
     ]
+    if goal is not None:
+        from clothsim.accuracy.goal_report import goal_lines
+
+        lines += goal_lines(done.result["goal"])
     left = len(done.result["left_out"])
     if left:
         lines.append(f"{left} points exceeded the budget or are not valid: study.md names them.")
-    files = ", ".join(name for name in ("study.md", "study.json", "study.png") if (directory / name).is_file())
+    files = ", ".join(
+        name for name in ("study.md", "study.json", "study.png", "goal.png") if (directory / name).is_file()
+    )
     print("\n".join([*lines, f"  files     {directory}: {files}"]), file=talk)
     return NO_ANSWER if done.result["headline"]["status"] == UNFINISHED else 0
+
+
+def _goal(text: str, scene: "Scene") -> "NamedGoal":
+    """The goal of --goal; InputError for one that is none, before anything runs."""
+    from clothsim.accuracy.goal_report import NamedGoal
+    from clothsim.build.scene_world import build
+    from clothsim.cli.loss_arguments import loss_of
+
+    loss_of(text, build(scene).world, "--goal")
+    return NamedGoal(text, lambda world: loss_of(text, world, "--goal"))
 
 
 @contextmanager

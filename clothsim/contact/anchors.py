@@ -8,8 +8,7 @@ relative displacement u of the closest points: beyond |z + u| = e the anchor is 
 z turns with the body of a contact, with the second surface where cloth touches cloth: on a turntable it would else be
 left behind at the rate omega z. So does the gap d between the points: on a slab that tilts by an angle it moves one
 over the other by |d| times that angle, which is no slip (`turning`). It is the body's rotation that counts, whichever
-surface has the vertex: that of the cloth is unknown before the step, and friction that follows the rotation of the step
-before drives garments to and fro for ever.
+surface has the vertex: the tilt of a triangle of cloth is unknown before the step.
 
 The anchor belongs to a material point (a vertex, or an edge) and to the object that it touches, not to a pair of
 simplices: a vertex that passes from face to face keeps it. Where one point touches an object from several sides, the

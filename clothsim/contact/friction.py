@@ -10,6 +10,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.contact import friction_kernels as kernels
 from clothsim.contact.anchors import Anchors, anchors_at, anchors_from, relative_positions, tangential
 from clothsim.contact.barrier import Barrier
+from clothsim.contact.rigid_motion import rigid_displacements
 from clothsim.energies.base import Energy
 from clothsim.energies.elementwise import Elementwise
 from clothsim.energies.hessians import ElementHessian
@@ -71,7 +72,7 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
         Of the contacts of the step before, as they are at its end.
     elements, weights, normals, slips, turns, limits, slides : (p, 4), (p, 4), (p, 3), (p, 3), (p, 3), (p,), (p,) array
         Lagged pairs: rows, weights, normals, z [m], `Anchors.turning` of the step as the velocities at its start
-        predict it [m], limits mu F [N], and whether they slide.
+        predict it (`_predictable`) [m], limits mu F [N], and whether they slide.
     """
 
     kinetic: Floats
@@ -162,12 +163,25 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
         start, displacements = self.contacts.start, self.contacts.displacements
         still = np.zeros(len(elements), bool)
         at_start = anchors_at(start, elements, weights, normals, none, still, self.triangles_at)
-        turns = tangential(at_start.turning(start + displacements), normals)
+        turns = tangential(at_start.turning(start + self._predictable(at_start)), normals)
         moves = tangential(relative_positions(displacements, elements, weights), normals) - turns
         slides = np.linalg.norm(moves, axis=1) > self.elastic_slip
         known = parents >= 0
         slides[known] = self.anchors.slides[parents[known]]
         return slips, turns, slides
+
+    def _predictable(self, anchors: Anchors) -> Floats:
+        """Displacements (N, 3) [m] of the step that are known at its start: of a cloth in contact its rigid part.
+
+        The tilt of its triangles is not: friction that follows the tilt of the step before drives it to and fro.
+        """
+        displacements = self.contacts.displacements
+        cloths = np.unique(self.labels[anchors.elements[anchors.turners[:, 0] < 0]])
+        if not len(cloths):
+            return displacements
+        rows, found = np.isin(self.labels, cloths), displacements.copy()
+        found[rows] = rigid_displacements(self.contacts.start[rows], displacements[rows], self.labels[rows])
+        return found
 
     def value(self, x: Floats) -> float:
         """Dissipation potential of the step [J]."""

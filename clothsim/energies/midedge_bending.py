@@ -26,7 +26,7 @@ from clothsim.arrays import Floats, Ints
 from clothsim.energies import hinge_kernels, midedge_kernels
 from clothsim.energies.base import Energy
 from clothsim.energies.hessians import ImplicitHessian, LanesHessian, LowRankHessian, SumHessian
-from clothsim.energies.protocols import Restrictable
+from clothsim.energies.protocols import DividedForce, Restrictable
 from clothsim.kinematics.curvature import bending_strains
 from clothsim.memo import Memo
 from clothsim.mesh.hinges import Hinges
@@ -34,7 +34,7 @@ from clothsim.mesh.world import World
 
 
 @dataclass(frozen=True)
-class MidedgeBending(Energy, Restrictable):
+class MidedgeBending(DividedForce, Energy, Restrictable):
     """E = |G (theta - theta0)|^2/2; +inf where a triangle beside a hinge has no area.
 
     Such a hinge adds nothing to gradient and Hessian. An element is a triangle with the hinges of its three rows of G.
@@ -85,6 +85,12 @@ class MidedgeBending(Energy, Restrictable):
         hinges = self.vertices, moments, self.bounds if project else np.zeros(len(self.vertices))
         by_hinge = LanesHessian(self.vertices, lambda lanes, first: hinge_kernels.fill(lanes, first, *hinges, x))
         return by_hinge if project else SumHessian((by_hinge, self._squares(x)))
+
+    def by_element(self, x: Floats) -> tuple[Ints, Floats]:
+        """The force of each hinge's moment, (h, 4, 3)."""
+        apart = np.arange(self.vertices.size).reshape(self.vertices.shape)
+        forces = hinge_kernels.gradient(apart, self._moments(x), x[self.vertices].reshape(-1, 3))
+        return self.vertices, np.asarray(forces).reshape(-1, 4, 3)
 
     def _squares(self, x: Floats) -> ImplicitHessian:
         """J' G'G J: the Gauss-Newton Hessian."""

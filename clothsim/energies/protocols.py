@@ -195,6 +195,14 @@ class SeesPast(abc.ABC):
         """d(adjoint . gradient(x)) by the start of the `step` that the energy is bound to; adjoint (N, 3) [m]."""
 
 
+class DividedForce(abc.ABC):
+    """An energy of elements that are not rows of its arrays, with the gradient of each."""
+
+    @abc.abstractmethod
+    def by_element(self, x: Floats) -> tuple[Ints, Floats]:
+        """Rows (m, k) of the elements and their parts (m, k, 3) of dE/dx at x [N]."""
+
+
 class Report:
     """The report of an energy to the user; each part is empty where a subclass does not give it."""
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim import Scene, Simulation, open_run, resume, simulate
+from clothsim.io.obj_writer import write_obj
 
 CLOTH = {"mesh": "rectangle", "size": [0.1, 0.1], "cells": [2, 2], "rotation_degrees": [60, 0, 0]}
 """A sheet that hangs by its left edge and swings into the vertical plane."""
@@ -102,6 +103,33 @@ def test_stepping_by_hand_ends_at_rest_and_goes_on_after_a_change(run, tmp_path)
     assert more[-1].at_rest
     assert more[-1].time < LIMIT
     assert more[-1].positions["cloth"][:, 1].mean() > states[-1].positions["cloth"][:, 1].mean() + 0.02
+
+
+def draped(folder, **sections):
+    """A sheet on a ball with friction: vertices of the ball touch its triangles, which tilt."""
+    cloth = {"mesh": "rectangle", "size": [0.3, 0.3], "cells": [8, 8], "position": [0.01, 0.02, 0.16]}
+    scene = Scene(
+        cloth={**cloth, "rotation_degrees": [0, 0, 15], "fabric": "cotton"},
+        body={"mesh": "sphere", "radius": 0.15, "subdivisions": 3},
+        effects={"inertia": {}, "membrane": {}, "bending": {}, "gravity": {}, "damping": {"rate": 4.0},
+                 "body_contact": {}, "friction": {"coefficient": 0.5}},
+        solver={**SOLVER, "dt": 0.05},
+        run={"duration": 4.0, "frames_per_second": 10, "until": "rest"},
+        **sections,
+    )  # fmt: skip
+    return simulate(scene, folder)
+
+
+def test_a_drape_with_friction_comes_to_rest_and_from_its_own_end_stays(tmp_path):
+    first = draped(tmp_path / "first")
+    assert first.summary["certificate"]["at_rest"] is True
+    triangles = first.trajectory.surfaces[0].own_triangles
+    seed = {"from": "file", "file": str(write_obj(tmp_path / "end.obj", first.positions(-1), triangles))}
+    again = draped(tmp_path / "again", seed=seed)
+    assert again.summary["certificate"]["at_rest"] is True
+    assert max(entry["newton_iterations"] for entry in again.record()) <= 2
+    assert len(again.record()) < 20
+    assert np.linalg.norm(frames(again) - first.positions(-1), axis=2).max() < 2e-4
 
 
 def test_a_quasi_static_run_is_at_rest_once_its_loads_are_complete(tmp_path):
