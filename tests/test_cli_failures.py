@@ -85,3 +85,16 @@ def test_iterates_of_a_step_that_never_came_are_missed(capsys, tmp_path):
     assert "iterates_99.npz" in capsys.readouterr().out
     assert "Step 3 cannot be dumped: 8 steps are done." in refused(capsys, "resume", "free", "--dump-iterates", "3")[0]
     assert "--dump-iterates is 'two'" in refused(capsys, "run", "free.toml", "--dump-iterates", "two")[0]
+
+
+@pytest.mark.parametrize(
+    "words", [["run", "scene.toml", "-o", ""], ["fit", "a.obj", "--to", ""], ["run", "-o", "", "x"]]
+)
+def test_an_empty_word_after_an_option_is_refused(words, tmp_path, monkeypatch, capsys):
+    """The directory of an unset variable would be the current one."""
+    here = tmp_path / "here"
+    here.mkdir()
+    monkeypatch.chdir(here)
+    assert main(words) == 2
+    assert "is empty" in capsys.readouterr().err
+    assert not list(here.iterdir())

@@ -15,6 +15,8 @@ from clothsim.mesh.pattern_lines import PatternLines
 
 PART = ("scale", "group", "component", "vertices")
 """The keys that name a part of a file and its unit."""
+LONGEST_NAME = 200
+"""Bound on the letters of a name, which stands in every message, table and file about it."""
 
 
 @dataclass(frozen=True)
@@ -55,10 +57,12 @@ class Shape:
 
 
 def name_of(keys: Mapping[str, Any], where: str) -> str:
-    """The name that a table gives, or the table's own. InputError for one that cannot be printed."""
+    """The name that a table gives, or the table's own. InputError for one that cannot be printed in a line."""
     name = keys.get("name", where)
     if not isinstance(name, str) or not name or not name.isprintable():
         raise InputError(f"{where}.name must be a text that can be printed, not {name!r}.", 'Write name = "sheet".')
+    if len(name) > LONGEST_NAME:
+        raise InputError(f"{where}.name has {len(name):,} letters, more than {LONGEST_NAME}.", 'Write name = "sheet".')
     return name
 
 

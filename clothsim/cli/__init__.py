@@ -31,7 +31,7 @@ from clothsim.cli import (
     unpose_command,
     view_command,
 )
-from clothsim.cli.arguments import Parser, join_vectors
+from clothsim.cli.arguments import Parser, join_vectors, refuse_empty
 from clothsim.cli.events import events, stream
 from clothsim.errors import ClothsimError, IntersectionWarning
 
@@ -145,6 +145,7 @@ def parser_of_all() -> Parser:
 
 
 def _dispatch(words: Sequence[str]) -> int:
+    refuse_empty(words)
     parser = parser_of_all()
     arguments = parser.parse_args(words)
     if arguments.version:

@@ -25,6 +25,13 @@ class Parser(argparse.ArgumentParser):
         raise InputError(f"{message[:1].upper()}{message[1:]}.", f"See `{self.prog} --help`.")
 
 
+def refuse_empty(words: Sequence[str]) -> None:
+    """InputError for an empty word after an option: a variable of the shell that is not set."""
+    for option, word in zip(words, words[1:], strict=False):
+        if not word and option.startswith("-"):
+            raise InputError(f"{option} is empty.", "Give it a value: a variable of the shell may not be set.")
+
+
 def join_vectors(words: Sequence[str]) -> list[str]:
     """`--view -1,0,0` as `--view=-1,0,0`, as argparse would take the value for an option."""
     joined: list[str] = []

@@ -2,24 +2,25 @@
 
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
 from clothsim.fitting.distortion import Cost, cost_of
+from clothsim.fitting.drape_stage import Ended, drape_stage
 from clothsim.fitting.inputs import Figure, figure_of, garment_of, read_figure, read_garment, worn_in_scene
 from clothsim.fitting.markers import NO_MARKERS, read_markers
-from clothsim.fitting.moving_body import BODY, REST, START, draped, named_stage
+from clothsim.fitting.moving_body import BODY, CLOSING, REST, START
 from clothsim.fitting.original_file import fitted_text
-from clothsim.fitting.penetration import Counts
+from clothsim.fitting.penetration import NO_ROWS, Counts
 from clothsim.fitting.pipeline import Seeded, Task, seeded
 from clothsim.fitting.sized import Size
-from clothsim.fitting.stage import Garment, Stage, StageCallback, best_stage, staged
+from clothsim.fitting.stage import Garment, Stage, StageCallback, best_stage
 from clothsim.fitting.standing import refuse_lying
 from clothsim.fitting.worn_look import Look, look_of
 from clothsim.io.atomic import write_atomically
@@ -35,11 +36,9 @@ from clothsim.run.resume import FITTED
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.fabrics import fabric_named
 
-LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY)
+LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY, *CLOSING)
 """Files of a fit in its directory."""
 REMEDY = "Look at fit.png, and at the garment on its own body: `clothsim check GARMENT --on BODY -o FILE`."
-FALLING = 0.5
-"""Largest speed at the end of a drape [m/s] for a garment that rests on the body."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +73,9 @@ class Fit:
         Measures of a garment that looks worn, and the fault of one that does not.
     notes : tuple of str
         Defaults used in reading and fitting.
+    carried : (k,) int array
+        Rows of `positions` that the body carries where it overlaps itself, as thighs do: their intersections are left
+        out of `counts`. Empty on all other bodies.
 
     Examples
     --------
@@ -96,6 +98,7 @@ class Fit:
     size: Size
     look: Look
     notes: tuple[str, ...]
+    carried: Ints = field(default_factory=lambda: NO_ROWS)
 
     @property
     def answer_number(self) -> int:
@@ -253,10 +256,10 @@ def _refuse_file_options(scale: float | None, part: tuple[int, int] | None) -> N
 
 def _simulated(task: Task, seeded_fit: Seeded, started: float, announce: Announcement | None) -> Fit:
     """Drape the garment and write the results."""
-    ended = _Ended("failed", seeded_fit.failure, None, seeded_fit.stages)
+    ended = Ended("failed", seeded_fit.failure, None, seeded_fit.stages)
     if not seeded_fit.failure:
-        ended = _draped(task, seeded_fit, announce)
-    status, reason, run, stages = ended
+        ended = drape_stage(task, seeded_fit, announce)
+    status, reason, run, stages, carried = ended
     if not stages[-1].counts.clean:  # self_contact was off, or nothing freed it
         status = "failed"
     answer = stages[-1] if status != "failed" else stages[best_stage(stages, seeded_fit.on_target)]
@@ -277,57 +280,10 @@ def _simulated(task: Task, seeded_fit: Seeded, started: float, announce: Announc
         seeded_fit.size,
         look,
         (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *seeded_fit.notes),
+        carried if answer is stages[-1] else NO_ROWS,
     )
     _write(done, perf_counter() - started)
     return done
-
-
-class _Ended(NamedTuple):
-    """End of a drape."""
-
-    status: str
-    reason: str
-    run: Run | None
-    stages: tuple[Stage, ...]
-
-
-def _draped(task: Task, seeded_fit: Seeded, announce: Announcement | None) -> _Ended:
-    """Drape; where it cannot start or complete, its start is the result, with status refined."""
-    body = seeded_fit.body
-    runs: list[Run] = []
-
-    def make() -> tuple[Floats, str]:
-        start, up = seeded_fit.last.positions, task.target.up
-        progress = named_stage("simulate", task.progress)
-        runs.append(draped(seeded_fit.worn, start, body.positions, up, task.folder, progress, announce))
-        return runs[0].positions(-1), f"draped for {runs[0].times[-1]:g} s"
-
-    try:
-        stage = staged("simulate", task.garment.triangles, body, make, task.on_stage)
-    except InputError as error:
-        return _Ended("refined", f"The drape could not start: {error.sentence}", None, seeded_fit.stages)
-    run = runs[0]
-    if run.status != "completed":
-        return _Ended("refined", run.reason, run, seeded_fit.stages)
-    if not stage.counts.clean:
-        reason = f"The drape ended with {stage.counts}, {stage.counts.where}."
-        return _Ended(
-            "refined", reason, run, seeded_fit.stages if seeded_fit.last.counts.clean else (*seeded_fit.stages, stage)
-        )
-    fallen = _fallen(run, task.target.name)
-    return _Ended("failed" if fallen else "completed", fallen or run.reason, run, (*seeded_fit.stages, stage))
-
-
-def _fallen(run: Run, body: str) -> str:
-    """Sentence for a garment that is still falling at the end of the drape; empty where it rests on the body."""
-    record = run.record()
-    fastest = record[-1]["fastest"] if record else 0.0
-    if fastest < FALLING:
-        return ""
-    return (
-        f"The garment does not stay on {body}: at the end of its drape it still moves at {fastest:.2g} m/s. "
-        "Does it lie on the body that it was made for (--from, --scale)?"
-    )
 
 
 def _write(done: Fit, seconds: float) -> None:
@@ -348,6 +304,7 @@ def _write(done: Fit, seconds: float) -> None:
         "look": done.look.as_dict(),
         "notes": [*done.notes, *previous["notes"]],
         "pieces": division.as_dict(),
+        **({"carried": _carried_entry(done)} if len(done.carried) else {}),
         "fit_seconds": seconds,
     }
     if done.status in ("failed", "distorted"):
@@ -357,6 +314,11 @@ def _write(done: Fit, seconds: float) -> None:
         failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": position, "remedy": REMEDY}
         fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
     write_summary(file, {**previous, **fitted})
+
+
+def _carried_entry(done: Fit) -> dict[str, Any]:
+    """Vertices that the body carries, and their mean position [m]."""
+    return {"vertices": done.carried.tolist(), "position": done.positions[done.carried].mean(axis=0).tolist()}
 
 
 def _same(one: Any, other: Any) -> bool:

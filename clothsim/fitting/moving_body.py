@@ -20,9 +20,13 @@ from clothsim.scene.scene import Scene
 
 REST, START, BODY = "garment_rest.obj", "garment_start.obj", "body.obj"
 FRAMES = "body[0-9][0-9][0-9].obj"
+CLOSING = ("body_closing0.obj", "body_closing1.obj")
+"""Frames of a body that closes where it overlaps itself."""
 
 CARRYING_SECONDS = 0.5
 """Duration of the motion of a body [s]: slow beside the damping, which holds the garment to it."""
+CLOSING_SECONDS = 0.2
+"""Duration of the closing of a body that overlaps itself [s]: four steps of a drape."""
 STITCHING_SECONDS = 0.1
 """Time in which the stitches of a piece close [s]."""
 CARRYING_TOLERANCE = 0.1
@@ -68,6 +72,9 @@ DRAPING: dict[str, Any] = {
     },
     "run": {"duration": 1.0, "frames_per_second": 10, "until": "rest", "rest_speed": 0.02},
 }
+
+
+NO_POSITIONS: Floats = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
@@ -130,14 +137,23 @@ def draped(
     listener: Listener | None,
     announce: Announcement | None,
     duration: float | None = None,
+    opened: Floats = NO_POSITIONS,
 ) -> Run:
     """Run of the garment, from `start` (n, 3) [m], on the standing `body (k, 3)` [m] under gravity against `up (3,)`.
 
-    duration [s]: None: as in DRAPING.
+    duration [s]: None: as in DRAPING. opened (k, 3) [m]: the body at the start, where it overlaps itself; it closes,
+    and carries the vertices between its parts.
     """
     _make(folder)
+    table: dict[str, Any] = {"name": "body", "mesh": BODY}
+    contact: dict[str, Any] = {}
     write_obj(folder / BODY, body, worn.body_triangles)
-    settings = {
+    if len(opened):
+        for name, frame in zip(CLOSING, (opened, body), strict=True):
+            write_obj(folder / name, frame, worn.body_triangles)
+        table = {"name": "body", "frames": "body_closing[01].obj", "frames_per_second": 1 / CLOSING_SECONDS}
+        contact = {"pinch": "carry"}
+    settings: dict[str, Any] = {
         **DRAPING,
         "effects": {
             **DRAPING["effects"],
@@ -147,7 +163,7 @@ def draped(
     }
     if duration is not None:
         settings["run"] = {**settings["run"], "duration": duration}
-    scene = _scene(worn, start, {"name": "body", "mesh": BODY}, settings, folder)
+    scene = _scene(worn, start, table, {**settings, "contact": contact}, folder)
     return _run(scene, folder, listener, announce)
 
 
@@ -173,6 +189,7 @@ def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, 
         body=body,
         effects=effects,
         solver=settings["solver"],
+        contact=settings.get("contact", {}),
         run=settings["run"],
         seed={"from": "file", "file": START},
         directory=folder,

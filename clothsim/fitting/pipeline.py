@@ -11,11 +11,13 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from time import perf_counter
+from typing import NamedTuple
 
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.errors import InputError
+from clothsim.fitting.body_overlap import NO_OVERLAP, Overlap, overlaps_at
 from clothsim.fitting.guaranteed_path import Clearing, clearings
 from clothsim.fitting.inputs import Figure
 from clothsim.fitting.layers import layers_of
@@ -73,7 +75,8 @@ class Seeded:
     """Start of a simulation: the last of `stages` where failure is empty; worn: how the scenes wear it.
 
     place (n, 3) [m]: where the garment was worn, on the target; on_target: the first stage that is counted there;
-    body: the target; size: of the garment there.
+    body: the target; size: of the garment there; stopped_at (3,) [m]: where a motion failed; overlap: of the body with
+    itself, which is open at the start of the drape.
     """
 
     stages: tuple[Stage, ...]
@@ -84,6 +87,8 @@ class Seeded:
     size: Size
     failure: str = ""
     notes: tuple[str, ...] = ()
+    stopped_at: Floats | None = None
+    overlap: Overlap = NO_OVERLAP
 
     @property
     def last(self) -> Stage:
@@ -247,7 +252,18 @@ def _grown(state: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Ta
     if len(start.frames) == 1:
         return state if state.last.positions is shape else state.after(replace(stage, seconds=0.0))
     description = f"the body {start.description}, from {stage.name}, grown back under IPC"
-    return _after_motion(state, "grow", shape, start.frames, task, body, description)
+    grown = _after_motion(state, "grow", shape, start.frames, task, body, description)
+    if not grown.failure or grown.stopped_at is None:
+        return grown
+    for overlap in overlaps_at(body, grown.stopped_at):
+        how = f"{description}, open by {1e3 * overlap.depth:.3g} mm where it overlaps itself"
+        notes = (*grown.notes, f"Tried {start.description}: {grown.failure}")
+        frames = (*start.frames[:-1], overlap.opened)
+        before, end = replace(grown, failure="", notes=notes), body_surface(overlap.opened, body.triangles)
+        opened = _after_motion(before, "grow", shape, frames, task, body, how, end)
+        if not opened.failure:
+            return replace(opened, overlap=overlap)
+    return grown
 
 
 def _morphed(state: Seeded, start: Stage, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
@@ -260,27 +276,46 @@ def _morphed(state: Seeded, start: Stage, task: Task, body: BodySurface, carrier
 
 
 def _after_motion(
-    state: Seeded, name: str, shape: Floats, frames: Sequence[Floats], task: Task, body: BodySurface, description: str
+    state: Seeded,
+    name: str,
+    shape: Floats,
+    frames: Sequence[Floats],
+    task: Task,
+    body: BodySurface,
+    description: str,
+    end: BodySurface | None = None,
 ) -> Seeded:
+    """Move a body through `frames` under the garment; end: the body there, where it is not yet `body`."""
     folder, ended = task.folder / name, []
+    places: list[Floats | None] = []
 
     def make() -> tuple[Floats, str]:
-        positions, how, failure = _carried(state.worn, shape, frames, folder, named_stage(name, task.progress), body)
-        ended.append(failure)
-        return positions, f"{description}{how}"
+        moved = _carried(state.worn, shape, frames, folder, named_stage(name, task.progress), end or body)
+        ended.append(moved.failure)
+        places.append(moved.place)
+        return moved.positions, f"{description}{moved.how}"
 
     try:
         stage = staged(name, task.garment.triangles, body, make, task.on_stage)
     except InputError as error:
         return replace(state, failure=f"The stage {name} could not start: {error.sentence}")
     failure = ended[0] and f"In the stage {name}: {ended[0]}"
-    return replace(state.after(stage), failure=failure)
+    return replace(state.after(stage), failure=failure, stopped_at=places[-1])
+
+
+class _Moved(NamedTuple):
+    """Shape after the motion of a body, what was changed for it, failure of the run, and its place [m]."""
+
+    positions: Floats
+    how: str
+    failure: str
+    place: Floats | None
 
 
 def _carried(
-    worn: Worn, shape: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None, body: BodySurface
-) -> tuple[Floats, str, str]:
-    """The shape after the motion of a body, what was changed for it, and the failure of the run.
+    worn: Worn, shape: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None, end: BodySurface
+) -> _Moved:
+    """Move the body through `frames` under the garment.
 
     First with the part of the body near the garment: the check of the stage has the whole one. Where the garment is not
     clear of that, as it left the part, the whole body moves. What fails with friction is tried without.
@@ -295,6 +330,9 @@ def _carried(
             run = moved_with_body(replace(worn, body_triangles=triangles), shape, moved, folder, listener, slips=True)
             how = ", without friction"
         positions = run.positions(-1)
-        if run.status != "completed" or counted(positions, worn.garment.triangles, body).on_body:
+        if run.status != "completed" or counted(positions, worn.garment.triangles, end).on_body:
             break
-    return positions, how, "" if run.status == "completed" else run.reason
+    if run.status == "completed":
+        return _Moved(positions, how, "", None)
+    place = run.summary["failure"]["position"]
+    return _Moved(positions, how, run.reason, None if place is None else np.asarray(place, np.float64))

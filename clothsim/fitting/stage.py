@@ -7,7 +7,7 @@ from typing import Any
 
 from clothsim.arrays import Floats, Ints
 from clothsim.fitting.original_file import NO_ORIGINAL, Original
-from clothsim.fitting.penetration import Counts, counted
+from clothsim.fitting.penetration import NO_ROWS, Counts, counted
 from clothsim.fitting.pieces import UNDIVIDED, Division
 from transfer.signed_distance import BodySurface
 
@@ -49,6 +49,7 @@ class Stage:
             "intersecting_pairs": self.counts.body_pairs,
             "self_pairs": self.counts.self_pairs,
             "said": self.description,
+            **({"carried": self.counts.carried} if self.counts.carried else {}),
         }
 
 
@@ -71,14 +72,16 @@ def staged(
     make: Callable[[], tuple[Floats, str]],
     on_stage: StageCallback,
     started: float | None = None,
+    carried: Callable[[], Ints] = lambda: NO_ROWS,
 ) -> Stage:
     """Run a stage: `make` returns its positions and a description; checked on `body`, then `on_stage` is called.
 
-    started: where the stage began before this call, its `perf_counter`.
+    started: where the stage began before this call, its `perf_counter`; carried: called after `make`, the vertices that
+    the body carries (`penetrations`).
     """
     started = perf_counter() if started is None else started
     positions, description = make()
     seconds = perf_counter() - started
-    stage = Stage(name, seconds, positions, counted(positions, triangles, body), description)
+    stage = Stage(name, seconds, positions, counted(positions, triangles, body, carried()), description)
     on_stage(stage)
     return stage

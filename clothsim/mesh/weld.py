@@ -9,6 +9,8 @@ from clothsim.mesh.topology import border_vertices, vertex_rings
 
 MOST_PAIRS = 200
 """Bound on the mean number of close neighbours of a border vertex: beyond it memory would be exhausted."""
+WIDEST = 0.25
+"""Largest distance of a seam, as a fraction of the mesh's extent: beyond it opposite borders are sewn together."""
 
 
 def weld(positions: Floats, triangles: Ints, distance: float) -> tuple[Floats, Ints, Ints]:
@@ -38,13 +40,19 @@ def weld(positions: Floats, triangles: Ints, distance: float) -> tuple[Floats, I
     Raises
     ------
     InputError
-        Where `distance` joins far more than a seam.
+        Where `distance` joins far more than a seam, or is wider than a quarter of the mesh.
     """
     points = as_points("positions", positions)
     faces = as_triangles("triangles", triangles, len(points))
     limit = as_positive("weld", distance, zero=True)
     border = border_vertices(faces)
     label = np.arange(len(points))
+    extent = float(np.ptp(points, axis=0).max(initial=0.0)) if len(points) else 0.0
+    if len(border) and limit > WIDEST * extent:
+        raise InputError(
+            f"weld = {limit:g} m is more than a quarter of the mesh, which is {extent:.3g} m long.",
+            "Set it to a little more than the gap between the borders.",
+        )
     if limit > 0 and len(border):
         label = _sewn(border[_close_pairs(points[border], limit)], faces, len(points))
     number = _renumber(label)

@@ -27,6 +27,10 @@ from clothsim.solve.sparsity import Pattern, make_pattern
 from clothsim.solve.threads import available_cores
 from clothsim.solve.timers import EffectCounters, Timers
 
+SHORTEST_STEP = 1e-12
+"""Shortest dt that a scene may have [s]: masses over dt squared are far from overflow, and cloth moves by less than an
+atom in it."""
+
 FINER = 0.1
 """Newton's tolerance as a fraction of the requested error over the duration."""
 
@@ -116,6 +120,11 @@ def _integrator(scene: Scene, built: Built, potential: Potential, system: System
     dt = min(settings.longest_step, run.duration, 1 / run.frames_per_second)
     if settings.error:
         dt = min([dt, *(0.999 * LARGEST_TURN / turn for turn in turns(built).values() if turn)])
+    if dt < SHORTEST_STEP:
+        raise InputError(
+            f"Steps of {dt:.2g} s, the least of solver.dt, run.duration and a frame, are below {SHORTEST_STEP:g} s.",
+            "Set a longer one.",
+        )
     refuse_leaps(built, dt)
     if settings.error:
         _refuse_error(built)

@@ -30,7 +30,7 @@ def load_scene(path: str | Path) -> Scene:
     """
     file = Path(path)
     try:
-        text = read_regular_file(file, MOST_BYTES).decode("utf-8")
+        text = read_regular_file(file, MOST_BYTES).decode("utf-8-sig")  # editors of Windows begin with a mark
         data = tomllib.loads(text.replace("\r\n", "\n").replace("\r", "\n"))
     except FileNotFoundError as error:
         raise InputError(f"There is no scene file {file}.", _near(file)) from error

@@ -1,6 +1,7 @@
 """What a fit hands back: best stage, unit of the target, the file that came, progress, displacement."""
 
 import re
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from fitting_cases import capsule_figure, in_file, tube_garment, wider
 import clothsim
 from clothsim.cli.progress import Lines
 from clothsim.errors import InputError
-from clothsim.fitting import fit as module
+from clothsim.fitting import drape_stage as module
 from clothsim.fitting import moving_body, pipeline
 from clothsim.io.mesh_file import read_mesh, read_polygons
 from clothsim.io.record import read_summary
@@ -50,6 +51,7 @@ def test_a_failed_fit_returns_its_best_stage(files, tmp_path, monkeypatch):
 
     class Stopped:
         status, reason = "failed", "At 0.1 s: Newton did not converge."
+        summary: ClassVar = {"failure": {"position": None}}
 
         def positions(self, _):
             return 0.5 * TUBE.positions

@@ -8,7 +8,7 @@ from fitting_cases import capsule_figure, in_file, tube_garment, wider
 
 import clothsim
 from clothsim.errors import InputError
-from clothsim.fitting import fit as module
+from clothsim.fitting import drape_stage as module
 from clothsim.fitting import moving_body
 from clothsim.fitting.before_after import draw_fit
 from clothsim.io.mesh_file import read_mesh

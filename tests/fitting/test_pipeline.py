@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -146,6 +147,7 @@ def test_a_growth_that_stops_is_a_failure_with_its_reason(tmp_path, monkeypatch)
 
     class Stopped:
         status, reason = "failed", "At 0.1 s: Newton did not converge."
+        summary: ClassVar = {"failure": {"position": None}}
 
         def positions(self, _):
             return tube_garment(0.097, cells=(8, 2)).positions
@@ -161,6 +163,7 @@ def test_where_a_growth_fails_the_next_start_is_tried(tmp_path, monkeypatch):
 
     class Grown:
         reason = "At 0.1 s: the scripted motion is blocked."
+        summary: ClassVar = {"failure": {"position": None}}
 
         def __init__(self, status):
             self.status = status

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import clothsim
-from clothsim.fitting import fit as module
+from clothsim.fitting import drape_stage as module
 from clothsim.fitting import moving_body
 from clothsim.fitting.inputs import Figure
 from clothsim.mesh.generators.table import GENERATORS

@@ -3,6 +3,7 @@
 import base64
 import lzma
 import os
+import signal
 import struct
 import tracemalloc
 import zlib
@@ -39,7 +40,7 @@ def peak(function):
 def test_thousands_of_groups_in_a_line_are_refused(tmp_path):
     """8,000 groups of 30,000 faces took 2 GB."""
     file = tmp_path / "groups.obj"
-    file.write_text(TRIANGLE + "g " + " ".join(f"g{k}" for k in range(8000)) + "\n" + "f 1 2 3\n" * 3000)
+    file.write_text(TRIANGLE + "g " + " ".join(f"g{k}" for k in range(8000)) + "\n" + "f 1 2 3\n" * 300)
     memory, message = peak(lambda: read_mesh(file))
     assert "line 4" in message
     assert memory < 40 * MB
@@ -70,6 +71,18 @@ def test_a_compressed_file_that_unpacks_to_far_more_is_refused(tmp_path, kind, m
     assert meshio.vtu._vtu.zlib is zlib
 
 
+def test_a_folder_of_any_size_is_listed_to_the_bound_only(tmp_path, monkeypatch):
+    def endless(*_, **__):
+        for k in range(9):
+            yield f"{k}.obj"
+        raise AssertionError("listed beyond the bound")
+
+    monkeypatch.setattr(mesh_sequence, "MOST_FRAMES", 6)
+    monkeypatch.setattr(mesh_sequence, "iglob", endless)
+    with pytest.raises(InputError, match="more than 6 files"):
+        frame_files(tmp_path, "*.obj")
+
+
 def test_a_pattern_of_everything_is_bounded(tmp_path, monkeypatch):
     for k in range(7):
         (tmp_path / f"{k}.obj").write_text(TRIANGLE + "f 1 2 3\n")
@@ -94,7 +107,22 @@ READERS = {
 }
 
 
+@pytest.fixture
+def not_waiting():
+    """What opens a pipe without a writer fails within a minute; it would wait for ever."""
+
+    def waited(*_):
+        raise AssertionError("it waits for a writer")
+
+    before = signal.signal(signal.SIGALRM, waited)
+    signal.alarm(60)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="makes a pipe")
+@pytest.mark.usefixtures("not_waiting")
 @pytest.mark.parametrize("name", READERS)
 def test_a_pipe_a_device_and_a_directory_are_refused_before_they_are_opened(tmp_path, name):
     """Opened, a pipe would wait for a writer that never comes."""
@@ -143,6 +171,10 @@ GOOD = "{'descr': '<f8', 'fortran_order': False, 'shape': (3,), }"
         header(GOOD, version=(9, 9)),
         header(GOOD.replace("<f8", "|O")),
         header(GOOD.replace("<f8", "<U6")),
+        header(GOOD.replace("<f8", "<U2")),
+        header(GOOD.replace("<f8", "|S8")),
+        header(GOOD.replace("<f8", "<c8")),
+        header(GOOD.replace("<f8", "<M8[s]")),
         b"\x93NUMPY",
         b"",
         b"PK\x03\x04 no archive",

@@ -1,8 +1,10 @@
 """Local origin of a world far from the origin."""
 
 import numpy as np
+import pytest
 from contacts import ball, sheet
 
+from clothsim import InputError
 from clothsim.mesh.body import make_body
 from clothsim.mesh.local_origin import with_local_origin
 from clothsim.mesh.motion import rigid_motion
@@ -32,3 +34,13 @@ def test_far_away_every_position_is_relative_and_every_motion_the_same():
     assert np.abs(local.start() + local.origin - world.start()).max() < 1e-9
     here, there = local.bodies[0].at(0.7), world.bodies[0].at(0.7)
     assert np.abs(here + local.origin - there).max() < 1e-9
+
+
+@pytest.mark.parametrize(("distance", "is_refused"), [(1e8, False), (1e10, True), (1e15, True), (1e300, True)])
+def test_where_coordinates_do_not_resolve_the_cloth_it_is_refused(distance, is_refused):
+    world = world_at(np.array([0.0, -distance, 0.0]))
+    if is_refused:
+        with pytest.raises(InputError, match=r" m from the origin"):
+            with_local_origin(world)
+    else:
+        assert with_local_origin(world).origin[1] == pytest.approx(-distance)

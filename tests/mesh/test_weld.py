@@ -5,6 +5,7 @@ import pytest
 from meshes import grid
 
 from clothsim.errors import InputError
+from clothsim.mesh import weld as weld_module
 from clothsim.mesh.checks import examine
 from clothsim.mesh.topology import border_edges, components, interior_edges
 from clothsim.mesh.weld import flaps, mean_of_parts, merge_coincident, weld
@@ -65,10 +66,18 @@ def test_four_panels_that_meet_in_a_corner_share_one_vertex(gap):
     assert examine("sewn", welded, triangles).findings == ()
 
 
-def test_a_distance_that_takes_in_everything_is_refused():
+def test_a_distance_that_takes_in_everything_is_refused(monkeypatch):
+    monkeypatch.setattr(weld_module, "MOST_PAIRS", 20)
     points, faces = grid(80, 80)
-    with pytest.raises(InputError, match=r"weld.* 200 "):
-        weld(points, faces, 10.0)
+    with pytest.raises(InputError, match=r"weld.* 20 "):
+        weld(points, faces, 0.2 * float(np.ptp(points, axis=0).max()))
+
+
+@pytest.mark.parametrize("distance", [0.6, 5.0, 1e300])
+def test_a_distance_wider_than_a_quarter_of_the_mesh_is_refused(distance):
+    points, faces = two_panels(gap=2e-3)
+    with pytest.raises(InputError, match=r"weld.* quarter"):
+        weld(points, faces, distance)
 
 
 @pytest.mark.parametrize("distance", [-1.0, np.nan, "wide"])

@@ -5,8 +5,10 @@ import pytest
 from small_scenes import BALL, RUN, SHEET, SOLVER, small_scene
 
 from clothsim import InputError, Scene, check, simulate
+from clothsim.cli import main
 from clothsim.mesh.generators.table import GENERATORS
-from clothsim.run.cost import expected_cost
+from clothsim.run import cost as cost_module
+from clothsim.run.cost import Cost, expected_cost
 
 FALL = {"effects": {"inertia": {}, "gravity": {}}, "body": ()}
 
@@ -62,10 +64,38 @@ def test_what_no_machine_can_do_is_refused_before_it_is_built(tmp_path, sections
     if "radius" in sections["body"]:
         sections["body"] = {key: value for key, value in sections["body"].items() if key in ("name", "mesh", "cells")}
     scene = small_scene(**sections)
+
+    def begun(_):
+        raise AssertionError("not refused")
+
     with pytest.raises(InputError, match="--force"):
-        simulate(scene, tmp_path / "never")
+        simulate(scene, tmp_path / "never", announce=begun)
     assert not (tmp_path / "never").exists()
     assert [(finding.severity, finding.kind) for finding in check(scene)] == [("error", "cost")]
+
+
+@pytest.mark.parametrize(
+    ("cost", "is_too_much"),
+    [
+        (Cost(vertices=4, body_vertices=0, steps=2e7, frames=1), True),
+        (Cost(vertices=1_000_000, body_vertices=0, steps=2e4, frames=1), True),
+        (Cost(vertices=1000, body_vertices=0, steps=100, frames=1e8), True),
+        (Cost(vertices=2_000_000, body_vertices=0, steps=10, frames=1), True),
+        (Cost(vertices=0, body_vertices=20_000_000, steps=10, frames=1), True),
+        (Cost(vertices=100_000, body_vertices=100_000, steps=1e4, frames=1e4), False),
+    ],
+    ids=["steps", "time", "disk", "memory", "memory of bodies", "none"],
+)
+def test_each_bound_refuses_alone(monkeypatch, cost, is_too_much):
+    monkeypatch.setattr(cost_module, "_machine_memory", lambda: 1.6e10)
+    assert cost.too_much is is_too_much
+
+
+def test_the_command_check_refuses_it_too(tmp_path, capsys):
+    file = tmp_path / "long.toml"
+    file.write_text('[cloth]\nmesh = "rectangle"\ncells = [2, 2]\n[effects.inertia]\n[solver]\ndt = 1e-9\n')
+    assert main(["check", str(file)]) == 1
+    assert "--force" in capsys.readouterr().out
 
 
 def test_force_begins_it_all_the_same(tmp_path):

@@ -55,7 +55,7 @@ def test_a_run_at_the_limit_on_the_size_of_files_goes_on_from_whole_files(tmp_pa
     """The first limit leaves the trajectory no room at all, the others a few frames."""
     home = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])}
     command = [sys.executable, "-c", LIMITED, str(tmp_path), str(limit)]
-    done = run_process(command, cwd=ROOT, env=home, capture_output=True, text=True, check=True)
+    done = run_process(command, cwd=ROOT, env=home, capture_output=True, text=True, check=True, timeout=120)
     assert done.stderr == ""
     sentence, remedy = done.stdout.strip().split("|")
     assert TRAJECTORY_NAME in sentence

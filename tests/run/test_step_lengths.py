@@ -1,11 +1,14 @@
 """Rotation and displacement of pins in a step, and a step whose error no dt meets."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
-from small_scenes import RUN, SHEET, small_scene
+from small_scenes import RUN, SHEET, SOLVER, small_scene
 
 from clothsim import InputError, Simulation, simulate
 from clothsim.sim import stepping
+from clothsim.sim.state import State
 from clothsim.sim.step_size import ErrorControl
 
 HELD = {"inertia": {}, "membrane": {}, "gravity": {}}
@@ -56,3 +59,25 @@ def test_an_error_that_no_step_meets_ends_at_the_bound_of_tries(monkeypatch):
     monkeypatch.setattr(stepping, "MOST_TRIES", 5)
     simulation = Simulation(scene)
     assert simulation.step().step == 1
+
+
+@pytest.mark.parametrize(("above", "is_retried"), [(0.0, False), (1e-12, False), (1e-9, False), (1e-3, True)])
+def test_a_step_that_round_off_lengthens_is_the_shortest_one(above, is_retried):
+    control = ErrorControl(1e-12, 1.0, 0.02)
+    state = State(0.0, 0.02, 0, 0, np.zeros((1, 3)), np.zeros((1, 3)))
+    h = control.shortest * (1 + above)
+    next_h = stepping._shorter(SimpleNamespace(control=control), state, h, SimpleNamespace(rms=1.0))
+    assert (next_h < h) == is_retried
+
+
+@pytest.mark.parametrize(
+    "sections",
+    [
+        {"run": RUN | {"duration": 1e-300}},
+        {"run": RUN | {"frames_per_second": 1e13}},
+        {"solver": SOLVER | {"dt": 1e-13}},
+    ],
+)
+def test_steps_shorter_than_any_motion_are_refused(tmp_path, sections):
+    with pytest.raises(InputError, match=r"Steps of .* s"):
+        simulate(small_scene(body=(), effects=HELD, **sections), tmp_path, force=True)

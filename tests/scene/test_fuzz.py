@@ -194,6 +194,12 @@ def test_other_encodings_are_refused_or_read(tmp_path, code):
     end(lambda: build(load_scene(file)))
 
 
+def test_the_mark_that_editors_of_windows_write_is_read(tmp_path):
+    file = tmp_path / "scene.toml"
+    file.write_bytes((HEAD + "[effects.inertia]\n").replace("\n", "\r\n").encode("utf-8-sig"))
+    assert load_scene(file).effects == {"inertia": {}}
+
+
 TEXT = (HEAD + '[[body]]\nmesh = "sphere"\n[effects.inertia]\n[solver]\ndt = 0.02 # s\n').encode()
 
 
