@@ -37,6 +37,7 @@ def test_debug_shows_the_traceback():
         "scenes",
         "farm",
         "sweep",
+        "learn",
     ],
 )
 def test_help_is_short_and_has_an_example(capsys, command):

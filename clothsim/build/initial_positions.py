@@ -1,25 +1,22 @@
 """Initial positions of the cloths from a file: the section [seed]."""
 
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 
 from clothsim.arrays import Floats, as_vector
 from clothsim.build.placement import existing_file
 from clothsim.errors import InputError
-from clothsim.scene.settings import Seed
+from clothsim.scene.scene import Scene
 
 
-def initial_positions(seed: Seed, directory: Path, counts: Sequence[int]) -> list[Floats | None]:
+def initial_positions(scene: Scene, counts: Sequence[int]) -> list[Floats | None]:
     """The initial positions of each cloth before it is sewn.
 
     Parameters
     ----------
-    seed : Seed
-        The section [seed].
-    directory : Path
-        Folder at which relative file names start.
+    scene : Scene
+        Its section [seed].
     counts : sequence of int
         Number of vertices of each cloth.
 
@@ -31,14 +28,20 @@ def initial_positions(seed: Seed, directory: Path, counts: Sequence[int]) -> lis
     Raises
     ------
     InputError
-        For a file with another number of vertices than the cloths have together.
+        For a file with another number of vertices than the cloths have together, or a model of other drapes.
     """
+    seed = scene.seed_settings
     if seed.from_ == "rest":
         return [None] * len(counts)
-    from clothsim.io.mesh_file import read_mesh
+    file = existing_file("seed.file", scene.directory, seed.file)
+    if seed.from_ == "model":
+        from clothsim.build.drape_model import predicted, read_model
 
-    file = existing_file("seed.file", directory, seed.file)
-    positions = read_mesh(file, vertices=seed.vertices).positions
+        positions = predicted(read_model(file), scene)
+    else:
+        from clothsim.io.mesh_file import read_mesh
+
+        positions = read_mesh(file, vertices=seed.vertices).positions
     if len(positions) != sum(counts):
         part = "" if seed.vertices is None else f" in {list(seed.vertices)}"
         raise InputError(

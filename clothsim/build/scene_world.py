@@ -179,7 +179,7 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
     cloths, bodies = [], []
     names = [f"cloth[{k}]" if len(scene.cloths) > 1 else "cloth" for k in range(len(scene.cloths))]
     shapes = [cloth_shape(keys, where, scene.directory) for keys, where in zip(scene.cloths, names, strict=True)]
-    starts = initial_positions(scene.seed_settings, scene.directory, [len(shape.positions) for shape in shapes])
+    starts = initial_positions(scene, [len(shape.positions) for shape in shapes])
     for shape, keys, where, start in zip(shapes, scene.cloths, names, starts, strict=True):
         cloth, cloth_notes = cloth_of(shape, keys, where, start)
         cloths.append(cloth)

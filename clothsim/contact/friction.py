@@ -173,7 +173,7 @@ class Friction(Elementwise, Energy, History, Idling, Lagged, Report, SeesPast, S
     def _predictable(self, anchors: Anchors) -> Floats:
         """Displacements (N, 3) [m] of the step that are known at its start: of a cloth in contact its rigid part.
 
-        The tilt of its triangles is not: friction that follows the tilt of the step before drives it to and fro.
+        The tilt of its triangles is not: friction that follows the tilt of the step before drives it back and forth.
         """
         displacements = self.contacts.displacements
         cloths = np.unique(self.labels[anchors.elements[anchors.turners[:, 0] < 0]])

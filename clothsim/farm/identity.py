@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim.scene.overrides import FILES
+from clothsim.scene.content import by_content
 from clothsim.scene.scene import Scene
 
 LETTERS = 16
@@ -25,7 +25,7 @@ def content_id(scene: Scene, version: int) -> str:
 
     data = json.loads(scene.to_text())
     folder = Path(data.pop("directory"))
-    content = {"scene": _by_content(data, folder), "recipe": version, "package": __version__}
+    content = {"scene": by_content(data, folder), "recipe": version, "package": __version__}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()[:LETTERS]
 
@@ -50,21 +50,3 @@ def processor() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
-
-
-def _by_content(value: Any, folder: Path, key: str = "") -> Any:
-    """Tables whose names of files are replaced by hashes of their content."""
-    if isinstance(value, dict):
-        return {name: _by_content(inner, folder, name) for name, inner in value.items()}
-    if isinstance(value, list):
-        return [_by_content(inner, folder, key) for inner in value]
-    if isinstance(value, str) and key in FILES and "." in value and (folder / value).is_file():
-        file = folder / value
-        return _file_hash(file, file.stat().st_mtime_ns)
-    return value
-
-
-@cache
-def _file_hash(file: Path, changed: int) -> str:
-    """sha256 of a file; changed: time of its last change, so that a process reads it once."""
-    return f"sha256:{hashlib.sha256(file.read_bytes()).hexdigest()}"

@@ -109,7 +109,8 @@ def _error(certificate: dict[str, Any]) -> str:
             known = f"not known, {known} by the last difference"
         fixed = dict(estimate.get("fixed", {}))
         if why := fixed.pop("coarser runs", ""):
-            return f"not known in all: {why} (--error 1mm, or `clothsim study`, refines); {parts}"
+            alone = f"; the last difference alone would say {known}" if isinstance(total, float) else ""
+            return f"not known in all: {why}{alone} (--error 1mm, or `clothsim study`, refines); {parts}"
         if not fixed:
             return f"{known} in all{request}; {parts}"
         if asked:

@@ -153,10 +153,13 @@ class Seed(KeyTable):
     section: ClassVar[str] = "seed"
 
     from_: Annotated[
-        Literal["rest", "file", "transfer"],
-        Key("Source of the initial positions: the rest shape as placed, or a file; `clothsim fit` transfers garments"),
+        Literal["rest", "file", "model", "transfer"],
+        Key(
+            "Source of the initial positions: the rest shape as placed, a file, or the prediction of `clothsim learn`; "
+            "`clothsim fit` transfers garments"
+        ),
     ] = "rest"
-    file: Annotated[str, Key("Mesh file with a position for each vertex of the cloths before weld")] = ""
+    file: Annotated[str, Key("Mesh file with a position for each vertex of the cloths before weld, or model")] = ""
     vertices: Annotated[
         Sequence[int] | None, Key("Range [lo, hi) of the file's vertices", "1", least=0, length=2, shown="all")
     ] = None
@@ -171,7 +174,7 @@ class Seed(KeyTable):
             raise InputError(
                 'seed.from "transfer" is a command of its own.', "`clothsim fit GARMENT --from BODY --to BODY` does it."
             )
-        if (self.from_ == "file") != bool(self.file):
+        if (self.from_ in ("file", "model")) != bool(self.file):
             raise InputError('seed needs from = "file" and a file together.', 'Write from = "file" and file = "PATH".')
-        if self.from_ == "rest" and (self.vertices is not None or self.position is not None):
+        if self.from_ != "file" and (self.vertices is not None or self.position is not None):
             raise InputError("seed.vertices and seed.position belong to a seed file.", 'Give from = "file" and a file.')

@@ -29,7 +29,9 @@ from transfer.diffuse import kernel_average
 
 NEAR = 1e-3
 """Distance within which a vertex counts as brought back [m]."""
-GARMENTS, FABRICS = ("shirt", "skirt", "trousers"), ("cotton", "polyester", "denim", "wool")
+EASES = {"shirt": 0.022, "skirt": 0.022, "trousers": 0.011}
+"""Ease of each garment [m]: wider trousers of this mesh intersect between the legs."""
+FABRICS = "cotton", "polyester", "denim", "wool"
 CLIPS = {"walk": 1.0, "turn": 1.0}
 """Clips that poses are drawn from, and their lengths [s]."""
 MOST_DRAWS = 3
@@ -68,12 +70,12 @@ def drawn_scene(rng: np.random.Generator, edge: float = 0.04) -> tuple[str, Scen
     """A garment on a mannequin, both drawn, that goes into a drawn pose; and its name."""
     shape = {name: float(rng.uniform(0.95, 1.08)) for name in ("chest", "waist", "hips", "limb_girth")}
     shape["height"] = float(rng.uniform(1.55, 1.9))
-    garment, fabric = str(rng.choice(GARMENTS)), str(rng.choice(FABRICS))
+    garment, fabric = str(rng.choice(sorted(EASES))), str(rng.choice(FABRICS))
     clip = str(rng.choice(sorted(CLIPS)))
     at = float(rng.uniform(0.0, CLIPS[clip] - 0.1))
     motion = {"clip": clip, "start": at, "end": at + 0.1, "lead_in": LEAD_IN}
     scene = Scene(
-        cloth={"name": garment, "mesh": garment, "edge": edge, "ease": 0.022, "fabric": fabric, **shape},
+        cloth={"name": garment, "mesh": garment, "edge": edge, "ease": EASES[garment], "fabric": fabric, **shape},
         body={"name": "mannequin", "model": "mannequin", "shape": shape, "motion": motion},
         effects=EFFECTS,
         solver={"dt": 0.04, "threads": 1},

@@ -15,12 +15,15 @@ def test_an_error_of_the_assumed_order_is_found(knobs, order):
     assert found.reason == ""
 
 
-@pytest.mark.parametrize("order", [1.2, 1.4, 1.8, 2.0])
-def test_an_error_of_another_order_is_found_to_a_factor_of_two(order):
-    errors = [2e-3 * factor**order for factor in (1, 2, 4)]
-    found = from_three(errors[1] - errors[0], errors[2] - errors[1], SMOOTH)
-    assert found.reason == ""
-    assert 0.5 < found.error / 2e-3 < 2
+@pytest.mark.parametrize("knobs", [SMOOTH, CONTACT])
+def test_an_error_of_any_order_is_found_to_a_factor_of_two_or_not_known(knobs):
+    known = 0
+    for order in (0.3, 0.5, 0.73, 0.8, 1.0, 1.01, 1.2, 1.4, 1.8, 1.84, 2.0, 2.19, 2.5, 3.0):
+        errors = [2e-3 * factor**order for factor in (1, 2, 4)]
+        found = from_three(errors[1] - errors[0], errors[2] - errors[1], knobs)
+        known += found.reason == ""
+        assert found.reason or 0.5 <= found.error / 2e-3 <= 2
+    assert known >= 6
 
 
 @pytest.mark.parametrize(("knobs", "bounds"), [(SMOOTH, FALL), (CONTACT, FALL_IN_CONTACT)])
@@ -43,9 +46,10 @@ def test_a_run_that_nothing_moves_has_no_error():
         ("wind, fine", 6.22, 7.67, SMOOTH, 2.69, False),
         ("compressed, fine", 1.71, 57.3, SMOOTH, 3.32, False),
         ("ball, fine", 11.9, 15.3, CONTACT, 2.73, False),
-        ("ball, standard", 15.3, 22.7, CONTACT, 11.1, True),
+        ("ball, standard", 17.6, 22.8, CONTACT, 11.1, False),
+        ("ball, as it is", 19.0, 27.9, CONTACT, 10.4, False),
         ("landing, standard", 0.71, 0.97, CONTACT, 1.18, False),
-        ("twisted, standard", 1.53, 3.40, SMOOTH, 0.44, True),
+        ("twisted, standard", 1.17, 3.40, SMOOTH, 0.44, True),
         ("plate, fine", 2.03, 4.76, SMOOTH, 1.52, True),
         ("capsule, fine", 11.8, 27.3, CONTACT, 10.0, True),
     ],
