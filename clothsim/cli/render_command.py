@@ -30,7 +30,9 @@ def add_to(commands: Any) -> None:
     )
     render.add_argument("--frame", metavar="N", help="of a picture: 0, 1, ... or last (default)")
     render.add_argument("--size", metavar="WxH", help="pixels (default 1280x960, of a movie 960x720)")
-    render.add_argument("--view", default="auto", metavar="X,Y,Z", help="of the camera; or front, back, left, right, top")
+    render.add_argument(
+        "--view", default="auto", metavar="X,Y,Z", help="of the camera; or front, back, left, right, top"
+    )
     render.add_argument("--up", metavar="X,Y,Z", help="x, y, z or a direction (default: against gravity)")
     look = render.add_mutually_exclusive_group()
     look.add_argument("--colour", choices=("stretch", "plain"), default="stretch", help="of the cloth")

@@ -14,12 +14,13 @@ from pathlib import Path
 
 from PIL import Image, ImageDraw
 
-from tests.benchmarks.gallery import PICTURES, ROOT, SCENES, draw_scene
+from tests.benchmarks.gallery import PICTURES, ROOT, SCENES, draw_scene, in_few_colours
 
 DOCS = ROOT / "docs/pictures"
 BEFORE = "d5507f0"
-"""The commit of the first site, in which pictures showed triangles. Of the tunic: the first that is there."""
-FIRST_TUNIC = "4c884cc"
+"""The commit of the first site, in which pictures showed triangles."""
+LATER = {"dress_tunic.png": "4c884cc", "gallery/shirt.png": "c587a3d"}
+"""The first commits of pictures that came later."""
 EFFECTS = ("flag", "balloon", "tube", "crease")
 WIDTH, GAP, TITLE = 640, 8, 26
 
@@ -36,11 +37,11 @@ def fit_shirt(target: Path) -> None:
 
 
 def dress_tunic(target: Path) -> None:
-    """A tunic as placed, worn, and its stretch."""
+    """A tunic as placed, from the front, and worn, from the front and back."""
     with tempfile.TemporaryDirectory() as folder:
         _clothsim("dress", "tunic", "--on", "shirt", "-o", f"{folder}/dress", "--quiet")
-        parts = [Image.open(Path(folder, "dress", f"{name}.png")).convert("RGB") for name in ("placed", "worn")]
-        beside(parts, 540).save(target, optimize=True)
+        placed, worn = (Image.open(Path(folder, "dress", f"{name}.png")).convert("RGB") for name in ("placed", "worn"))
+        beside([placed.crop((0, 0, placed.width // 2, placed.height)), worn], 640).save(target, optimize=True)
 
 
 def effects(target: Path) -> None:
@@ -92,7 +93,7 @@ def below(rows: Sequence[Image.Image]) -> Image.Image:
 
 def before(name: str) -> Image.Image:
     """A picture as it was."""
-    commit = FIRST_TUNIC if name == "dress_tunic.png" else BEFORE
+    commit = LATER.get(name, BEFORE)
     stored = subprocess.run(
         ["git", "show", f"{commit}:docs/pictures/{name}"], cwd=ROOT, capture_output=True, check=True
     ).stdout
@@ -109,16 +110,19 @@ def titled(picture: Image.Image, title: str) -> Image.Image:
 
 
 def before_and_after(target: Path) -> None:
-    """Every picture of MAKERS as it was, on the left, and as it is."""
+    """Every picture of MAKERS that is another one than before: as it was, on the left, and as it is."""
     rows = []
     for name in MAKERS:
-        pair = [titled(before(name), f"{name}, before"), titled(Image.open(DOCS / name).convert("RGB"), "now")]
+        was, now = before(name), Image.open(DOCS / name).convert("RGB")
+        if was.size == now.size and was.tobytes() == now.tobytes():
+            continue
+        pair = [titled(was, f"{name}, before"), titled(now, "now")]
         height = max(part.height for part in pair)
         row = Image.new("RGB", (2 * WIDTH + GAP, height), "white")
         for k, part in enumerate(pair):
             row.paste(part, (k * (WIDTH + GAP), 0))
         rows.append(row)
-    below(rows).quantize(256, dither=Image.Dither.FLOYDSTEINBERG).save(target, optimize=True)
+    in_few_colours(below(rows)).save(target, optimize=True)
 
 
 def main(argv: Sequence[str] | None = None) -> int:

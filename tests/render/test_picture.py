@@ -155,7 +155,7 @@ def test_an_unknown_stretch_is_drawn_plain():
         ({}, {"size": (40, 40)}, "pixels"),
         ({}, {"up": (0, 0, 0)}, "up"),
         ({}, {"up": "w"}, "up"),
-        ({}, {"view": "left"}, "left"),
+        ({}, {"view": "sideways"}, "sideways"),
         ({}, {"renderer": "crayon"}, "crayon"),
     ],
 )
