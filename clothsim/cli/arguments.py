@@ -2,7 +2,7 @@
 
 import argparse
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import NoReturn
 
 from clothsim.errors import InputError
@@ -51,9 +51,9 @@ def as_size(text: str) -> tuple[int, int]:
     return int(match[1]), int(match[2])
 
 
-def as_direction(option: str, text: str) -> tuple[float, ...] | str:
-    """Three numbers of "1,0,2"; "x", "y", "z" and "auto" as they are."""
-    if text in ("x", "y", "z", "auto"):
+def as_direction(option: str, text: str, names: Collection[str] = ()) -> tuple[float, ...] | str:
+    """Three numbers of "1,0,2"; "x", "y", "z", "auto" and `names` as they are."""
+    if text in ("x", "y", "z", "auto", *names):
         return text
     try:
         x, y, z = (float(part) for part in text.split(","))

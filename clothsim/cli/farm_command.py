@@ -64,7 +64,7 @@ def add_to(commands: Any) -> None:
     pack.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     pack.add_argument("-o", "--output", type=Path, metavar="FILE|DIR", required=True, help="data.h5, or a folder")
     pack.add_argument("--shard", default="1000", metavar="N", help="drapes of a shard (default 1000)")
-    pack.add_argument("--sheet", action="store_true", help="leave a contact sheet (PNG) beside it")
+    pack.add_argument("--sheet", action="store_true", help="leave contact sheets (PNG, HTML) beside it")
     pack.set_defaults(handler=_pack)
     for action in (plan, work, status, verify, pack):
         action.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -162,9 +162,10 @@ def _pack(arguments: argparse.Namespace) -> int:
     done = pack(farm, arguments.output, as_count("--shard", arguments.shard))
     files = list(done.files)
     if arguments.sheet:
-        from clothsim.farm.contact_sheet import contact_sheet
+        from clothsim.farm.contact_sheet import contact_page, contact_sheet
 
-        files.append(contact_sheet(farm, files[-1].with_suffix(".png")))
+        beside = files[-1]
+        files += [contact_sheet(farm, beside.with_suffix(".png")), contact_page(farm, beside.with_suffix(".html"))]
     content = {"files": [str(file) for file in files], "drapes": done.drapes, "left_out": done.left_out}
     size = sum(file.stat().st_size for file in files)
     text = f"{done.drapes} drapes, {done.left_out} left out, {size / 1e6:.2g} MB: {', '.join(map(str, files))}"

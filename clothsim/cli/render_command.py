@@ -30,7 +30,9 @@ def add_to(commands: Any) -> None:
     )
     render.add_argument("--frame", metavar="N", help="of a picture: 0, 1, ... or last (default)")
     render.add_argument("--size", metavar="WxH", help="pixels (default 1280x960, of a movie 960x720)")
-    render.add_argument("--view", default="auto", metavar="X,Y,Z", help="direction from the scene to the camera")
+    render.add_argument(
+        "--view", default="auto", metavar="X,Y,Z", help="of the camera; or front, back, left, right, top"
+    )
     render.add_argument("--up", metavar="X,Y,Z", help="x, y, z or a direction (default: against gravity)")
     look = render.add_mutually_exclusive_group()
     look.add_argument("--colour", choices=("stretch", "plain"), default="stretch", help="of the cloth")
@@ -44,6 +46,7 @@ def add_to(commands: Any) -> None:
 
 
 def _render(arguments: argparse.Namespace) -> int:
+    from clothsim.render.camera import VIEWS
     from clothsim.run.field_pictures import field_settings
     from clothsim.run.pictures import draw_frame, draw_movie, upright
     from clothsim.run.results import open_run
@@ -54,7 +57,7 @@ def _render(arguments: argparse.Namespace) -> int:
     settings: dict[str, Any] = {
         "colour": arguments.colour,
         "smooth": not arguments.true_mesh,
-        "view": as_direction("--view", arguments.view),
+        "view": as_direction("--view", arguments.view, VIEWS),
         "up": upright(run.directory) if arguments.up is None else as_direction("--up", arguments.up),
     }
     if arguments.field is not None:

@@ -1,5 +1,6 @@
 """Picture of a fit: the garment before, after transfer, and fitted."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from clothsim.render.surface_look import Surface
 
 if TYPE_CHECKING:
     from clothsim.fitting.fit import Fit
+    from clothsim.render.picture import PictureSetup
 
 SIZE = (640, 960)
 FRONT = (0.35, 0.15, 1.0)
@@ -19,29 +21,48 @@ FRONT = (0.35, 0.15, 1.0)
 
 
 def draw_fit(done: "Fit", file: Path) -> str:
-    """Write a PNG of the garment on its body, transferred, and fitted; returns the renderer's note."""
+    """Write a PNG of the garment on its body, transferred, and fitted; returns the renderer's note.
+
+    All panels have one camera, moved with the body, so that bodies and garments are drawn in one size.
+    """
     from PIL import Image
 
     from clothsim.render.picture import picture_setup, rendered
 
-    panels, note = [], ""
-    for title, positions, figure, stretches in _panels(done):
-        surfaces = _surfaces(done.garment, positions, figure, stretches)
-        setup = picture_setup(
-            [surfaces],
-            size=SIZE,
-            colour="stretch",
-            up=figure.up,
-            view=_view(figure),
-            title=title,
-            renderer="auto",
-            smooth=False,  # before it, triangles cross
-            focus=np.concatenate([figure.positions, positions]),
-        )
-        panels.append(rendered(setup, surfaces))
-        note = setup.note
-    Image.fromarray(np.hstack(panels)).save(file, format="PNG")
-    return note
+    panels = _panels(done)
+    title, _, target, _ = panels[-1]
+    surfaces = [_surfaces(done.garment, points, figure, each) for _, points, figure, each in panels]
+    setup = picture_setup(
+        [surfaces[-1]],
+        size=SIZE,
+        colour="stretch",
+        up=target.up,
+        view=_view(target),
+        title=title,
+        renderer="auto",
+        smooth=done.status in ("completed", "distorted"),  # in others triangles may cross, and are drawn as they are
+        focus=np.concatenate([points + _away(figure, target) for _, points, figure, _ in panels]
+                             + [figure.positions + _away(figure, target) for _, _, figure, _ in panels]),
+    )  # fmt: skip
+    pictures = [
+        rendered(replace(_moved(setup, -_away(figure, target)), scale=None, title=name, smooth=False), drawn)
+        for (name, _, figure, _), drawn in zip(panels[:-1], surfaces[:-1], strict=True)
+    ]
+    Image.fromarray(np.hstack([*pictures, rendered(setup, surfaces[-1])])).save(file, format="PNG")
+    return setup.note
+
+
+def _away(figure: Figure, target: Figure) -> Floats:
+    """Displacement from one body's middle to the other's, (3,) [m]; 0 where their upward axes differ."""
+    if not np.allclose(figure.up, target.up):
+        return np.zeros(3)
+    own, other = (np.array([each.positions.min(axis=0), each.positions.max(axis=0)]) for each in (figure, target))
+    return np.asarray(other.mean(axis=0) - own.mean(axis=0), np.float64)
+
+
+def _moved(setup: "PictureSetup", displacement: Floats) -> "PictureSetup":
+    """The setup with its camera displaced [m]."""
+    return replace(setup, camera=replace(setup.camera, position=setup.camera.position + displacement))
 
 
 def _panels(done: "Fit") -> list[tuple[str, Floats, Figure, Floats]]:

@@ -74,15 +74,35 @@ def frame(
     return Camera((1 - high) * far + high * near, axes, tangents)
 
 
+VIEWS = ("front", "back", "left", "right", "top")
+"""Named views: left and right are those of a person who faces the front."""
+
+
+def named_view(name: str, up: Floats) -> Floats:
+    """The direction from the scene to the camera of one of VIEWS, (3,); the front is +z where y is up, -y where z is.
+
+    >>> import numpy as np
+    >>> named_view("left", np.array([0.0, 0.0, 1.0])).tolist()
+    [1.0, 0.0, 0.0]
+    """
+    vertical = up / np.linalg.norm(up)
+    right = _axes(vertical, _front(up))[0]
+    front = np.cross(right, vertical)
+    return {"front": front, "back": -front, "left": right, "right": -right, "top": vertical}[name] + 0.0
+
+
+def _front(up: Floats) -> Floats:
+    return np.array([0.0, -1.0, 0.0]) if abs(up[2]) > 0.7 * np.linalg.norm(up) else np.array([0.0, 0.0, 1.0])
+
+
 def three_quarter_view(cloth_corners: Floats, up: Floats) -> Floats:
     """The direction from the scene to the camera, (3,): from slightly above, turned a third of a right angle.
 
     cloth_corners: (m, 3, 3) the cloth triangles' corners [m]. It turns to the other side, or further, where the cloth
     would be seen almost edge on. The front is +z where y is up, -y where z is up.
     """
-    towards = np.array([0.0, -1.0, 0.0]) if abs(up[2]) > 0.7 * np.linalg.norm(up) else np.array([0.0, 0.0, 1.0])
     vertical = up / np.linalg.norm(up)
-    right = _axes(vertical, towards)[0]
+    right = _axes(vertical, _front(up))[0]
     front = np.cross(right, vertical)
     level = [np.cos(turn) * front + np.sin(turn) * right for turn in _AZIMUTHS]
     views = np.array([np.cos(_ELEVATION) * side + np.sin(_ELEVATION) * vertical for side in level])

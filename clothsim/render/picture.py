@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.arrays import Floats, as_points, as_triangles, as_vector
 from clothsim.errors import InputError
-from clothsim.render.camera import Camera, extreme_points, frame, three_quarter_view
+from clothsim.render.camera import VIEWS, Camera, extreme_points, frame, named_view, three_quarter_view
 from clothsim.render.colormap import log_stretch
 from clothsim.render.colour_scale import Quantity, Scale, sequential_scale, stretch_scale
 from clothsim.render.legend import add_legend, margins
@@ -85,7 +85,7 @@ def draw(
         Of the cloths: the principal stretch farthest from 1, with a scalar bar; none; or that of their `values`.
     up : (3,) array, "x", "y" or "z"
         The upward direction of the picture.
-    view : (3,) array or "auto"
+    view : (3,) array, "auto", "front", "back", "left", "right" or "top"
         Direction from the scene to the camera.
     title : str
         Text at the top left.
@@ -159,10 +159,11 @@ def picture_setup(
     cloths = [s for surfaces in frames for s in surfaces if s.role == "cloth"]
     cloth = np.concatenate([np.zeros((0, 3)), *(extreme_points(s.positions) for s in cloths)])
     if isinstance(view, str):
-        if view != "auto":
-            raise InputError(f'view must be a direction or "auto", not {view!r}.')
+        if view not in ("auto", *VIEWS):
+            raise InputError(f"view must be a direction, auto or one of {', '.join(VIEWS)}, not {view!r}.")
         last = [s for s in frames[-1] if s.role == "cloth"] or list(frames[-1])
-        backward = three_quarter_view(np.concatenate([s.positions[s.triangles] for s in last]), upright)
+        corners = np.concatenate([s.positions[s.triangles] for s in last])
+        backward = three_quarter_view(corners, upright) if view == "auto" else named_view(view, upright)
     else:
         backward = _direction("view", view)
     room = margins(pixels, scale is not None, title)

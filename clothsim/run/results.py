@@ -293,8 +293,8 @@ class Run(Sequence[Frame]):
         field : str, optional
             A name as of `field`; tensors are drawn by their norm, rotations by their angle, directions as strokes.
         **settings
-            size (width, height) in pixels, colour "stretch" or "plain", up and view as (3,) directions, renderer
-            "vtk", "ray" or "auto".
+            size (width, height) in pixels, colour "stretch" or "plain", up and view as (3,) directions (view also
+            "front", "back", "left", "right", "top"), renderer "vtk", "ray" or "auto".
 
         Returns
         -------

@@ -3,7 +3,16 @@ import pytest
 from meshes import random_rotation
 
 from clothsim.errors import InputError
-from clothsim.render.camera import Camera, Margins, extreme_points, frame, seen_box, three_quarter_view
+from clothsim.render.camera import (
+    VIEWS,
+    Camera,
+    Margins,
+    extreme_points,
+    frame,
+    named_view,
+    seen_box,
+    three_quarter_view,
+)
 
 Z = np.array([0.0, 0.0, 1.0])
 VIEW = np.array([0.4, -0.8, 0.45])
@@ -101,3 +110,16 @@ def test_a_wide_ground_does_not_set_the_scale():
 def test_nothing_to_draw_is_refused():
     with pytest.raises(InputError):
         frame(np.zeros((0, 3)), np.zeros((0, 3)), aspect=1.0, up=Z, backward=Z, margins=Margins())
+
+
+@pytest.mark.parametrize(
+    ("up", "front", "left"), [((0, 0, 1), (0, -1, 0), (1, 0, 0)), ((0, 1, 0), (0, 0, 1), (1, 0, 0))]
+)
+def test_named_views_are_those_of_a_person_who_faces_the_front(up, front, left):
+    up, front, left = (np.array(each, float) for each in (up, front, left))
+    seen = {name: named_view(name, 2 * up) for name in VIEWS}
+    assert seen["front"] == pytest.approx(front)
+    assert seen["back"] == pytest.approx(-front)
+    assert seen["left"] == pytest.approx(left)
+    assert seen["right"] == pytest.approx(-left)
+    assert seen["top"] == pytest.approx(up)
