@@ -64,7 +64,7 @@ def add_to(commands: Any) -> None:
     pack.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     pack.add_argument("-o", "--output", type=Path, metavar="FILE|DIR", required=True, help="data.h5, or a folder")
     pack.add_argument("--shard", default="1000", metavar="N", help="drapes of a shard (default 1000)")
-    pack.add_argument("--sheet", action="store_true", help="leave a contact sheet (PNG) beside it")
+    pack.add_argument("--sheet", action="store_true", help="leave contact sheets (PNG, HTML) beside it")
     pack.set_defaults(handler=_pack)
     for action in (plan, work, status, verify, pack):
         action.add_argument("--quiet", action="store_true", help="print nothing but errors")
@@ -86,7 +86,7 @@ def _plan(arguments: argparse.Namespace) -> int:
 
 
 def _work(arguments: argparse.Namespace) -> int:
-    from clothsim.farm.claims import Worker
+    from clothsim.farm.claims import worker_of
     from clothsim.farm.plan import open_farm
     from clothsim.farm.status import status, write_manifest
     from clothsim.farm.work import work
@@ -97,10 +97,9 @@ def _work(arguments: argparse.Namespace) -> int:
     with terminated_like_interrupted():
         try:
             if arguments.workers is None and arguments.scheduler is None:
-                worker = Worker(beat=min(5.0, stale / 6), stale_after=stale)
-                work(farm, worker, attempts, None if arguments.quiet or arguments.json else _line(farm))
+                work(farm, worker_of(stale), attempts, None if arguments.quiet or arguments.json else _line(farm))
             else:
-                _with_dask(arguments, farm, attempts)
+                _with_dask(arguments, farm, attempts, stale)
         except KeyboardInterrupt:
             left = len(farm.jobs) - len(farm.published())
             print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` goes on.", file=sys.stderr)
@@ -111,7 +110,7 @@ def _work(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int) -> None:
+def _with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int, stale: float) -> None:
     from clothsim.farm.dask_work import work_with_dask
 
     def announce(link: str) -> None:
@@ -119,7 +118,7 @@ def _with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int) -> No
             print(f"dashboard: {link}", file=sys.stderr, flush=True)
 
     workers = 1 if arguments.workers is None else as_count("--workers", arguments.workers)
-    work_with_dask(farm, arguments.scheduler, workers, attempts, announce)
+    work_with_dask(farm, arguments.scheduler, workers, attempts, announce, stale)
 
 
 def _status(arguments: argparse.Namespace) -> int:
@@ -163,9 +162,10 @@ def _pack(arguments: argparse.Namespace) -> int:
     done = pack(farm, arguments.output, as_count("--shard", arguments.shard))
     files = list(done.files)
     if arguments.sheet:
-        from clothsim.farm.contact_sheet import contact_sheet
+        from clothsim.farm.contact_sheet import contact_page, contact_sheet
 
-        files.append(contact_sheet(farm, files[-1].with_suffix(".png")))
+        beside = files[-1]
+        files += [contact_sheet(farm, beside.with_suffix(".png")), contact_page(farm, beside.with_suffix(".html"))]
     content = {"files": [str(file) for file in files], "drapes": done.drapes, "left_out": done.left_out}
     size = sum(file.stat().st_size for file in files)
     text = f"{done.drapes} drapes, {done.left_out} left out, {size / 1e6:.2g} MB: {', '.join(map(str, files))}"

@@ -38,6 +38,11 @@ class Worker:
     token: str = field(default_factory=lambda: f"{os.getpid()}-{uuid.uuid4().hex[:12]}")
 
 
+def worker_of(stale_after: float) -> Worker:
+    """A worker with several heartbeats in the time after which a claim is stale [s]."""
+    return Worker(beat=min(Worker.beat, stale_after / 6), stale_after=stale_after)
+
+
 @contextmanager
 def claimed(folder: Path, name: str, worker: Worker) -> Iterator[bool]:
     """Claim a drape for the block; False where another process has it.

@@ -9,7 +9,7 @@ from time import sleep
 from typing import TYPE_CHECKING, Any
 
 from clothsim.errors import InputError, MissingPackageError
-from clothsim.farm.claims import Worker
+from clothsim.farm.claims import Worker, worker_of
 from clothsim.farm.plan import Farm, Job, open_farm
 from clothsim.farm.work import ATTEMPTS, PAUSE, make
 
@@ -28,6 +28,7 @@ def work_with_dask(
     workers: int,
     most_attempts: int = ATTEMPTS,
     announce: Callable[[str], None] | None = None,
+    stale_after: float = Worker.stale_after,
 ) -> None:
     """Make all drapes of a farm by the workers of a Dask scheduler.
 
@@ -41,6 +42,8 @@ def work_with_dask(
         Before a drape is published as killed.
     announce : callable, optional
         Called with the address of the dashboard.
+    stale_after : float
+        Without a heartbeat for this time a claim is taken over [s].
 
     Raises
     ------
@@ -65,7 +68,7 @@ def work_with_dask(
             left = [job for job in farm.jobs if job.id not in done]
             if not left:
                 return
-            _round(connect, farm, left, most_attempts)
+            _round(connect, farm, left, most_attempts, stale_after)
             fruitless = 0 if len(farm.published()) > len(done) else fruitless + 1
             if fruitless:
                 sleep(PAUSE)
@@ -74,7 +77,9 @@ def work_with_dask(
     )
 
 
-def _round(connect: "Callable[[], Client]", farm: Farm, left: Sequence[Job], most_attempts: int) -> None:
+def _round(
+    connect: "Callable[[], Client]", farm: Farm, left: Sequence[Job], most_attempts: int, stale_after: float
+) -> None:
     """Give out all drapes that are left, once, or until the scheduler is lost.
 
     A task that failed as Dask counts (its workers died) is given out again by the next round.
@@ -84,7 +89,8 @@ def _round(connect: "Callable[[], Client]", farm: Farm, left: Sequence[Job], mos
     directory, jobs = str(farm.directory.resolve()), iter(left)
 
     def submit(client: "Client", number: int) -> list[Any]:
-        return [client.submit(make_one, directory, job.id, most_attempts, pure=False) for job in islice(jobs, number)]
+        given = [(directory, job.id, most_attempts, stale_after) for job in islice(jobs, number)]
+        return [client.submit(make_one, *each, pure=False) for each in given]
 
     with suppress(OSError, RuntimeError, TimeoutError), connect() as client:  # CommClosedError is an OSError
         running = as_completed(
@@ -97,18 +103,18 @@ def _round(connect: "Callable[[], Client]", farm: Farm, left: Sequence[Job], mos
             running.update(submit(client, 1))
 
 
-def make_one(directory: str, name: str, most_attempts: int) -> str:
+def make_one(directory: str, name: str, most_attempts: int, stale_after: float = Worker.stale_after) -> str:
     """Task of a Dask worker: make one drape where nobody does. Returns its id."""
-    farm, jobs, worker = _opened(directory)
+    farm, jobs, worker = _opened(directory, stale_after)
     make(farm, jobs[name], worker, most_attempts)
     return name
 
 
 @cache
-def _opened(directory: str) -> tuple[Farm, dict[str, Job], Worker]:
+def _opened(directory: str, stale_after: float) -> tuple[Farm, dict[str, Job], Worker]:
     """Farm, its drapes by id, and this process as a worker: read once by each process."""
     farm = open_farm(Path(directory))
-    return farm, {job.id: job for job in farm.jobs}, Worker()
+    return farm, {job.id: job for job in farm.jobs}, worker_of(stale_after)
 
 
 @contextmanager

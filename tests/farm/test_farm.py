@@ -13,7 +13,8 @@ from small_scenes import small_scene
 
 from clothsim import InputError
 from clothsim.cli import main
-from clothsim.farm.claims import Worker, claimed, is_stale
+from clothsim.farm.claims import Worker, claimed, is_stale, worker_of
+from clothsim.farm.dask_work import make_one
 from clothsim.farm.draws import draw_of, stream_of
 from clothsim.farm.identity import content_id
 from clothsim.farm.plan import open_farm, plan
@@ -129,6 +130,20 @@ def test_one_claim_at_a_time_and_a_stale_one_is_taken_over(tmp_path):
     os.utime(tmp_path / "x", (time.time() - 100,) * 2)
     with claimed(tmp_path, "x", Worker()) as own:
         assert own
+
+
+def test_a_task_of_dask_takes_over_claims_by_the_time_that_it_is_given(tmp_path):
+    farm = plan(recipe(1), tmp_path)
+    job = farm.jobs[0]
+    claim = tmp_path / "claims" / job.id
+    claim.write_text(json.dumps({"token": "t", "host": "elsewhere", "pid": 1}))
+    os.utime(claim, (time.time() - 100,) * 2)
+    assert make_one(str(tmp_path), job.id, 3, stale_after=1e4) == job.id
+    assert not farm.published()
+    assert make_one(str(tmp_path), job.id, 3, stale_after=50.0) == job.id
+    assert farm.published() == {job.id}
+    assert worker_of(12.0).beat == 2.0
+    assert worker_of(600.0).beat == Worker.beat
 
 
 def test_a_claim_of_a_process_that_ended_is_stale_at_once(tmp_path):

@@ -11,7 +11,7 @@ from small_scenes import small_scene
 
 from clothsim import InputError
 from clothsim.cli import main
-from clothsim.farm.contact_sheet import contact_sheet
+from clothsim.farm.contact_sheet import contact_page, contact_sheet
 from clothsim.farm.pack import pack
 from clothsim.farm.plan import plan
 from clothsim.farm.recipe import make_recipe
@@ -90,9 +90,19 @@ def test_contact_sheet_and_command(farm, tmp_path):
     assert (tmp_path / "x.h5").is_file()
 
 
+def test_the_page_has_a_picture_of_each_sample_and_its_parameters(farm, tmp_path):
+    page = contact_page(farm, tmp_path / "sheet.html", samples=2).read_text(encoding="utf-8")
+    assert page.count("<figure") == page.count("data:image/png;base64,") == 2
+    assert page.count("<td>cloth.density") == 2
+
+
 def test_a_farm_without_a_usable_drape_is_refused(tmp_path):
     empty = plan(make_recipe(small_scene(cloth={"mesh": "nothing.obj"}), {"count": 1}, {}, {}), tmp_path / "farm")
     work(empty)
     with pytest.raises(InputError):
         pack(empty, tmp_path / "data.h5")
     assert contact_sheet(empty, tmp_path / "sheet.png").is_file()
+    page = contact_page(empty, tmp_path / "sheet.html").read_text(encoding="utf-8")
+    assert page.count('class="failed"') == 1
+    assert "nothing.obj" in page
+    assert "<img" not in page
