@@ -51,7 +51,7 @@ def seams(
     world: World,
     *,
     seam: Sequence[Mapping[str, Any]] = (),
-    pattern: Mapping[str, Any] | None = None,
+    pattern: Mapping[str, Any] | bool = False,
     built: Mapping[str, Energy] | None = None,
 ) -> Energy | Off:
     """Seams from a list of tables.
@@ -68,7 +68,7 @@ def seams(
         and `vertices`, numbers in their order.
         A line of a sewing pattern is `panel` with its `edge`.
         `to` = { nearest = true } stitches each vertex of `from` to the nearest edge of another piece of cloth at rest.
-    pattern : table, optional
+    pattern : table or False
         All seams of sewing patterns that are open as placed, with `start`, `end`, `stiffness` and `bends` for each.
     built : mapping, optional
         The energies built so far: seams bend if bending is on, and leave a gap for self_contact.
@@ -84,8 +84,8 @@ def seams(
     """
     check_tables("effects.seams.seam", seam, KEYS, ("from", "to"))
     tables = {f"effects.seams.seam[{k}]": keys for k, keys in enumerate(seam)}
-    if pattern is not None:
-        tables |= pattern_tables(world, pattern)
+    if pattern is not False:
+        tables |= pattern_tables(world, pattern if isinstance(pattern, Mapping) else {})
     if not tables:
         return Off("there is no seam")
     from clothsim.energies.seam_strings import Seams, bending_across, those  # after the last Off: no kernel for a zero
