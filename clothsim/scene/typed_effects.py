@@ -217,9 +217,9 @@ class Seams(EffectKeys):
 
     seam: Annotated[Sequence[Seam | Mapping[str, Any]], Key("Seams between two borders", tables=(Seam,))] = ()
     pattern: Annotated[
-        PatternSeams | Mapping[str, Any] | None,
-        Key("All seams of sewing patterns that are open as placed", tables=(PatternSeams,), shown="none"),
-    ] = None  # fmt: skip
+        PatternSeams | Mapping[str, Any] | bool,
+        Key("All seams of sewing patterns that are open as placed: true, or a table", tables=(PatternSeams,)),
+    ] = False  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
