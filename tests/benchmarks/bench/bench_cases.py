@@ -157,7 +157,7 @@ def windows() -> tuple[Case, ...]:
     """Each window with the settings of other simulators, with the defaults at the same tolerance, and as they are."""
     settings: Mapping[str, Scene] = {
         "as peers": falling(PEERS, integrator="backward_euler", tolerance=1e-3),
-        "defaults at 1e-3 m/s": falling({}, tolerance=1e-3),
+        "defaults, tolerance 1e-3": falling({}, tolerance=1e-3),
         "defaults": falling({}),
     }
     return tuple(
