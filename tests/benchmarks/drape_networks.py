@@ -142,7 +142,7 @@ def _rms(one: Floats, other: Floats) -> float:
 
 
 def random_codes(data: Drapes, decode: Callable[[Floats], Floats], size: int, count: int) -> dict[str, float]:
-    """Decoded garments of codes from N(0, I) on the base body: vertices inside, pairs and free garments, by exact tests."""
+    """Decoded garments of codes from N(0, I) on the base body: vertices inside, pairs, free garments; exact tests."""
     shapes = decode(np.random.default_rng(1).standard_normal((count, size))).reshape(count, -1, 3)
     found = [counted(shape, data.triangles, data.surface) for shape in shapes]
     return {
