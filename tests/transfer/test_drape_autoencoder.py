@@ -51,8 +51,9 @@ def test_linear_layers_are_principal_components_and_ridge():
     drapes = patches()
     made = linear(drapes)
     assert made.code_size == 2
-    assert np.allclose(made.drapes(made.codes(drapes)), drapes, atol=1e-12)  # two modes, one for each parameter
-    assert np.allclose(made.predicted(PARAMETERS), drapes, atol=1e-12)
+    assert np.allclose(made.drapes(made.codes(drapes)), drapes, atol=1e-12)  # two modes, lift and tilt
+    fit = ridge(PARAMETERS, made.space.coefficients(drapes), 0.0)
+    assert np.allclose(made.predicted(PARAMETERS), made.space.drapes(fit(PARAMETERS)), atol=1e-12)
     assert np.array_equal(made.predicted([[9.0, -9.0]]), made.predicted([[made.high[0], made.low[1]]]))
 
 
