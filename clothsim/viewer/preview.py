@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 CLEAR, CROSSING, DRAPED = (120, 160, 205), (215, 120, 100), (110, 170, 120)
 """Colours of a prediction without and with intersections, and of a drape that was simulated."""
-STEPS = 200
-"""Steps of a slider."""
+STEPS = 50
+"""Least number of steps of a slider, whose step is a power of ten."""
 
 
 @dataclass(repr=False)
@@ -128,7 +128,7 @@ def preview(scene: Scene, model: str | Path, port: int = PORT, host: str = LOOPB
     page = Preview(made, serve(viser, host, port), middle)
     _add_scene(page, first)
     _add_controls(page)
-    page.show(middle)
+    page.show([each.value for each in page.controls["sliders"]])
     return page
 
 
@@ -154,9 +154,11 @@ def _add_controls(page: Preview) -> None:
     gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
     page.controls["verdict"] = gui.add_markdown("")
     sliders = []
-    for name, low, high, value in zip(model.inputs, model.low, model.high, page.inputs, strict=True):
-        step = float(high - low) / STEPS or 1.0
-        sliders.append(gui.add_slider(str(name), float(low), float(high), step, float(value)))
+    for name, low, high in zip(model.inputs, model.low, model.high, strict=True):
+        first, last, step = slider_range(float(low), float(high))
+        value = float(np.clip(np.round(0.5 * (low + high) / step) * step, first, last))
+        sliders.append(gui.add_slider(str(name), first, last, step, value))
+    page.controls["sliders"] = sliders
 
     def moved(_: Any) -> None:
         page.show([each.value for each in sliders])
@@ -166,6 +168,17 @@ def _add_controls(page: Preview) -> None:
 
     for slider in sliders:
         slider.on_update(moved)
-    page.controls["sliders"] = sliders
     page.controls["drape"] = gui.add_button("Drape and certify")
     page.controls["drape"].on_click(pressed)
+
+
+def slider_range(low: float, high: float) -> tuple[float, float, float]:
+    """First and last value of a slider within a box, both multiples of its step, and the step.
+
+    >>> slider_range(1.600284, 1.798856)
+    (1.601, 1.798, 0.001)
+    """
+    digits = -int(np.floor(np.log10(max(high - low, 1e-9) / STEPS)))
+    step = 10.0**-digits
+    first, last = (round(float(edge) * step, digits) for edge in (np.ceil(low / step), np.floor(high / step)))
+    return (first, last, round(step, digits)) if first < last else (low, low + step, step)
