@@ -1,10 +1,11 @@
 """Drapes from learned seeds against transferred ones: `python -m tests.benchmarks.learned_seeds FARM --drapes 10`.
 
-A model is learned from the first drapes of a farm; each of the last ones is draped again from three starts, under the
+A model is learned from the first drapes of a farm; each of the last ones is draped again from four starts, under the
 same settings:
 
 * transfer: the garment as it is made for the base body, deformed as that body is (the start of `clothsim fit`);
 * transferred drape: the same of the drape at rest on the base body;
+* nearest drape: the same of the training drape with the nearest parameters, from its own body;
 * model: the prediction.
 
 All are untangled first. The label is the drape of the farm, from the scene's own start; the distance between the ends
@@ -15,7 +16,7 @@ import argparse
 import json
 import sys
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from statistics import median
@@ -66,28 +67,44 @@ class Row:
 def compare(farm: Farm, held_out: float, drapes: int, show: Callable[[Row], None]) -> tuple[Learned, list[Row]]:
     """Learn a farm; rows of some of its held-out drapes from every start."""
     learned = learn(farm, held_out)
-    usable = [row["id"] for row in manifest(farm) if row["usable"]]
-    held = usable[len(usable) - learned.held_out :]
+    usable = [row for row in manifest(farm) if row["usable"]]
+    known = {row["id"]: row["parameters"] for row in usable[: learned.training]}
+    held = [row["id"] for row in usable[learned.training :]]
     chosen = [held[round(k)] for k in np.linspace(0, len(held) - 1, min(drapes, len(held)))]
     rows = []
     with tempfile.TemporaryDirectory(prefix="clothsim-seeds-") as folder:
         base = world_of(farm.scene)
         starts = {"transfer": _cloth(base), "transferred drape": _at_rest(farm.scene, Path(folder))}
-        for job in (job for job in farm.jobs if job.id in chosen):
-            for row in _rows(farm, job, base, starts, learned.model, Path(folder)):
+        jobs = {job.id: job for job in farm.jobs}
+        for name in chosen:
+            near = jobs[_nearest(known, jobs[name].values, learned.model)]
+            for row in _rows(farm, jobs[name], near, base, starts, learned.model, Path(folder)):
                 show(row)
                 rows.append(row)
     return learned, rows
 
 
-def _rows(farm: Farm, job: Job, base: World, starts: dict[str, Floats], model: DrapeModel, folder: Path) -> list[Row]:
+def _nearest(known: Mapping[str, Mapping[str, Any]], values: Mapping[str, Any], model: DrapeModel) -> str:
+    """The training drape whose parameters, over their deviations, are nearest."""
+
+    def distance(name: str) -> float:
+        apart = [known[name][key] - values[key] for key in model.inputs.tolist()]
+        return float(np.linalg.norm(np.array(apart) / model.scale))
+
+    return min(known, key=distance)
+
+
+def _rows(
+    farm: Farm, job: Job, near: Job, base: World, starts: Mapping[str, Floats], model: DrapeModel, folder: Path
+) -> list[Row]:
     """The drape as the farm has it, and from each start."""
-    scene, label = farm.scene_of(job), np.load(farm.directory / "drapes" / job.id / CLOTH).astype(np.float64)
+    scene, label, other = farm.scene_of(job), _drape(farm, job), world_of(farm.scene_of(near))
     world, summary = world_of(scene), _summary(farm, job)
     triangles, bodies = base.cloths[0].triangles, base.bodies[0].triangles
     seeds = {
         name: transfer_garment(shape, triangles, _body(base), _body(world), bodies) for name, shape in starts.items()
     }
+    seeds["nearest drape"] = transfer_garment(_drape(farm, near), triangles, _body(other), _body(world), bodies)
     seeds["model"] = predicted(model, scene)
     own = Row(job.id, "own", summary["cause"], summary["newton_iterations"], summary["cpu_seconds"], np.nan, 0.0)
     rows = [replace(own, seed_error=_rms(_cloth(world), label))]
@@ -99,6 +116,10 @@ def _rows(farm: Farm, job: Job, base: World, starts: dict[str, Floats], model: D
         iterations = made.summary.get("newton_iterations", 0)
         rows.append(replace(row, newton_iterations=iterations, seed_error=_rms(positions, label), end_error=end))
     return rows
+
+
+def _drape(farm: Farm, job: Job) -> Floats:
+    return np.load(farm.directory / "drapes" / job.id / CLOTH).astype(np.float64)
 
 
 def _summary(farm: Farm, job: Job) -> dict[str, Any]:
