@@ -149,7 +149,8 @@ def ratios(rows: Sequence[Row], start: str, against: str) -> dict[str, float]:
     """Newton iterations and processor time of the usable drapes from one start over those from another: of their sums,
     and the median and the range of the ratio of the iterations of single drapes."""
     found = {(row.drape, row.start): row for row in rows if not row.cause}
-    pairs = [(row, found[row.drape, against]) for row in found.values() if row.start == start]
+    mine = [row for row in found.values() if row.start == start and (row.drape, against) in found]
+    pairs = [(row, found[row.drape, against]) for row in mine]
     each = [one.newton_iterations / other.newton_iterations for one, other in pairs]
     ones, others = zip(*pairs, strict=True)
     return {
