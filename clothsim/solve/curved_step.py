@@ -1,14 +1,15 @@
 """Second-order correction of a Newton step along a curved valley (geodesic acceleration).
 
 Cloth bends a thousand times more easily than it stretches, so the valley in which a crease grows is curved: its
-vertices move on arcs. On the tangent of an arc they stretch the cloth, E rises with the fourth power of the step, and each
-iteration moves a tenth of a millimetre in the direction of the one before. With the bend c of
+vertices move on arcs. On the tangent of an arc they stretch the cloth, E rises with the fourth power of the step, and
+each iteration moves a tenth of a millimetre in the direction of the one before. With the bend c of
 
     x(a) = x + a dx + a^2 c / 2,    P c = -d^2 g(x + a dx) / da^2    (P the projected Hessian, g the gradient of E)
 
-the gradient on the path is linear in a where the cloth is stiff, and so is Newton's model of it: the path follows the
-valley to third order (Transtrum & Sethna 2012, "Improvements to the Levenberg-Marquardt algorithm for nonlinear
-least-squares minimization", equation 15). Two gradients and a back-solve, where an iteration costs ten of each.
+the gradient on the path is linear in a where the cloth is stiff, as Newton's model has it, and the path leaves the
+valley with the fourth power of a (geodesic acceleration: Transtrum & Sethna 2012, "Improvements to the
+Levenberg-Marquardt algorithm for nonlinear least-squares minimization"). It costs two gradients and a back-solve, a
+tenth of an iteration.
 """
 
 from collections.abc import Callable
