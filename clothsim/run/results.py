@@ -294,8 +294,8 @@ class Run(Sequence[Frame]):
             A name as of `field`; tensors are drawn by their norm, rotations by their angle, directions as strokes.
         **settings
             size (width, height) in pixels, colour "stretch" or "plain", up and view as (3,) directions (view also
-            "front", "back", "left", "right", "top"), renderer "vtk", "ray" or "auto", style "fields", "print" or "fabric",
-            limits (low, high) of the colours.
+            "front", "back", "left", "right", "top"), renderer "vtk", "ray" or "auto", style "fields", "print" or
+            "fabric", limits (low, high) of the colours.
 
         Returns
         -------
