@@ -2,8 +2,9 @@
 
 The drapes of a farm of mannequins of varied shape are brought to the base body (`transfer.canonical`). Then, on the
 last ones, which are held out: principal components in the metric of areas and Laplacians, ridge regression to their
-coefficients, the mean of the nearest drapes, and Santesteban's auto-encoder with its regressor, at the same dimension; and for random codes, how many
-vertices of the decoded garment are inside the body and how many pairs of triangles intersect, by the exact test.
+coefficients, the mean of the nearest drapes, and Santesteban's auto-encoder with its regressor, at the same dimension;
+and for random codes, how many vertices of the decoded garment are inside the body and how many pairs of triangles
+intersect, by the exact test.
 """
 
 import argparse
