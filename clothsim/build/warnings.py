@@ -8,6 +8,8 @@ from clothsim.arrays import Floats
 from clothsim.energies.base import Energy
 from clothsim.energies.protocols import ContactGap
 from clothsim.mesh.motion import FrameMotion
+from clothsim.mesh.topology import components
+from clothsim.mesh.winding_number import is_inside
 from clothsim.mesh.world import World
 from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.scene import Scene
@@ -47,6 +49,7 @@ def scene_warnings(world: World, energies: dict[str, Energy], dt: float) -> tupl
         *_skipped_frames(world, dt),
         *_fast_spins(world, dt),
         *_starts_inside(world, energies),
+        *_nested_bodies(world, energies),
         *_wide_activation(world, energies),
         *_close_starts(world, energies),
     )
@@ -150,6 +153,23 @@ def _starts_inside(world: World, energies: dict[str, Energy]) -> list[str]:
         return []
     found = held_inside(world, world.start())
     return [f"{each.cloth} starts inside {each.body}, {each.where}: contact keeps it in." for each in found]
+
+
+def _nested_bodies(world: World, energies: dict[str, Energy]) -> list[str]:
+    """Bodies inside another one at the start, one of the two rigid: contact of their surfaces keeps them there."""
+    if not world.rigid or "body_contact" not in energies:
+        return []
+    start, sentences = world.start(), []
+    rigid = {body.name for body in world.rigid}
+    bodies = list(zip(world.bodies, (start[rows] for rows in world.body_slices), strict=True))
+    for inner, points in bodies:
+        firsts = np.unique(components(inner.triangles, len(points)), return_index=True)[1]
+        for outer, surface in bodies:
+            if inner is outer or not {inner.name, outer.name} & rigid:
+                continue
+            if any(is_inside(points[row], surface, outer.triangles) for row in firsts):
+                sentences.append(f"{inner.name} starts inside {outer.name}: contact of their surfaces keeps it in.")
+    return sentences
 
 
 def _wide_activation(world: World, energies: dict[str, Energy]) -> list[str]:

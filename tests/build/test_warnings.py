@@ -65,6 +65,24 @@ def test_cloth_wholly_inside_a_body_is_reported():
     assert "starts inside" not in contact_notes(SMALL, {}, BALL)
 
 
+def nested(rigid, body=()):
+    above = {**SMALL, "position": [0, 0, 2.0]}
+    effects = {"membrane": {}, "inertia": {}, "body_contact": {}}
+    scene = Scene(cloth=above, body=body, rigid=rigid, effects=effects, solver={"linear": "superlu"})
+    return " ".join(prepare(scene, build(scene)).notes)
+
+
+def test_a_rigid_body_inside_another_body_is_reported():
+    outer = {"name": "outer", "mesh": "sphere", "radius": 0.5}
+    inner = {"name": "inner", "mesh": "sphere", "radius": 0.1, "subdivisions": 1}
+    assert "inner starts inside outer" in nested([outer, inner])
+    assert "inner starts inside outer" in nested([inner], [outer])
+    assert "outer starts inside" not in nested([outer, inner])
+    assert "starts inside" not in nested([outer, {**inner, "position": [0, 0, 0.7]}])
+    ring = {"name": "ring", "mesh": "ring", "radius": 0.5, "position": [0, 0, 0]}
+    assert "starts inside" not in nested([ring, inner])  # in its hole
+
+
 def test_a_d_hat_wider_than_the_edges_is_reported_and_one_wider_than_the_cloth_refused():
     above = {**SMALL, "position": [0, 0, 0.7]}
     assert "more than the median edge" in contact_notes(above, {"body_contact": {"d_hat": 0.06}}, BALL)
