@@ -2,8 +2,9 @@
 
 The drapes of a farm of mannequins of varied shape are brought to the base body (`transfer.canonical`). Then, on the
 last ones, which are held out: principal components in the metric of areas and Laplacians, ridge regression to their
-coefficients, and Santesteban's auto-encoder with its regressor, at the same dimension; and for random codes, how many
-vertices of the decoded garment are inside the body and how many pairs of triangles intersect, by the exact test.
+coefficients, the mean of the nearest drapes, and Santesteban's auto-encoder with its regressor, at the same dimension;
+and for random codes, how many vertices of the decoded garment are inside the body and how many pairs of triangles
+intersect, by the exact test.
 """
 
 import argparse
@@ -33,10 +34,13 @@ from transfer.distance_grid import distance_grid
 from transfer.drape_autoencoder import DrapeAutoencoder
 from transfer.drape_autoencoder_training import Training, trained_autoencoder
 from transfer.signed_distance import BodySurface, body_surface
-from transfer.subspace import Subspace, metric_components, ridge
+from transfer.subspace import Subspace, metric_components, nearest, ridge
 
 LAPLACIAN = 1e-3
 """Weight of the Laplacian in the metric G = M + w L'ML, with L of one over the number of neighbours [1]."""
+
+NEAREST = 8
+"""Training drapes that are blended, by the inverse distance of their parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,6 +180,8 @@ def table(data: Drapes, held_out: int, codes: int, training: Training, show: Cal
     fitted = ridge(data.parameters[:count], linear.coefficients(known))
     again = linear.drapes(linear.coefficients(flat[held]))
     entry = vars(_errors(data, held, again, linear.drapes(fitted(asked))))
+    blended = nearest(data.parameters[:count], known, asked, NEAREST)
+    add("nearest drapes", vars(_errors(data, held, blended, blended)))
     add("principal components", entry | random_codes(data, _gaussian(linear), training.code_size, codes))
     grid = distance_grid(data.surface, data.canonical[:count].reshape(-1, 3))
     weights = {
