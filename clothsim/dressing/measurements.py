@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
+from clothsim.dressing.level_lines import ends_of, girth_along_cloth, level_line
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.dressing.sleeves import is_of_arm
 from clothsim.fitting.inputs import Figure
@@ -33,18 +34,24 @@ class Girth:
         "chest", "waist", "hip" or "hem".
     level : float
         Height above the floor [m].
-    body, garment : float
-        Girth of the convex hull of either at this level [m]; 0 where the garment is not there.
+    body : float
+        Girth of the convex hull of the body at this level, as a tape measures it [m].
+    garment : float
+        Length of the cloth round it, as the garment laid flat is measured [m]; 0 where the garment is not there. The
+        chest is measured below the armholes, the hem along its border.
+    outline : float
+        Girth of the convex hull of the garment as worn, as a tape over its folds measures it [m].
     """
 
     name: str
     level: float
     body: float
     garment: float
+    outline: float
 
     @property
     def ease(self) -> float:
-        """Girth of the garment less that of the body [m]."""
+        """Girth of the garment along the cloth less that of the body [m]."""
         return self.garment - self.body
 
 
@@ -60,13 +67,21 @@ def girths(state: SewingState, body: Figure) -> list[Girth]:
         if both:
             girth, level = min(both) if name == "waist" else max(both)
             if garment_low <= level <= garment_high:
-                found.append(Girth(name, level - low, girth, _garment_girth(state, torso, body, level)))
-    hem, level = hem_of(state, body)
-    return [*found, Girth("hem", level - low, torso_girth(body, level) or _girth_of_legs(body, level), hem)]
+                outline = _outline(section(state.positions, torso, body.up, level)[0], body)
+                along = girth_along_cloth(state, body.up, level, below_armholes=name == "chest")
+                found.append(Girth(name, level - low, girth, along or outline, outline))
+    length, level, loop = _hem(state, body)
+    around = torso_girth(body, level) or _girth_of_legs(body, level)
+    return [*found, Girth("hem", level - low, around, length, _outline(state.positions[loop], body))]
 
 
 def hem_of(state: SewingState, body: Figure) -> tuple[float, float]:
     """Length of the lowest border loop of the garment [m], and its mean level [m]; the ends of sleeves do not count."""
+    return _hem(state, body)[:2]
+
+
+def _hem(state: SewingState, body: Figure) -> tuple[float, float, Ints]:
+    """Length [m], mean level [m] and vertices of the lowest border loop."""
     edges = border_edges(state.triangles)[0]
     loop = components(np.column_stack([edges, edges[:, 1]]), len(state.positions))[edges[:, 0]]
     torso = _torso_triangles(state)
@@ -79,21 +94,14 @@ def hem_of(state: SewingState, body: Figure) -> tuple[float, float]:
         if of_torso[loop == name].mean() > 0.5 or not of_torso.any()
     }
     lowest = min(mean, key=lambda name: mean[name])
-    return float(lengths[loop == lowest].sum()), mean[lowest]
+    return float(lengths[loop == lowest].sum()), mean[lowest], np.unique(edges[loop == lowest])
 
 
 def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> tuple[Floats, Ints]:
     """Cut of a mesh by a horizontal plane: points (k, 3) [m] on its edges, and the segments (s, 2) that join them."""
-    heights = positions @ up - level
-    above = heights > 0
-    corners = triangles[above[triangles].any(axis=1) & ~above[triangles].all(axis=1)]
-    sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)  # two of three cross the plane
-    crossing = sides[above[sides[:, :, 0]] != above[sides[:, :, 1]]]
-    edges, number = np.unique(np.sort(crossing, axis=1), axis=0, return_inverse=True)
-    a, b = heights[edges[:, 0]], heights[edges[:, 1]]
-    share = (a / (a - b))[:, None]
-    points = (1 - share) * positions[edges[:, 0]] + share * positions[edges[:, 1]]
-    return points, number.reshape(-1, 2)
+    edges, fractions = level_line(positions @ up, triangles, level)
+    _, first, number = np.unique(edges.reshape(-1, 2), axis=0, return_index=True, return_inverse=True)
+    return ends_of(edges, fractions, positions).reshape(-1, 3)[first], number.reshape(-1, 2)
 
 
 def torso_girth(body: Figure, level: float) -> float:
@@ -115,9 +123,9 @@ def _girth_of_legs(body: Figure, level: float) -> float:
     return 0.0 if hull is None else float(hull.area)
 
 
-def _garment_girth(state: SewingState, torso: Ints, body: Figure, level: float) -> float:
-    """Girth of the convex hull of the garment without its sleeves, as a tape measures it [m]; 0 where it is not."""
-    hull = _hull(section(state.positions, torso, body.up, level)[0][:, _across(body)])
+def _outline(points: Floats, body: Figure) -> float:
+    """Girth of the convex hull of points (k, 3) seen from above [m]; 0 without one."""
+    hull = _hull(points[:, _across(body)])
     return 0.0 if hull is None else float(hull.area)
 
 
