@@ -9,6 +9,7 @@ from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
 from clothsim.mesh.pattern.borders import Border, borders
 from clothsim.mesh.pattern.curves import scaled_curve
+from clothsim.mesh.pattern.gathers import gather_notes
 from clothsim.mesh.pattern.limits import refuse_too_fine
 from clothsim.mesh.pattern.orientation import turned_panels
 from clothsim.mesh.pattern.panel_mesh import PanelMesh, mesh_panel
@@ -128,6 +129,7 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
         n, m = vertices[name].stop, faces[name].stop
     positions, triangles, corners, plane = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     seams = tuple(Seam(stitch, seam_pairs(stitch, edges)) for stitch in pattern.stitches)
+    pattern = replace(pattern, notes=(*pattern.notes, *gather_notes(pattern, spacing)))
     return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams)
 
 

@@ -1,6 +1,7 @@
 """Meshes of patterns: areas, angles, seams and sewn topology."""
 
 import json
+import re
 from functools import cache
 
 import numpy as np
@@ -11,6 +12,7 @@ from sewing_patterns import PATTERN_FILES, panel, skirt, specification, stitch
 from clothsim.errors import InputError
 from clothsim.mesh.checks import examine
 from clothsim.mesh.pattern.borders import borders, enclosed_area
+from clothsim.mesh.pattern.gathers import gather_ratios
 from clothsim.mesh.pattern.pattern import Side
 from clothsim.mesh.pattern.pattern_mesh import PatternMesh, mesh_pattern
 from clothsim.mesh.pattern.sewing import largest_gap, sewn_vertices
@@ -215,3 +217,32 @@ def openings(name: str) -> int:
 @pytest.mark.parametrize("name", PATTERN_FILES)
 def test_openings_counted_from_the_file_alone(name):
     assert openings(name) == LOOPS[name]
+
+
+def gathered(ratio: float) -> dict:
+    """A band of 20 cm and a skirt that is longer by a ratio, sewn to it."""
+    band = panel([[0, 0], [20, 0], [20, 4], [0, 4]])
+    long = panel([[0, 0], [20 * ratio, 0], [20 * ratio, 20], [0, 20]])
+    return specification({"band": band, "skirt": long}, [stitch(("band", 0), ("skirt", 2))])
+
+
+@pytest.mark.parametrize(
+    ("ratio", "size", "expected"), [(2.0, 0.02, 1), (2.0, 0.005, 0), (1.2, 0.02, 0), (1.3, 0.02, 1)]
+)
+def test_gathers_are_noted_with_the_size_that_they_need(ratio, size, expected):
+    pattern = pattern_of(gathered(ratio))
+    notes = mesh_pattern(pattern, size).pattern.notes
+    assert len(notes) == expected
+    found = gather_ratios(pattern)
+    assert found == (pytest.approx({"band.0 to skirt.2": ratio}) if ratio >= 1.25 else {})
+    if expected:
+        needed = float(re.search(r"--size ([0-9.]+)mm", notes[0])[1])
+        assert mesh_pattern(pattern, 0.99e-3 * needed).pattern.notes == ()
+
+
+def test_the_longest_gathers_are_named_first():
+    entries = gathered(1.5)
+    more = gathered(3.0)["pattern"]
+    entries["pattern"]["panels"] |= {f"other_{name}": each for name, each in more["panels"].items()}
+    entries["pattern"]["stitches"] += [stitch(("other_band", 0), ("other_skirt", 2))]
+    assert list(gather_ratios(pattern_of(entries)).values()) == pytest.approx([3.0, 1.5])
