@@ -156,7 +156,7 @@ def scaled_mesh(mesh: PatternMesh, scale: float) -> PatternMesh:
 def _meshed(name: str, border: Border, spacing: float) -> PanelMesh:
     """Mesh of a panel. InputError with its name where its border cannot be triangulated, or is nowhere near as wide."""
     try:
-        mesh = mesh_panel(border.points, spacing)
+        mesh = mesh_panel(border.points, spacing, graded=border.graded)
     except RuntimeError as error:  # samples that coincide or nearly cross
         reason = str(error).partition("\n")[0]
         raise InputError(f"Panel {name} cannot be triangulated: {reason}.", "Look at its vertices.") from error
