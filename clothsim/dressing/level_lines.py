@@ -4,16 +4,16 @@ A tape round a worn garment spans its folds, and which folds there are is chosen
 as the trade measures it, gives the length of its cloth: that of the line that is level in the pattern as placed.
 """
 
-from collections.abc import Iterable
-
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.dressing.closing_rounds import is_on_top
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.dressing.sleeves import is_of_arm
-from clothsim.mesh.pattern.pattern_mesh import PatternMesh
+from clothsim.fitting.inputs import Figure
 
+SECTORS = 24
+"""Directions from the axis of the body in all of which a line round it lies."""
 LEVELS = 100
 """Level lines of a garment among which the length at a level is interpolated."""
 
@@ -42,11 +42,12 @@ def ends_of(edges: Ints, fractions: Floats, positions: Floats) -> Floats:
     return np.asarray((1 - fractions) * first + fractions * second, np.float64)
 
 
-def girth_along_cloth(state: SewingState, up: Floats, level: float, below_armholes: bool = False) -> float:
+def girth_along_cloth(state: SewingState, body: Figure, level: float, highest: bool = False) -> float:
     """Length [m], as worn, of the line that is level in the pattern as placed and is worn at a mean height `level` [m].
 
-    Of the panels of the torso without collars and hoods; with `below_armholes` of a line below all armholes, where a
-    garment's chest is measured. 0 where no line of the garment is worn as high or as low.
+    Of the panels of the torso without collars and hoods, of lines that go round the body: one through an armhole or a
+    slanted hem does not. 0 where there is none at that height; with `highest` that of the highest line where all are
+    lower, as a chest is measured below the armholes.
     """
     mesh = state.mesh
     panels = mesh.pattern.panels
@@ -54,34 +55,42 @@ def girth_along_cloth(state: SewingState, up: Floats, level: float, below_armhol
     if not names:
         return 0.0
     triangles = np.concatenate([mesh.triangles[mesh.faces[name]] for name in names])
-    placed, worn = mesh.positions @ up, state.positions[state.number]
+    placed, worn = mesh.positions @ body.up, state.positions[state.number]
     low, high = float(placed[triangles].min()), float(placed[triangles].max())
-    if below_armholes:
-        high = min([high, *(float(placed[rows].min()) for rows in _armholes(mesh, names))])
     heights, lengths = [], []
     for value in low + (high - low) * (np.arange(LEVELS) + 0.5) / LEVELS:
         ends = ends_of(*level_line(placed, triangles, value), worn)
-        sides = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        if sides.sum() > 0:
-            heights.append(float(np.average((ends @ up).mean(axis=1), weights=sides)))
+        if goes_round(ends[:, :, across(body)] - axis_of(body)):
+            sides = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+            heights.append(float(np.average((ends @ body.up).mean(axis=1), weights=sides)))
             lengths.append(float(sides.sum()))
-    return _at(np.array(heights), np.array(lengths), level, below_armholes)
+    return _at(np.array(heights), np.array(lengths), level, highest)
 
 
-def _armholes(mesh: PatternMesh, names: list[str]) -> Iterable[Ints]:
-    """Vertices of each edge of the named panels that is sewn to a panel of an arm."""
-    for seam in mesh.seams:
-        for side, other in (seam.stitch.sides, seam.stitch.sides[::-1]):
-            if side.panel in names and is_of_arm(mesh.pattern.panels[other.panel]):
-                yield mesh.edges[side]
+def goes_round(segments: Floats) -> bool:
+    """True where segments (s, 2, 2) lie in every direction from the origin, in sectors of 360 / SECTORS degrees."""
+    points = segments[:, :1] + np.linspace(0, 1, 4)[:, None] * (segments[:, 1:] - segments[:, :1])
+    angle = np.arctan2(points[..., 1], points[..., 0]).ravel()
+    return len(np.unique(np.floor(angle / (2 * np.pi) * SECTORS).astype(np.int64) % SECTORS)) == SECTORS
 
 
-def _at(heights: Floats, lengths: Floats, level: float, to_top: bool) -> float:
-    """Length at a level where the heights of the lines, from below, first pass it; `to_top`: above all, the last."""
+def across(body: Figure) -> list[int]:
+    """Horizontal axes."""
+    return [k for k in range(3) if body.up[k] == 0]
+
+
+def axis_of(body: Figure) -> Floats:
+    """Vertical line through the middle of the bounding box, (2,) [m]."""
+    flat = body.positions[:, across(body)]
+    return np.asarray((flat.min(axis=0) + flat.max(axis=0)) / 2, np.float64)
+
+
+def _at(heights: Floats, lengths: Floats, level: float, highest: bool) -> float:
+    """Length at a level where the heights of the lines, from below, first pass it."""
     passing = np.flatnonzero((heights[:-1] <= level) & (heights[1:] >= level))
     if len(passing):
         k = passing[0]
         rise = heights[k + 1] - heights[k]
         share = (level - heights[k]) / rise if rise > 0 else 0.0
         return float(lengths[k] + share * (lengths[k + 1] - lengths[k]))
-    return float(lengths[-1]) if to_top and len(heights) and level > heights.max() else 0.0
+    return float(lengths[-1]) if highest and len(heights) and level > heights.max() else 0.0

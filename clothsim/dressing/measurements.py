@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.dressing.level_lines import ends_of, girth_along_cloth, level_line
+from clothsim.dressing.level_lines import across, axis_of, ends_of, girth_along_cloth, level_line
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.dressing.sleeves import is_of_arm
 from clothsim.fitting.inputs import Figure
@@ -37,8 +37,8 @@ class Girth:
     body : float
         Girth of the convex hull of the body at this level, as a tape measures it [m].
     garment : float
-        Length of the cloth round it, as the garment laid flat is measured [m]; 0 where the garment is not there. The
-        chest is measured below the armholes, the hem along its border.
+        Length of the cloth round it, as the garment laid flat is measured [m]: the chest below the armholes, the hem
+        along its border. `outline` where no level line of the pattern goes round the body there.
     outline : float
         Girth of the convex hull of the garment as worn, as a tape over its folds measures it [m].
     """
@@ -68,7 +68,7 @@ def girths(state: SewingState, body: Figure) -> list[Girth]:
             girth, level = min(both) if name == "waist" else max(both)
             if garment_low <= level <= garment_high:
                 outline = _outline(section(state.positions, torso, body.up, level)[0], body)
-                along = girth_along_cloth(state, body.up, level, below_armholes=name == "chest")
+                along = girth_along_cloth(state, body, level, highest=name == "chest")
                 found.append(Girth(name, level - low, girth, along or outline, outline))
     length, level, loop = _hem(state, body)
     around = torso_girth(body, level) or _girth_of_legs(body, level)
@@ -107,7 +107,7 @@ def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> tup
 def torso_girth(body: Figure, level: float) -> float:
     """Girth of the convex hull of that loop of the body's section that goes round its axis [m]; 0 without one."""
     points, label = _loops(body, level)
-    axis = _axis(body)
+    axis = axis_of(body)
     hulls = [_hull(points[label == name]) for name in np.unique(label)]
     round_axis = [hull for hull in hulls if hull is not None and (hull.equations @ [*axis, 1.0] < 0).all()]
     return max((float(hull.area) for hull in round_axis), default=0.0)
@@ -116,7 +116,7 @@ def torso_girth(body: Figure, level: float) -> float:
 def _girth_of_legs(body: Figure, level: float) -> float:
     """Girth of the convex hull of both legs [m]; 0 below the feet."""
     points, label = _loops(body, level)
-    reach, axis = ASIDE * float(np.ptp(body.positions @ body.up)), _axis(body)
+    reach, axis = ASIDE * float(np.ptp(body.positions @ body.up)), axis_of(body)
     legs = [points[label == name] for name in np.unique(label)]
     legs = [leg for leg in legs if np.linalg.norm(leg.mean(axis=0) - axis) < reach]
     hull = _hull(np.concatenate(legs)) if legs else None
@@ -125,7 +125,7 @@ def _girth_of_legs(body: Figure, level: float) -> float:
 
 def _outline(points: Floats, body: Figure) -> float:
     """Girth of the convex hull of points (k, 3) seen from above [m]; 0 without one."""
-    hull = _hull(points[:, _across(body)])
+    hull = _hull(points[:, across(body)])
     return 0.0 if hull is None else float(hull.area)
 
 
@@ -174,10 +174,10 @@ def marker(pattern: Pattern) -> tuple[float, float]:
     )
     width = max(FABRIC_WIDTH, *(float(size[0]) for size in sizes))
     length, left = 0.0, 0.0
-    for across, along in sizes:
-        if across > left:  # a new row, as long as its first panel
+    for wide, along in sizes:
+        if wide > left:  # a new row, as long as its first panel
             length, left = length + float(along), width
-        left -= float(across)
+        left -= float(wide)
     return width, length
 
 
@@ -185,21 +185,10 @@ def _span(levels: Floats) -> tuple[float, float]:
     return float(levels.min()), float(levels.max())
 
 
-def _across(body: Figure) -> list[int]:
-    """Horizontal axes."""
-    return [k for k in range(3) if body.up[k] == 0]
-
-
-def _axis(body: Figure) -> Floats:
-    """Vertical line through the middle of the bounding box, (2,) [m]."""
-    flat = body.positions[:, _across(body)]
-    return np.asarray((flat.min(axis=0) + flat.max(axis=0)) / 2, np.float64)
-
-
 def _loops(body: Figure, level: float) -> tuple[Floats, Ints]:
     """Points (k, 2) [m] of a section of the body, and the loop that each is of (k,)."""
     points, segments = section(body.positions, body.triangles, body.up, level)
-    return points[:, _across(body)], components(np.column_stack([segments, segments[:, 1]]), len(points))
+    return points[:, across(body)], components(np.column_stack([segments, segments[:, 1]]), len(points))
 
 
 def _hull(points: Floats) -> Any:
