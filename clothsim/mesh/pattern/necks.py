@@ -13,6 +13,10 @@ LENGTH = 1.5
 """Length of its parts, as a multiple of the width."""
 MOST = 6
 """Bound on the parts of a segment."""
+SHORTEST = 1e-100
+"""Length of a segment without one: what is wrong with it is said where it is meshed [m]."""
+BLOCK = 2**20
+"""Largest number of pairs of segments that are held at once."""
 WAY = 15.0
 """Way along the border to what faces a point, as a multiple of the width: less is a corner, not a neck."""
 
@@ -34,22 +38,29 @@ def _parts_of(panel: Panel, fractions: Mapping[Side, Floats]) -> dict[Side, Ints
     edges = [panel.edge_points(k, fractions[Side(panel.name, k)]) for k in range(len(panel.edges))]
     start = np.concatenate([points[:-1] for points in edges])
     side = np.concatenate([np.diff(points, axis=0) for points in edges])
-    lengths = np.maximum(np.linalg.norm(side, axis=1), np.finfo(float).tiny)
-    middle = start + side / 2
-    offset = middle[:, None] - start
-    along = np.clip((offset * side).sum(axis=2) / lengths**2, 0, 1)
-    distance = np.linalg.norm(offset - along[:, :, None] * side, axis=2)
-    ends = np.cumsum(lengths)
-    between = np.abs((ends - lengths / 2)[:, None] - (ends - (1 - along) * lengths))
-    between = np.minimum(between, ends[-1] - between)
-    facing = between > WAY * distance
-    np.fill_diagonal(facing, val=False)
-    width = np.where(facing, distance, np.inf).min(axis=1)
-    parts = np.where(lengths > NARROW * width, np.clip(np.ceil(lengths / (LENGTH * width)), 1, MOST), 1).astype(
-        np.int64
-    )
+    lengths = np.maximum(np.linalg.norm(side, axis=1), SHORTEST)
+    width = np.maximum(_widths(start, side, lengths), lengths / (LENGTH * MOST))
+    parts = np.where(lengths > NARROW * width, np.ceil(lengths / (LENGTH * width) - 1e-9), 1).astype(np.int64)
     pieces = np.split(parts, np.cumsum([len(points) - 1 for points in edges])[:-1])
     return {Side(panel.name, k): piece for k, piece in enumerate(pieces)}
+
+
+def _widths(start: Floats, side: Floats, lengths: Floats) -> Floats:
+    """Distance from the middle of each segment of a loop to the nearest one that faces it, (k,) [m]; inf for none."""
+    middle, ends = start + side / 2, np.cumsum(lengths)
+    found = []
+    block = max(1, BLOCK // len(start))
+    for first in range(0, len(start), block):
+        rows = slice(first, first + block)
+        offset = middle[rows, None] - start
+        along = np.clip((offset * side).sum(axis=2) / lengths**2, 0, 1)
+        distance = np.linalg.norm(offset - along[:, :, None] * side, axis=2)
+        way = np.abs((ends - lengths / 2)[rows, None] - (ends - (1 - along) * lengths))
+        way = np.minimum(way, ends[-1] - way)
+        facing = way > WAY * distance
+        facing[np.arange(len(facing)), first + np.arange(len(facing))] = False
+        found.append(np.where(facing, distance, np.inf).min(axis=1))
+    return np.concatenate(found)
 
 
 def _divided(fractions: Floats, parts: Ints) -> Floats:
