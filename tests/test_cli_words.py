@@ -38,6 +38,7 @@ def test_debug_shows_the_traceback():
         "farm",
         "sweep",
         "learn",
+        "preview",
     ],
 )
 def test_help_is_short_and_has_an_example(capsys, command):

@@ -22,6 +22,7 @@ from clothsim.cli import (
     gradient_command,
     keys_command,
     learn_command,
+    preview_command,
     recover_command,
     render_command,
     run_command,
@@ -43,6 +44,7 @@ COMMANDS = (
     sweep_command,
     farm_command,
     learn_command,
+    preview_command,
     gradient_command,
     recover_command,
     design_command,
@@ -80,6 +82,7 @@ REMEDIES = {
     "unpose": _RUN_DIRECTORY,
     "repose": "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
     "view": _RUN_DIRECTORY,
+    "preview": "`clothsim learn DIR -o model.npz` makes a model.",
 }
 """Remedies of errors that have none of their own, by command."""
 

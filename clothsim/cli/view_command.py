@@ -5,10 +5,13 @@ import sys
 import time
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_count
 from clothsim.errors import ClothsimError, InputError
+
+if TYPE_CHECKING:
+    from clothsim.viewer.served import Served
 
 _DESCRIPTION = """\
 Show a run in a browser, also one that is still going: turn and scrub it, colour it by a field, pick a vertex. Needs
@@ -45,12 +48,17 @@ def _view(arguments: argparse.Namespace) -> int:
     if arguments.wait:
         _await_frame(arguments.directory)
     page = view(arguments.directory, port=port, host=arguments.host, colour=arguments.field)
+    return served(page, arguments, arguments.directory)
+
+
+def served(page: "Served", arguments: argparse.Namespace, what: Path) -> int:
+    """Tell the address of a page as --json, --quiet and --browser ask for it, and serve it until Ctrl-C."""
     if arguments.json:
         from clothsim.io.record import to_json
 
         print(to_json({"url": page.url}), flush=True)
     elif not arguments.quiet:
-        print(f"{page.url} shows {arguments.directory}. Ctrl-C ends it.", flush=True)
+        print(f"{page.url} shows {what}. Ctrl-C ends it.", flush=True)
     if arguments.browser:
         import webbrowser
 

@@ -2,8 +2,6 @@
 
 import threading
 from collections import OrderedDict
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import monotonic
 from typing import TYPE_CHECKING, Any
@@ -16,6 +14,7 @@ from clothsim.viewer.coloured_frames import Colouring, colouring, positions_of
 from clothsim.viewer.glb_frames import as_glb
 from clothsim.viewer.legend_bar import legend_html
 from clothsim.viewer.picking import picked_vertex
+from clothsim.viewer.served import Served
 from clothsim.viewer.side_texts import certificate_text, solver_text, speeds, state_text, vertex_text
 
 if TYPE_CHECKING:
@@ -29,21 +28,8 @@ CACHED_BYTES = 256 << 20
 """Bound on the frames that are kept ready to be sent."""
 
 
-@contextmanager
-def silent() -> Iterator[None]:
-    """Keep viser from printing of itself."""
-    import rich
-
-    console = rich.get_console()
-    before, console.quiet = console.quiet, True
-    try:
-        yield
-    finally:
-        console.quiet = before
-
-
 @dataclass(repr=False)
-class Page:
+class Page(Served):
     """Page of a run, served until `close`.
 
     Attributes
@@ -71,31 +57,8 @@ class Page:
     _lock: threading.RLock = field(default_factory=threading.RLock)
     _closed: threading.Event = field(default_factory=threading.Event)
 
-    @property
-    def url(self) -> str:
-        """Address of the page."""
-        return f"http://{self.server.get_host()}:{self.server.get_port()}"
-
     def __repr__(self) -> str:
         return f"<Page of {str(self.run.directory)!r} at {self.url}>"
-
-    def _repr_html_(self) -> str:
-        """The page within a notebook."""
-        return f'<iframe src="{self.url}" width="100%" height="560" style="border:0"></iframe>'
-
-    def close(self) -> None:
-        """End the server."""
-        self._closed.set()
-        with silent():
-            self.server.stop()
-
-    def wait(self) -> None:
-        """Serve until Ctrl-C."""
-        try:
-            while not self._closed.wait(0.5):
-                pass
-        except KeyboardInterrupt:
-            self.close()
 
     def show(self, frame: int) -> None:
         """Show a frame: cloths, bodies and texts."""

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from clothsim.arrays import Floats, Ints
 from clothsim.render.surface_look import BODY_GREY
 from clothsim.run.pictures import upright
 from clothsim.viewer.legend_bar import legend_html
@@ -17,10 +18,7 @@ BACKGROUND = np.linspace([186, 194, 206], [243, 244, 247], 256).round().astype(n
 def add_scene(page: Page) -> None:
     """Cloth, bodies, marker, light and the first camera."""
     server, run = page.server, page.run
-    up = upright(run.directory)
-    direction = np.array([0.0, 0.0, 1.0]) if isinstance(up, str) else np.array(up) / np.linalg.norm(up)
-    server.scene.set_background_image(np.repeat(BACKGROUND[:, None], 4, axis=1), format="png")
-    server.scene.set_up_direction(tuple(direction))
+    add_background(server)
     mesh = page.colouring.mesh(0)
     cloth = server.scene.add_glb("/cloth", page.glb(0))
 
@@ -31,21 +29,42 @@ def add_scene(page: Page) -> None:
     page.nodes["cloth"] = cloth
     last = page.colouring.mesh(len(run) - 1).positions
     everything = np.concatenate([mesh.positions, last])
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    size = float(np.linalg.norm(high - low))
-    grey = tuple(round(255 * shade) for shade in BODY_GREY)
     for name, points, triangles in run.bodies(0):
-        page.nodes[f"body/{name}"] = server.scene.add_mesh_simple(
-            f"/body/{name}", points.astype(np.float32), triangles.astype(np.uint32), color=grey, side="double"
-        )
+        page.nodes[f"body/{name}"] = add_body(server, name, points, triangles)
+    size = look_at(server, everything, upright(run.directory))
     page.nodes["marker"] = server.scene.add_icosphere(
         "/marker", radius=0.008 * size, color=(220, 30, 30), visible=False
     )
+
+
+def add_background(server: Any) -> None:
+    """The background of all pages."""
+    server.scene.set_background_image(np.repeat(BACKGROUND[:, None], 4, axis=1), format="png")
+
+
+def add_body(server: Any, name: str, points: Floats, triangles: Ints) -> Any:
+    """The node of a body."""
+    grey = tuple(round(255 * shade) for shade in BODY_GREY)
+    return server.scene.add_mesh_simple(
+        f"/body/{name}", points.astype(np.float32), triangles.astype(np.uint32), color=grey, side="double"
+    )
+
+
+def look_at(server: Any, points: Floats, up: Any) -> float:
+    """Let the first camera see all `points (n, 3)` from the front and above; their extent [m].
+
+    up: a direction, or any text for +z.
+    """
+    direction = np.array([0.0, 0.0, 1.0]) if isinstance(up, str) else np.array(up) / np.linalg.norm(up)
+    server.scene.set_up_direction(tuple(direction))
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = float(np.linalg.norm(high - low))
     across = np.cross(direction, [0.0, 1.0, 0.0] if abs(direction[1]) < 0.9 else [1.0, 0.0, 0.0])
     away = np.cross(across, direction)
     server.initial_camera.look_at = (low + high) / 2
     server.initial_camera.position = (low + high) / 2 + size * (0.42 * across - 0.95 * away + 0.42 * direction)
     server.initial_camera.up = direction
+    return size
 
 
 def add_controls(page: Page, names: list[str]) -> None:

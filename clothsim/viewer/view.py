@@ -8,8 +8,9 @@ from clothsim.errors import InputError
 from clothsim.io.trajectory import TRAJECTORY_NAME
 from clothsim.run.results import Run, open_run
 from clothsim.viewer.coloured_frames import PLAIN, STRETCH, colouring, colouring_names
-from clothsim.viewer.page import Page, silent
+from clothsim.viewer.page import Page
 from clothsim.viewer.page_parts import add_controls, add_scene
+from clothsim.viewer.served import silent
 
 LOOPBACK = "127.0.0.1"
 LABEL = "clothsim"
@@ -23,6 +24,12 @@ def require_viser() -> Any:
     except ImportError as error:
         raise InputError("The page needs the package viser.", "pip install 'clothsim[view]'") from error
     return viser
+
+
+def serve(viser: Any, host: str, port: int) -> Any:
+    """A server of viser, which prints nothing of itself."""
+    with silent():
+        return viser.ViserServer(host=host, port=port, label=LABEL, verbose=False)
 
 
 def view(run: Run | str | Path, port: int = PORT, host: str = LOOPBACK, colour: str | None = None) -> Page:
@@ -64,9 +71,7 @@ def view(run: Run | str | Path, port: int = PORT, host: str = LOOPBACK, colour: 
     first = colour or (STRETCH if STRETCH in names else PLAIN)
     if first not in names:
         raise InputError(f"This run has no {first!r} to show.", f"It has {', '.join(names)}.")
-    with silent():  # it prints its addresses
-        server = viser.ViserServer(host=host, port=port, label=LABEL, verbose=False)
-    page = Page(run, server, colouring(run, first))
+    page = Page(run, serve(viser, host, port), colouring(run, first))
     add_scene(page)
     add_controls(page, names)
     page.show(0)

@@ -1,0 +1,184 @@
+"""Live preview of a model of drapes: sliders of its inputs, the predicted garment, the verdict of the exact test."""
+
+import tempfile
+import threading
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clothsim.arrays import Floats
+from clothsim.errors import ClothsimError
+from clothsim.scene.scene import Scene
+from clothsim.viewer.page_parts import add_background, add_body, look_at
+from clothsim.viewer.prediction import Prediction, Predictor, predictor
+from clothsim.viewer.served import Served
+from clothsim.viewer.side_texts import state_text
+from clothsim.viewer.view import LOOPBACK, PORT, require_viser, serve
+
+if TYPE_CHECKING:
+    import viser
+
+CLEAR, CROSSING, DRAPED = (120, 160, 205), (215, 120, 100), (110, 170, 120)
+"""Colours of a prediction without and with intersections, and of a drape that was simulated."""
+STEPS = 50
+"""Least number of steps of a slider, whose step is a power of ten."""
+
+
+@dataclass(repr=False)
+class Preview(Served):
+    """Page of a model of drapes, served until `close`.
+
+    Attributes
+    ----------
+    predictor : Predictor
+    server : viser.ViserServer
+    inputs : (p,) ndarray
+        Values that are shown.
+    shown : Prediction or None
+    """
+
+    predictor: Predictor
+    server: "viser.ViserServer"
+    inputs: Floats
+    shown: Prediction | None = None
+    nodes: dict[str, Any] = field(default_factory=dict)
+    controls: dict[str, Any] = field(default_factory=dict)
+    _lock: threading.RLock = field(default_factory=threading.RLock)
+    _closed: threading.Event = field(default_factory=threading.Event)
+
+    def __repr__(self) -> str:
+        return f"<Preview of {str(self.predictor.file)!r} at {self.url}>"
+
+    def show(self, inputs: Any) -> Prediction:
+        """Show the prediction for the values of the model's inputs."""
+        began = perf_counter()
+        with self._lock:
+            self.inputs = np.array(inputs, np.float64)
+            self.shown = made = self.predictor.predicted(self.inputs)
+            self._put(made.cloth, CROSSING if made.crossings else CLEAR)
+            for node, points in zip(self.nodes["bodies"], made.bodies, strict=True):
+                node.vertices = points.astype(np.float32)
+            seconds = perf_counter() - began
+            verdict = made.verdict if not made.crossings else f"**{made.verdict}**"
+            self.controls["verdict"].content = f"Prediction: {verdict}\n\n{1e3 * seconds:.0f} ms"
+        return made
+
+    def drape(self) -> str:
+        """Simulate from the prediction that is shown, show the end, and return what it certifies."""
+        from clothsim.run.simulate import simulate
+
+        button = self.controls["drape"]
+        button.disabled = True
+        self.controls["verdict"].content = "It drapes..."
+        asked = self.inputs.copy()
+        try:
+            with tempfile.TemporaryDirectory(prefix="clothsim-preview-") as folder:
+                run = simulate(self.predictor.scene_of(asked), Path(folder) / "run")
+                end, text = np.concatenate(list(run[-1].positions.values())), state_text(run)
+            with self._lock:
+                if np.array_equal(asked, self.inputs):
+                    self._put(end, DRAPED)
+        except ClothsimError as error:
+            text = f"**{error}**"
+        finally:
+            button.disabled = False
+        self.controls["verdict"].content = f"Simulated: {text}"
+        return text
+
+    def _put(self, cloth: Floats, colour: tuple[int, int, int]) -> None:
+        begin = 0
+        for node, part in zip(self.nodes["cloths"], self.predictor.cloths, strict=True):
+            count = int(part.triangles.max()) + 1 - begin
+            node.vertices = cloth[begin : begin + count].astype(np.float32)
+            node.color = colour
+            begin += count
+
+
+def preview(scene: Scene, model: str | Path, port: int = PORT, host: str = LOOPBACK) -> Preview:
+    """Serve the page of a model of drapes: its inputs as sliders, the predicted garment, and the exact verdict.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of the farm that the model was learned from.
+    model : path
+        Of `clothsim learn`.
+    port : int
+        Port, or the next one that is free.
+    host : str
+        Address on which it is served; another than the loopback address opens it to the network.
+
+    Returns
+    -------
+    Preview
+        Its `url`; `close()` ends it.
+
+    Raises
+    ------
+    InputError
+        A model of another garment or body, or viser is not installed.
+    """
+    viser = require_viser()
+    made = predictor(scene, model)
+    middle = 0.5 * (made.model.low + made.model.high)
+    first = made.predicted(middle)
+    page = Preview(made, serve(viser, host, port), middle)
+    _add_scene(page, first)
+    _add_controls(page)
+    page.show([each.value for each in page.controls["sliders"]])
+    return page
+
+
+def _add_scene(page: Preview, first: Prediction) -> None:
+    server, made = page.server, page.predictor
+    add_background(server)
+    up = -np.asarray(made.scene.effects.get("gravity", {}).get("acceleration", (0.0, 0.0, -1.0)), np.float64)
+    look_at(server, np.concatenate([first.cloth, *first.bodies]), up if up.any() else "z")
+    everything = np.concatenate([first.cloth, *first.bodies]).astype(np.float32)
+    page.nodes["cloths"], page.nodes["bodies"] = [], []
+    for part in made.cloths:
+        low, high = int(part.triangles.min()), int(part.triangles.max()) + 1
+        faces = (part.triangles - low).astype(np.uint32)
+        page.nodes["cloths"].append(
+            server.scene.add_mesh_simple(f"/cloth/{part.name}", everything[low:high], faces, color=CLEAR, side="double")
+        )
+    for part, points in zip(made.bodies, first.bodies, strict=True):
+        page.nodes["bodies"].append(add_body(server, part.name, points, part.triangles - int(part.triangles.min())))
+
+
+def _add_controls(page: Preview) -> None:
+    gui, model = page.server.gui, page.predictor.model
+    gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    page.controls["verdict"] = gui.add_markdown("")
+    sliders = []
+    for name, low, high in zip(model.inputs, model.low, model.high, strict=True):
+        first, last, step = slider_range(float(low), float(high))
+        value = float(np.clip(np.round(0.5 * (low + high) / step) * step, first, last))
+        sliders.append(gui.add_slider(str(name), first, last, step, value))
+    page.controls["sliders"] = sliders
+
+    def moved(_: Any) -> None:
+        page.show([each.value for each in sliders])
+
+    def pressed(_: Any) -> None:
+        page.drape()
+
+    for slider in sliders:
+        slider.on_update(moved)
+    page.controls["drape"] = gui.add_button("Drape and certify")
+    page.controls["drape"].on_click(pressed)
+
+
+def slider_range(low: float, high: float) -> tuple[float, float, float]:
+    """First and last value of a slider within a box, both multiples of its step, and the step.
+
+    >>> slider_range(1.600284, 1.798856)
+    (1.601, 1.798, 0.001)
+    """
+    digits = -int(np.floor(np.log10(max(high - low, 1e-9) / STEPS)))
+    step = 10.0**-digits
+    first, last = (round(float(edge) * step, digits) for edge in (np.ceil(low / step), np.floor(high / step)))
+    return (first, last, round(step, digits)) if first < last else (low, low + step, step)

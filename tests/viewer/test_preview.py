@@ -1,0 +1,93 @@
+"""Live preview of a model of drapes: predictions, their exact verdict and place, and the served page."""
+
+import numpy as np
+import pytest
+
+from clothsim import InputError
+from clothsim.build.drape_model import DrapeModel, family, write_model
+from clothsim.build.scene_world import world_of
+from clothsim.mesh.generators.mannequin.generator import mannequin
+from clothsim.mesh.generators.mannequin.skeleton import JOINTS
+from clothsim.mesh.generators.mannequin.template import template
+from clothsim.scene.scene import Scene
+from clothsim.viewer.prediction import predictor
+
+VARIED = ["body.radius", "cloth.density"]
+
+
+def sheet(**body):
+    """A sheet over a ball."""
+    return Scene(
+        cloth={"mesh": "rectangle", "size": [0.4, 0.4], "cells": [4, 4], "position": [0, 0, 0.17], "density": 0.2},
+        body={"name": "ball", "mesh": "sphere", "radius": 0.15} | body,
+        effects={"inertia": {}, "membrane": {}, "gravity": {}, "body_contact": {}},
+        solver={"dt": 0.02},
+        run={"duration": 0.04, "frames_per_second": 25},
+    )
+
+
+def model_of(scene, slope, inputs=("body.radius",), same=(), low=0.13, high=0.17):
+    """A model that raises the cloth of a scene by `slope` per standardised input."""
+    world = world_of(scene)
+    mean = (world.cloths[0].positions + world.origin).ravel()
+    rise = np.tile([0.0, 0.0, 1.0], len(mean) // 3)[:, None]
+    names = np.array(inputs)
+    copies, sources = np.array([key for key, _ in same], np.str_), np.array([key for _, key in same], np.str_)
+    weights = np.vstack([[[0.0]], np.full((len(names), 1), slope)])
+    one = np.ones(len(names))
+    box = low * one, high * one, 0.5 * (low + high) * one, 0.01 * one
+    return DrapeModel(family(scene, [*inputs, *copies]), names, copies, sources, *box, weights, mean, rise)
+
+
+@pytest.fixture
+def file(tmp_path):
+    return write_model(tmp_path / "model.npz", model_of(sheet(), 0.0, same=[("cloth.density", "body.radius")]))
+
+
+def test_the_prediction_is_that_of_the_model_on_the_body_of_its_inputs(file):
+    shown = predictor(sheet(), file)
+    small, large = shown.predicted([0.14]), shown.predicted([0.17])
+    assert np.array_equal(small.cloth, shown.model.positions([0.14]))
+    assert np.linalg.norm(large.bodies[0], axis=1) == pytest.approx(0.17)
+    assert (small.pairs, small.verdict) == (0, "free of intersections")
+    assert large.pairs > 0  # the ball touches the sheet
+    assert large.verdict.startswith(f"{large.pairs} ")
+    assert shown.values([0.15]) == {"body.radius": 0.15, "cloth.density": 0.15}
+
+
+def test_the_place_is_the_part_of_the_mannequin_with_most_pairs(tmp_path):
+    body, _ = mannequin()
+    forearm = JOINTS.index("left_elbow")
+    centre = body[template().weights.argmax(axis=1) == forearm].mean(axis=0)
+    cloth = {"mesh": "rectangle", "size": [0.3, 0.3], "cells": [2, 2], "position": centre.tolist()}
+    scene = Scene(cloth=cloth, body={"mesh": "mannequin"}, effects={"membrane": {}})
+    file = write_model(tmp_path / "model.npz", model_of(scene, 0.0, ("body.height",), low=1.69, high=1.71))
+    assert predictor(scene, file).predicted([1.7]).place == "at the left elbow"
+
+
+def test_a_model_of_another_garment_is_refused(file):
+    with pytest.raises(InputError):
+        predictor(sheet(mesh="capsule"), file)
+
+
+def test_the_page_shows_predictions_and_drapes(tmp_path):
+    pytest.importorskip("viser")
+    from clothsim.viewer.preview import CLEAR, CROSSING, DRAPED, preview
+
+    scene = sheet()
+    page = preview(scene, write_model(tmp_path / "model.npz", model_of(scene, -0.01)), port=18_781)
+    try:
+        cloth, body = page.nodes["cloths"][0], page.nodes["bodies"][0]
+        assert not page.show([0.15]).crossings
+        assert tuple(cloth.color) == CLEAR
+        assert np.allclose(np.linalg.norm(body.vertices, axis=1), 0.15, atol=1e-6)
+        assert page.show([0.17]).crossings  # the sheet is .02 m lower, the ball higher
+        assert tuple(cloth.color) == CROSSING
+        page.show([0.15])
+        before = np.array(cloth.vertices)
+        assert "free of intersections" in page.drape()
+        assert tuple(cloth.color) == DRAPED
+        assert not np.array_equal(cloth.vertices, before)
+        assert not page.controls["drape"].disabled
+    finally:
+        page.close()

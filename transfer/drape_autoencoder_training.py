@@ -1,0 +1,217 @@
+"""Training of auto-encoders of drapes in JAX, with a collision term on random codes (Santesteban et al. 2021).
+
+Loss of a step, with c the coefficients over their unit, r their reconstruction, sd the signed distance of the vertices
+to the body, and z codes drawn from N(0, I):
+
+    |r - c|^2 + kl KL(N(mu, sigma) | N(0, I)) + collision (mean h(sd(r)) + mean h(sd(decoder(z)))),
+    h(s) = max(0, 1 - s / clearance)^2
+
+The last mean is over a random code for each of a few drapes that never were: it keeps drapes between the training
+drapes out of the body. Then the regressor: smooth L1 of the code + |decoder(code) - c|^2, the decoder held.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from transfer.distance_grid import DistanceGrid
+from transfer.drape_autoencoder import DrapeAutoencoder, Layers, network
+from transfer.errors import TransferError
+from transfer.subspace import Subspace
+
+CHUNK = 100
+"""Steps that are compiled as one loop."""
+DECAYS, FLOOR = (0.9, 0.999), 1e-8
+"""Of Adam's method."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Training:
+    """Sizes, weights and steps of a training.
+
+    Attributes
+    ----------
+    code_size : int
+    hidden : tuple of int
+        Widths of the encoder's layers; the decoder has them in reverse.
+    regressor : tuple of int
+        Widths of the regressor's layers.
+    steps, regressor_steps, batch : int
+        Steps of Adam's method, and drapes in each.
+    rate : float
+        Of the first step; it falls with half a cosine to 0.
+    kl, collision : float
+        Weights.
+    random_codes : int
+        Drapes of random codes in a step; 0: without that term.
+    clearance : float
+        Distance from which the collision term is 0 [m].
+    seed : int
+    """
+
+    code_size: int = 24
+    hidden: tuple[int, ...] = (128, 64)
+    regressor: tuple[int, ...] = (128, 128)
+    steps: int = 6000
+    regressor_steps: int = 4000
+    batch: int = 64
+    rate: float = 2e-3
+    kl: float = 1e-4
+    collision: float = 0.1
+    random_codes: int = 32
+    clearance: float = 3e-3
+    seed: int = 0
+
+
+def trained_autoencoder(
+    space: Subspace, drapes: ArrayLike, parameters: ArrayLike, grid: DistanceGrid, training: Training | None = None
+) -> DrapeAutoencoder:
+    """Train an auto-encoder of drapes and the regressor of its code.
+
+    Parameters
+    ----------
+    space : Subspace
+        Of `metric_components` of the drapes.
+    drapes : (n, m) array_like
+        A drape a row, all coordinates one after the other, in the frame of the grid [m].
+    parameters : (n, p) array_like
+    grid : DistanceGrid
+        Of the body.
+    training : Training, optional
+
+    Returns
+    -------
+    DrapeAutoencoder
+
+    Raises
+    ------
+    TransferError
+        JAX is not installed, or the arrays do not fit.
+    """
+    jax, given = _jax(), training or Training()
+    x, y = np.asarray(parameters, np.float64), space.coefficients(drapes)
+    if x.ndim != 2 or len(x) != len(y):
+        raise TransferError(f"parameters {x.shape} and {len(y)} drapes do not fit.", "Give a row for each drape.")
+    unit = float(np.sqrt((y**2).sum(axis=1).mean()))
+    centre, scale = x.mean(axis=0), x.std(axis=0)
+    scale = np.where(scale > 0, scale, 1.0)
+    coefficients = jax.numpy.asarray(y / unit, jax.numpy.float32)
+    count = coefficients.shape[1]
+    random = np.random.default_rng(given.seed)
+    start = {
+        "encoder": _layers(random, (count, *given.hidden, 2 * given.code_size)),
+        "decoder": _layers(random, (given.code_size, *reversed(given.hidden), count)),
+    }
+    hits = _collision(space, unit, grid, given.clearance)
+    found = _minimised(start, _loss(coefficients, hits, given), given, given.steps, len(y))
+    code = network(found["encoder"], coefficients, jax.numpy.tanh)[:, : given.code_size]
+    inputs = jax.numpy.asarray((x - centre) / scale, jax.numpy.float32)
+    first = _layers(random, (x.shape[1], *given.regressor, given.code_size))
+    loss = _regression_loss(inputs, code, coefficients, found["decoder"])
+    regressor = _minimised(first, loss, given, given.regressor_steps, len(y))
+    networks = [_plain(each) for each in (found["encoder"], found["decoder"], regressor)]
+    return DrapeAutoencoder(space, unit, centre, scale, x.min(axis=0), x.max(axis=0), *networks)
+
+
+def _loss(coefficients: Any, hits: Callable[[Any], Any], given: Training) -> Callable[..., Any]:
+    """Loss of the auto-encoder for parameters, rows of the batch and a key."""
+    jax = _jax()
+    np_, size = jax.numpy, given.code_size
+
+    def loss(networks: Any, rows: Any, key: Any) -> Any:
+        batch, (noise_key, code_key) = coefficients[rows], jax.random.split(key)
+        found = network(networks["encoder"], batch, np_.tanh)
+        mean, log_variance = found[:, :size], np_.clip(found[:, size:], -20.0, 10.0)
+        code = mean + np_.exp(0.5 * log_variance) * jax.random.normal(noise_key, mean.shape)
+        made = network(networks["decoder"], code, np_.tanh)
+        divergence = 0.5 * (np_.exp(log_variance) + mean**2 - 1 - log_variance).sum(axis=1).mean()
+        total = ((made - batch) ** 2).sum(axis=1).mean() + given.kl * divergence
+        if given.collision:
+            total += given.collision * hits(made)
+        if given.collision and given.random_codes:
+            codes = jax.random.normal(code_key, (given.random_codes, size))
+            total += given.collision * hits(network(networks["decoder"], codes, np_.tanh))
+        return total
+
+    return loss
+
+
+def _regression_loss(inputs: Any, codes: Any, coefficients: Any, decoder: Any) -> Callable[..., Any]:
+    np_ = _jax().numpy
+
+    def loss(regressor: Any, rows: Any, _: Any) -> Any:
+        code = network(regressor, inputs[rows], np_.tanh)
+        miss = np_.abs(code - codes[rows])
+        smooth = np_.where(miss < 1, 0.5 * miss**2, miss - 0.5).mean()
+        return smooth + ((network(decoder, code, np_.tanh) - coefficients[rows]) ** 2).sum(axis=1).mean()
+
+    return loss
+
+
+def _collision(space: Subspace, unit: float, grid: DistanceGrid, clearance: float) -> Callable[[Any], Any]:
+    """Mean h(sd) of the vertices of drapes with given coefficients."""
+    jax, map_coordinates = _jax(), import_module("jax.scipy.ndimage").map_coordinates
+    single = jax.numpy.float32
+    values = jax.numpy.asarray(grid.values, single)
+    mean = jax.numpy.asarray(grid.cells(space.mean.reshape(-1, 3)).T.ravel(), single)
+    basis = jax.numpy.asarray(space.basis * (unit / grid.spacing), single)
+
+    def hits(coefficients: Any) -> Any:
+        cells = (mean + coefficients @ basis.T).reshape(-1, 3).T
+        distance = map_coordinates(values, list(cells), order=1, mode="nearest")
+        return (jax.numpy.maximum(0.0, 1.0 - distance / clearance) ** 2).mean()
+
+    return hits
+
+
+def _minimised(start: Any, loss: Callable[..., Any], given: Training, steps: int, count: int) -> Any:
+    """Parameters after `steps` steps of Adam's method (Kingma and Ba 2015)."""
+    jax = _jax()
+    np_, tree = jax.numpy, jax.tree_util.tree_map
+    first, second = DECAYS
+
+    def step(state: Any, number: Any) -> Any:
+        values, slope, square, key = state
+        key, row_key, loss_key = jax.random.split(key, 3)
+        rows = jax.random.randint(row_key, (min(given.batch, count),), 0, count)
+        gradient = jax.grad(loss)(values, rows, loss_key)
+        slope = tree(lambda m, g: first * m + (1 - first) * g, slope, gradient)
+        square = tree(lambda v, g: second * v + (1 - second) * g * g, square, gradient)
+        rate = 0.5 * given.rate * (1 + np_.cos(np_.pi * number / steps))
+        rate *= np_.sqrt(1 - second ** (number + 1)) / (1 - first ** (number + 1))
+        values = tree(lambda p, m, v: p - rate * m / (np_.sqrt(v) + FLOOR), values, slope, square)
+        return (values, slope, square, key), None
+
+    run = jax.jit(lambda state, numbers: jax.lax.scan(step, state, numbers)[0])
+    zero = tree(np_.zeros_like, start)
+    state = (tree(np_.asarray, start), zero, zero, jax.random.PRNGKey(given.seed))
+    for begin in range(0, steps, CHUNK):
+        state = run(state, np_.arange(begin, min(begin + CHUNK, steps), dtype=np_.float32))
+    return state[0]
+
+
+def _layers(random: np.random.Generator, sizes: tuple[int, ...]) -> list[tuple[Any, Any]]:
+    """Layers with weights of variance 1 / inputs."""
+    pairs = zip(sizes, sizes[1:], strict=False)
+    return [
+        (
+            np.asarray(random.standard_normal((one, two)) / np.sqrt(one), np.float32),
+            np.zeros(two, np.float32),
+        )
+        for one, two in pairs
+    ]
+
+
+def _plain(layers: Any) -> Layers:
+    return tuple((np.asarray(weights, np.float64), np.asarray(biases, np.float64)) for weights, biases in layers)
+
+
+def _jax() -> Any:
+    try:
+        return import_module("jax")
+    except ImportError as error:
+        raise TransferError("A training needs the package jax.", "pip install 'clothsim[learn]'") from error
