@@ -20,12 +20,15 @@ class Border:
         Samples in the order of the loop [m].
     starts : (e + 1,) int array
         Sample at which each edge starts; the last entry is k.
+    fractions : tuple of (k,) array
+        Of each edge, the fractions of its arc length at which its samples are, from 0 to 1.
     graded : bool
         True where some segments are divided at a neck.
     """
 
     points: Floats
     starts: Ints
+    fractions: tuple[Floats, ...]
     graded: bool = False
 
     def along(self, edge: int) -> Ints:
@@ -64,10 +67,9 @@ def borders(pattern: Pattern, spacing: float) -> dict[str, Border]:
 
 
 def _border(panel: Panel, fractions: Mapping[Side, Floats], even: Mapping[Side, Floats]) -> Border:
-    points, starts, graded = [], [0], False
-    for number in range(len(panel.edges)):
-        rows = fractions[Side(panel.name, number)]
-        points.append(panel.edge_points(number, rows[:-1]))
-        starts.append(starts[-1] + len(rows) - 1)
-        graded = graded or len(rows) > len(even[Side(panel.name, number)])
-    return Border(np.concatenate(points), np.array(starts), graded)
+    sides = [Side(panel.name, number) for number in range(len(panel.edges))]
+    rows = tuple(fractions[side] for side in sides)
+    points = [panel.edge_points(side.edge, row[:-1]) for side, row in zip(sides, rows, strict=True)]
+    starts = np.cumsum([0, *(len(row) - 1 for row in rows)])
+    graded = any(len(row) > len(even[side]) for side, row in zip(sides, rows, strict=True))
+    return Border(np.concatenate(points), starts, rows, graded)

@@ -65,6 +65,8 @@ class PatternMesh:
         Vertices of each edge of a panel from its start to its end.
     seams : tuple of Seam
         Seams in the order of the stitches.
+    fractions : mapping of Side to (k,) array
+        Fractions of the arc length of each edge at which its vertices lie.
     """
 
     pattern: Pattern
@@ -76,6 +78,7 @@ class PatternMesh:
     faces: Mapping[str, slice]
     edges: Mapping[Side, Ints]
     seams: tuple[Seam, ...]
+    fractions: Mapping[Side, Floats]
 
     def labelled(self) -> dict[str, Ints]:
         """Vertices of the edges of each label."""
@@ -130,7 +133,8 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
     positions, triangles, corners, plane = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     seams = tuple(Seam(stitch, seam_pairs(stitch, edges)) for stitch in pattern.stitches)
     pattern = replace(pattern, notes=(*pattern.notes, *gather_notes(pattern, spacing)))
-    return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams)
+    fractions = {side: sampled[side.panel].fractions[side.edge] for side in edges}
+    return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams, fractions)
 
 
 def scaled_mesh(mesh: PatternMesh, scale: float) -> PatternMesh:
