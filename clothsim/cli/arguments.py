@@ -1,6 +1,7 @@
 """Arguments of the commands: parser and values."""
 
 import argparse
+import math
 import re
 from collections.abc import Collection, Sequence
 from typing import NoReturn
@@ -43,12 +44,37 @@ def join_vectors(words: Sequence[str]) -> list[str]:
     return joined
 
 
+PRINT_RESOLUTION = 300.0
+"""Dots per inch of a size in millimetres that names none."""
+
+
 def as_size(text: str) -> tuple[int, int]:
-    """Width and height of "1280x960", (1280, 960)."""
-    match = re.fullmatch(r"(\d{1,5})[x,](\d{1,5})", text.strip().lower())
+    """Width and height of "1280x960", (1280, 960), or of "85x64mm" at 300 dots per inch, (1004, 756)."""
+    return as_printed_size(text)[0]
+
+
+def as_printed_size(text: str) -> tuple[tuple[int, int], float]:
+    """Width and height in pixels, and the dots per inch, of "85x64mm", "85x64mm@600" or "1280x960" (0 of pixels)."""
+    match = re.fullmatch(r"(\d{1,5})[x,](\d{1,5})(?:(mm)(?:@(\d{2,4}))?)?", text.strip().lower())
     if not match:
-        raise InputError(f"--size is {text!r}.", "Give WIDTHxHEIGHT in pixels, such as 1280x960.")
-    return int(match[1]), int(match[2])
+        remedy = "Give WIDTHxHEIGHT in pixels, such as 1280x960, or in millimetres, such as 85x64mm or 85x64mm@600."
+        raise InputError(f"--size is {text!r}.", remedy)
+    width, height = int(match[1]), int(match[2])
+    if match[3] is None:
+        return (width, height), 0.0
+    resolution = float(match[4] or PRINT_RESOLUTION)
+    return (round(width * resolution / 25.4), round(height * resolution / 25.4)), resolution
+
+
+def as_limits(option: str, text: str) -> tuple[float, float]:
+    """Two numbers of "0.9,1.1", the lower one first."""
+    try:
+        low, high = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise InputError(f"{option} is {text!r}.", "Give two numbers, such as 0.9,1.1.") from error
+    if not -math.inf < low < high < math.inf:
+        raise InputError(f"{option} is {text!r}.", "Give two finite numbers, the lower one first.")
+    return low, high
 
 
 def as_direction(option: str, text: str, names: Collection[str] = ()) -> tuple[float, ...] | str:

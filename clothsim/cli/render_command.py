@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from clothsim.cli.arguments import as_direction, as_positive_number, as_size
+from clothsim.cli.arguments import as_direction, as_limits, as_positive_number, as_printed_size
 from clothsim.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,29 +16,37 @@ if TYPE_CHECKING:
 _DESCRIPTION = """\
 Draw a frame of a run (.png) or all of them (.mp4, .gif).
 
-  clothsim render drape -o side.png --frame 10 --view 1,-2,0.5
-  clothsim render drape -o stress.png --field stress
+  clothsim render drape -o side.png --frame 10 --view 1,-2,0.5 --field stress
+  clothsim render drape -o figure.png --style print --range 0.95,1.05 --size 85x64mm
 """
 
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    render = commands.add_parser("render", help="draw a picture or a movie of a run", description=_DESCRIPTION)
+    render = commands.add_parser(
+        "render", help="draw a picture or a movie of a run", description=_DESCRIPTION, usage="%(prog)s DIR [options]"
+    )
     render.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     render.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help=".png, .mp4 or .gif (default DIR/picture.png)"
     )
     render.add_argument("--frame", metavar="N", help="of a picture: 0, 1, ... or last (default)")
-    render.add_argument("--size", metavar="WxH", help="pixels (default 1280x960, of a movie 960x720)")
-    render.add_argument(
-        "--view", default="auto", metavar="X,Y,Z", help="of the camera; or front, back, left, right, top"
-    )
-    render.add_argument("--up", metavar="X,Y,Z", help="x, y, z or a direction (default: against gravity)")
+    render.add_argument("--size", metavar="WxH", help="pixels, or 85x64mm at 300 dots per inch")
+    render.add_argument("--view", default="auto", metavar="X,Y,Z", help="or front, back, left, right, top")
+    render.add_argument("--up", metavar="X,Y,Z", help="default: against gravity")
     look = render.add_mutually_exclusive_group()
-    look.add_argument("--colour", choices=("stretch", "plain"), default="stretch", help="of the cloth")
+    look.add_argument(
+        "--colour", choices=("stretch", "plain"), metavar="C", help="stretch or plain (default: the style's)"
+    )
     look.add_argument("--field", metavar="NAME", help="colour by a field: stress, compression, ...")
-    render.add_argument("--true-mesh", action="store_true", help="the triangles, not a smooth surface through them")
-    render.add_argument("--frames-per-second", metavar="N", help="of a movie (default: as fast as it was)")
+    render.add_argument(
+        "--style", choices=("fields", "print", "fabric"), default="fields", metavar="S",
+        help="fields (default), print (outlines on white) or fabric (woven)",
+    )  # fmt: skip
+    render.add_argument("--range", metavar="LOW,HIGH", help="of the colours (default: percentiles)")
+    render.add_argument("--follow", action="store_true", help="a movie's camera moves along")
+    render.add_argument("--true-mesh", action="store_true", help="its triangles, not a smooth surface")
+    render.add_argument("--frames-per-second", metavar="N", help="of a movie")
     render.add_argument("--quiet", action="store_true", help="print nothing")
     render.add_argument("--json", action="store_true", help="print the file as JSON")
     render.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -48,36 +56,28 @@ def add_to(commands: Any) -> None:
 def _render(arguments: argparse.Namespace) -> int:
     from clothsim.render.camera import VIEWS
     from clothsim.run.field_pictures import field_settings
-    from clothsim.run.pictures import draw_frame, draw_movie, upright
+    from clothsim.run.pictures import upright
     from clothsim.run.results import open_run
 
     run = open_run(arguments.directory)
     target = arguments.output or run.directory / "picture.png"
-    ending = target.suffix.lower()
     settings: dict[str, Any] = {
-        "colour": arguments.colour,
+        "colour": arguments.colour or "auto",
+        "style": arguments.style,
         "smooth": not arguments.true_mesh,
         "view": as_direction("--view", arguments.view, VIEWS),
         "up": upright(run.directory) if arguments.up is None else as_direction("--up", arguments.up),
     }
     if arguments.field is not None:
         settings |= field_settings(run, arguments.field)
+    if arguments.range is not None:
+        settings["limits"] = as_limits("--range", arguments.range)
+    dots_per_inch = 0.0
     if arguments.size is not None:
-        settings["size"] = as_size(arguments.size)
+        settings["size"], dots_per_inch = as_printed_size(arguments.size)
     if not target.parent.is_dir():
         raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
-    if ending == ".png":
-        if arguments.frames_per_second is not None:
-            raise InputError("--frames-per-second is for movies.", "Leave it out, or name an .mp4 or .gif with -o.")
-        note = draw_frame(run.trajectory, target, frame=_frame(run, arguments.frame or "last"), **settings)
-    elif ending in (".mp4", ".gif"):
-        if arguments.frame is not None:
-            raise InputError("--frame is for pictures.", "Leave it out, or name a .png with -o.")
-        if arguments.frames_per_second is not None:
-            settings["frames_per_second"] = as_positive_number("--frames-per-second", arguments.frames_per_second)
-        note = draw_movie(run.trajectory, target, progress=frame_counter(arguments.quiet), **settings)
-    else:
-        raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4 or .gif.")
+    note = _drawn(run, target, arguments, settings, dots_per_inch)
     if arguments.json:
         from clothsim.io.record import to_json
 
@@ -85,6 +85,29 @@ def _render(arguments: argparse.Namespace) -> int:
     elif not arguments.quiet:
         print(f"{target}: {note}")
     return 0
+
+
+def _drawn(
+    run: "Run", target: Path, arguments: argparse.Namespace, settings: dict[str, Any], dots_per_inch: float
+) -> str:
+    """Draw the picture or the movie that the ending asks for; return the line that names the renderer."""
+    from clothsim.run.pictures import draw_frame, draw_movie
+
+    ending, of_movies = target.suffix.lower(), arguments.frames_per_second is not None or arguments.follow
+    if ending == ".png" and of_movies:
+        option = "--follow" if arguments.follow else "--frames-per-second"
+        raise InputError(f"{option} is for movies.", "Leave it out, or name an .mp4 or .gif with -o.")
+    if ending == ".png":
+        frame = _frame(run, arguments.frame or "last")
+        return draw_frame(run.trajectory, target, frame=frame, dots_per_inch=dots_per_inch, **settings)
+    if ending not in (".mp4", ".gif"):
+        raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4 or .gif.")
+    if arguments.frame is not None:
+        raise InputError("--frame is for pictures.", "Leave it out, or name a .png with -o.")
+    if arguments.frames_per_second is not None:
+        settings["frames_per_second"] = as_positive_number("--frames-per-second", arguments.frames_per_second)
+    counter = frame_counter(arguments.quiet)
+    return draw_movie(run.trajectory, target, progress=counter, follow=arguments.follow, **settings)
 
 
 def frame_counter(quiet: bool) -> Callable[[int, int], None]:

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field, replace
 from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from clothsim.arrays import Floats, Ints
@@ -55,7 +56,7 @@ class MidedgeBending(DividedForce, Energy, Restrictable):
         The hinges of each element and their entries in G [sqrt(J)].
     elements : (m, k) int array
         Rows of x of each element.
-    slots : (m, j, 4) int array
+    slots : (m, j, 4) int8 array
         Positions of the hinges' vertices in `elements`.
     """
 
@@ -66,7 +67,7 @@ class MidedgeBending(DividedForce, Energy, Restrictable):
     stencils: Ints
     weights: Floats
     elements: Ints
-    slots: Ints
+    slots: NDArray[np.int8]
 
     _bent: Memo[Floats] = field(default_factory=Memo, init=False, repr=False, compare=False)
 
@@ -171,15 +172,15 @@ def _rows_in_threes(matrix: sparse.csr_array) -> tuple[Ints, Ints, Floats]:
     return selected, columns, np.where(filled[:, None, :], np.asarray(entries), 0.0)
 
 
-def _distinct(vertices: Ints) -> tuple[Ints, Ints]:
+def _distinct(vertices: Ints) -> tuple[Ints, NDArray[np.int8]]:
     """The distinct numbers (m, k) in each block of `vertices` (m, j, 4), and the position of each entry in them."""
     flat = vertices.reshape(len(vertices), -1)
     order = np.argsort(flat, axis=1, kind="stable")
     ordered = np.take_along_axis(flat, order, axis=1)
     rank = np.zeros_like(flat)
     rank[:, 1:] = np.cumsum(ordered[:, 1:] != ordered[:, :-1], axis=1)
-    slots = np.empty_like(flat)
-    np.put_along_axis(slots, order, rank, axis=1)
+    slots = np.empty(flat.shape, np.int8)
+    np.put_along_axis(slots, order, rank.astype(np.int8), axis=1)
     distinct = np.repeat(ordered[:, :1], rank.max(initial=0) + 1, axis=1)
     np.put_along_axis(distinct, rank, ordered, axis=1)
     return distinct, slots.reshape(vertices.shape)

@@ -5,6 +5,7 @@ theta - theta0 [rad].
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from clothsim.arrays import Floats, Ints
 from clothsim.indexing import four_points
@@ -74,7 +75,9 @@ def product(vertices: Ints, stencils: Ints, weights: Floats, slopes: Floats, v: 
 
 
 @kernel
-def factors(vertices: Ints, stencils: Ints, weights: Floats, slots: Ints, n_slots: int, slopes: Floats) -> Floats:
+def factors(
+    vertices: Ints, stencils: Ints, weights: Floats, slots: NDArray[np.int8], n_slots: int, slopes: Floats
+) -> Floats:
     """G J, (3m, 3 n_slots): row 3t + q is the sum of weight_j dtheta_j/dx over the vertices of element t."""
     out = np.zeros((3 * len(stencils), 3 * n_slots))
     for t in range(len(stencils)):

@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from typing import Any
 
 import llvmlite.binding as llvm
+from numba.core import compiler
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import Compiler
 
 ENVIRONMENT = "_ZN08NumbaEnv"
 """Prefix of the variables that hold a function's Python objects; numba writes their addresses."""
@@ -39,8 +39,38 @@ class LinkedLibrary(JITCodeLibrary):
         return 0
 
 
-class PartCompiler(Compiler):
-    """Numba's compiler with the result in a `LinkedLibrary`."""
+class Flags(compiler.Flags):
+    """Numba's settings of one compilation, compared by what was set.
+
+    They are in the key under which each call within a kernel is looked up. Numba hashes and compares dictionaries of
+    all options, which it makes each time: a tenth of a compilation. The class's name is in the names of symbols.
+    """
+
+    __slots__ = ()
+
+    def __hash__(self) -> int:
+        return _HASH
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, compiler.Flags):
+            return NotImplemented
+        return self._values == other._values or bool(super().__eq__(other))
+
+
+_HASH = hash(compiler.Flags())
+"""Numba hashes the names of the options and not their values."""
+
+
+class LeanCompiler(compiler.Compiler):
+    """Numba's compiler with `Flags`."""
+
+    def __init__(self, *arguments: Any) -> None:
+        super().__init__(*arguments)
+        self.state.flags = Flags(self.state.flags)
+
+
+class PartCompiler(LeanCompiler):
+    """Compiler with the result in a `LinkedLibrary`."""
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
         """Compile a Python function."""
@@ -49,8 +79,8 @@ class PartCompiler(Compiler):
         return super().compile_extra(func)
 
 
-class KernelCompiler(Compiler):
-    """Numba's compiler without garbage collection: it makes millions of objects, and nearly all live until the end."""
+class KernelCompiler(LeanCompiler):
+    """Compiler without garbage collection: it makes millions of objects, and nearly all live until the end."""
 
     def compile_extra(self, func: Callable[..., Any]) -> Any:
         """Compile a Python function."""

@@ -1,33 +1,30 @@
 """Background of a picture: light gradient, and soft shadow on an invisible floor."""
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.render.camera import Camera
-from clothsim.render.surface_look import Look
 
 _TOP, _BOTTOM = np.array([0.975, 0.977, 0.98]), np.array([0.90, 0.905, 0.915])
 _TEXELS = 320
 _PAD = 0.55
-_BANDS = ((0.0, 0.06, 0.012, 0.34), (0.06, 0.2, 0.03, 0.28), (0.2, 0.5, 0.06, 0.20), (0.5, np.inf, 0.11, 0.14))
-"""Height from, height to, blur, darkness; the first three relative to the scene's size: higher things blur more."""
+_BANDS = ((0.06, 0.012, 0.18), (0.2, 0.03, 0.16), (0.5, 0.06, 0.14), (np.inf, 0.11, 0.14))
+"""Height below which a triangle counts, blur, darkness; the first two relative to the scene's size: higher things blur
+more. Each stencil holds those of the ones before it, or the floor between them would be bright: rings under a ball."""
 
 
-def backdrop(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floats) -> Floats:
-    """The picture behind everything, sRGB in [0, 1], (height, width, 3)."""
+def backdrop(triangles: Floats, camera: Camera, size: tuple[int, int], up: Floats) -> Floats:
+    """The picture behind the `triangles` (m, 3, 3) [m], sRGB in [0, 1], (height, width, 3)."""
     width, height = size
     down = np.linspace(0, 1, height)[:, None, None]
     gradient = np.broadcast_to(_TOP + (_BOTTOM - _TOP) * down**1.5, (height, width, 3))
-    return gradient * _floor_light(made, camera, size, up)[:, :, None]
+    return gradient * _floor_light(triangles, camera, size, up)[:, :, None]
 
 
-def _floor_light(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floats) -> Floats:
+def _floor_light(triangles: Floats, camera: Camera, size: tuple[int, int], up: Floats) -> Floats:
     """Unoccluded fraction of light on the floor seen through each pixel, (height, width); 1 where none is seen."""
     from scipy.ndimage import map_coordinates
 
-    triangles = np.concatenate([look.corners for look in made])
     vertical = up / np.linalg.norm(up)
     sideways = np.cross(vertical, np.roll(vertical, 1))
     sideways /= np.linalg.norm(sideways)
@@ -58,10 +55,10 @@ def _shadow_texture(flat: Floats, heights: Floats, texels_per_size: float) -> Fl
     from PIL import Image, ImageDraw, ImageFilter
 
     light = np.ones((_TEXELS, _TEXELS))
-    for start, end, blur, dark in _BANDS:
+    for end, blur, dark in _BANDS:
         stencil = Image.new("L", (_TEXELS, _TEXELS), 0)
         pen = ImageDraw.Draw(stencil)
-        for corners in flat[(heights >= start) & (heights < end)].reshape(-1, 6).tolist():
+        for corners in flat[heights < end].reshape(-1, 6).tolist():
             pen.polygon(corners, fill=255)
         soft = stencil.filter(ImageFilter.GaussianBlur(blur * texels_per_size))
         light *= 1 - dark * np.asarray(soft, float) / 255

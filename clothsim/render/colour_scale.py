@@ -2,10 +2,12 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.errors import InputError
 from clothsim.render.colormap import DIVERGING, colour_range, painted, ticks
 
 VIRIDIS = np.array(
@@ -68,15 +70,53 @@ class Scale:
         return painted(values, self.low, self.high, self.table)
 
 
-def stretch_scale(logs: Iterable[Floats], name: str = "principal stretch") -> Scale:
-    """The diverging scale of log l that suits all `logs`, centred at l = 1 and labelled with l."""
-    half_range = colour_range(logs)
+Limits = tuple[float, float]
+"""Lowest and highest number of a scale that is fixed by hand; of a stretch, stretches."""
+
+
+def limits_of(given: Any) -> Limits | None:
+    """The two numbers of a range fixed by hand, ascending; None where nothing is given.
+
+    Raises
+    ------
+    InputError
+        For other than two finite numbers, the first below the second.
+    """
+    if given is None:
+        return None
+    try:
+        low, high = (float(number) for number in given)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"The range of colours is {given!r:.80}.", "Give two numbers, such as (0.9, 1.1).") from error
+    if not (np.isfinite([low, high]).all() and low < high):
+        raise InputError(f"The range of colours is {low:g} to {high:g}.", "Give two numbers, the lower one first.")
+    return low, high
+
+
+def stretch_scale(logs: Iterable[Floats], name: str = "principal stretch", limits: Limits | None = None) -> Scale:
+    """The diverging scale of log l that suits all `logs`, centred at l = 1 and labelled with l.
+
+    limits: stretches; the one further from 1 is at an end of the scale.
+    """
+    if limits is not None and limits[0] <= 0.0:
+        raise InputError(f"The range of stretches begins at {limits[0]:g}.", "Give stretches above 0, such as 0.9,1.1.")
+    half_range = colour_range(logs) if limits is None else float(np.abs(np.log(limits)).max())
     labels = tuple((float(np.log(stretch)), f"{stretch:g}") for stretch in ticks(half_range))
     return Scale(-half_range, half_range, tuple(_lines(name)), labels, DIVERGING)
 
 
-def sequential_scale(quantity: Quantity, values: Iterable[Floats]) -> Scale:
-    """The scale that holds the 1st to 99th percentile of all `values`, from 0 where they nearly begin there."""
+def sequential_scale(quantity: Quantity, values: Iterable[Floats], limits: Limits | None = None) -> Scale:
+    """The scale that holds the 1st to 99th percentile of all `values`, from 0 where they nearly begin there.
+
+    limits: lowest and highest number in its place.
+    """
+    low, high = _percentiles(values) if limits is None else limits
+    power, prefix = _prefix(quantity.unit, max(abs(low), abs(high)))
+    unit = [f"[{prefix}{quantity.unit}]"] if quantity.unit else []
+    return Scale(low, high, (*_lines(quantity.name), *unit), _ticks(low, high, 10.0**power), VIRIDIS)
+
+
+def _percentiles(values: Iterable[Floats]) -> Limits:
     together = np.concatenate([np.zeros(0), *values])
     low, high = (float(value) for value in np.percentile(together, [1, 99])) if len(together) else (0.0, 0.0)
     if high - low <= FLATTEST * abs(high):  # a few vertices in contact
@@ -86,9 +126,7 @@ def sequential_scale(quantity: Quantity, values: Iterable[Floats]) -> Scale:
     if high - low <= FLATTEST * abs(high):
         middle, half = 0.5 * (low + high), 0.5 * FLATTEST * (abs(high) or 1 / FLATTEST)
         low, high = (0.0, 1.0) if not middle else (middle - half, middle + half)
-    power, prefix = _prefix(quantity.unit, max(abs(low), abs(high)))
-    unit = [f"[{prefix}{quantity.unit}]"] if quantity.unit else []
-    return Scale(low, high, (*_lines(quantity.name), *unit), _ticks(low, high, 10.0**power), VIRIDIS)
+    return low, high
 
 
 def _prefix(unit: str, largest: float) -> tuple[int, str]:

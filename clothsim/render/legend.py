@@ -53,7 +53,7 @@ def _bar(canvas, scale: Scale, em: float) -> None:
         pen.line((left + wide + 0.2 * em, y, left + wide + 0.5 * em, y), fill=_INK, width=max(1, round(em / 16)))
         pen.text((left + wide + 0.8 * em, y), text, fill=_INK, font=font, anchor="lm")
     for line, text in enumerate(reversed(scale.heading)):
-        pen.text((left + 1.1 * em, top - (1.35 + 1.15 * line) * em), text, fill=_INK, font=font, anchor="ma")
+        pen.text((left + 1.1 * em, top - (1.75 + 1.15 * line) * em), text, fill=_INK, font=font, anchor="ma")
 
 
 def _em(size: tuple[int, int]) -> float:

@@ -19,13 +19,16 @@ def movie(
     *,
     frames_per_second: float = 24.0,
     size: tuple[int, int] = (960, 720),
-    colour: str | Quantity = "stretch",
+    colour: str | Quantity = "auto",
     up: ArrayLike | str = "z",
     view: ArrayLike | str = "auto",
     title: str = "",
     renderer: str = "auto",
     samples: int = 2,
     smooth: bool = True,
+    style: str = "fields",
+    limits: tuple[float, float] | None = None,
+    follow: bool = False,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> str:
     """Write a movie of frames.
@@ -38,8 +41,10 @@ def movie(
         The surfaces of each frame.
     frames_per_second : float
         Rate [1/s].
-    size, colour, up, view, title, renderer, smooth
+    size, colour, up, view, title, renderer, smooth, style, limits
         As of `picture.draw`.
+    follow : bool
+        True: the camera moves with the centre of the cloths.
     samples : int
         Samples of a pixel in each direction; 1 is faster and rougher.
     progress : callable
@@ -70,7 +75,8 @@ def movie(
     width, height = pixel_counts(size)
     even = (width // 2 * 2, height // 2 * 2)  # H.264 halves the colour's resolution
     given = {"size": even, "colour": colour, "up": up, "view": view, "title": title, "renderer": renderer}
-    setup = picture_setup(all_frames, samples=samples, smooth=smooth, **given)  # type: ignore[arg-type]
+    look = {"samples": samples, "smooth": smooth, "style": style, "limits": limits, "follow": follow}
+    setup = picture_setup(all_frames, **look, **given)  # type: ignore[arg-type]
     pictures = _pictures(setup, all_frames, progress)
     if target.suffix.lower() == ".mp4":
         _write_mp4(target, pictures, rate, even)

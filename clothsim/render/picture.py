@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,10 @@ from clothsim.arrays import Floats, as_points, as_triangles, as_vector
 from clothsim.errors import InputError
 from clothsim.render.camera import VIEWS, Camera, extreme_points, frame, named_view, three_quarter_view
 from clothsim.render.colormap import log_stretch
-from clothsim.render.colour_scale import Quantity, Scale, sequential_scale, stretch_scale
+from clothsim.render.colour_scale import Quantity, Scale, limits_of, sequential_scale, stretch_scale
 from clothsim.render.legend import add_legend, margins
 from clothsim.render.smooth_surface import smoothed
+from clothsim.render.style import STYLES, Style
 from clothsim.render.surface_look import Surface, looks
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -46,6 +47,10 @@ class PictureSetup:
         One line that names the renderer.
     smooth : bool
         True: cloths are drawn as smooth surfaces through their vertices.
+    style : Style
+        What is added to the surfaces, and left out behind them.
+    follow : bool
+        True: the camera is that of a cloth with its centre at the origin, and moves with the centre.
     """
 
     camera: Camera
@@ -57,6 +62,8 @@ class PictureSetup:
     samples: int
     note: str
     smooth: bool = True
+    style: Style = STYLES["fields"]
+    follow: bool = False
 
 
 def draw(
@@ -64,12 +71,15 @@ def draw(
     surfaces: Sequence[Surface],
     *,
     size: tuple[int, int] = (1280, 960),
-    colour: str | Quantity = "stretch",
+    colour: str | Quantity = "auto",
     up: ArrayLike | str = "z",
     view: ArrayLike | str = "auto",
     title: str = "",
     renderer: str = "auto",
     smooth: bool = True,
+    style: str = "fields",
+    limits: tuple[float, float] | None = None,
+    dots_per_inch: float = 0.0,
 ) -> str:
     """Write a PNG of surfaces.
 
@@ -81,8 +91,9 @@ def draw(
         Cloths and bodies at one time.
     size : (int, int)
         Width and height in pixels.
-    colour : "stretch", "plain" or Quantity
-        Of the cloths: the principal stretch farthest from 1, with a scalar bar; none; or that of their `values`.
+    colour : "stretch", "plain", "auto" or Quantity
+        Of the cloths: the principal stretch farthest from 1, with a scalar bar; none; that of the style ("plain" of
+        "fabric", else "stretch"); or that of their `values`.
     up : (3,) array, "x", "y" or "z"
         The upward direction of the picture.
     view : (3,) array, "auto", "front", "back", "left", "right" or "top"
@@ -93,6 +104,12 @@ def draw(
         "auto": the environment variable CLOTHSIM_RENDERER, else VTK where it works.
     smooth : bool
         True: a smooth surface through the vertices of each cloth; False: its triangles.
+    style : "fields", "print" or "fabric"
+        Fields on the cloth; the same with outlines on white, bodies half transparent; a woven cloth.
+    limits : (float, float), optional
+        Range of the colours, in place of that of the values.
+    dots_per_inch : float
+        Written into the file, for its size on paper; 0: nothing is.
 
     Returns
     -------
@@ -106,9 +123,10 @@ def draw(
     """
     from PIL import Image
 
-    given = {"size": size, "colour": colour, "up": up, "view": view, "title": title, "smooth": smooth}
-    setup = picture_setup([surfaces], renderer=renderer, **given)  # type: ignore[arg-type]
-    Image.fromarray(rendered(setup, surfaces)).save(path, format="PNG")
+    look = {"colour": colour, "title": title, "smooth": smooth, "style": style, "limits": limits}
+    setup = picture_setup([surfaces], size=size, up=up, view=view, renderer=renderer, **look)  # type: ignore[arg-type]
+    written = {"dpi": (dots_per_inch, dots_per_inch)} if dots_per_inch else {}
+    Image.fromarray(rendered(setup, surfaces)).save(path, format="PNG", **written)
     return setup.note
 
 
@@ -124,6 +142,9 @@ def picture_setup(
     samples: int = 2,
     focus: Floats | None = None,
     smooth: bool = True,
+    style: str = "fields",
+    limits: tuple[float, float] | None = None,
+    follow: bool = False,
 ) -> PictureSetup:
     """The one camera, colour range and renderer that suit all frames.
 
@@ -131,10 +152,12 @@ def picture_setup(
     ----------
     frames : sequence of sequences of Surface
         The surfaces of each frame.
-    size, colour, up, view, title, renderer, smooth
+    size, colour, up, view, title, renderer, smooth, style, limits
         As of `draw`.
     samples : int
         Samples of a pixel in each direction.
+    follow : bool
+        True: the camera moves with the centre of the cloths.
     focus : (k, 3) array, optional
         Points to be framed instead of the cloth [m].
 
@@ -145,8 +168,10 @@ def picture_setup(
     """
     if not len(frames):
         raise InputError("There is no frame to draw.")
-    if not isinstance(colour, Quantity) and colour not in ("stretch", "plain"):
-        raise InputError(f'colour must be "stretch" or "plain", not {colour!r}.')
+    if style not in STYLES:
+        raise InputError(f"The style is {style!r}.", f"Known: {', '.join(STYLES)}.")
+    if not isinstance(colour, Quantity) and colour not in ("stretch", "plain", "auto"):
+        raise InputError(f'colour must be "stretch", "plain" or "auto", not {colour!r}.')
     pixels = pixel_counts(size)
     if min(pixels) < _SMALLEST:
         raise InputError(f"A picture needs at least {_SMALLEST} x {_SMALLEST} pixels, not {pixels[0]} x {pixels[1]}.")
@@ -154,7 +179,10 @@ def picture_setup(
         _check(surface)
     upright = _direction("up", _UP.get(up, up) if isinstance(up, str) else up)
     chosen, note = choose_renderer(renderer)
-    scale = scale_of(colour, [s for surfaces in frames for s in surfaces if s.role == "cloth"])
+    wanted = STYLES[style].colour if isinstance(colour, str) and colour == "auto" else colour
+    scale = scale_of(wanted, [s for surfaces in frames for s in surfaces if s.role == "cloth"], limits)
+    if follow:
+        frames = [_centred(surfaces) for surfaces in frames]
     everything = np.concatenate([extreme_points(s.positions) for surfaces in frames for s in surfaces])
     cloths = [s for surfaces in frames for s in surfaces if s.role == "cloth"]
     cloth = np.concatenate([np.zeros((0, 3)), *(extreme_points(s.positions) for s in cloths)])
@@ -170,7 +198,21 @@ def picture_setup(
     if focus is not None:
         cloth = everything = focus
     camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
-    return PictureSetup(camera, pixels, scale, upright, title, chosen, samples, note, smooth)
+    look = {"smooth": smooth, "style": STYLES[style], "follow": follow}
+    return PictureSetup(camera, pixels, scale, upright, title, chosen, samples, note, **look)  # type: ignore[arg-type]
+
+
+def centre_of(surfaces: Sequence[Surface]) -> Floats:
+    """Mean of the vertices of the cloths, or of all surfaces where there is none, (3,) [m]."""
+    cloths = [each.positions for each in surfaces if each.role == "cloth"]
+    return np.concatenate(cloths or [each.positions for each in surfaces]).mean(axis=0)
+
+
+def _centred(surfaces: Sequence[Surface]) -> list[Surface]:
+    """The cloths of a frame, or all surfaces without one, with their centre at the origin."""
+    centre = centre_of(surfaces)
+    seen = [each for each in surfaces if each.role == "cloth"] or surfaces
+    return [replace(each, positions=each.positions - centre) for each in seen]
 
 
 def pixel_counts(size: Any) -> tuple[int, int]:
@@ -191,15 +233,42 @@ def rendered(setup: PictureSetup, surfaces: Sequence[Surface]) -> np.ndarray:
 
 def rendered_without_legend(setup: PictureSetup, surfaces: Sequence[Surface]) -> np.ndarray:
     """The picture of one frame without a legend, (height, width, 3), sRGB in [0, 1]."""
+    camera, style = setup.camera, setup.style
+    if setup.follow:
+        camera = replace(camera, position=camera.position + centre_of(surfaces))
+    drawn = [smoothed(each) for each in surfaces] if setup.smooth else list(surfaces)
+    image = _shaded(setup, camera, drawn, surfaces)
+    cloths = [each for each in drawn if each.role == "cloth"]
+    if style.body_opacity < 1.0 and 0 < len(cloths) < len(drawn):
+        behind = _shaded(setup, camera, cloths, surfaces)
+        image = style.body_opacity * image + (1.0 - style.body_opacity) * behind
+    if not style.needs_geometry:
+        return image
+    from clothsim.render.outlines import outlined
+    from clothsim.render.pixel_geometry import pixel_geometry
+    from clothsim.render.weave import woven
+
+    geometry = pixel_geometry(drawn, camera, (setup.size[0] * setup.samples, setup.size[1] * setup.samples))
+    if style.woven:
+        image = woven(image, geometry, np.array([each.role == "cloth" for each in drawn]), setup.samples)
+    return outlined(image, geometry, setup.samples) if style.outlines else image
+
+
+def _shaded(setup: PictureSetup, camera: Camera, drawn: Sequence[Surface], surfaces: Sequence[Surface]) -> np.ndarray:
+    """Surfaces under light before the background; `surfaces`: those that throw a soft shadow on the floor."""
     from clothsim.render.backdrop import backdrop
 
     if setup.renderer == "vtk":
         from clothsim.render.vtk_scene import render
     else:
         from clothsim.render.ray_caster import render
-    made = looks([smoothed(each) for each in surfaces] if setup.smooth else surfaces, setup.scale)
-    seen = render(made, setup.camera, setup.size, setup.up, setup.samples)
-    behind = backdrop(made, setup.camera, setup.size, setup.up)
+    seen = render(looks(drawn, setup.scale), camera, setup.size, setup.up, setup.samples)
+    behind: Floats | float = 1.0
+    if not setup.style.paper:
+        triangles = np.concatenate(
+            [each.positions[each.triangles] for each in surfaces]
+        )  # soft: it needs no finer ones
+        behind = backdrop(triangles, camera, setup.size, setup.up)
     return np.asarray(seen[:, :, :3] + (1 - seen[:, :, 3:]) * behind)
 
 
@@ -223,14 +292,17 @@ def choose_renderer(renderer: str) -> tuple[str, str]:
     return "ray", f"Drawn by ray casting, as {missing}."
 
 
-def scale_of(colour: str | Quantity, cloths: Sequence[Surface]) -> Scale | None:
-    """The colours that suit all `cloths`; None where they are plain."""
+def scale_of(
+    colour: str | Quantity, cloths: Sequence[Surface], limits: tuple[float, float] | None = None
+) -> Scale | None:
+    """The colours that suit all `cloths`, or `limits`; None where they are plain."""
+    fixed = limits_of(limits)
     if isinstance(colour, Quantity) and colour.log_stretch:
-        return stretch_scale([cloth.values for cloth in cloths], colour.name)
+        return stretch_scale([cloth.values for cloth in cloths], colour.name, fixed)
     if isinstance(colour, Quantity):
-        return sequential_scale(colour, [cloth.values for cloth in cloths])
+        return sequential_scale(colour, [cloth.values for cloth in cloths], fixed)
     logs = [log_stretch(cloth.principal_stretches) for cloth in cloths]
-    return stretch_scale(logs) if colour == "stretch" and any(len(part) for part in logs) else None
+    return stretch_scale(logs, limits=fixed) if colour == "stretch" and any(len(part) for part in logs) else None
 
 
 def _check(surface: Surface) -> None:

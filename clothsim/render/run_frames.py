@@ -19,8 +19,9 @@ def frame_surfaces(trajectory: Trajectory, frame: int) -> list[Surface]:
     cloths = [surface for surface in trajectory.surfaces if surface.role == "cloth"]
     ends = np.cumsum([len(cloth.triangles) for cloth in cloths])
     stretches = np.split(_stretches(trajectory, frame), ends[:-1])
+    first = trajectory.positions(0)
     made = [
-        Surface(cloth.name, positions[cloth.rows], cloth.own_triangles, "cloth", part)
+        Surface(cloth.name, positions[cloth.rows], cloth.own_triangles, "cloth", part, material=first[cloth.rows])
         for cloth, part in zip(cloths, stretches, strict=True)
     ]
     none = np.zeros((0, 2))

@@ -28,26 +28,32 @@ def smoothed(surface: Surface) -> Surface:
     """A cloth with its edges halved up to LEVELS times; a body, a fine cloth or one with strokes as it is."""
     if surface.role != "cloth" or len(surface.strokes):
         return surface
-    x, triangles, values = surface.positions, surface.triangles, vertex_values(surface)
+    x, triangles = surface.positions, surface.triangles
+    values, material = vertex_values(surface), surface.material
     for _ in range(LEVELS):
         if 4 * len(triangles) > MOST_TRIANGLES:
             break
-        x, triangles, values = _halved(x, triangles, values)
-    none, parts = np.zeros((0, 2)), len(triangles) // max(len(surface.triangles), 1)
-    fabrics = np.repeat(surface.fabrics, parts)
-    return replace(surface, positions=x, triangles=triangles, values=values, principal_stretches=none, fabrics=fabrics)
+        x, triangles, edges = _halved(x, triangles)
+        values, material = _with_means(values, edges), _with_means(material, edges)
+    parts = len(triangles) // max(len(surface.triangles), 1)
+    whole = replace(surface, positions=x, triangles=triangles, principal_stretches=np.zeros((0, 2)))
+    return replace(whole, values=values, material=material, fabrics=np.repeat(surface.fabrics, parts))
 
 
-def _halved(x: Floats, triangles: Ints, values: Floats) -> tuple[Floats, Ints, Floats]:
-    """Each triangle in four; values (n,) or none at the new vertices too."""
+def _with_means(values: Floats, edges: Ints) -> Floats:
+    """Numbers at the vertices, if there are any, and at the middles of the edges."""
+    return np.concatenate([values, values[edges].mean(axis=1)]) if len(values) else values
+
+
+def _halved(x: Floats, triangles: Ints) -> tuple[Floats, Ints, Ints]:
+    """Vertices and triangles with each triangle in four, and the edges (k, 2) whose middles are the new vertices."""
     sides = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     edges, number = np.unique(sides, axis=0, return_inverse=True)
     a, b, c = triangles.T
     ab, bc, ca = (number.reshape(-1, 3) + len(x)).T
     quarters = np.stack([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]], axis=0)
     middles = _middles(x, vertex_normals(x, triangles), edges)
-    means = values[edges].mean(axis=1) if len(values) else values
-    return np.concatenate([x, middles]), quarters.transpose(2, 0, 1).reshape(-1, 3), np.concatenate([values, means])
+    return np.concatenate([x, middles]), quarters.transpose(2, 0, 1).reshape(-1, 3), edges
 
 
 def _middles(x: Floats, normals: Floats, edges: Ints) -> Floats:

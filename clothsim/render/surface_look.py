@@ -24,7 +24,8 @@ class Surface:
     positions: (n, 3) [m]; triangles: (m, 3); role: "cloth" or "body"; principal_stretches: (m, 2), or empty (0, 2)
     where they are not known, which draws the cloth in its plain colour; values: (n,) that colour the cloth instead, or
     empty; strokes: (k, 2, 2, 3) ends of crosses drawn on it [m], `spacing` [m] apart; fabrics: (m,) number of the
-    fabric of each triangle, which has a plain colour of its own, or empty.
+    fabric of each triangle, which has a plain colour of its own, or empty; material: (n, 3) positions of the
+    undeformed cloth that a weave is fixed to [m], or empty.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Surface:
     strokes: Floats = field(default_factory=lambda: np.zeros((0, 2, 2, 3)))
     spacing: float = 0.0
     fabrics: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    material: Floats = field(default_factory=lambda: np.zeros((0, 3)))
 
 
 @dataclass(frozen=True)

@@ -35,12 +35,35 @@ def render(made: Sequence[Look], camera: Camera, size: tuple[int, int], up: Floa
         _aim(plotter, camera, (camera.position - centre) * scale, up)
         plotter.enable_ssao(radius=0.10, bias=0.010, kernel_size=16, blur=True)
         plotter.show(auto_close=False)
-        image = plotter.screenshot(return_img=True)[:, :, :3] / 255.0
-        covered = np.isfinite(plotter.get_image_depth(fill_value=np.nan))[:, :, None]
+        image = plotter.screenshot(return_img=True)
+        covered = _covered(plotter, window)
     finally:
         plotter.close()
-    both = np.concatenate([image * covered, covered], axis=2)
-    return both.reshape(size[1], samples, size[0], samples, 4).mean(axis=(1, 3))
+    return _sampled(image, covered, samples)
+
+
+def _covered(plotter: Any, window: Sequence[int]) -> np.ndarray:
+    """True where a surface was drawn, (height, width): from the depth buffer, without a copy of the picture."""
+    from vtkmodules.util.numpy_support import vtk_to_numpy
+    from vtkmodules.vtkCommonCore import vtkFloatArray
+
+    depth = vtkFloatArray()
+    plotter.render_window.GetZbufferData(0, 0, window[0] - 1, window[1] - 1, depth)
+    return vtk_to_numpy(depth).reshape(window[1], window[0])[::-1] < 1.0
+
+
+def _sampled(image: np.ndarray, covered: np.ndarray, samples: int) -> Floats:
+    """Mean over the samples of each pixel: sRGB times coverage, and the coverage, (height, width, 4)."""
+    height, width = covered.shape[0] // samples, covered.shape[1] // samples
+    total = np.zeros((height, width, 4), np.float32)
+    for i in range(samples):
+        for j in range(samples):
+            part = covered[i::samples, j::samples]
+            total[:, :, :3] += image[i::samples, j::samples, :3] * part[:, :, None]
+            total[:, :, 3] += part
+    total /= samples**2
+    total[:, :, :3] /= 255.0
+    return total
 
 
 def _add_two_sided(plotter: Any, look: Look, centre: Floats, scale: float) -> None:

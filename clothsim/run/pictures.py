@@ -15,9 +15,9 @@ from clothsim.scene.scene import scene_from_text
 
 PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME = "picture.png", "movie.mp4", "movie.gif", "failure.png"
 
-PICTURE_SETTINGS = ("size", "colour", "up", "view", "renderer", "smooth")
+PICTURE_SETTINGS = ("size", "colour", "up", "view", "renderer", "smooth", "style", "limits")
 """Settings of a picture: keywords of `render.picture.draw` without its title, which is the time."""
-MOVIE_SETTINGS = ("frames_per_second", "samples")
+MOVIE_SETTINGS = ("frames_per_second", "samples", "follow")
 """Settings of a movie beside those of a picture."""
 
 
@@ -43,7 +43,7 @@ def frame_picture(
     from clothsim.render.run_frames import frame_surfaces
 
     surfaces = (surfaces_of or frame_surfaces)(trajectory, frame)
-    given = {"size": (1280, 960), "colour": "stretch", "view": "auto", "renderer": "auto", **settings}
+    given = {"size": (1280, 960), "colour": "auto", "view": "auto", "renderer": "auto", **settings}
     return rendered(picture_setup([surfaces], title=_title(trajectory, frame), **given), surfaces)
 
 

@@ -294,7 +294,8 @@ class Run(Sequence[Frame]):
             A name as of `field`; tensors are drawn by their norm, rotations by their angle, directions as strokes.
         **settings
             size (width, height) in pixels, colour "stretch" or "plain", up and view as (3,) directions (view also
-            "front", "back", "left", "right", "top"), renderer "vtk", "ray" or "auto".
+            "front", "back", "left", "right", "top"), renderer "vtk", "ray" or "auto", style "fields", "print" or
+            "fabric", limits (low, high) of the colours.
 
         Returns
         -------
@@ -326,7 +327,8 @@ class Run(Sequence[Frame]):
         field : str, optional
             As of `plot`.
         **settings
-            As of `plot`, and frames_per_second and samples (per pixel and direction; 1 is faster and rougher).
+            As of `plot`, frames_per_second, samples (per pixel and direction; 1 is faster and rougher), and follow
+            (the camera moves with the cloth).
 
         Returns
         -------

@@ -138,6 +138,15 @@ class QuadraticModel:
         cached = replace(cached, products=solution.products) if solution.products else NO_FACTOR
         return Direction(dx, gradient, solution.negative_curvature, cached)
 
+    def solver(self, cached: CachedFactor) -> Callable[[Floats], Floats]:
+        """Return forces (N, 3) -> displacements (N, 3) of the free vertices, by a factor of the projected Hessian."""
+
+        def solve(forces: Floats) -> Floats:
+            assert cached.solver is not None
+            return self._with(np.zeros_like(forces), cached.solver.back_solve(self._free(forces)))
+
+        return solve
+
     def residual(self, gradient: Floats) -> float:
         """Return the largest component of the gradient (N, 3) at a free vertex [N]."""
         return float(np.abs(self._free(gradient)).max(initial=0.0))

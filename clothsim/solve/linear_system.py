@@ -74,6 +74,7 @@ class System:
         """Solver of the current pattern; the symbolic analysis runs when it is first requested."""
         if self._solver is None or self._analysed is not self.pattern:
             self.analyses += 1
+            self._solver = None  # its factor is freed before the next one takes its memory
             self._solver = make_solver(self._linear, self.pattern, self._threads)
             self._analysed, self.name = self.pattern, self._solver.name
         return self._solver

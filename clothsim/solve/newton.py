@@ -11,9 +11,10 @@ from clothsim.arrays import Floats
 from clothsim.energies.constraint import Prescribed
 from clothsim.linalg import dot
 from clothsim.solve.convergence import ErrorBalance
+from clothsim.solve.curved_step import longer_step
 from clothsim.solve.direction import NO_FACTOR, Direction, QuadraticModel
 from clothsim.solve.force_balance import BALANCED, MOST_UNBALANCED, NO_FORCE_LEFT, ForceBalance, force_balance
-from clothsim.solve.line_search import RESOLVED, armijo, extended_fraction, round_off
+from clothsim.solve.line_search import RESOLVED, armijo, round_off
 from clothsim.solve.linear_system import System
 from clothsim.solve.nonlinear_elimination import Patch, unconverged
 from clothsim.solve.observer import Iterate, Observer, unobserved
@@ -52,8 +53,6 @@ TOLERANCE_ALONE = ErrorBalance()
 LAST_DIGITS = float(np.finfo(float).eps)
 MAX_PATCH_ITERATIONS = 10
 """Newton iterations on a patch before the next global one."""
-MAX_EXTENSION = 32.0
-"""Factor by which a step of negative curvature may be extended beyond the Newton step."""
 
 
 @dataclass(frozen=True)
@@ -247,7 +246,7 @@ class Newton:
     def _descend(self, x: Floats, model: QuadraticModel, trust: Trust, iterations: int) -> NewtonResult:
         """Newton with the prescribed vertices fixed, until forces balance after an unclipped step that may be last."""
         settings = self.settings
-        still = np.zeros_like(x)
+        still = previous = np.zeros_like(x)
         speed, length, residual = np.inf, np.inf, np.inf
         cached, elimination_iterations, unbalanced = NO_FACTOR, 0, 0
 
@@ -278,10 +277,12 @@ class Newton:
                 done, cached = False, NO_FACTOR
                 if fraction == 0.0:
                     continue
-            if not done:
-                fraction = self._extended(x, direction, fraction)
+            step = fraction * dx
+            if direction.negative_curvature and fraction > 0.0 and not done:
+                step, fraction = longer_step(self.potential, x, model, direction, previous, fraction, limit == 1.0)
+            previous = dx
             if done or fraction > 0.0:
-                x = x + fraction * dx
+                x = x + step
                 self.observe(Iterate(x, fraction, speed, residual))
             if done:
                 forces = self._force_balance(x, model)
@@ -311,13 +312,6 @@ class Newton:
         """Outcome of a solve that fails: UNBALANCED where its steps are short enough and only forces are left."""
         forces = self._force_balance(x, model) if speed < self.settings.tolerance else None
         return end if forces is None or forces.within(NO_FORCE_LEFT) else _unbalanced(forces, x)
-
-    def _extended(self, x: Floats, direction: Direction, fraction: float) -> float:
-        """Extend a full step along negative curvature, whose length the quadratic model does not determine."""
-        if not direction.negative_curvature or fraction < 1.0:
-            return fraction
-        with self.potential.timers.phase("line search"):
-            return extended_fraction(self.potential, x, direction.dx, MAX_EXTENSION)
 
     def _may_be_last(
         self, x: Floats, direction: Direction, speed: float, lengths: tuple[float, float], fraction: float

@@ -43,11 +43,11 @@ class Factor:
         self._permutation = np.zeros(1, integer)
         self._kind = kind
         self._pattern = pattern
-        indptr, indices = pattern.scalar
-        # PARDISO counts from one
-        self._indptr, self._indices = (array.astype(integer) + 1 for array in (indptr, indices))
-        self._data: NDArray[Any] = np.zeros(len(indices), kind)
-        self._data[indptr[:-1]] = 1.0
+        self._indptr, self._indices = (array.astype(integer, copy=False) for array in pattern.scalar())
+        self._data: NDArray[Any] = np.zeros(len(self._indices), kind)
+        self._data[self._indptr[:-1]] = 1.0
+        self._indptr += 1  # PARDISO counts from one
+        self._indices += 1
         self._no_right_side = np.zeros(3 * pattern.n_vertices, kind)
         self._fixed_arguments = self._arguments()
         self._call(ANALYSIS, self._no_right_side)

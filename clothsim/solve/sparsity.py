@@ -6,7 +6,6 @@ offset of each (element, corner, corner) is looked up once, when an element list
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -47,7 +46,6 @@ class Pattern:
         """Number of scalars in the upper triangle."""
         return 9 * len(self.columns) - 3 * self.n_vertices
 
-    @cached_property
     def scalar(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
         """indptr and indices of the scalar upper triangle in CSR (int32, as direct solvers take them)."""
         row_lengths = (3 * np.diff(self.starts)[:, None] - np.arange(3)).ravel()
@@ -115,7 +113,7 @@ class Pattern:
 
     def upper(self, data: Floats) -> sparse.csr_matrix:
         """Return the upper triangle as a scipy matrix."""
-        (indptr, indices), size = self.scalar, 3 * self.n_vertices
+        (indptr, indices), size = self.scalar(), 3 * self.n_vertices
         entries = np.empty(len(indices))
         self.write_entries(data, entries)
         return sparse.csr_matrix((entries, indices, indptr), shape=(size, size))

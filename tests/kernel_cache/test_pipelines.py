@@ -5,10 +5,11 @@ import gc
 import numpy as np
 import pytest
 from numba import njit
-from numba.core import config
+from numba.core import compiler, config
 
 from clothsim.jit import kernel, part
 from clothsim.kernel_cache import KernelCompiler
+from clothsim.kernel_cache.pipelines import Flags
 
 pytestmark = pytest.mark.skipif(bool(config.DISABLE_JIT), reason="nothing is compiled")
 
@@ -80,3 +81,22 @@ def test_the_garbage_collector_is_left_as_it_was(cache, enabled, monkeypatch):
         gc.enable() if was else gc.disable()
     assert during
     assert not any(during)
+
+
+def test_settings_are_equal_where_numbas_are():
+    ours, same = Flags(), Flags()
+    ours.error_model = "numpy"
+    same.inherit_if_not_set("error_model", "numpy")
+    other = ours.copy()
+    other.nrt = True
+    given = [ours, same, other, Flags(), ours.copy()]
+    given[3].nrt = False  # the default, set
+    plain = [compiler.Flags(each) for each in given]
+    for i, first in enumerate(given):
+        for k, second in enumerate(given):
+            assert (first == second) is (plain[i] == plain[k]) is (first == plain[k])
+        assert hash(first) == hash(plain[i])
+        assert first.summary() == plain[i].summary()  # in the names of symbols
+    assert ours == same != other
+    assert given[3] == Flags()
+    assert ours != "numpy"

@@ -185,7 +185,7 @@ def test_the_settings_of_pictures_and_movies_are_keywords_of_their_functions():
         {name for name, each in signature(function).parameters.items() if each.kind is each.KEYWORD_ONLY}
         for function in (draw, movie)
     )
-    assert of_picture == {*PICTURE_SETTINGS, "title"}
+    assert of_picture == {*PICTURE_SETTINGS, "title", "dots_per_inch"}
     assert of_movie == {*PICTURE_SETTINGS, *MOVIE_SETTINGS, "title", "progress"}
 
 

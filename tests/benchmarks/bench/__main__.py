@@ -15,7 +15,7 @@ from clothsim.io.atomic import write_atomically
 from clothsim.io.record import to_json
 from clothsim.text_table import text_table
 from tests.benchmarks.bench.alone import ALONE, COPY, without_others
-from tests.benchmarks.bench.bench_cases import ORACLE, QUICK, ROOT, Case, aims, benchmark
+from tests.benchmarks.bench.bench_cases import ORACLE, QUICK, ROOT, Case, aims, benchmark, windows
 from tests.benchmarks.bench.measure import Measured, measured
 from tests.benchmarks.bench.page import against, oracle_summary, write_oracle, write_page
 from tests.benchmarks.bench.revision import name_of, worktree
@@ -76,7 +76,7 @@ def run(
 
         draw(_last(results), picture)
     if page is not None:
-        write_page(page, rows, where["date"])
+        write_page(page, rows, where["date"], then, compare or "")
     tables = [summary(rows, last), split(rows)]
     if compare is not None:
         tables.append(comparison(then, rows, compare))
@@ -105,6 +105,11 @@ def _joined(file: Path, kept: dict[str, Any]) -> dict[str, Any]:
     """With the other cases of the same revision and day, so that a few can be measured again."""
     old = read_record(file)
     return {**kept, "cases": {**old.get("cases", {}), **kept["cases"]}}
+
+
+def _set(arguments: argparse.Namespace) -> tuple[Case, ...]:
+    """The cases that the options ask for."""
+    return aims() if arguments.aims else windows() if arguments.windows else benchmark()
 
 
 def _last(results: Path) -> dict[str, Measured]:
@@ -146,6 +151,9 @@ def main(argv: Sequence[str] | None = None, cases: Sequence[Case] | None = None)
     parser.add_argument(
         "--aims", action="store_true", help="the target times (seconds per simulated second) in place of the set"
     )
+    parser.add_argument(
+        "--windows", action="store_true", help="free fall, first touch and crumpling of a sheet in place of the set"
+    )
     parser.add_argument("--alone", action="store_true", help="a membrane, and in a copy without other effects' files")
     parser.add_argument("--oracle", action="store_true", help="contact alone, and ipctk on the same Newton steps")
     parser.add_argument("--compare", metavar="REV", help="measure git revision REV beside this package, in turns")
@@ -162,7 +170,7 @@ def main(argv: Sequence[str] | None = None, cases: Sequence[Case] | None = None)
         if arguments.alone:
             print(alone(arguments.results, arguments.repeats))
             return 0
-        known = cases if cases is not None else aims() if arguments.aims else benchmark()
+        known = cases if cases is not None else _set(arguments)
         if arguments.oracle:
             both = [case for case in known if cases is not None or case.name in ORACLE]
             asked = chosen(both, arguments.only, arguments.quick)

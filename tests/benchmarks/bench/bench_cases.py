@@ -1,7 +1,7 @@
 """Benchmark cases: short named scenes that start from a state in contact."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +68,13 @@ def sphere(cells: int, height: float = 1.5 * D_HAT, fall: float = FALL, **solver
         solver={"dt": 0.02, "tolerance": 1e-3, "threads": 1, **solver},
         run={"duration": 1.0},
     )
+
+
+def falling(settings: Mapping[str, Any], **solver: Any) -> Scene:
+    """The sheet of 100 x 100 cells released 5 cm above the ball, with `settings` of its effects by name."""
+    scene = sphere(100, height=0.05, fall=0.0)
+    own = {key: value for key, value in scene.solver.items() if key != "tolerance"}
+    return replace(scene, effects={**scene.effects, **settings}, solver={**own, **solver})
 
 
 def fold(cells: int) -> Scene:
@@ -137,6 +144,26 @@ def benchmark() -> tuple[Case, ...]:
         Case("twist", scene=from_file("twist.toml"), start="wrung", lead=6, steps=2),
         Case("fit", "fit", keys={"garment": str(scenes / "shirt.toml"), "to": str(scenes / "shirt_large.toml")}),
         Case("dress", scene=from_file("dress.toml"), lead=1, once=True, needs=dress),
+    )
+
+
+PEERS: Mapping[str, Any] = {"membrane": {"material": "neo_hookean"}, "bending": {"model": "hinge"}}
+"""Effects as other simulators have them: an isotropic sheet, hinges."""
+WINDOWS = {"free fall, 0 to 0.1 s": (0, 5), "first touch, 0.1 to 0.2 s": (5, 5), "crumpling, 0.2 to 0.4 s": (10, 10)}
+"""Windows of `falling` at dt 0.02 s: steps before them, and their steps."""
+
+
+def windows() -> tuple[Case, ...]:
+    """Each window with the settings of other simulators, with the defaults at the same tolerance, and as they are."""
+    settings: Mapping[str, Scene] = {
+        "as peers": falling(PEERS, integrator="backward_euler", tolerance=1e-3),
+        "defaults, tolerance 1e-3": falling({}, tolerance=1e-3),
+        "defaults": falling({}),
+    }
+    return tuple(
+        Case(f"{name}: {window}", scene=scene, lead=lead, settle=0, steps=steps)
+        for name, scene in settings.items()
+        for window, (lead, steps) in WINDOWS.items()
     )
 
 

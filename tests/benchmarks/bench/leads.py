@@ -1,6 +1,7 @@
 """Initial states of cases: made once by a few steps with a loose tolerance, cached in a folder."""
 
 import hashlib
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -26,7 +27,8 @@ def lead(case: Case, folder: Path) -> Path | None:
     if case.scene is None or not (case.lead or case.start):
         return None
     identity = f"{case.scene.to_text()} {case.lead} {case.start}"
-    file = folder / f"{case.name.replace(' ', '_')}-{hashlib.sha256(identity.encode()).hexdigest()[:12]}.npz"
+    name = re.sub(r"[^A-Za-z0-9.]+", "_", case.name)
+    file = folder / f"{name}-{hashlib.sha256(identity.encode()).hexdigest()[:12]}.npz"
     if not file.is_file():
         folder.mkdir(parents=True, exist_ok=True)
         _write(file, _led(case, case.scene))

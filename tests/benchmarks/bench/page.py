@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from tests.benchmarks.bench.bench_cases import WINDOWS
 from tests.benchmarks.bench.measure import PHASES, SEARCHES, Measured, each, ratio
 from tests.benchmarks.bench.oracle import Compared
 from tests.benchmarks.bench.sides import PARTS
@@ -130,8 +131,45 @@ def write_oracle(file: Path, cases: Mapping[str, Compared], date: str) -> None:
     write_between(file, "oracle", f"Measured on {date[:10]}.\n\n{text}")
 
 
-def write_page(file: Path, cases: Mapping[str, Measured], date: str) -> None:
-    """Replace the tables of the page for which the cases were measured."""
+def windowed(cases: Mapping[str, Measured], then: Mapping[str, Measured], revision: str) -> str:
+    """A line a window: processor seconds and iterations a step, beside those of a revision where it was measured."""
+    lines = []
+    for name, row in cases.items():
+        if "skipped" in row or name.partition(": ")[2] not in WINDOWS:
+            continue
+        settings, _, window = name.partition(": ")
+        cells = [settings, window, f"{row['cpu'] / row['steps']:.2f}", _counts(row)]
+        old = then.get(name, {"skipped": ""})
+        if "skipped" in old:
+            cells += ["", "", ""]
+        else:
+            cells += [f"{old['cpu'] / old['steps']:.2f}", _counts(old), f"{row['cpu'] / old['cpu']:.2f}"]
+        lines.append(tuple(cells))
+    header = (
+        "settings",
+        "window",
+        "CPU s / step",
+        "iterations + on patches",
+        f"{revision}: CPU s / step",
+        "iterations",
+        "ratio",
+    )
+    return markdown_table(header, lines)
+
+
+def _counts(row: Measured) -> str:
+    return f"{row['iterations']:.0f} + {row.get('regional', 0):.0f}"
+
+
+def write_page(
+    file: Path, cases: Mapping[str, Measured], date: str, then: Mapping[str, Measured] | None = None, revision: str = ""
+) -> None:
+    """Replace the tables of the page for which the cases were measured.
+
+    then: the same cases of a `revision`, where that was measured beside them.
+    """
+    if any(name.partition(": ")[2] in WINDOWS for name in cases):
+        write_between(file, "windows", f"Measured on {date[:10]}.\n\n{windowed(cases, then or {}, revision)}")
     if PROFILED in cases and "skipped" not in cases[PROFILED]:
         write_between(file, "profile", f"Measured on {date[:10]}.\n\n{profile(cases[PROFILED])}")
     if all(name in cases for name in AIMS):

@@ -224,6 +224,23 @@ def test_the_page_has_both_tables(tmp_path):
     assert "Not here." in aimed({name: {"skipped": "Not here."} for name in AIMS})
 
 
+def test_windows_spell_their_settings_and_stand_beside_a_revision(tmp_path):
+    cases = bench_cases.windows()
+    assert len({case.name for case in cases}) == len(cases) == 3 * len(bench_cases.WINDOWS)
+    settings = [case.scene.solver_settings for case in cases]
+    assert [(each.integrator, each.balanced) for each in settings[::3]] == [
+        ("backward_euler", False), ("bdf2", False), ("bdf2", True)
+    ]  # fmt: skip
+    assert cases[0].scene.effects["bending"] == {"model": "hinge"}
+    file = tmp_path / "page.md"
+    file.write_text("<!-- windows -->\n<!-- /windows -->\n", encoding="utf-8")
+    name = cases[0].name
+    write_page(file, {name: row(), "twist": row()}, "2026-01-02T03:04+00:00", {name: row(cpu=4.0)}, "abc")
+    text = file.read_text(encoding="utf-8")
+    assert "| as peers | free fall, 0 to 0.1 s | 1.00 | 4 + 0 | 2.00 | 4 + 0 | 0.50 |" in text
+    assert "twist" not in text
+
+
 def test_the_picture_has_lines_and_a_slope(tmp_path):
     assert slope([10, 100, 1000], [3 * n**1.25 for n in (10, 100, 1000)]) == pytest.approx(1.25)
     whole = dict.fromkeys(("linear solve", "CCD", "assembly", "membrane"), 0.4)

@@ -1,0 +1,128 @@
+"""Styles: outlines where surfaces end, weave fixed to the material, bodies seen through, ranges and sizes by hand."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+from render_scenes import ball, sheet
+
+from clothsim.cli.arguments import as_limits, as_printed_size
+from clothsim.errors import InputError
+from clothsim.render.camera import Camera
+from clothsim.render.colour_scale import Quantity
+from clothsim.render.outlines import INK, outlined
+from clothsim.render.picture import centre_of, draw, picture_setup, rendered, rendered_without_legend, scale_of
+from clothsim.render.pixel_geometry import pixel_geometry
+from clothsim.render.style import STYLES
+from clothsim.render.weave import woven
+
+DOWN = Camera(np.array([0.0, 0.0, 10.0]), np.eye(3), np.array([0.1, 0.1]))
+"""Looks down on the square of side 2 about the origin."""
+WHITE = np.ones((60, 60, 3))
+
+
+def flat(**changes):
+    x, triangles = sheet().positions * [1.0, 1.0, 0.0], sheet().triangles
+    return replace(sheet(), positions=x, triangles=triangles, **changes)
+
+
+def setup(surfaces, **changes):
+    keywords = {"size": (160, 120), "colour": "auto", "up": "z", "view": "auto", "title": "", "renderer": "ray"}
+    return picture_setup([surfaces], **keywords | changes)
+
+
+def test_geometry_is_that_of_the_surfaces():
+    geometry = pixel_geometry([flat(), ball()], DOWN, (60, 60))
+    assert set(np.unique(geometry.surface)) == {-1, 0}  # the ball lies below the sheet
+    middle = geometry.material[30, 30]
+    assert middle == pytest.approx([1 / 60, -1 / 60, 0.0], abs=1e-5)
+    assert geometry.depth[30, 30] == pytest.approx(10.0, rel=1e-4)
+    assert geometry.facing[30, 30] == pytest.approx(1.0, abs=1e-4)
+    assert np.isinf(geometry.depth[0, 0])
+
+
+def test_outlines_run_round_a_sheet_and_not_over_it():
+    geometry = pixel_geometry([flat()], DOWN, (60, 60))
+    ink = np.abs(outlined(WHITE, geometry, 1) - INK).max(axis=2) < 1e-9
+    assert 2 * 4 * 28 <= ink.sum() <= 2 * 4 * 32  # a square of 30 pixels, two pixels wide
+    assert not ink[20:40, 20:40].any()
+
+
+def test_a_layer_above_another_has_an_outline_where_depth_jumps():
+    upper = flat().positions * 0.5 + np.array([0.0, 0.0, 0.5])
+    both = [replace(flat(), positions=np.concatenate([flat().positions, upper]),
+                    triangles=np.concatenate([flat().triangles, flat().triangles + len(upper)]))]  # fmt: skip
+    ink = np.abs(outlined(WHITE, pixel_geometry(both, DOWN, (60, 60)), 1) - INK).max(axis=2) < 1e-9
+    assert ink[22:38, 22:38].sum() > 40
+
+
+def test_a_weave_moves_with_the_material():
+    grey = np.full((60, 60, 3), 0.5)
+    first = woven(grey, pixel_geometry([flat(material=flat().positions)], DOWN, (60, 60)), np.array([True]), 1)
+    assert first[20:40, 20:40].std() > 0.01
+    assert np.array_equal(first[0, 0], grey[0, 0])
+    moved = replace(DOWN, position=DOWN.position + np.array([1 / 3, 0.0, 0.0]))  # by ten pixels
+    second = woven(grey, pixel_geometry([flat(material=flat().positions)], moved, (60, 60)), np.array([True]), 1)
+    assert np.abs(second[20:40, 20:30] - first[20:40, 30:40]).max() < 0.03
+    none = woven(grey, pixel_geometry([flat()], DOWN, (60, 60)), np.array([False]), 1)
+    assert np.array_equal(none, grey)
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_each_style_draws_a_picture_of_its_own(style, tmp_path):
+    surfaces = [sheet(), ball()]
+    made = rendered_without_legend(setup(surfaces, style=style), surfaces)
+    usual = rendered_without_legend(setup(surfaces), surfaces)
+    assert np.array_equal(made, usual) == (style == "fields")
+    assert (made[0, 0] == 1.0).all() == STYLES[style].paper
+    assert (setup(surfaces, style=style).scale is None) == (style == "fabric")
+
+
+def test_a_body_is_half_transparent_in_print():
+    front = [flat(), ball(centre=(0.0, 0.0, 0.5))]
+    printed = setup(front, style="print", view=(0, 0, 1), up="y", colour="plain")
+    opaque = replace(printed, style=replace(printed.style, body_opacity=1.0))
+    through, hidden = (rendered_without_legend(each, front)[55:65, 75:85] for each in (printed, opaque))
+    assert np.ptp(hidden, axis=2).max() < 0.02  # grey
+    assert np.ptp(through, axis=2).mean() > 0.05  # the blue sheet behind it
+
+
+def test_a_range_by_hand_is_the_scale_s():
+    cloth = [replace(sheet(), values=np.linspace(0.0, 1.0, len(sheet().positions)))]
+    scale = scale_of(Quantity("stress", "N/m"), cloth, (0.0, 40.0))
+    assert (scale.low, scale.high) == (0.0, 40.0)
+    assert [text for _, text in scale.ticks] == ["0", "10", "20", "30", "40"]
+    assert scale_of("stretch", cloth, (0.9, 1.05)).high == pytest.approx(-np.log(0.9))
+    for bad in ((1.0, 1.0), (2.0, 1.0), (0.0, np.inf), (1.0,), "ab"):
+        with pytest.raises(InputError, match="range of colours"):
+            scale_of("stretch", cloth, bad)
+    with pytest.raises(InputError, match="stretches"):
+        scale_of("stretch", cloth, (0.0, 1.0))
+    with pytest.raises(InputError, match="style"):
+        setup(cloth, style="oil")
+
+
+def test_a_camera_that_follows_sees_the_cloth_in_one_place():
+    frames = [[replace(sheet(), positions=sheet().positions + np.array([0.0, 3.0 * k, 0.0])), ball()] for k in range(2)]
+    keywords = {"size": (160, 120), "colour": "auto", "up": "z", "view": "auto", "title": "", "renderer": "ray"}
+    following = picture_setup(frames, follow=True, **keywords)
+    assert centre_of(frames[1]) - centre_of(frames[0]) == pytest.approx([0.0, 3.0, 0.0])
+    first, last = (rendered(following, [frame[0]]).astype(float) for frame in frames)
+    assert np.abs(first - last).mean() < 0.5
+    held = picture_setup(frames, **keywords)
+    first, last = (rendered(held, [frame[0]]).astype(float) for frame in frames)
+    assert np.abs(first - last).mean() > 2.0
+
+
+def test_sizes_of_paper_and_ranges_of_the_command_line(tmp_path):
+    assert as_printed_size("85x64mm") == ((1004, 756), 300.0)
+    assert as_printed_size("100x50mm@254") == ((1000, 500), 254.0)
+    assert as_printed_size("640x480") == ((640, 480), 0.0)
+    assert as_limits("--range", "0.9,1.1") == (0.9, 1.1)
+    for bad in ("1", "2,1", "a,b", "0,inf", "nan,1"):
+        with pytest.raises(InputError, match="--range"):
+            as_limits("--range", bad)
+    file = tmp_path / "small.png"
+    draw(file, [sheet()], size=(100, 80), renderer="ray", dots_per_inch=300.0)
+    assert Image.open(file).info["dpi"] == pytest.approx((300.0, 300.0), rel=1e-3)

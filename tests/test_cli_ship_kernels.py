@@ -1,0 +1,57 @@
+"""A wheel with compiled kernels: built from a copy of the clone, which stays without them."""
+
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from clothsim.cli import ship_kernels
+from clothsim.errors import ClothsimError
+from clothsim.kernel_cache import shipped, storage
+
+
+@pytest.fixture
+def commands(monkeypatch):
+    """Commands that were run: one leaves a kernel as the compilation does, the other a wheel as pip does."""
+    seen = []
+
+    def run(command, env=None, check=False):
+        assert check
+        seen.append(command)
+        if "--compile" in command:
+            kernels = Path(env["NUMBA_CACHE_DIR"], "clothsim", "kernels", "identity")
+            kernels.mkdir(parents=True)
+            (kernels / f"membrane{storage.SUFFIX}").write_bytes(b"code")
+            (kernels.parent / "last-removal").touch()
+        else:
+            folder, clone = (Path(each) for each in command[-2:])
+            found = sorted(str(file.relative_to(clone)) for file in clone.rglob(f"*{storage.SUFFIX}"))
+            folder.mkdir()
+            (folder / "clothsim-py3-none-any.whl").write_text("\n".join(found))
+            assert all((clone / name).exists() for name in ship_kernels.SOURCES)
+        return subprocess.CompletedProcess(command, 0)
+
+    monkeypatch.setattr(ship_kernels.subprocess, "run", run)
+    monkeypatch.setattr(shipped, "can_run", lambda: True)
+    return seen
+
+
+def test_a_wheel_holds_kernels_and_the_clone_does_not(commands, tmp_path, capsys):
+    before = shipped.FOLDER.exists()
+    assert ship_kernels.main(["sphere", "--duration", "0.1", "--wheel", str(tmp_path / "dist")]) == 0
+    (wheel,) = (tmp_path / "dist").iterdir()
+    assert wheel.read_text() == str(
+        Path("clothsim/kernel_cache/shipped_kernels/identity") / f"membrane{storage.SUFFIX}"
+    )
+    assert shipped.FOLDER.exists() is before
+    compilation, build = commands
+    assert compilation[-4:] == ["--duration", "0.1", "--compile", "sphere"]
+    assert {"pip", "wheel", "--no-deps"} <= set(build)
+    assert "1 kernels" in capsys.readouterr().out
+
+
+def test_without_a_clone_there_is_no_wheel(commands, tmp_path, monkeypatch):
+    monkeypatch.setattr(ship_kernels, "__file__", str(tmp_path / "clothsim" / "cli" / "ship_kernels.py"))
+    with pytest.raises(ClothsimError, match="no clone"):
+        ship_kernels.build_wheel(["sphere"], 0.1, tmp_path)
+    assert not commands
