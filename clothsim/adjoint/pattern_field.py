@@ -143,7 +143,7 @@ def _of_border(mesh: PatternMesh, name: str, moves: Floats, controls: Mapping[Si
         rows = mesh.edges[side]
         if side in controls:
             curve, ends = bezier_edge(mesh, side), [panel.vertices[k] for k in (edge.start, edge.end)]
-            t = curve.parameters(ends[0], ends[1], np.linspace(0.0, 1.0, len(rows)))
+            t = curve.parameters(ends[0], ends[1], mesh.fractions[side])
             moved = curve.weights(t) @ np.concatenate([moves[[edge.start]], controls[side], moves[[edge.end]]])
         else:
             moved = follow(panel, edge, moves, mesh.panel_coordinates[rows])

@@ -50,18 +50,18 @@ def _way_ahead(state: SewingState, chosen: Ints, direction: Floats, body: Figure
     own, others = state.triangles[inside], state.triangles[~inside]
     obstacle = np.concatenate([body.positions, state.positions])
     faces = np.concatenate([body.triangles, others + len(body.positions)])
-    ahead = _first_hits(state.positions[chosen], direction, obstacle, faces)
-    behind = _first_hits(obstacle[np.unique(faces)], -direction, state.positions, own)
+    ahead = first_hits(state.positions[chosen], direction, obstacle, faces)
+    behind = first_hits(obstacle[np.unique(faces)], -direction, state.positions, own)
     return float(min(ahead.min(initial=np.inf), behind.min(initial=np.inf)))
 
 
-def _first_hits(points: Floats, direction: Floats, positions: Floats, triangles: Ints) -> Floats:
-    """Distance to the first triangle that each ray meets, (k,) [m]; inf for none."""
+def first_hits(points: Floats, directions: Floats, positions: Floats, triangles: Ints) -> Floats:
+    """Distance to the first triangle that each ray meets, (k,) [m]; inf for none. Unit directions: (3,) or (k, 3)."""
     import igl
 
     tree = igl.AABB()
     tree.init(positions, np.ascontiguousarray(triangles))
-    rays = np.ascontiguousarray(np.broadcast_to(direction, points.shape))
+    rays = np.ascontiguousarray(np.broadcast_to(directions, points.shape))
     hit, distance, _ = tree.intersect_ray_first(positions, np.ascontiguousarray(triangles), points, rays)
     met = np.logical_and(hit.ravel() >= 0, np.isfinite(distance.ravel()))
     return np.where(met, distance.ravel(), np.inf)

@@ -22,6 +22,7 @@ from clothsim.dressing.placing import placed_on
 from clothsim.dressing.separating import crossing_panels, panels_in_contact, separated
 from clothsim.dressing.sewing_state import SewingState, as_placed
 from clothsim.dressing.sewn_cloth import Fabrics
+from clothsim.dressing.sleeve_clearance import sleeves_cleared
 from clothsim.dressing.sleeves import turned_to_arms
 from clothsim.dressing.welding import welded_where_closed
 from clothsim.dressing.written_files import write_results
@@ -254,7 +255,8 @@ def _placed(task: _Task, done: _Progress) -> _Progress:
     touching = touching_seams(state)
     state = state.weld(touching)
     state, lift_note = lifted(state, task.body, task.surface)
-    done = replace(done, notes=(*done.notes, *([lift_note] if lift_note else [])))
+    state, sleeve_notes = sleeves_cleared(state, task.body)
+    done = replace(done, notes=(*done.notes, *([lift_note] if lift_note else []), *sleeve_notes))
     panels, seams = len(state.mesh.pattern.panels), len(state.mesh.seams)
     size = f"{panels} panels, {seams} seams, {len(state.positions):,} vertices"
     return _after(task, done, "place", state, f"{size}, {len(touching)} seams touch" if touching else size, started)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
+from clothsim.dressing.level_lines import across, axis_of, ends_of, girth_along_cloth, level_line
 from clothsim.dressing.sewing_state import SewingState
 from clothsim.dressing.sleeves import is_of_arm
 from clothsim.fitting.inputs import Figure
@@ -33,18 +34,24 @@ class Girth:
         "chest", "waist", "hip" or "hem".
     level : float
         Height above the floor [m].
-    body, garment : float
-        Girth of the convex hull of either at this level [m]; 0 where the garment is not there.
+    body : float
+        Girth of the convex hull of the body at this level, as a tape measures it [m].
+    garment : float
+        Length of the cloth round it, as the garment laid flat is measured [m]: the chest below the armholes, the hem
+        along its border. `outline` where no level line of the pattern goes round the body there.
+    outline : float
+        Girth of the convex hull of the garment as worn, as a tape over its folds measures it [m].
     """
 
     name: str
     level: float
     body: float
     garment: float
+    outline: float
 
     @property
     def ease(self) -> float:
-        """Girth of the garment less that of the body [m]."""
+        """Girth of the garment along the cloth less that of the body [m]."""
         return self.garment - self.body
 
 
@@ -60,13 +67,21 @@ def girths(state: SewingState, body: Figure) -> list[Girth]:
         if both:
             girth, level = min(both) if name == "waist" else max(both)
             if garment_low <= level <= garment_high:
-                found.append(Girth(name, level - low, girth, _garment_girth(state, torso, body, level)))
-    hem, level = hem_of(state, body)
-    return [*found, Girth("hem", level - low, torso_girth(body, level) or _girth_of_legs(body, level), hem)]
+                outline = _outline(section(state.positions, torso, body.up, level)[0], body)
+                along = girth_along_cloth(state, body, level, highest=name == "chest")
+                found.append(Girth(name, level - low, girth, along or outline, outline))
+    length, level, loop = _hem(state, body)
+    around = torso_girth(body, level) or _girth_of_legs(body, level)
+    return [*found, Girth("hem", level - low, around, length, _outline(state.positions[loop], body))]
 
 
 def hem_of(state: SewingState, body: Figure) -> tuple[float, float]:
     """Length of the lowest border loop of the garment [m], and its mean level [m]; the ends of sleeves do not count."""
+    return _hem(state, body)[:2]
+
+
+def _hem(state: SewingState, body: Figure) -> tuple[float, float, Ints]:
+    """Length [m], mean level [m] and vertices of the lowest border loop."""
     edges = border_edges(state.triangles)[0]
     loop = components(np.column_stack([edges, edges[:, 1]]), len(state.positions))[edges[:, 0]]
     torso = _torso_triangles(state)
@@ -79,27 +94,20 @@ def hem_of(state: SewingState, body: Figure) -> tuple[float, float]:
         if of_torso[loop == name].mean() > 0.5 or not of_torso.any()
     }
     lowest = min(mean, key=lambda name: mean[name])
-    return float(lengths[loop == lowest].sum()), mean[lowest]
+    return float(lengths[loop == lowest].sum()), mean[lowest], np.unique(edges[loop == lowest])
 
 
 def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> tuple[Floats, Ints]:
     """Cut of a mesh by a horizontal plane: points (k, 3) [m] on its edges, and the segments (s, 2) that join them."""
-    heights = positions @ up - level
-    above = heights > 0
-    corners = triangles[above[triangles].any(axis=1) & ~above[triangles].all(axis=1)]
-    sides = np.stack([corners, np.roll(corners, -1, axis=1)], axis=2)  # two of three cross the plane
-    crossing = sides[above[sides[:, :, 0]] != above[sides[:, :, 1]]]
-    edges, number = np.unique(np.sort(crossing, axis=1), axis=0, return_inverse=True)
-    a, b = heights[edges[:, 0]], heights[edges[:, 1]]
-    share = (a / (a - b))[:, None]
-    points = (1 - share) * positions[edges[:, 0]] + share * positions[edges[:, 1]]
-    return points, number.reshape(-1, 2)
+    edges, fractions = level_line(positions @ up, triangles, level)
+    _, first, number = np.unique(edges.reshape(-1, 2), axis=0, return_index=True, return_inverse=True)
+    return ends_of(edges, fractions, positions).reshape(-1, 3)[first], number.reshape(-1, 2)
 
 
 def torso_girth(body: Figure, level: float) -> float:
     """Girth of the convex hull of that loop of the body's section that goes round its axis [m]; 0 without one."""
     points, label = _loops(body, level)
-    axis = _axis(body)
+    axis = axis_of(body)
     hulls = [_hull(points[label == name]) for name in np.unique(label)]
     round_axis = [hull for hull in hulls if hull is not None and (hull.equations @ [*axis, 1.0] < 0).all()]
     return max((float(hull.area) for hull in round_axis), default=0.0)
@@ -108,16 +116,16 @@ def torso_girth(body: Figure, level: float) -> float:
 def _girth_of_legs(body: Figure, level: float) -> float:
     """Girth of the convex hull of both legs [m]; 0 below the feet."""
     points, label = _loops(body, level)
-    reach, axis = ASIDE * float(np.ptp(body.positions @ body.up)), _axis(body)
+    reach, axis = ASIDE * float(np.ptp(body.positions @ body.up)), axis_of(body)
     legs = [points[label == name] for name in np.unique(label)]
     legs = [leg for leg in legs if np.linalg.norm(leg.mean(axis=0) - axis) < reach]
     hull = _hull(np.concatenate(legs)) if legs else None
     return 0.0 if hull is None else float(hull.area)
 
 
-def _garment_girth(state: SewingState, torso: Ints, body: Figure, level: float) -> float:
-    """Girth of the convex hull of the garment without its sleeves, as a tape measures it [m]; 0 where it is not."""
-    hull = _hull(section(state.positions, torso, body.up, level)[0][:, _across(body)])
+def _outline(points: Floats, body: Figure) -> float:
+    """Girth of the convex hull of points (k, 3) seen from above [m]; 0 without one."""
+    hull = _hull(points[:, across(body)])
     return 0.0 if hull is None else float(hull.area)
 
 
@@ -166,10 +174,10 @@ def marker(pattern: Pattern) -> tuple[float, float]:
     )
     width = max(FABRIC_WIDTH, *(float(size[0]) for size in sizes))
     length, left = 0.0, 0.0
-    for across, along in sizes:
-        if across > left:  # a new row, as long as its first panel
+    for wide, along in sizes:
+        if wide > left:  # a new row, as long as its first panel
             length, left = length + float(along), width
-        left -= float(across)
+        left -= float(wide)
     return width, length
 
 
@@ -177,21 +185,10 @@ def _span(levels: Floats) -> tuple[float, float]:
     return float(levels.min()), float(levels.max())
 
 
-def _across(body: Figure) -> list[int]:
-    """Horizontal axes."""
-    return [k for k in range(3) if body.up[k] == 0]
-
-
-def _axis(body: Figure) -> Floats:
-    """Vertical line through the middle of the bounding box, (2,) [m]."""
-    flat = body.positions[:, _across(body)]
-    return np.asarray((flat.min(axis=0) + flat.max(axis=0)) / 2, np.float64)
-
-
 def _loops(body: Figure, level: float) -> tuple[Floats, Ints]:
     """Points (k, 2) [m] of a section of the body, and the loop that each is of (k,)."""
     points, segments = section(body.positions, body.triangles, body.up, level)
-    return points[:, _across(body)], components(np.column_stack([segments, segments[:, 1]]), len(points))
+    return points[:, across(body)], components(np.column_stack([segments, segments[:, 1]]), len(points))
 
 
 def _hull(points: Floats) -> Any:

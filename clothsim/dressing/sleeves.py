@@ -43,7 +43,7 @@ def turned_to_arms(mesh: PatternMesh, body: Figure) -> tuple[PatternMesh, tuple[
             if is_of_arm(panel) and side * (positions[mesh.vertices[name]].mean(axis=0) - middle) @ right > 0
         ]
         ends = _ends(mesh, names)
-        arm = _arm(body, side * right, middle)
+        arm = arm_line(body, side * right, middle)
         if ends is None or arm is None:
             continue
         root, tip = ends
@@ -87,7 +87,7 @@ def _ends(mesh: PatternMesh, names: list[str]) -> tuple[Floats, Floats] | None:
     return np.mean(root, axis=0), np.mean(free, axis=0)
 
 
-def _arm(body: Figure, outward: Floats, middle: Floats) -> Arm | None:
+def arm_line(body: Figure, outward: Floats, middle: Floats) -> Arm | None:
     """Line through the vertices of a body beyond its torso on the side `outward`; None where the arm hangs down."""
     reach = (body.positions - middle) @ outward
     chosen = body.positions[reach > BEYOND * reach.max()]

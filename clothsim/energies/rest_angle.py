@@ -17,7 +17,7 @@ import numpy as np
 from clothsim.arrays import Ints, as_points
 from clothsim.energies.base import Energy, Off
 from clothsim.energies.example import Example, Idle
-from clothsim.energies.selection import check_tables, cloth_number, vertex_numbers
+from clothsim.energies.selection import check_tables, cloth_number, of_pattern, vertex_numbers
 from clothsim.energies.varying_values import schedule
 from clothsim.errors import InputError
 from clothsim.mesh.edge_paths import path_along
@@ -27,7 +27,9 @@ from clothsim.mesh.world import World
 if TYPE_CHECKING:
     from clothsim.energies.hinge_moments import BendingModel
 
-KEYS = ("angle_degrees", "through", "vertices", "cloth")
+KEYS = ("angle_degrees", "through", "vertices", "panel", "edge", "label", "cloth")
+LINES = ("through", "vertices", "panel", "label")
+"""Keys of which a crease has one."""
 
 
 def rest_angle(
@@ -40,7 +42,8 @@ def rest_angle(
     crease : sequence of tables
         Each has `angle_degrees`, a number or key frames, and its line: `through`, points [[x, y, z], ...] in the
         coordinates of the mesh before its placement [m], or `vertices`, numbers: every interior edge with both ends
-        among them; `cloth`, its name, if there are several.
+        among them; or names of a sewing pattern, `panel` with `edge`, or `label`: their edges that are welded to
+        another one; `cloth`, its name, if there are several.
     built : mapping, optional
         The energies built so far, with the bending whose angles are shifted.
 
@@ -80,8 +83,13 @@ def rest_angle(
 
 def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: "BendingModel") -> Ints:
     """The numbers of the hinges along a crease."""
-    if ("through" in keys) == ("vertices" in keys):
-        raise InputError(f"{name} needs either through or vertices.", "Such as through = [[x, y, z], [x, y, z]].")
+    if sum(key in keys for key in LINES) != 1 or ("panel" in keys) != ("edge" in keys):
+        raise InputError(
+            f"{name} needs either through, vertices, panel with edge, or label.",
+            "Such as through = [[x, y, z], [x, y, z]].",
+        )
+    if "through" not in keys and "vertices" not in keys:
+        return _hinges_of_pattern(name, world, keys, hinges)
     number = cloth_number(name, world, keys.get("cloth"))
     cloth, first = world.cloths[number], world.cloth_slices[number].start
     edges = unique_edges(cloth.triangles)
@@ -103,6 +111,22 @@ def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: "Ben
     for a, b in along[numbers[selected] != wanted][:1]:
         raise InputError(f"{name}: the edge {a}-{b} has no hinge.", "Draw the crease along interior edges.")
     return selected
+
+
+def _hinges_of_pattern(name: str, world: World, keys: Mapping[str, Any], hinges: "BendingModel") -> Ints:
+    """The numbers of the hinges along welded edges of a sewing pattern."""
+    select = {key: keys[key] for key in ("panel", "edge", "label") if key in keys}
+    rows = of_pattern(name, world, select)
+    if "cloth" in keys:
+        chosen = world.cloth_slices[cloth_number(name, world, keys["cloth"])]
+        rows = rows[(rows >= chosen.start) & (rows < chosen.stop)]
+    found = np.flatnonzero(np.isin(hinges.vertices[:, :2], rows).all(axis=1))
+    if not len(found):
+        raise InputError(
+            f"{name}: no hinge lies along {select}.",
+            "An edge bends where it is welded to another one: place both so that they touch.",
+        )
+    return found
 
 
 def _refuse_twice(hinges: "BendingModel", chosen: Ints) -> None:

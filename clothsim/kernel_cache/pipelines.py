@@ -54,7 +54,10 @@ class Flags(compiler.Flags):
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, compiler.Flags):
             return NotImplemented
-        return self._values == other._values or bool(super().__eq__(other))
+        if self._values == other._values:
+            return True
+        given = self._values.keys() | other._values.keys()  # all others have their defaults in both
+        return all(getattr(self, name) == getattr(other, name) for name in given)
 
 
 _HASH = hash(compiler.Flags())

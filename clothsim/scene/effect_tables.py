@@ -124,6 +124,11 @@ class Crease(KeyTable):
     angle_degrees: Annotated[OverTime, Key("Rest angle; 0 is flat, positive folds to the back", "degrees")]
     through: Annotated[Sequence[Sequence[float]], Key("Points [[x, y, z], ...] on the unplaced mesh", "m")] = ()
     vertices: Annotated[Sequence[int], Key("Vertex numbers: all inner edges with both ends among them", "1")] = ()
+    panel: Annotated[str | None, Key("A panel of a sewing pattern, with `edge`", shown="none")] = None
+    edge: Annotated[
+        int | None, Key("Edge of the panel as meshed, counted from 0, that is welded", "1", least=0, shown="none")
+    ] = None  # fmt: skip
+    label: Annotated[str | None, Key("All welded edges of a sewing pattern with this label", shown="none")] = None
     cloth: Annotated[str | None, CLOTH] = None
 
 

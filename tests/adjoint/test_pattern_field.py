@@ -97,15 +97,24 @@ def test_the_gradient_by_control_points():
         pattern_field(mesh, {}, {side: moves[:1]})
 
 
-def test_control_points_that_follow_their_ends():
-    """An affine displacement of vertices and control points is one of the whole panel."""
-    entries = panel()
-    entries["edges"][0]["curvature"] = {"type": "cubic", "params": [[0.3, 0.1], [0.6, -0.2]]}
+NECKED = [[0, 0], [30, 0], [30, 10], [10.3, 10], [10.3, 20], [30, 20], [30, 30], [0, 30], [0, 20], [10, 20], [10, 10]]
+
+
+@pytest.mark.parametrize(
+    ("entries", "number", "controls"),
+    [(panel(), 0, [[0.3, 0.1], [0.6, -0.2]]), (panel([*NECKED, [0, 10]]), 3, [[0.3, -0.15], [0.7, -0.15]])],
+)
+def test_control_points_that_follow_their_ends(entries, number, controls):
+    """An affine displacement of vertices and control points is one of the whole panel, also with uneven samples."""
+    entries["edges"][number]["curvature"] = {"type": "cubic", "params": controls}
     mesh = mesh_pattern(pattern_of(specification({"front": entries})), 0.03)
-    corners, edge = mesh.pattern.panels["front"].vertices, mesh.pattern.panels["front"].edges[0]
+    side = Side("front", number)
+    uneven = np.ptp(np.diff(mesh.fractions[side])) > 1e-3
+    assert uneven == (number == 3)
+    corners, edge = mesh.pattern.panels["front"].vertices, mesh.pattern.panels["front"].edges[number]
     controls = edge.curve.points(corners[edge.start], corners[edge.end])[1:-1]
     stretch = np.array([[0.1, 0.3], [0.0, -0.2]])
-    field = pattern_field(mesh, {"front": corners @ stretch}, {Side("front", 0): controls @ stretch})
+    field = pattern_field(mesh, {"front": corners @ stretch}, {side: controls @ stretch})
     moved = mesh.panel_coordinates[mesh.triangles] @ stretch
     material = mesh.panel_coordinates[mesh.triangles].reshape(-1, 2)
     to_material = np.linalg.lstsq(material, mesh.material_coordinates.reshape(-1, 2), rcond=None)[0]

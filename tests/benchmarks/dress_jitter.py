@@ -47,7 +47,7 @@ def jittered(pattern: Pattern, seed: int) -> Pattern:
 
 
 def sewn(name: str, seed: int, size: float) -> dict[str, Any]:
-    """Status, seams and girths [m] of one start."""
+    """Status, seams, girths along the cloth and of the outline [m] of one start."""
     pattern = jittered(read_specification(DATA / "patterns" / FILES[name]), seed)
     started = process_time()
     with tempfile.TemporaryDirectory() as folder:
@@ -59,7 +59,11 @@ def sewn(name: str, seed: int, size: float) -> dict[str, Any]:
         "seams": len(done.state.mesh.seams),
         "welded": len(done.state.welded),
         "stretch": list(done.stretch),
-        "girths": {girth.name: girth.garment for girth in girths(done.state, done.body)},
+        "girths": {
+            f"{girth.name}{kind}": value
+            for girth in girths(done.state, done.body)
+            for kind, value in (("", girth.garment), (", outline", girth.outline))
+        },
         "cpu_seconds": process_time() - started,
     }
 

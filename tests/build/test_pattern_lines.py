@@ -109,6 +109,74 @@ def test_two_panels_close_in_a_run(tmp_path):
     assert gaps[1].max() < 0.01
 
 
+def pleats(angle=120.0):
+    """Five strips in a zigzag that touch: panels turned about y to either side in turn, outer edges "mountain"."""
+    width, panels, sewn_edges, at = 4.0, {}, [], np.zeros(2)
+    corners = [[0, 0], [width, 0], [width, 8], [0, 8]]
+    for k in range(5):
+        turn = (angle / 2) * (1 if k % 2 else -1)
+        made = panel(corners, translation=[at[0], 0, at[1]], rotation=[0, turn, 0])
+        if k:
+            made["edges"][3]["label"] = "mountain" if k % 2 else "valley"
+            sewn_edges.append(stitch((f"s{k - 1}", 1), (f"s{k}", 3)))
+        panels[f"s{k}"] = made
+        at = at + width * np.array([np.cos(np.radians(turn)), -np.sin(np.radians(turn))])
+    return specification(panels, sewn_edges)
+
+
+CREASE = "[[effects.rest_angle.crease]]"
+
+
+def test_creases_of_labels_are_those_of_their_edges(tmp_path):
+    bending = ["[effects.bending]"]
+    by_label = [CREASE, 'label = "mountain"', "angle_degrees = 60", CREASE, 'label = "valley"', "angle_degrees = -60"]
+    by_edge = [
+        line
+        for k in range(1, 5)
+        for line in (CREASE, f'panel = "s{k}"', "edge = 3", f"angle_degrees = {60 if k % 2 else -60}")
+    ]
+    first, second = (
+        build(scene_of(tmp_path, pleats(), [*bending, *lines], size=0.02)).energies["rest_angle"]
+        for lines in (by_label, by_edge)
+    )
+    assert len(first.numbers) == 4 * 4  # four creases of 8 cm, edges of 2 cm
+    assert np.array_equal(np.sort(first.numbers), np.sort(second.numbers))
+    of_world = build(scene_of(tmp_path, pleats(), bending, size=0.02))
+    x = of_world.world.start() + 1e-3 * np.random.default_rng(0).standard_normal(of_world.world.start().shape)
+    assert first.value(x) == pytest.approx(second.value(x), rel=1e-12)
+
+
+def test_pleats_rest_at_the_angle_of_their_creases(tmp_path):
+    angle = 120.0
+    lines = ["[effects.bending]", "[effects.damping]", "rate = 40.0"]
+    for label, sign in (("mountain", 1), ("valley", -1)):
+        lines += [CREASE, f'label = "{label}"', f"angle_degrees = {sign * angle}"]
+    scene = scene_of(tmp_path, pleats(angle), lines, size=0.02, bending_stiffness=1e-4)
+    run = clothsim.simulate(replace(scene, solver={"dt": 0.02}, run={"duration": 0.1}))
+    assert run.status == "completed"
+    moved = np.abs(run.positions(-1) - run.positions(0)).max()
+    flat = clothsim.simulate(replace(scene, effects={key: keys for key, keys in scene.effects.items()
+                                                     if key != "rest_angle"}, run={"duration": 0.1}))  # fmt: skip
+    assert moved < 1e-6
+    assert np.abs(flat.positions(-1) - flat.positions(0)).max() > 1e-3
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        ['panel = "s0"', "edge = 0"],  # a border
+        ['panel = "s0"'],
+        ["edge = 3"],
+        ['panel = "s1"', "edge = 3", 'label = "valley"'],
+        ['label = "hem"'],
+        ['panel = "s9"', "edge = 3"],
+    ],
+)
+def test_creases_that_cannot_be(tmp_path, keys):
+    with pytest.raises(InputError):
+        build(scene_of(tmp_path, pleats(), ["[effects.bending]", CREASE, *keys, "angle_degrees = 20"]))
+
+
 @pytest.mark.parametrize("keys", ["{ finish = 1.0 }", "{ start = 2.0 }", "1", "{ stiffness = -1.0 }"])
 def test_strings_that_cannot_be(tmp_path, keys):
     with pytest.raises(InputError):

@@ -1,12 +1,15 @@
 """Measurements: girths against closed forms and against sections of trimesh, areas, marker."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from capsule_bodies import person
 from real_data import DATA, needs_data
-from sewing_patterns import panel, skirt, specification
+from sewing_patterns import panel, skirt, specification, stitch
 from sewn_tubes import tube
 
+from clothsim.dressing.level_lines import ends_of, girth_along_cloth, level_line
 from clothsim.dressing.measurements import (
     areas_of_panels,
     girths,
@@ -20,6 +23,7 @@ from clothsim.dressing.sewing_state import as_placed
 from clothsim.fitting.inputs import Figure, read_figure
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
 from clothsim.mesh.pattern.specification import pattern_of
+from clothsim.mesh.weld import mean_of_parts
 from clothsim.scene.fabrics import FABRICS
 
 BODIES = ("mean_all", "mean_all_tpose", "mean_female", "f_smpl_average_A40")
@@ -49,11 +53,75 @@ def test_girths_of_a_tube(body):
     state = tube(0.3, 0.6, 1.4)
     for girth in girths(state, body):
         assert np.isclose(girth.garment, 2 * np.pi * 0.3, rtol=0.01)
+        assert np.isclose(girth.outline, girth.garment, rtol=0.005)
         assert girth.ease == girth.garment - girth.body
     assert [girth.name for girth in girths(state, body)] == ["chest", "waist", "hip", "hem"]
     length, level = hem_of(state, body)
     assert np.isclose(length, 2 * np.pi * 0.3, rtol=0.01)
     assert np.isclose(level, 0.6)
+
+
+def folded(state, radius, depth, folds):
+    """A tube bent without stretch, so that its section is a star of as many folds."""
+    angle = np.linspace(0, 2 * np.pi, 20001)
+    curve = (1 + depth * np.cos(folds * angle)) * np.array([np.sin(angle), np.cos(angle)])
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(curve), axis=0))])
+    curve *= 2 * np.pi * radius / along[-1]
+    x, y, z = state.positions.T
+    share = np.arctan2(x, z) % (2 * np.pi) / (2 * np.pi)
+    a, b = (np.interp(share, along / along[-1], row) for row in curve)
+    return state.at(np.column_stack([a, y, b]))
+
+
+def test_folds_change_the_outline_and_not_the_cloth(body):
+    smooth = tube(0.3, 0.6, 1.4)
+    worn = folded(smooth, 0.3, 0.15, 6)
+    for before, after in zip(girths(smooth, body), girths(worn, body), strict=True):
+        assert np.isclose(after.garment, before.garment, rtol=0.02)  # chords across the folds
+        assert after.outline < 0.95 * before.outline
+        assert after.ease == after.garment - after.body
+
+
+def test_a_garment_that_sank_is_measured_where_its_cloth_is_worn(body):
+    """A cone of cloth, 8 cm down: at a level of the body lies cloth that was placed 8 cm above it."""
+    state = tube(0.3, 0.6, 1.4)
+    slope = 0.5
+    x, y, z = state.mesh.positions.T
+    placed = np.column_stack([x * (1 + slope * (1.4 - y)), y, z * (1 + slope * (1.4 - y))])
+    cone = replace(state, mesh=replace(state.mesh, positions=placed), positions=mean_of_parts(placed, state.number))
+    sunk = cone.at(cone.positions - [0, 0.08, 0])
+    at = {level: girth_along_cloth(cone, body, level) for level in (1.0, 1.08)}
+    assert np.isclose(girth_along_cloth(sunk, body, 1.0), at[1.08], rtol=1e-3)
+    assert np.isclose(at[1.0], 2 * np.pi * 0.3 * (1 + slope * 0.4), rtol=0.01)
+    assert girth_along_cloth(sunk, body, 1.5) == 0.0
+
+
+def test_a_chest_is_measured_below_the_armholes(body):
+    """Panels with a notch at one upper corner, bent to a tube: lines through it do not go round the body."""
+    radius, low = 0.3, 0.6
+    half = 100 * np.pi * radius
+    notched = [[0, 0], [half, 0], [half, 50], [half - 25, 50], [half - 25, 80], [0, 80]]
+    entries = specification({"front": panel(notched), "back": panel(notched)}, [stitch(("front", 1), ("back", 5))])
+    mesh = mesh_pattern(pattern_of(entries), 0.04)
+    positions = mesh.positions.copy()
+    for name, turn in (("front", 0.0), ("back", np.pi)):
+        x, y = mesh.panel_coordinates[mesh.vertices[name]].T
+        angle = x / radius + turn
+        positions[mesh.vertices[name]] = np.column_stack([radius * np.sin(angle), low + y, radius * np.cos(angle)])
+    state = as_placed(replace(mesh, positions=positions))
+    whole = 2 * np.pi * radius
+    assert np.isclose(girth_along_cloth(state, body, low + 0.3), whole, rtol=0.01)
+    assert girth_along_cloth(state, body, low + 0.7) == 0.0
+    assert np.isclose(girth_along_cloth(state, body, low + 0.7, highest=True), whole, rtol=0.01)
+
+
+def test_level_line_of_a_linear_function():
+    points = np.array([[0, 0], [2, 0], [2, 1], [0, 1.0]])
+    edges, fractions = level_line(points @ [1.0, 2.0], np.array([[0, 1, 2], [0, 2, 3]]), 1.0)
+    ends = ends_of(edges, fractions, np.column_stack([points, np.zeros(4)]))
+    assert ends.shape == (2, 2, 3)
+    assert np.allclose(ends[:, :, :2] @ [1.0, 2.0], 1.0)
+    assert np.isclose(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum(), np.hypot(1, 0.5))
 
 
 def test_sleeves_do_not_count(body):

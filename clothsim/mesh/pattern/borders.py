@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
+from clothsim.mesh.pattern.necks import with_necks
 from clothsim.mesh.pattern.pattern import Panel, Pattern, Side
 
 
@@ -19,10 +20,16 @@ class Border:
         Samples in the order of the loop [m].
     starts : (e + 1,) int array
         Sample at which each edge starts; the last entry is k.
+    fractions : tuple of (k,) array
+        Of each edge, the fractions of its arc length at which its samples are, from 0 to 1.
+    graded : bool
+        True where some segments are divided at a neck.
     """
 
     points: Floats
     starts: Ints
+    fractions: tuple[Floats, ...]
+    graded: bool = False
 
     def along(self, edge: int) -> Ints:
         """Samples of an edge from its start to its end."""
@@ -53,15 +60,16 @@ def segments(pattern: Pattern, spacing: float) -> dict[Side, int]:
 
 
 def borders(pattern: Pattern, spacing: float) -> dict[str, Border]:
-    """Border of each panel, with the segments of `segments`."""
-    counts = segments(pattern, spacing)
-    return {name: _border(panel, counts) for name, panel in pattern.panels.items()}
+    """Border of each panel, with the segments of `segments`, which are divided at necks."""
+    even = {side: np.arange(count + 1) / count for side, count in segments(pattern, spacing).items()}
+    fractions = with_necks(pattern, even)
+    return {name: _border(panel, fractions, even) for name, panel in pattern.panels.items()}
 
 
-def _border(panel: Panel, counts: Mapping[Side, int]) -> Border:
-    points, starts = [], [0]
-    for number in range(len(panel.edges)):
-        count = counts[Side(panel.name, number)]
-        points.append(panel.edge_points(number, np.arange(count) / count))
-        starts.append(starts[-1] + count)
-    return Border(np.concatenate(points), np.array(starts))
+def _border(panel: Panel, fractions: Mapping[Side, Floats], even: Mapping[Side, Floats]) -> Border:
+    sides = [Side(panel.name, number) for number in range(len(panel.edges))]
+    rows = tuple(fractions[side] for side in sides)
+    points = [panel.edge_points(side.edge, row[:-1]) for side, row in zip(sides, rows, strict=True)]
+    starts = np.cumsum([0, *(len(row) - 1 for row in rows)])
+    graded = any(len(row) > len(even[side]) for side, row in zip(sides, rows, strict=True))
+    return Border(np.concatenate(points), starts, rows, graded)

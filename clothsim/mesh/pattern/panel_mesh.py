@@ -11,6 +11,8 @@ CLEARANCE = 0.65
 """Distance of lattice points from the border, as a fraction of the spacing: nearer ones would make flat triangles."""
 ROUNDS = 10
 """Rounds of smoothing; more gain less than a degree."""
+SHARP, INSERTIONS = 25.0, 8
+"""Angle below which a triangle of a graded panel gets its circumcentre [degrees], and bound on the rounds."""
 BLOCK = 2**22
 """Largest number of point-segment pairs that are held at once."""
 
@@ -31,7 +33,7 @@ class PanelMesh:
     triangles: Ints
 
 
-def mesh_panel(border: Floats, spacing: float) -> PanelMesh:
+def mesh_panel(border: Floats, spacing: float, graded: bool = False) -> PanelMesh:
     """Triangulate the inside of a closed polygon; its vertices and sides stay as they are.
 
     Each round of smoothing moves every inner vertex to the mean of the centroids of its triangles, weighted by their
@@ -43,6 +45,8 @@ def mesh_panel(border: Floats, spacing: float) -> PanelMesh:
         Simple polygon of either sense [m].
     spacing : float
         Distance of neighbouring inner vertices [m].
+    graded : bool
+        True: circumcentres of sharp triangles are inserted between a border with short sides and the lattice.
 
     Returns
     -------
@@ -59,10 +63,47 @@ def mesh_panel(border: Floats, spacing: float) -> PanelMesh:
     count = len(border)
     points = np.concatenate([border, _lattice(border, spacing)])
     triangles = _constrained_delaunay(points, count)
+    points, triangles = _smoothed(points, triangles, count)
+    for _ in range(INSERTIONS if graded else 0):
+        inserted = _circumcentres(points, triangles, border)
+        if not len(inserted):
+            break
+        points = np.concatenate([points, inserted])
+        points, triangles = _smoothed(points, _constrained_delaunay(points, count), count)
+    return PanelMesh(points, triangles)
+
+
+def _smoothed(points: Floats, triangles: Ints, count: int) -> tuple[Floats, Ints]:
+    """Points and triangles after all rounds of smoothing; the first `count` points stay."""
     for _ in range(ROUNDS if len(points) > count else 0):
         points[count:] = _centroidal(points, triangles)[count:]
         triangles = _constrained_delaunay(points, count)
-    return PanelMesh(points, triangles)
+    return points, triangles
+
+
+def _circumcentres(points: Floats, triangles: Ints, border: Floats) -> Floats:
+    """Circumcentres of triangles with a sharp angle, apart from one another and from the border, (k, 2) [m].
+
+    One within the circle over a side of the border would need that side divided (Ruppert 1995), which its seam
+    does not allow.
+    """
+    corners = points[triangles]
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]  # twice
+    lengths = np.sort(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2), axis=1)
+    sine = area / (lengths[:, 1] * lengths[:, 2])
+    square_a, square_b = (a**2).sum(axis=1), (b**2).sum(axis=1)
+    offset = np.column_stack([b[:, 1] * square_a - a[:, 1] * square_b, a[:, 0] * square_b - b[:, 0] * square_a])
+    centres = corners[:, 0] + offset / (2 * area)[:, None]
+    radius = np.linalg.norm(offset, axis=1) / (2 * area)
+    chosen: list[int] = []
+    start, end = border, np.roll(border, -1, axis=0)
+    for k in np.argsort(sine)[: int((sine < np.sin(np.radians(SHARP))).sum())]:
+        outside = ((centres[k] - start) * (centres[k] - end)).sum(axis=1).min() > 0
+        apart = all(np.linalg.norm(centres[k] - centres[j]) > max(radius[k], radius[j]) for j in chosen)
+        if outside and apart and inside_and_clear(centres[k : k + 1], border, 0.0)[0]:
+            chosen.append(int(k))
+    return centres[chosen]
 
 
 def _lattice(border: Floats, spacing: float) -> Floats:

@@ -9,6 +9,7 @@ from clothsim.arrays import Floats, Ints, as_positive
 from clothsim.errors import InputError
 from clothsim.mesh.pattern.borders import Border, borders
 from clothsim.mesh.pattern.curves import scaled_curve
+from clothsim.mesh.pattern.gathers import gather_notes
 from clothsim.mesh.pattern.limits import refuse_too_fine
 from clothsim.mesh.pattern.orientation import turned_panels
 from clothsim.mesh.pattern.panel_mesh import PanelMesh, mesh_panel
@@ -64,6 +65,8 @@ class PatternMesh:
         Vertices of each edge of a panel from its start to its end.
     seams : tuple of Seam
         Seams in the order of the stitches.
+    fractions : mapping of Side to (k,) array
+        Fractions of the arc length of each edge at which its vertices lie.
     """
 
     pattern: Pattern
@@ -75,6 +78,7 @@ class PatternMesh:
     faces: Mapping[str, slice]
     edges: Mapping[Side, Ints]
     seams: tuple[Seam, ...]
+    fractions: Mapping[Side, Floats]
 
     def labelled(self) -> dict[str, Ints]:
         """Vertices of the edges of each label."""
@@ -128,7 +132,9 @@ def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
         n, m = vertices[name].stop, faces[name].stop
     positions, triangles, corners, plane = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     seams = tuple(Seam(stitch, seam_pairs(stitch, edges)) for stitch in pattern.stitches)
-    return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams)
+    pattern = replace(pattern, notes=(*pattern.notes, *gather_notes(pattern, spacing)))
+    fractions = {side: sampled[side.panel].fractions[side.edge] for side in edges}
+    return PatternMesh(pattern, positions, triangles, corners, plane, vertices, faces, edges, seams, fractions)
 
 
 def scaled_mesh(mesh: PatternMesh, scale: float) -> PatternMesh:
@@ -154,7 +160,7 @@ def scaled_mesh(mesh: PatternMesh, scale: float) -> PatternMesh:
 def _meshed(name: str, border: Border, spacing: float) -> PanelMesh:
     """Mesh of a panel. InputError with its name where its border cannot be triangulated, or is nowhere near as wide."""
     try:
-        mesh = mesh_panel(border.points, spacing)
+        mesh = mesh_panel(border.points, spacing, graded=border.graded)
     except RuntimeError as error:  # samples that coincide or nearly cross
         reason = str(error).partition("\n")[0]
         raise InputError(f"Panel {name} cannot be triangulated: {reason}.", "Look at its vertices.") from error

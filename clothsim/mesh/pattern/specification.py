@@ -17,6 +17,8 @@ USUAL_UNITS = 100.0
 """Units of a file in a metre where it names none."""
 SMALLEST_UNITS, LARGEST_UNITS = 0.01, 1e6
 ORDERS = ("zyx", "xyz")
+NAMED = 6
+"""Panels that a note names."""
 ALIKE = np.radians(1.0)
 """Angle between the rotations of both orders below which they are not told apart [rad]."""
 LARGEST = 64 * 2**20
@@ -142,8 +144,9 @@ def _angles(angles: Floats, order: str) -> Floats:
 def _order_notes(rotations: Mapping[str, Floats], chosen: str) -> tuple[str, ...]:
     """A note with the panels that the other order of rotations would turn differently."""
     zyx, xyz = ({name: _rotation(angles, order) for name, angles in rotations.items()} for order in ORDERS)
-    names = ", ".join(name for name in rotations if (zyx[name].inv() * xyz[name]).magnitude() > ALIKE)
-    return (f"rotation_order is {chosen}; the other order turns {names} differently",) if names else ()
+    found = [name for name in rotations if (zyx[name].inv() * xyz[name]).magnitude() > ALIKE]
+    names = ", ".join(found[:NAMED]) + (f" and {len(found) - NAMED} more" if len(found) > NAMED else "")
+    return (f"rotation_order is {chosen}; the other order turns {names} differently",) if found else ()
 
 
 def _panel(name: str, entries: Mapping[str, Any], unit: float, absolute: bool, rotation: Floats) -> Panel:

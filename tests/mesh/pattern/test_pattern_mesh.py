@@ -1,6 +1,7 @@
 """Meshes of patterns: areas, angles, seams and sewn topology."""
 
 import json
+import re
 from functools import cache
 
 import numpy as np
@@ -10,7 +11,9 @@ from sewing_patterns import PATTERN_FILES, panel, skirt, specification, stitch
 
 from clothsim.errors import InputError
 from clothsim.mesh.checks import examine
-from clothsim.mesh.pattern.borders import borders, enclosed_area
+from clothsim.mesh.pattern.borders import borders, enclosed_area, segments
+from clothsim.mesh.pattern.gathers import gather_ratios
+from clothsim.mesh.pattern.necks import with_necks
 from clothsim.mesh.pattern.pattern import Side
 from clothsim.mesh.pattern.pattern_mesh import PatternMesh, mesh_pattern
 from clothsim.mesh.pattern.sewing import largest_gap, sewn_vertices
@@ -25,8 +28,6 @@ LOOPS = dict(
 
 BESIDE_SHORT_EDGES = 23.0
 """Angle at the corner of an edge of a third of the spacing, whose samples are fixed by its seam [degrees]."""
-NECKS = {("random/r010.json", f"{side}_ftorso"): 6.0 for side in ("left", "right")}
-"""Panels with a neck of 4 mm between two edges: angles there [degrees]."""
 
 
 @cache
@@ -157,7 +158,7 @@ def test_panels_of_real_patterns(name):
         assert set(np.unique(outline)) == set(range(first, first + len(border.points)))
         assert abs(areas[faces].sum() / abs(enclosed_area(border.points)) - 1) < 1e-12
         assert areas[faces].min() > 0
-        least = NECKS.get((name, panel_name), min(sharpest_corner_degrees(border.points), BESIDE_SHORT_EDGES))
+        least = min(sharpest_corner_degrees(border.points), BESIDE_SHORT_EDGES)
         assert angles[faces].min() >= 0.7 * least
 
 
@@ -215,3 +216,63 @@ def openings(name: str) -> int:
 @pytest.mark.parametrize("name", PATTERN_FILES)
 def test_openings_counted_from_the_file_alone(name):
     assert openings(name) == LOOPS[name]
+
+
+def gathered(ratio: float) -> dict:
+    """A band of 20 cm and a skirt that is longer by a ratio, sewn to it."""
+    band = panel([[0, 0], [20, 0], [20, 4], [0, 4]])
+    long = panel([[0, 0], [20 * ratio, 0], [20 * ratio, 20], [0, 20]])
+    return specification({"band": band, "skirt": long}, [stitch(("band", 0), ("skirt", 2))])
+
+
+@pytest.mark.parametrize(
+    ("ratio", "size", "expected"), [(2.0, 0.02, 1), (2.0, 0.005, 0), (1.2, 0.02, 0), (1.3, 0.02, 1)]
+)
+def test_gathers_are_noted_with_the_size_that_they_need(ratio, size, expected):
+    pattern = pattern_of(gathered(ratio))
+    notes = mesh_pattern(pattern, size).pattern.notes
+    assert len(notes) == expected
+    found = gather_ratios(pattern)
+    assert found == (pytest.approx({"band.0 to skirt.2": ratio}) if ratio >= 1.25 else {})
+    if expected:
+        needed = float(re.search(r"--size ([0-9.]+)mm", notes[0])[1])
+        assert mesh_pattern(pattern, 0.99e-3 * needed).pattern.notes == ()
+
+
+def test_the_longest_gathers_are_named_first():
+    entries = gathered(1.5)
+    more = gathered(3.0)["pattern"]
+    entries["pattern"]["panels"] |= {f"other_{name}": each for name, each in more["panels"].items()}
+    entries["pattern"]["stitches"] += [stitch(("other_band", 0), ("other_skirt", 2))]
+    assert list(gather_ratios(pattern_of(entries)).values()) == pytest.approx([3.0, 1.5])
+
+
+def necked(width: float) -> dict:
+    """Two wide pieces joined by a neck `width` cm wide and 10 cm long, a side of which is sewn to another panel."""
+    end = 10 + width
+    loop = [[0, 0], [30, 0], [30, 10], [end, 10], [end, 20], [30, 20], [30, 30], [0, 30], [0, 20], [10, 20], [10, 10]]
+    wide = [[0, 0], [20, 0], [20, 10], [0, 10]]
+    panels = {"necked": panel([*loop, [0, 10]]), "wide": panel(wide)}
+    return specification(panels, [stitch(("necked", 3), ("wide", 1))])
+
+
+@pytest.mark.parametrize("width", [0.3, 0.6, 0.7])
+def test_a_neck_has_finer_samples_on_both_sides_of_its_seam(width):
+    mesh = mesh_pattern(pattern_of(necked(width)), 0.02)
+    angles = angles_degrees(mesh.material_coordinates)
+    assert angles[mesh.faces["necked"]].min() > 23
+    assert angles[mesh.faces["wide"]].min() > 15
+    counts = {side: len(rows) - 1 for side, rows in mesh.edges.items()}
+    assert counts[Side("necked", 3)] == counts[Side("wide", 1)] == counts[Side("necked", 9)] > 5
+    assert counts[Side("wide", 3)] == 5  # the far side of its partner stays
+    lengths = np.linalg.norm(np.diff(mesh.panel_coordinates[mesh.edges[Side("necked", 3)]], axis=0), axis=1)
+    assert lengths.max() < 2.5e-2 * width
+    partner = np.linalg.norm(np.diff(mesh.panel_coordinates[mesh.edges[Side("wide", 1)]], axis=0), axis=1)
+    assert np.allclose(lengths, partner[::-1], rtol=1e-9)
+
+
+def test_a_panel_without_a_neck_has_even_samples():
+    pattern = pattern_of(necked(8))
+    assert not any(border.graded for border in borders(pattern, 0.02).values())
+    even = {side: np.arange(count + 1) / count for side, count in segments(pattern, 0.02).items()}
+    assert all(rows is even[side] for side, rows in with_necks(pattern, even).items())
