@@ -175,7 +175,7 @@ def _pack(arguments: argparse.Namespace) -> int:
 
 @contextmanager
 def terminated_like_interrupted() -> Iterator[None]:
-    """Within the block SIGTERM does what Ctrl-C does."""
+    """Within the block SIGTERM does what Ctrl-C does, also in the background of a script, where SIGINT is ignored."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -183,11 +183,15 @@ def terminated_like_interrupted() -> Iterator[None]:
     def forward(number: int, frame: FrameType | None) -> None:
         signal.raise_signal(signal.SIGINT)
 
-    before = signal.signal(signal.SIGTERM, forward)
+    before, ignored = signal.signal(signal.SIGTERM, forward), signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    if ignored:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         yield
     finally:
         signal.signal(signal.SIGTERM, before)
+        if ignored:
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _line(farm: "Farm") -> Any:

@@ -13,6 +13,7 @@ from small_scenes import small_scene
 
 from clothsim import InputError
 from clothsim.cli import main
+from clothsim.cli.farm_command import terminated_like_interrupted
 from clothsim.farm.claims import Worker, claimed, is_stale, worker_of
 from clothsim.farm.dask_work import make_one
 from clothsim.farm.draws import draw_of, stream_of
@@ -298,3 +299,13 @@ def test_a_sweep_makes_every_combination(tmp_path, capsys):
 
 def test_the_recipe_of_the_benchmark_can_be_planned(tmp_path):
     assert len(plan(sheet_recipe(5), tmp_path).jobs) == 5
+
+
+def test_sigterm_ends_a_worker_in_the_background_of_a_script():
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)  # as a shell without job control starts it
+    try:
+        with pytest.raises(KeyboardInterrupt), terminated_like_interrupted():
+            signal.raise_signal(signal.SIGTERM)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
