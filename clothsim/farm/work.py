@@ -26,6 +26,7 @@ from clothsim.farm.publication import (
     publish,
     working_folder,
 )
+from clothsim.run.interruption import interruption
 
 ATTEMPTS = 3
 """Attempts of a drape before it is published as killed."""
@@ -86,17 +87,19 @@ def work(
     worker = worker or Worker()
     tally = Tally()
     jobs = _rotated(farm.jobs, worker)
-    while left := _left(jobs, farm):
-        idle = True
-        for job in left:
-            made = make(farm, job, worker, most_attempts)
-            if made is not None:
-                idle = False
-                tally = tally.after(made)
-                if on_drape is not None:
-                    on_drape(job, made)
-        if idle:
-            sleep(pause)
+    with interruption() as flag:  # an exception within compiled code would be lost, and the drape published as a fault
+        while left := _left(jobs, farm):
+            idle = True
+            for job in left:
+                made = make(farm, job, worker, most_attempts)
+                flag.check()
+                if made is not None:
+                    idle = False
+                    tally = tally.after(made)
+                    if on_drape is not None:
+                        on_drape(job, made)
+            if idle:
+                sleep(pause)
     return tally
 
 
