@@ -15,19 +15,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from transfer.errors import TransferError
+from transfer.networks import Layers, layer_arrays, network, read_layers
 from transfer.subspace import Subspace
 from transfer.triangle_surface import Floats
-
-Layers = tuple[tuple[Floats, Floats], ...]
-"""Weights (p, q) and biases (q,) of each layer."""
-
-
-def network(layers: Any, values: Any, tanh: Any = np.tanh) -> Any:
-    """Outputs (n, q) of inputs (n, p): affine layers with tanh between them; also of JAX's arrays with its tanh."""
-    *hidden, (weights, biases) = layers
-    for inner, shift in hidden:
-        values = tanh(values @ inner + shift)
-    return values @ weights + biases
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +72,7 @@ class DrapeAutoencoder:
         made: dict[str, Any] = {f"space.{each.name}": getattr(self.space, each.name) for each in fields(Subspace)}
         made |= {name: np.asarray(getattr(self, name)) for name in ("unit", *PARAMETERS)}
         for name in NETWORKS:
-            for k, (weights, biases) in enumerate(getattr(self, name)):
-                made |= {f"{name}.{k}.weights": weights, f"{name}.{k}.biases": biases}
+            made |= layer_arrays(name, getattr(self, name))
         return made
 
 
@@ -102,7 +91,7 @@ def drape_autoencoder(arrays: Mapping[str, ArrayLike]) -> DrapeAutoencoder:
     try:
         space = Subspace(*(np.asarray(arrays[f"space.{each.name}"], np.float64) for each in fields(Subspace)))
         centre, scale, low, high = (np.asarray(arrays[name], np.float64) for name in PARAMETERS)
-        networks = {name: _layers(arrays, name) for name in NETWORKS}
+        networks = {name: read_layers(arrays, name) for name in NETWORKS}
         made = DrapeAutoencoder(space, float(np.asarray(arrays["unit"])), centre, scale, low, high, **networks)
     except KeyError as error:
         raise TransferError(f"The auto-encoder has no {error.args[0]!r}.", "Train it again.") from error
@@ -126,13 +115,3 @@ def read_drape_autoencoder(path: Path) -> DrapeAutoencoder:
         if isinstance(error, TransferError):
             raise
         raise TransferError(f"{path} is no auto-encoder: {error}.", "Give an .npz file of its arrays.") from error
-
-
-def _layers(arrays: Mapping[str, ArrayLike], name: str) -> Layers:
-    made: list[tuple[Floats, Floats]] = []
-    while f"{name}.{len(made)}.weights" in arrays:
-        at = f"{name}.{len(made)}"
-        made.append((np.asarray(arrays[f"{at}.weights"]), np.asarray(arrays[f"{at}.biases"])))
-    if not made:
-        raise KeyError(f"{name}.0.weights")
-    return tuple(made)

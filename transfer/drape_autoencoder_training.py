@@ -19,14 +19,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from transfer.distance_grid import DistanceGrid
-from transfer.drape_autoencoder import DrapeAutoencoder, Layers, network
+from transfer.drape_autoencoder import DrapeAutoencoder
 from transfer.errors import TransferError
+from transfer.network_training import jax_module, minimised
+from transfer.networks import in_double_precision, network, random_layers
 from transfer.subspace import Subspace
-
-CHUNK = 100
-"""Steps that are compiled as one loop."""
-DECAYS, FLOOR = (0.9, 0.999), 1e-8
-"""Of Adam's method."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,7 +89,7 @@ def trained_autoencoder(
     TransferError
         JAX is not installed, or the arrays do not fit.
     """
-    jax, given = _jax(), training or Training()
+    jax, given = jax_module(), training or Training()
     x, y = np.asarray(parameters, np.float64), space.coefficients(drapes)
     if x.ndim != 2 or len(x) != len(y):
         raise TransferError(f"parameters {x.shape} and {len(y)} drapes do not fit.", "Give a row for each drape.")
@@ -103,23 +100,24 @@ def trained_autoencoder(
     count = coefficients.shape[1]
     random = np.random.default_rng(given.seed)
     start = {
-        "encoder": _layers(random, (count, *given.hidden, 2 * given.code_size)),
-        "decoder": _layers(random, (given.code_size, *reversed(given.hidden), count)),
+        "encoder": random_layers(random, (count, *given.hidden, 2 * given.code_size)),
+        "decoder": random_layers(random, (given.code_size, *reversed(given.hidden), count)),
     }
     hits = _collision(space, unit, grid, given.clearance)
-    found = _minimised(start, _loss(coefficients, hits, given), given, given.steps, len(y))
+    batches = given.rate, given.batch, len(y), given.seed
+    found = minimised(start, _loss(coefficients, hits, given), given.steps, *batches)
     code = network(found["encoder"], coefficients, jax.numpy.tanh)[:, : given.code_size]
     inputs = jax.numpy.asarray((x - centre) / scale, jax.numpy.float32)
-    first = _layers(random, (x.shape[1], *given.regressor, given.code_size))
+    first = random_layers(random, (x.shape[1], *given.regressor, given.code_size))
     loss = _regression_loss(inputs, code, coefficients, found["decoder"])
-    regressor = _minimised(first, loss, given, given.regressor_steps, len(y))
-    networks = [_plain(each) for each in (found["encoder"], found["decoder"], regressor)]
+    regressor = minimised(first, loss, given.regressor_steps, *batches)
+    networks = [in_double_precision(each) for each in (found["encoder"], found["decoder"], regressor)]
     return DrapeAutoencoder(space, unit, centre, scale, x.min(axis=0), x.max(axis=0), *networks)
 
 
 def _loss(coefficients: Any, hits: Callable[[Any], Any], given: Training) -> Callable[..., Any]:
     """Loss of the auto-encoder for parameters, rows of the batch and a key."""
-    jax = _jax()
+    jax = jax_module()
     np_, size = jax.numpy, given.code_size
 
     def loss(networks: Any, rows: Any, key: Any) -> Any:
@@ -141,7 +139,7 @@ def _loss(coefficients: Any, hits: Callable[[Any], Any], given: Training) -> Cal
 
 
 def _regression_loss(inputs: Any, codes: Any, coefficients: Any, decoder: Any) -> Callable[..., Any]:
-    np_ = _jax().numpy
+    np_ = jax_module().numpy
 
     def loss(regressor: Any, rows: Any, _: Any) -> Any:
         code = network(regressor, inputs[rows], np_.tanh)
@@ -154,7 +152,7 @@ def _regression_loss(inputs: Any, codes: Any, coefficients: Any, decoder: Any) -
 
 def _collision(space: Subspace, unit: float, grid: DistanceGrid, clearance: float) -> Callable[[Any], Any]:
     """Mean h(sd) of the vertices of drapes with given coefficients."""
-    jax, map_coordinates = _jax(), import_module("jax.scipy.ndimage").map_coordinates
+    jax, map_coordinates = jax_module(), import_module("jax.scipy.ndimage").map_coordinates
     single = jax.numpy.float32
     values = jax.numpy.asarray(grid.values, single)
     mean = jax.numpy.asarray(grid.cells(space.mean.reshape(-1, 3)).T.ravel(), single)
@@ -166,52 +164,3 @@ def _collision(space: Subspace, unit: float, grid: DistanceGrid, clearance: floa
         return (jax.numpy.maximum(0.0, 1.0 - distance / clearance) ** 2).mean()
 
     return hits
-
-
-def _minimised(start: Any, loss: Callable[..., Any], given: Training, steps: int, count: int) -> Any:
-    """Parameters after `steps` steps of Adam's method (Kingma and Ba 2015)."""
-    jax = _jax()
-    np_, tree = jax.numpy, jax.tree_util.tree_map
-    first, second = DECAYS
-
-    def step(state: Any, number: Any) -> Any:
-        values, slope, square, key = state
-        key, row_key, loss_key = jax.random.split(key, 3)
-        rows = jax.random.randint(row_key, (min(given.batch, count),), 0, count)
-        gradient = jax.grad(loss)(values, rows, loss_key)
-        slope = tree(lambda m, g: first * m + (1 - first) * g, slope, gradient)
-        square = tree(lambda v, g: second * v + (1 - second) * g * g, square, gradient)
-        rate = 0.5 * given.rate * (1 + np_.cos(np_.pi * number / steps))
-        rate *= np_.sqrt(1 - second ** (number + 1)) / (1 - first ** (number + 1))
-        values = tree(lambda p, m, v: p - rate * m / (np_.sqrt(v) + FLOOR), values, slope, square)
-        return (values, slope, square, key), None
-
-    run = jax.jit(lambda state, numbers: jax.lax.scan(step, state, numbers)[0])
-    zero = tree(np_.zeros_like, start)
-    state = (tree(np_.asarray, start), zero, zero, jax.random.PRNGKey(given.seed))
-    for begin in range(0, steps, CHUNK):
-        state = run(state, np_.arange(begin, min(begin + CHUNK, steps), dtype=np_.float32))
-    return state[0]
-
-
-def _layers(random: np.random.Generator, sizes: tuple[int, ...]) -> list[tuple[Any, Any]]:
-    """Layers with weights of variance 1 / inputs."""
-    pairs = zip(sizes, sizes[1:], strict=False)
-    return [
-        (
-            np.asarray(random.standard_normal((one, two)) / np.sqrt(one), np.float32),
-            np.zeros(two, np.float32),
-        )
-        for one, two in pairs
-    ]
-
-
-def _plain(layers: Any) -> Layers:
-    return tuple((np.asarray(weights, np.float64), np.asarray(biases, np.float64)) for weights, biases in layers)
-
-
-def _jax() -> Any:
-    try:
-        return import_module("jax")
-    except ImportError as error:
-        raise TransferError("A training needs the package jax.", "pip install 'clothsim[learn]'") from error

@@ -80,17 +80,22 @@ class Drapes:
 
     @cached_property
     def metric(self) -> Any:
-        """G = M + w L'ML for flat drapes, M of mean 1 / k in each vertex."""
-        count = self.positions.shape[1]
-        a, b, c = self.canonical.mean(axis=0)[self.triangles].transpose(1, 0, 2)
-        thirds = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1), 3)
-        areas = np.bincount(self.triangles.ravel(), thirds, count)
-        edges = np.concatenate([self.triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
-        near = csr_array((np.ones(2 * len(edges)), (np.r_[edges[:, 0], edges[:, 1]], np.r_[edges[:, 1], edges[:, 0]])))
-        near.data[:] = 1.0
-        laplacian = diags_array(1 / near.sum(axis=1)) @ near - diags_array(np.ones(count))
-        mass = diags_array(areas / areas.sum())
-        return kron(mass + LAPLACIAN * laplacian.T @ mass @ laplacian, np.eye(3), format="csr")
+        """G for flat drapes."""
+        return flat_metric(self.canonical.mean(axis=0), self.triangles)
+
+
+def flat_metric(positions: Floats, triangles: Ints) -> Any:
+    """G = M + w L'ML for flat drapes (3k,) of positions like these (k, 3) [m], M of mean 1 / k in each vertex."""
+    count = len(positions)
+    a, b, c = positions[triangles].transpose(1, 0, 2)
+    thirds = np.repeat(np.linalg.norm(np.cross(b - a, c - a), axis=1), 3)
+    areas = np.bincount(triangles.ravel(), thirds, count)
+    edges = np.concatenate([triangles[:, [i, j]] for i, j in ((0, 1), (1, 2), (2, 0))])
+    near = csr_array((np.ones(2 * len(edges)), (np.r_[edges[:, 0], edges[:, 1]], np.r_[edges[:, 1], edges[:, 0]])))
+    near.data[:] = 1.0
+    laplacian = diags_array(1 / near.sum(axis=1)) @ near - diags_array(np.ones(count))
+    mass = diags_array(areas / areas.sum())
+    return kron(mass + LAPLACIAN * laplacian.T @ mass @ laplacian, np.eye(3), format="csr")
 
 
 def drapes_of(farm: Farm) -> Drapes:
