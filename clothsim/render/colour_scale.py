@@ -110,7 +110,7 @@ def stretch_scale(logs: Iterable[Floats], name: str = "principal stretch", limit
         remedy = f"Give stretches from {1.0 / MOST_STRETCHED:g} to {MOST_STRETCHED:g}, such as 0.9,1.1."
         raise InputError(f"The range of stretches is {limits[0]:g} to {limits[1]:g}.", remedy)
     half_range = colour_range(logs) if limits is None else float(np.abs(np.log(limits)).max())
-    stretches = ticks(half_range) or [value for value, _ in _ticks(*np.exp([-half_range, half_range]), 1.0)]
+    stretches = ticks(half_range) or [value for value, _ in _ticks(np.exp(-half_range), np.exp(half_range), 1.0)]
     labels = tuple((float(np.log(stretch)), f"{stretch:g}") for stretch in stretches)
     return Scale(-half_range, half_range, tuple(_lines(name)), labels, DIVERGING)
 
