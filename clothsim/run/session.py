@@ -56,7 +56,7 @@ def prepare(scene: Scene, built: Built) -> Session:
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
     dependent = _dependent_rows(built.world)
-    system = System(_pattern(built), settings.linear, settings.threads, dependent=dependent)
+    system = System(_pattern(built), settings.linear, settings.threads, dependent=dependent, repeatable=settings.repeatable)
     newton, finer = _newton_settings(scene)
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
@@ -80,7 +80,7 @@ def rebuilt(session: Session, scene: Scene, built: Built) -> Session:
         pattern = _pattern(built)
         if not pattern.same_as(system.base):
             dependent = _dependent_rows(built.world)
-            system = System(pattern, settings.linear, settings.threads, dependent=dependent)
+            system = System(pattern, settings.linear, settings.threads, dependent=dependent, repeatable=settings.repeatable)
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, before.settings)
     return Session(scene, built, integrator, session.notes)
 
