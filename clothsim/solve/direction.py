@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from clothsim.arrays import Floats
 from clothsim.energies.hessians import Hessian, ImplicitHessian, explicit, split
 from clothsim.indexing import taken
 from clothsim.linalg import dot
+from clothsim.parallel import together
 from clothsim.solve.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.lanczos import saddle_free_solve
 from clothsim.solve.linear_system import System
@@ -193,9 +195,10 @@ class QuadraticModel:
 
         def product(v: Floats) -> Floats:
             whole[rows] = v.reshape(-1, 3)
-            total = times_formed(v)
-            for part in implicit:
-                total += self._free(part.apply(whole))
+            tasks = [partial(times_formed, v), *(partial(part.apply, whole) for part in implicit)]
+            total, *products = together(*tasks, long=len(self.fixed) >= MIN_VERTICES)
+            for each in products:
+                total += self._free(each)
             return total
 
         return product
