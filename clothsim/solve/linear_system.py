@@ -134,41 +134,48 @@ class System:
             return system
         base = extended(self.base, elements)
         if self._wider is None or not system.base.same_as(base):
-            system = System(
-                base, self._linear, self._threads, dependent=self.dependent, repeatable=self._dissected
-            )
+            system = System(base, self._linear, self._threads, dependent=self.dependent, repeatable=self._dissected)
         self._wider = elements, system
         return system
 
     def subsystem(self, patch: Patch) -> "System":
         """Return a system of the vertices of a patch, with the same kind of solver."""
-        return System(self.pattern.subpattern(patch.rows), self._linear, self._threads, patch, repeatable=self._dissected)
+        return System(
+            self.pattern.subpattern(patch.rows), self._linear, self._threads, patch, repeatable=self._dissected
+        )
 
     def assemble(self, given: list[Hessian]) -> Floats:
         """Sum the Hessians as data of the pattern, which is extended first where a block is outside of it."""
-        return self.assemble_two(given, None)[0]
+        return self.assemble_two(given)[0]
 
     def assemble_two(
-        self, given: list[Hessian], others: Callable[[], list[Hessian]] | None
+        self, given: list[Hessian], others: Callable[[], list[Hessian]] | None = None
     ) -> tuple[Floats, Floats | None]:
-        """`assemble`, and beside it the sum of other Hessians: None where not given, or where a block is outside."""
+        """Assemble beside one another the Hessians, as `assemble`, and others: None where these need more blocks."""
         hessians = self._own(given)
         offsets = self._known_offsets(hessians)
         if any((at == OUTSIDE).any() for _, at in offsets.values()):
-            self._set_pattern(extended(self.pattern, [couplings(hessian) for hessian in hessians]))
-            offsets = self._known_offsets(hessians)
+            offsets = self._extended(hessians)
         pattern = self.pattern
 
-        def beside() -> tuple[Floats, int]:
-            return pattern.assemble(self._own(others()), lambda elements: _of(elements, offsets, pattern))
+        def first() -> tuple[Floats, int]:
+            return pattern.assemble(hessians, lambda elements: _of(elements, offsets, pattern))
 
-        tasks = [lambda: pattern.assemble(hessians, lambda elements: offsets[id(elements)][1])]
-        (data, outside), *more = together(*tasks, *([beside] if others else []), long=pattern.n_vertices >= MIN_TOGETHER)
-        if outside:  # of a sparse matrix
-            self._set_pattern(extended(self.pattern, [couplings(hessian) for hessian in hessians]))
-            offsets = self._known_offsets(hessians)
-            return self.pattern.assemble(hessians, lambda elements: offsets[id(elements)][1])[0], None
+        def second() -> tuple[Floats, int]:
+            own = self._own(others()) if others is not None else []
+            return pattern.assemble(own, lambda elements: _of(elements, offsets, pattern))
+
+        tasks = (first,) if others is None else (first, second)
+        (data, outside), *more = together(*tasks, long=pattern.n_vertices >= MIN_TOGETHER)
+        if outside:  # of a sparse matrix, which has no offsets
+            offsets = self._extended(hessians)
+            return self.pattern.assemble(hessians, lambda elements: _of(elements, offsets, self.pattern))[0], None
         return data, (more[0][0] if more and not more[0][1] else None)
+
+    def _extended(self, hessians: list[Explicit]) -> Offsets:
+        """Extend the pattern to all blocks of Hessians; return their block offsets in it."""
+        self._set_pattern(extended(self.pattern, [couplings(hessian) for hessian in hessians]))
+        return self._known_offsets(hessians)
 
     def _own(self, given: list[Hessian]) -> list[Explicit]:
         """The Hessians by the rows of this system's matrix."""

@@ -77,9 +77,7 @@ class Mixed(LinearSolver):
                 x = None
             if x is not None:
                 return x
-            self._double = self._double or make_factor(
-                self._pattern, self.threads, np.float64, self._dissected
-            )
+            self._double = self._double or make_factor(self._pattern, self.threads, np.float64, self._dissected)
             self._factor = self._double
         self.doubles += 1
         return super().solve(data, b)

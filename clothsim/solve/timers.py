@@ -82,7 +82,7 @@ class Timers:
     linear_solves: int = 0
     elimination_seconds: float = 0.0
     """Seconds spent on nonlinear elimination; they are counted under effects and phases too."""
-    _open_measurements: "_Inside" = field(default_factory=lambda: _Inside(), repr=False)
+    _open_measurements: "_Inside" = field(default_factory=_Inside, repr=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     def effect(self, name: str, counter: str) -> "_Call":
