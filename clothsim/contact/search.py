@@ -151,9 +151,10 @@ class _Trees:
 
     def _moved_since(self, path: tuple[Floats, Floats]) -> np.ndarray:
         """Rows of x (N,) whose path has changed; cached, as most often all kinds had the same path."""
-        if self._moved is None or self._moved[0] is not path:
-            self._moved = path, _rows_differ(*path, *self._path)
-        return self._moved[1]
+        known = self._moved  # two threads may ask for paths of their own
+        if known is None or known[0] is not path:
+            self._moved = known = path, _rows_differ(*path, *self._path)
+        return known[1]
 
 
 @kernel

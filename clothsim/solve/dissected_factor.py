@@ -22,12 +22,21 @@ from clothsim.solve.direct_solver import NotPositiveDefiniteError
 from clothsim.solve.dissection import Dissection, dissection
 from clothsim.solve.pardiso_factor import Factor, in_range
 from clothsim.solve.sparsity import Pattern
+from clothsim.solve.threads import solver_threads
 
 MIN_VERTICES = 1500
 """Vertices of a matrix from which on it is dissected."""
 MIN_TOGETHER = 4000
 """Vertices from which on its back-solves, of half a millisecond at this size, are worth a thread each."""
 CHOLESKY = {np.float32: (lapack.spotrf, lapack.spotrs), np.float64: (lapack.dpotrf, lapack.dpotrs)}
+
+
+def useful_threads(n_vertices: int, threads: int, dissected: bool) -> int:
+    """Return the threads of a factor, 0: by size; one where a step has helpers and the matrix stays whole.
+
+    MKL's own threads wait for one another actively: a matrix of 1,000 vertices is done before.
+    """
+    return 1 if dissected and n_vertices < MIN_VERTICES else solver_threads(n_vertices, threads)
 
 
 def make_factor(

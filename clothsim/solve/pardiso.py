@@ -4,10 +4,9 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.solve.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
-from clothsim.solve.dissected_factor import DissectedFactor, make_factor
+from clothsim.solve.dissected_factor import DissectedFactor, make_factor, useful_threads
 from clothsim.solve.pardiso_factor import Factor
 from clothsim.solve.sparsity import Pattern
-from clothsim.solve.threads import solver_threads
 
 MAX_REFINEMENTS = 10
 MAX_CONTRACTION = 0.1
@@ -20,7 +19,7 @@ class Pardiso(LinearSolver):
     name = "pardiso"
 
     def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
-        self.wanted_threads = solver_threads(pattern.n_vertices, threads)
+        self.wanted_threads = useful_threads(pattern.n_vertices, threads, dissected)
         self._factor = make_factor(pattern, self.wanted_threads, np.float64, dissected)
         self.threads = self._factor.threads
 
@@ -46,7 +45,7 @@ class Mixed(LinearSolver):
     name = "mixed"
 
     def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
-        self.wanted_threads = solver_threads(pattern.n_vertices, threads)
+        self.wanted_threads = useful_threads(pattern.n_vertices, threads, dissected)
         self._pattern = pattern
         self._dissected = dissected
         self._single = make_factor(pattern, self.wanted_threads, np.float32, dissected)

@@ -7,7 +7,7 @@ from sheet_patterns import pattern_of_sheets
 from clothsim.parallel import threads
 from clothsim.solve import dissected_factor
 from clothsim.solve.direct_solver import NotPositiveDefiniteError
-from clothsim.solve.dissected_factor import DissectedFactor, make_factor
+from clothsim.solve.dissected_factor import DissectedFactor, make_factor, useful_threads
 from clothsim.solve.pardiso_library import load_library
 
 try:
@@ -84,3 +84,9 @@ def test_a_small_matrix_and_one_thread_have_one_factor(monkeypatch):
     assert not isinstance(make_factor(pattern, 1, np.float64), DissectedFactor)
     monkeypatch.setattr(dissected_factor, "MIN_VERTICES", pattern.n_vertices + 1)
     assert not isinstance(make_factor(pattern, 2, np.float64, dissected=True), DissectedFactor)
+
+
+def test_a_small_matrix_has_one_thread_where_a_step_has_helpers(monkeypatch):
+    monkeypatch.setattr(dissected_factor, "MIN_VERTICES", 100)
+    assert [useful_threads(n, 4, dissected=True) for n in (99, 100)] == [1, 4]
+    assert [useful_threads(n, 4, dissected=False) for n in (99, 100)] == [4, 4]
