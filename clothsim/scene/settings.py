@@ -43,7 +43,7 @@ class Solver(KeyTable):
     ] = "auto"
     threads: Annotated[
         int,
-        Key("Threads of the linear solver; 1 repeats every bit; 0: one, from 20,000 vertices up to 4", "1", least=0),
+        Key("Threads of a step; 1 repeats every bit; 0: one, from 20,000 vertices up to 4", "1", least=0),
     ] = 0  # fmt: skip
     repeatable: Annotated[
         bool, Key("The same bits at every number of threads, for 1.05 to 1.2 of the time of a factorisation")

@@ -18,7 +18,7 @@ class Cholmod(LinearSolver):
 
     name = "cholmod"
 
-    def __init__(self, pattern: Pattern, threads: int) -> None:
+    def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
         from sksparse.cholmod import analyze
 
         ones = np.ones(9 * len(pattern.columns))
@@ -45,7 +45,7 @@ class SuperLU(LinearSolver):
 
     name = "superlu"
 
-    def __init__(self, pattern: Pattern, threads: int) -> None:
+    def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
         self._pattern = pattern
 
     def factorise(self, data: Floats) -> None:
@@ -78,7 +78,7 @@ REMEDIES = {"mixed": "clothsim[mkl]", "pardiso": "clothsim[mkl]", "cholmod": "cl
 """Commands that install the library of a solver."""
 
 
-def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
+def make_solver(name: str, pattern: Pattern, threads: int = 0, dissected: bool = False) -> LinearSolver:
     """Make the solver of a name; "auto": the first of mixed, cholmod, superlu that is installed.
 
     Parameters
@@ -89,6 +89,8 @@ def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
         Sparsity of the Newton matrix.
     threads : int
         0: by size (`threads.solver_threads`).
+    dissected : bool
+        Factorise a large matrix in domains, see `LinearSolver`.
 
     Raises
     ------
@@ -100,13 +102,13 @@ def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
     if name == "auto":
         for kind in SOLVERS.values():
             try:
-                return kind(pattern, threads)
+                return kind(pattern, threads, dissected)
             except (ImportError, OSError):
                 continue
     if name not in SOLVERS:
         raise InputError(f"solver.linear is {name!r}.", f"Known: auto, {', '.join(SOLVERS)}.")
     try:
-        return SOLVERS[name](pattern, threads)
+        return SOLVERS[name](pattern, threads, dissected)
     except (ImportError, OSError) as error:
         raise MissingPackageError(
             f"solver.linear = {name!r} needs a library that is not installed.",
