@@ -85,8 +85,8 @@ def report(name: str, scene: PeerScene, result: dict[str, Any]) -> str:
             f"CPU s / simulated s: {result['cpu'] / seconds:.1f}; wall: {result['wall'] / seconds:.1f}; "
             f"setup: {result['setup']:.1f} s",
             f"end: {result['own']} pairs of the sheet with itself, {result['ball']} with the ball; "
-            f"{result['bad']} of {scene.steps} frames intersect; {1000 * result['depth']:.2f} mm into the sphere at most; "
-            f"lowest vertex {result['lowest']:.3f} m",
+            f"{result['bad']} of {scene.steps} frames intersect; "
+            f"{1000 * result['depth']:.2f} mm into the sphere at most; lowest vertex {result['lowest']:.3f} m",
             *([f"not expressed: {result['cannot']}"] if result["cannot"] else []),
         ]
     )

@@ -11,7 +11,8 @@ _MODEL = """
   <option timestep="{dt}" integrator="discrete" solver="CG" iterations="{iterations}"><flag ipc="enable"/></option>
   <worldbody>
     <geom type="sphere" size="{radius}"/>
-    <flexcomp name="sheet" type="direct" dim="2" radius="{half_gap}" mass="{mass}" point="{points}" element="{elements}">
+    <flexcomp name="sheet" type="direct" dim="2" radius="{half_gap}" mass="{mass}"
+              point="{points}" element="{elements}">
       <edge equality="false"/>
       <contact selfcollide="auto"/>
       <elasticity young="{young}" poisson="{poisson}" thickness="{thickness}" elastic2d="both" damping="0"/>

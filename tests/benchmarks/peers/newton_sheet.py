@@ -36,6 +36,7 @@ def simulation(model: Any, solver: Any, scene: PeerScene, settings: str) -> Simu
             solver.step(states[0], states[1], control, contacts, scene.dt / SUBSTEPS)
             states.reverse()
 
-    return Simulation(
-        step, lambda: states[0].particle_q.numpy(), f"{settings}, {SUBSTEPS} substeps of {scene.dt} s, CPU"
-    )
+    def positions() -> Any:
+        return states[0].particle_q.numpy()  # the states change places
+
+    return Simulation(step, positions, f"{settings}, {SUBSTEPS} substeps of {scene.dt} s, CPU")
