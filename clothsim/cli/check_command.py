@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_count, as_positive_number
+from clothsim.cli.pattern_command import PATTERNS, check_pattern
 from clothsim.cli.penetration_command import check_penetration
 from clothsim.errors import InputError
 
@@ -19,9 +20,10 @@ if TYPE_CHECKING:
     from clothsim.sim.intersection_check import IntersectionCheck
 
 _DESCRIPTION = """\
-Examine a mesh file, a scene, every frame of a run, or a garment on a body. Exit code 1: something is wrong.
+Examine a mesh file, a scene, all frames of a run, a pattern, or a garment on a body. Exit code 1: something is wrong.
 
   clothsim check shirt.obj
+  clothsim check jacket.dxf -o edges.svg
   clothsim check suit.mhclo --on base.obj --body-group body -o suit.png
 """
 
@@ -49,6 +51,7 @@ def add_to(commands: Any) -> None:
     worn.add_argument("--part", metavar="LO:HI", help="only these vertices of MESH")
     worn.add_argument("--weld", metavar="M", help="sew borders closer than that [m]")
     worn.add_argument("-o", dest="output", type=Path, metavar="PNG", help="a picture with the bad places marked")
+    check.add_argument("--seams", type=Path, metavar="TOML", help="of a .dxf: its seams; -o draws the numbers of edges")
     check.add_argument("--motion", action="store_true", help="of a scene: where parts of a moving body model meet")
     check.add_argument("--json", action="store_true", help="as JSON: {target, code, errors, warnings, notes}")
     check.add_argument("--debug", action="store_true", help="show tracebacks")
@@ -82,6 +85,10 @@ def _check(arguments: argparse.Namespace) -> int:
         target = installed_scene(target) or target
     if not target.exists():
         raise InputError(f"There is no {target}.", _TARGETS)
+    if target.suffix.lower() in PATTERNS and arguments.on is None:
+        return check_pattern(arguments)
+    if arguments.seams is not None:
+        raise InputError(f"{target} is no DXF drawing.", "--seams is for those only.")
     mesh_options = arguments.body or arguments.scale or arguments.group or arguments.component
     if mesh_options and (target.is_dir() or target.suffix == ".toml"):
         raise InputError(

@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from clothsim.fitting.stage import Stage
 
 _DESCRIPTION = """\
-Sew a pattern (specification.json of GarmentCode and others) on a body under contact, weld its seams and drape it.
+Sew a pattern (specification.json of GarmentCode and others, or a DXF of AAMA) on a body under contact,
+weld its seams and drape it.
 Leaves what a run leaves, garment.obj with the pattern as texture, and pictures.
 
   clothsim dress shirt_specification.json --on body.obj -o worn
@@ -27,7 +28,7 @@ def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     dress = commands.add_parser("dress", help="sew a pattern on a body", description=_DESCRIPTION)
     dress.add_argument(
-        "pattern", type=Path, metavar="PATTERN", help="a specification.json, or the name of one that is installed"
+        "pattern", type=Path, metavar="PATTERN", help="a specification.json, a .dxf, or the name of an installed one"
     )
     dress.add_argument("--on", required=True, type=Path, metavar="BODY", help="the body: a mesh file or a scene")
     dress.add_argument(
@@ -57,6 +58,7 @@ def add_to(commands: Any) -> None:
     )
     dress.add_argument("--origin", default="auto", choices=("auto", "floor", "waist"), help="level y = 0 of the file")
     dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")
+    dress.add_argument("--seams", type=Path, metavar="TOML", help="seams and placement of a .dxf (default NAME.toml)")
     dress.add_argument("--scale", metavar="S", help="metres per unit of the body (default: by height)")
     dress.add_argument("--body-group", metavar="NAME", help="this group of the body's file (default: the largest)")
     dress.add_argument("--overwrite", action="store_true", help="replace an earlier run in the directory")
@@ -137,6 +139,7 @@ def _dress(arguments: argparse.Namespace) -> int:
             hold=arguments.hold,
             origin=arguments.origin,
             rotation_order=arguments.rotation_order,
+            seams=arguments.seams,
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
             body_group=arguments.body_group,
             overwrite=arguments.overwrite,

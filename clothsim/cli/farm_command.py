@@ -73,10 +73,12 @@ def add_to(commands: Any) -> None:
 
 
 def _plan(arguments: argparse.Namespace) -> int:
-    from clothsim.farm.plan import plan
+    from clothsim.farm.plan import plan, refuse_unbuildable
     from clothsim.farm.recipe import load_recipe
 
-    farm = plan(load_recipe(arguments.recipe), arguments.output)
+    recipe = load_recipe(arguments.recipe)
+    refuse_unbuildable(recipe)
+    farm = plan(recipe, arguments.output)
     _tell(
         arguments,
         {"directory": str(farm.directory), "planned": len(farm.jobs)},

@@ -31,7 +31,7 @@ def add_to(commands: Any) -> None:
 
 def _sweep(arguments: argparse.Namespace) -> int:
     from clothsim.cli.farm_command import terminated_like_interrupted
-    from clothsim.farm.plan import plan
+    from clothsim.farm.plan import plan, refuse_unbuildable
     from clothsim.farm.recipe import make_recipe
     from clothsim.farm.status import write_manifest
     from clothsim.farm.work import work
@@ -46,6 +46,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
         scene = override(scene, assignment)
     varied = dict(_values(text) for text in arguments.vary)
     recipe = make_recipe(scene, {"until": scene.run_settings.until}, {}, varied)
+    refuse_unbuildable(recipe)
     farm = plan(recipe, arguments.output or Path(f"{arguments.scene.stem}_sweep"))
     with terminated_like_interrupted():
         try:

@@ -56,7 +56,7 @@ class BoxTree:
 
 def build_tree(elements: Ints, before: Floats, after: Floats) -> BoxTree:
     """Tree over elements (m, k), rows of `before` and `after` (N, 3) [m], the ends of their paths; m may be 0."""
-    order = np.argsort(_hilbert_codes(elements, before, after), kind="stable")
+    order = hilbert_order(elements, before, after)
     sizes = [max(1, -(-len(order) // WIDTH))]
     while sizes[-1] > 1:
         sizes.append(-(-sizes[-1] // WIDTH))
@@ -71,6 +71,11 @@ def build_tree(elements: Ints, before: Floats, after: Floats) -> BoxTree:
     )
     refit(tree, before, after, np.ones(len(before), bool))
     return tree
+
+
+def hilbert_order(elements: Ints, before: Floats, after: Floats) -> Ints:
+    """Elements (m, k) in the order of their boxes along the curve, (m,)."""
+    return np.argsort(_hilbert_codes(elements, before, after), kind="stable")
 
 
 def refit(tree: BoxTree, before: Floats, after: Floats, moved: np.ndarray) -> None:

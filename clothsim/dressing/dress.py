@@ -29,10 +29,10 @@ from clothsim.dressing.written_files import write_results
 from clothsim.errors import InputError
 from clothsim.fitting.inputs import Figure, figure_of, read_figure
 from clothsim.fitting.stage import Stage, StageCallback, staged
+from clothsim.io.pattern_file import read_pattern
 from clothsim.mesh.pattern.pattern import Pattern
 from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
 from clothsim.mesh.pattern.sewing import TOUCHING, sewn_vertices
-from clothsim.mesh.pattern.specification import read_specification
 from clothsim.run.output_directory import make_directory, refuse_earlier_run
 from clothsim.run.recorded_run import Announcement, Listener
 from clothsim.run.results import Run
@@ -82,6 +82,7 @@ def dress(
     hold: bool = False,
     origin: str = "auto",
     rotation_order: str = "zyx",
+    seams: str | Path | None = None,
     scale: float | None = None,
     body_group: str | None = None,
     overwrite: bool = False,
@@ -94,7 +95,7 @@ def dress(
     Parameters
     ----------
     pattern : str, Path or Pattern
-        A `specification.json`, or a pattern in memory.
+        A `specification.json`, a DXF drawing, or a pattern in memory.
     on : str, Path, Body or mesh object
         The body: a mesh file, a scene whose first body it is, or a mesh in memory in metres.
     output : str or Path, optional
@@ -115,6 +116,8 @@ def dress(
         Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placing.placed_on`).
     rotation_order : str
         Order of the rotations of the panels, "zyx" or "xyz".
+    seams : str or Path, optional
+        TOML file with the seams and the placement of a DXF drawing; None: NAME.toml beside NAME.dxf.
     scale : float, optional
         Metres per unit of the body's file; None: from its height.
     body_group : str, optional
@@ -147,7 +150,7 @@ def dress(
     directory = _directory(output, overwrite)
     if not isinstance(pattern, str | Path | Pattern):
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")
-    read = pattern if isinstance(pattern, Pattern) else read_specification(pattern, rotation_order)
+    read = pattern if isinstance(pattern, Pattern) else read_pattern(pattern, rotation_order, seams)
     of_panels = chosen.of(read)
     name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
     body = read_figure(on, scale=scale, group=body_group) if isinstance(on, str | Path) else figure_of(on)

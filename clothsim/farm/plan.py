@@ -15,6 +15,8 @@ from clothsim.scene.scene import Scene, scene_from_text
 
 FARM_NAME, JOBS_NAME = "farm.json", "jobs.jsonl"
 FOLDERS = ("drapes", "claims", "attempts", "tmp", "meshes")
+TRIED = 3
+"""Drapes of a recipe that are built before it is planned, until one can be."""
 
 
 @dataclass(frozen=True)
@@ -118,6 +120,31 @@ def plan(recipe: Recipe, directory: str | Path) -> Farm:
     write_atomically(folder / JOBS_NAME, lines.encode())
     write_atomically(folder / FARM_NAME, json.dumps(settings, indent=1).encode())  # last: a plan that has it is whole
     return open_farm(folder)
+
+
+def refuse_unbuildable(recipe: Recipe) -> None:
+    """Build the first drapes of a recipe, until one can be built.
+
+    A drape that cannot be built is published as refused; where all are, the recipe is wrong.
+
+    Raises
+    ------
+    InputError
+        None of the first TRIED can be built: with the sentence of the first one.
+    """
+    from clothsim.build.scene_world import build
+
+    refusals: list[InputError] = []
+    for index in range(min(TRIED, recipe.count)):
+        try:
+            build(changed(recipe.scene, recipe.values(index)))
+            return
+        except InputError as error:
+            refusals.append(error)
+    which = "The drape" if len(refusals) == 1 else f"None of the first {len(refusals)} drapes"
+    raise InputError(
+        f"{which} can{'not' if len(refusals) == 1 else ''} be built: {refusals[0].sentence}", refusals[0].remedy
+    )
 
 
 def open_farm(directory: str | Path) -> Farm:

@@ -8,6 +8,7 @@ import numpy as np
 
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
+from clothsim.mesh.pattern.borders import enclosed_area
 from clothsim.mesh.pattern.pattern import Panel, Pattern, Side
 
 if TYPE_CHECKING:
@@ -21,11 +22,13 @@ GAP = 0.06
 FABRIC, OUTLINE, TEXT = "#f3efe8", "#55524c", "#1d1d1b"
 TALL, LETTER = 0.12, 0.012
 """Height of a panel [m] and width of each letter [m] below which its name stands under it."""
+NUMBER = 0.012
+"""Distance of the number of an edge from it [m]."""
 WIDTH = 11.0
 """Width of the drawing [inch]."""
 
 
-def draw_pattern(file: str | Path, pattern: Pattern, title: str = "") -> Path:
+def draw_pattern(file: str | Path, pattern: Pattern, title: str = "", edge_numbers: bool = False) -> Path:
     """Draw the panels of a pattern with the numbers of their seams and the thread line.
 
     Parameters
@@ -36,6 +39,8 @@ def draw_pattern(file: str | Path, pattern: Pattern, title: str = "") -> Path:
         Panels and stitches.
     title : str
         Headline.
+    edge_numbers : bool
+        True: the number of each edge beside its middle, in place of those of seams.
 
     Returns
     -------
@@ -67,7 +72,7 @@ def draw_pattern(file: str | Path, pattern: Pattern, title: str = "") -> Path:
         axes.set_title(title, color=TEXT, fontsize=11)
     colours = seam_colours(pattern)
     for name, panel in pattern.panels.items():
-        _draw_panel(axes, panel, outlines[name], shifts[name], colours)
+        _draw_panel(axes, panel, outlines[name], shifts[name], colours, edge_numbers)
     with rc_context({"svg.fonttype": "none", "svg.hashsalt": "pattern"}):
         figure.savefig(path, dpi=120, metadata={"Date": None} if path.suffix.lower() == ".svg" else None)
     return path
@@ -111,7 +116,9 @@ def seam_colours(pattern: Pattern) -> dict[Side, tuple[int, Any]]:
     }
 
 
-def _draw_panel(axes: "Axes", panel: Panel, points: Floats, shift: Floats, colours: Mapping[Side, Any]) -> None:
+def _draw_panel(
+    axes: "Axes", panel: Panel, points: Floats, shift: Floats, colours: Mapping[Side, Any], edge_numbers: bool
+) -> None:
     moved = points + shift
     axes.fill(*moved.T, facecolor=FABRIC, edgecolor="none", zorder=1)
     share = np.linspace(0, 1, SAMPLES)
@@ -119,7 +126,9 @@ def _draw_panel(axes: "Axes", panel: Panel, points: Floats, shift: Floats, colou
         line = panel.edge_points(number, share) + shift
         sewn = colours.get(Side(panel.name, number))
         axes.plot(*line.T, color=OUTLINE if sewn is None else sewn[1], linewidth=1.0 if sewn is None else 2.6, zorder=2)
-        if sewn is not None:
+        if edge_numbers:
+            _draw_edge_number(axes, number, line, moved)
+        elif sewn is not None:
             box = {"boxstyle": "circle,pad=0.2", "facecolor": "white", "edgecolor": sewn[1], "linewidth": 1.0}
             x, y = line[SAMPLES // 2]
             axes.text(x, y, str(sewn[0]), fontsize=6, ha="center", va="center", color=TEXT, bbox=box, zorder=3)
@@ -133,3 +142,13 @@ def _draw_panel(axes: "Axes", panel: Panel, points: Floats, shift: Floats, colou
     axes.text(
         x, y, panel.name, fontsize=8, ha="center", va="center" if inside else "top", color=TEXT, bbox=label, zorder=3
     )
+
+
+def _draw_edge_number(axes: "Axes", number: int, line: Floats, points: Floats) -> None:
+    """The number of an edge inside the panel beside its middle, and a dot at its start."""
+    middle, along = line[SAMPLES // 2], line[SAMPLES // 2 + 1] - line[SAMPLES // 2 - 1]
+    left = np.array([-along[1], along[0]]) / np.linalg.norm(along)
+    inward = left if enclosed_area(points) > 0 else -left
+    x, y = middle + NUMBER * inward
+    axes.text(x, y, str(number), fontsize=7, ha="center", va="center", color=TEXT, zorder=4)
+    axes.plot(*line[0], marker="o", markersize=2.5, color=TEXT, zorder=4)

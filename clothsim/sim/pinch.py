@@ -14,6 +14,7 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.contact.barrier import Barrier
+from clothsim.contact.opposing import faces_of
 from clothsim.contact.suspended import SuspendedCandidates, Suspension, with_suspension
 from clothsim.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.world import World
@@ -27,7 +28,7 @@ from clothsim.sim.carried import (
     carried_in,
     with_bodies,
 )
-from clothsim.sim.pinch_gaps import Neighbours, gaps_of, neighbours, pinched
+from clothsim.sim.pinch_gaps import Nearest, gaps_of, nearest, pinched
 from clothsim.sim.pinch_parts import own_rows, with_carriers
 from clothsim.sim.pinch_release import OPEN, Opening, still_carried
 from clothsim.sim.pinch_squeezed import squeezed
@@ -104,30 +105,29 @@ def _carried(integrator: Integrator, state: State, end: float, attempt: _Attempt
     body = barriers["body_contact"]
     limit = attempt.widening * (2.0 * body.offset + body.d_hat)
     relative = float(np.linalg.norm(moves - moves.mean(axis=0), axis=1).max())
-    near = neighbours(body.candidates.search, world, x, OPEN * limit + 2.0 * relative)
+    reach = OPEN * limit + 2.0 * relative
+    faces = faces_of(body.candidates.search.surface, x)
     if len(known):
-        gaps = [gaps_of(known, near, world, each, OPEN * limit) for each in (x, after)]
-        known = still_carried(known, Opening(world, barriers, x, near, np.minimum(*gaps), limit))
+        gaps = [gaps_of(known, faces, world, each, OPEN * limit, reach) for each in (x, after)]
+        known = still_carried(known, Opening(world, barriers, x, faces, np.minimum(*gaps), limit))
     fixed = _fixed(integrator, state)
-    found = pinched(near, x, after, limit).without(np.concatenate([known.vertices, fixed]))
+    near = nearest(faces, x, np.arange(world.n_cloth), reach)
+    found = pinched(faces, near, x, after, limit, reach).without(np.concatenate([known.vertices, fixed]))
     ahead = after.copy()
     ahead[: world.n_cloth] += (end - state.time) * state.velocities[: world.n_cloth]
     carried = with_carriers(world, x, ahead, found, known)
     if not len(attempt.rows):
         return carried
-    others = np.setdiff1d(np.arange(world.n_cloth), attempt.rows)
-    wider = pinched(near, x, after, WIDER * limit).without(np.concatenate([carried.vertices, fixed, others]))
+    near = near.only(attempt.rows)
+    wider = pinched(faces, near, x, after, WIDER * limit, reach).without(np.concatenate([carried.vertices, fixed]))
     carried = with_carriers(world, x, ahead, wider, carried)
-    more = np.setdiff1d(attempt.rows, np.concatenate([carried.vertices, fixed]))
-    return carried.joined(_by_closest(x, near, more))
+    return carried.joined(_by_closest(x, near.without(np.concatenate([carried.vertices, fixed]))))
 
 
-def _by_closest(x: Floats, near: Neighbours, rows: Ints) -> Carried:
-    """Carry rows of x by the closest body triangle; those with none near are left out."""
-    closest = near.closest()
-    closest = closest[np.isin(near.vertices[closest], rows)]
-    part = near.triangles[closest], near.weights[closest]
-    return attached(x, near.vertices[closest], part, part)
+def _by_closest(x: Floats, near: Nearest) -> Carried:
+    """Carry vertices by the closest body triangle."""
+    part = near.triangles, near.weights
+    return attached(x, near.vertices, part, part)
 
 
 def _fixed(integrator: Integrator, state: State) -> Ints:

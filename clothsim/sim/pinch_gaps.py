@@ -10,8 +10,8 @@ from typing import Self
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.contact.opposing import INSIDE, closest_on_triangles, line_hits, sides
-from clothsim.contact.search import Search
+from clothsim.contact.opposing import CHUNK, INSIDE, Faces, closest, first_hits, line_hit, misses_box, sides
+from clothsim.jit import kernel
 from clothsim.mesh.world import World
 from clothsim.sim.carried import Carried, normals
 
@@ -43,89 +43,113 @@ class Sides:
 
 
 @dataclass(frozen=True)
-class Neighbours:
-    """Body triangles (p, 3) within a distance of cloth vertices (p,), by vertex; weights (p, 3): of closest points."""
+class Nearest:
+    """Cloth vertices (k,) with a body triangle within a distance: the closest one (k, 3), and weights of its point."""
 
     vertices: Ints
     triangles: Ints
     weights: Floats
-    distances: Floats
 
-    def closest(self) -> Ints:
-        """Index of the closest triangle of each vertex."""
-        order = np.lexsort((self.distances, self.vertices))
-        _, first = np.unique(self.vertices[order], return_index=True)
-        return np.asarray(order[first])
+    def only(self, rows: Ints) -> Self:
+        """Those of some rows of x."""
+        return self._chosen(np.isin(self.vertices, rows))
 
+    def without(self, rows: Ints) -> Self:
+        """Those but for some rows of x."""
+        return self._chosen(~np.isin(self.vertices, rows))
 
-def neighbours(search: Search, world: World, x: Floats, reach: float) -> Neighbours:
-    """Find the body triangles within `reach` [m] of each cloth vertex at x (N, 3) [m]."""
-    pairs, _ = search.pairs(x, x, reach)
-    rows = pairs.elements[: pairs.n_points]
-    rows = rows[rows[:, 0] < world.n_cloth]
-    weights, distances = closest_on_triangles(x, rows[:, 0].copy(), rows[:, 1:].copy())
-    return Neighbours(rows[:, 0], rows[:, 1:], weights, distances)
+    def _chosen(self, chosen: np.ndarray) -> Self:
+        return type(self)(self.vertices[chosen], self.triangles[chosen], self.weights[chosen])
 
 
-def pinched(near: Neighbours, start: Floats, end: Floats, limit: float) -> Sides:
-    """Find the vertices about which a gap closes below `limit` [m] between start and end (N, 3) [m]."""
-    closest = near.closest()
-    which = np.searchsorted(near.vertices[closest], near.vertices)
-    own = closest[which]
-    hits = _opposing_hits(near.triangles[own], near.weights[own], near.triangles, start, end)
-    first_gap, last_gap, weights = hits
-    between = _lies_between(near, own, start, first_gap, limit)
-    closes = (last_gap < limit) & (last_gap < first_gap - CLOSING * limit) & (first_gap > LEAST * limit) & between
-    rows = np.flatnonzero(closes)
-    rows = rows[np.lexsort((last_gap[rows], near.vertices[rows]))]
-    vertices, first = np.unique(near.vertices[rows], return_index=True)
-    chosen = rows[first]
-    mine = own[chosen]
+def nearest(faces: Faces, x: Floats, rows: Ints, reach: float) -> Nearest:
+    """The closest body triangle within `reach` [m] of rows of x (N, 3) [m]."""
+    indices, weights, _ = closest(faces, x, rows, reach)
+    found = indices >= 0
+    return Nearest(rows[found], faces.triangles[indices[found]], weights[found])
+
+
+def pinched(faces: Faces, near: Nearest, start: Floats, end: Floats, limit: float, reach: float) -> Sides:
+    """Find the vertices about which a gap closes below `limit` [m] between start and end (N, 3) [m].
+
+    The gap is that along the normal of the closest triangle; surfaces that have crossed by more than `reach` [m] are
+    not found.
+    """
+    points = [np.einsum("kc,kcd->kd", near.weights, x[near.triangles]) for x in (start, end)]
+    along = [normals(x, near.triangles) for x in (start, end)]
+    offset = start[near.vertices] - points[0]
+    heights = np.einsum("kd,kd->k", offset, along[0])
+    beside = np.linalg.norm(offset - heights[:, None] * along[0], axis=1) > limit
+    arrays = faces.triangles, faces.numbers, faces.boxes(end), faces.labels, faces.allowed
+    found, weights, gaps = _closing(
+        start, end, near.vertices, points[0], along[0], points[1], along[1], heights, beside, *arrays, limit, reach
+    )
+    chosen = np.flatnonzero(found >= 0)
+    far = faces.triangles[found[chosen]]
     return Sides(
-        vertices, near.triangles[mine], near.weights[mine], near.triangles[chosen], weights[chosen], last_gap[chosen]
+        near.vertices[chosen], near.triangles[chosen], near.weights[chosen], far, weights[chosen], gaps[chosen]
     )
 
 
-def _opposing_hits(
-    own: Ints, weights: Floats, others: Ints, start: Floats, end: Floats
-) -> tuple[Floats, Floats, Floats]:
-    """Gaps at the start and at the end (p,) [m], nan where nothing opposes, and the weights of the opposing points."""
-    points = [np.einsum("kc,kcd->kd", weights, x[own]) for x in (start, end)]
-    along = [normals(x, own) for x in (start, end)]
-    gaps, far = line_hits(end, points[1], along[1], np.ascontiguousarray(others))
-    opposes = np.einsum("kd,kd->k", normals(end, others), along[1]) < 0.0
-    gaps = np.where(opposes, gaps, np.nan)
-    there = np.einsum("kc,kcd->kd", far, start[others])
-    return np.einsum("kd,kd->k", there - points[0], along[0]), gaps, far
+@kernel
+def _closing(
+    start: Floats,
+    end: Floats,
+    rows: Ints,
+    first_points: Floats,
+    first_normals: Floats,
+    last_points: Floats,
+    last_normals: Floats,
+    heights: Floats,
+    beside: np.ndarray,
+    triangles: Ints,
+    numbers: Ints,
+    boxes: Floats,
+    labels: Ints,
+    allowed: np.ndarray,
+    limit: float,
+    reach: float,
+) -> tuple[Ints, Floats, Floats]:
+    """Opposing triangle of each closest point whose gap closes (k,), -1 where none does, weights, and gap at the end.
+
+    Of several that of the least gap; the vertex is between the two at the start, at a height above the closest point.
+    """
+    found, weights, gaps = np.full(len(rows), -1), np.zeros((len(rows), 3)), np.full(len(rows), np.inf)
+    for k in range(len(rows)):
+        if beside[k]:
+            continue
+        o = (last_points[k, 0], last_points[k, 1], last_points[k, 2])
+        d = (last_normals[k, 0], last_normals[k, 1], last_normals[k, 2])
+        for chunk in range(len(boxes)):
+            if misses_box(o, d, -reach, limit, boxes, chunk):
+                continue
+            for f in range(CHUNK * chunk, min(CHUNK * (chunk + 1), len(triangles))):
+                a, b, c = triangles[f, 0], triangles[f, 1], triangles[f, 2]
+                if not allowed[labels[rows[k]], labels[a]]:
+                    continue
+                t, v, w, facing = line_hit(end, o, d, a, b, c)
+                if not (facing < 0.0 and -reach <= t < limit):
+                    continue
+                gap = 0.0
+                for m in range(3):
+                    there = (1.0 - v - w) * start[a, m] + v * start[b, m] + w * start[c, m]
+                    gap += (there - first_points[k, m]) * first_normals[k, m]
+                if not (t < gap - CLOSING * limit and gap > LEAST * limit and heights[k] < gap):
+                    continue
+                if t < gaps[k] or (t == gaps[k] and numbers[f] < numbers[found[k]]):
+                    found[k], gaps[k] = f, t
+                    weights[k, 0], weights[k, 1], weights[k, 2] = 1.0 - v - w, v, w
+    return found, weights, gaps
 
 
-def _lies_between(near: Neighbours, own: Ints, start: Floats, gaps: Floats, limit: float) -> np.ndarray:
-    """Mask (p,) of vertices between the closest point and the opposing one, not beside them."""
-    triangles = near.triangles[own]
-    along = normals(start, triangles)
-    offset = start[near.vertices] - np.einsum("kc,kcd->kd", near.weights[own], start[triangles])
-    height = np.einsum("kd,kd->k", offset, along)
-    lateral = np.linalg.norm(offset - height[:, None] * along, axis=1)
-    return np.asarray((lateral <= limit) & (height < gaps))
-
-
-def gaps_of(carried: Carried, near: Neighbours, world: World, x: Floats, limit: float) -> Floats:
+def gaps_of(carried: Carried, faces: Faces, world: World, x: Floats, limit: float, reach: float) -> Floats:
     """Gaps in front of the triangles that carry vertices, at x (N, 3), (k,) [m].
 
     -inf where the parts have crossed, or the triangle is inside another part of the bodies; inf where nothing is in
-    front of it within the distance of `near`.
+    front of it within `reach` [m].
     """
-    place = np.full(len(x), -1)
-    place[carried.vertices] = np.arange(len(carried))
-    of = place[near.vertices]
-    rows = np.flatnonzero(of >= 0)
-    of, others = of[rows], np.ascontiguousarray(near.triangles[rows])
     points, along = carried.points(x), normals(x, carried.triangles)
-    hits, _ = line_hits(x, points[of], along[of], others)
-    opposes = np.einsum("kd,kd->k", normals(x, others), along[of]) < 0.0
-    gaps = np.full(len(carried), np.inf)
-    front = opposes & (hits > LEAST * limit)
-    np.minimum.at(gaps, of[front], hits[front])
+    gaps = first_hits(faces, x, carried.vertices, (points, along), (LEAST * limit, reach), entering=True)
     wide = np.flatnonzero(gaps >= limit)
     inside = sides(x, points[wide], along[wide], world.body_triangles, LEAST * limit) == INSIDE
     gaps[wide[inside]] = -np.inf

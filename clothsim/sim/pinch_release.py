@@ -7,12 +7,11 @@ import numpy as np
 
 from clothsim.arrays import Floats, Ints
 from clothsim.contact.barrier import Barrier
-from clothsim.contact.opposing import line_hits
+from clothsim.contact.opposing import Faces, first_hits
 from clothsim.contact.suspended import Suspension
 from clothsim.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.world import World
 from clothsim.sim.carried import Carried
-from clothsim.sim.pinch_gaps import Neighbours
 
 OPEN = 1.5
 """Gap from which a pinch counts as open, over the gap below which it closes."""
@@ -28,14 +27,14 @@ LEAST_GAP = 0.02
 class Opening:
     """What a release needs to know of a step.
 
-    barriers: contacts of bodies and of cloth; near: body triangles about the cloth; gaps (k,): in front of the carried
+    barriers: contacts of bodies and of cloth; faces: body triangles; gaps (k,): in front of the carried
     vertices [m]; limit: gap of a pinch [m].
     """
 
     world: World
     barriers: Mapping[str, Barrier]
     x: Floats
-    near: Neighbours
+    faces: Faces
     gaps: Floats
     limit: float
 
@@ -79,16 +78,10 @@ def _tangled(remaining: Carried, released: Ints, opening: Opening) -> Ints:
 
 
 def _crossing_edges(held: np.ndarray, released: Ints, opening: Opening) -> Ints:
-    """Ends of edges of released and free vertices that meet a body triangle near one of their ends."""
-    x, edges, near = opening.x, opening.world.edges, opening.near
+    """Ends of edges of released and free vertices that meet a body triangle."""
+    x, edges = opening.x, opening.world.edges
     edges = edges[np.isin(edges, released).any(axis=1) & ~held[edges].any(axis=1)]
-    if not len(edges):
-        return np.zeros(0, np.int64)
     ends = np.concatenate([edges, edges[:, ::-1]])
-    first, last = np.searchsorted(near.vertices, ends[:, 0]), np.searchsorted(near.vertices, ends[:, 0], side="right")
-    counts = last - first
-    edge = np.repeat(np.arange(len(ends)), counts)
-    triangle = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts) + np.repeat(first, counts)
-    along = x[ends[edge, 1]] - x[ends[edge, 0]]
-    hits, _ = line_hits(x, x[ends[edge, 0]], along, np.ascontiguousarray(near.triangles[triangle]))
-    return np.unique(ends[edge[(hits >= 0.0) & (hits <= 1.0)]])
+    lines = x[ends[:, 0]], x[ends[:, 1]] - x[ends[:, 0]]
+    hits = first_hits(opening.faces, x, np.ascontiguousarray(ends[:, 0]), lines, (0.0, 1.0), entering=False)
+    return np.unique(ends[np.isfinite(hits)])

@@ -267,14 +267,20 @@ def test_a_changed_package_or_file_makes_no_drape_of_the_plan(tmp_path):
 
 
 def test_commands(tmp_path, capsys):
-    (tmp_path / "scene.toml").write_text('[cloth]\nmesh = "nothing.obj"\n[effects.gravity]\n')
-    text = '[farm]\nscene = "scene.toml"\ncount = 2\n[vary]\n"cloth.density" = { uniform = [0.1, 0.2] }\n'
-    (tmp_path / "r.toml").write_text(text)
+    (tmp_path / "scene.toml").write_text(
+        '[cloth]\nmesh = "skirt"\n[effects.inertia]\n[effects.gravity]\n[run]\nduration = 0.04\n'
+    )
+    text = '[farm]\nscene = "scene.toml"\nuntil = "time"\ncount = 2\n[vary]\n"cloth.edge" = { grid = [%s] }\n'
+    (tmp_path / "none.toml").write_text(text % "0.07, 0.06")
+    assert main(["farm", "plan", str(tmp_path / "none.toml"), "-o", str(tmp_path / "none")]) == 2
+    assert "0.07" in capsys.readouterr().err
+    assert not (tmp_path / "none").exists()
+    (tmp_path / "r.toml").write_text(text % "0.06, 0.04")
     where = str(tmp_path / "farm")
     assert main(["farm", "plan", str(tmp_path / "r.toml"), "-o", where, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["planned"] == 2
     assert main(["farm", "work", where, "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["causes"] == {"refused": 2}
+    assert json.loads(capsys.readouterr().out)["causes"] == {"refused": 1}
     assert main(["farm", "status", where]) == main(["farm", "verify", where, "--share", "0"]) == 0
     assert len((tmp_path / "farm" / "manifest.jsonl").read_text().splitlines()) == 2
     assert main(["farm", "work", str(tmp_path), "--quiet"]) == 2

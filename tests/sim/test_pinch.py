@@ -2,18 +2,19 @@
 
 import numpy as np
 import pytest
+import trimesh
 from import_graph import FILES, reached, run_roots
 
 import clothsim
 from clothsim.cli import main
 from clothsim.cli.run_report import verdict
-from clothsim.contact.opposing import INSIDE, OUTSIDE, line_hits, sides
+from clothsim.contact.opposing import CHUNK, INSIDE, OUTSIDE, Faces, closest, first_hits, sides
 from clothsim.contact.suspended import Suspension
 from clothsim.errors import InputError
 from clothsim.mesh.generators.shapes import slab
 from clothsim.mesh.motion import rotation_matrix
 from clothsim.sim.carried import Carried, attached, carried_in
-from clothsim.sim.pinch_gaps import Neighbours, pinched
+from clothsim.sim.pinch_gaps import nearest, pinched
 
 EFFECTS = {
     "inertia": {},
@@ -173,18 +174,58 @@ def test_carried_vertices_follow_a_rigid_motion():
     assert all(np.array_equal(getattr(again, name), getattr(carried, name)) for name in Carried.__dataclass_fields__)
 
 
-def test_lines_hit_triangles_where_they_should():
+def faces(x, triangles):
+    """All triangles, which every row of x may touch."""
+    return Faces(triangles, np.arange(len(triangles)), np.zeros(len(x), np.int64), np.ones((1, 1), bool))
+
+
+def test_queries_of_faces_find_what_all_triangles_have():
     random = np.random.default_rng(2)
-    x, weights = random.normal(size=(3, 3)), np.array([0.2, 0.5, 0.3])
-    direction = random.normal(size=3) / 2
-    hits, found = line_hits(x, (weights @ x - 1.7 * direction)[None], direction[None], np.array([[0, 1, 2]]))
-    assert abs(hits[0] - 1.7) < 1e-12
-    assert np.abs(found[0] - weights).max() < 1e-12
-    missed, _ = line_hits(x, (weights @ x + [9.0, 0, 0])[None], direction[None], np.array([[0, 1, 2]]))
-    assert np.isnan(missed[0])
-    box, faces = slab((1.0, 1.0, 1.0))
+    corners = random.normal(size=(5 * CHUNK + 3, 1, 3)) + 0.4 * random.normal(size=(5 * CHUNK + 3, 3, 3))
+    points = 2 * random.normal(size=(40, 3))
+    x, rows = np.concatenate([points, corners.reshape(-1, 3)]), np.arange(40)
+    triangles = 40 + np.arange(3 * len(corners)).reshape(-1, 3)
+    indices, weights, distances = closest(faces(x, triangles), x, rows, 0.8)
+    on_all = trimesh.triangles.closest_point(np.tile(corners, (40, 1, 1)), points.repeat(len(corners), axis=0))
+    wanted = np.linalg.norm(on_all.reshape(40, -1, 3) - points[:, None], axis=2)
+    near = wanted.min(axis=1) < 0.8
+    assert 0 < near.sum() < 40
+    assert np.array_equal(indices >= 0, near)
+    assert np.allclose(distances[near], wanted.min(axis=1)[near], atol=1e-12)
+    assert np.array_equal(indices[near], wanted.argmin(axis=1)[near])
+    on = np.einsum("kc,kcd->kd", weights[near], corners[indices[near]])
+    assert np.allclose(np.linalg.norm(on - points[near], axis=1), distances[near], atol=1e-12)
+    along = 0.3 * random.normal(size=(40, 3)) - points  # most towards the middle
+    for entering in (True, False):
+        hits = first_hits(faces(x, triangles), x, rows, (points, along), (-0.5, 2.0), entering)
+        assert np.allclose(hits, [least_hit(corners, o, d, entering) for o, d in zip(points, along, strict=True)])
+        assert 5 < np.isfinite(hits).sum() < 40
+    none = closest(faces(x, triangles[:0]), x, rows, 1.0)[0]
+    assert (none == -1).all()
+
+
+def least_hit(corners, o, d, entering):
+    """Least t from -0.5 to 2 at which o + t d meets a triangle, by solving for each."""
+    found = np.inf
+    for a, b, c in corners:
+        t, v, w = np.linalg.solve(np.column_stack([-d, b - a, c - a]), o - a)
+        if min(v, w, 1 - v - w) >= 0 and -0.5 <= t <= 2.0 and (np.cross(b - a, c - a) @ d < 0 or not entering):
+            found = min(found, t)
+    return found
+
+
+def test_vertices_of_objects_that_may_not_touch_are_passed_over():
+    x = np.array([[0.0, 0.0, 0.1], [0.0, 0.0, 0.1], [-1, -1, 0], [1, -1, 0], [0, 1, 0]])
+    own = Faces(np.array([[2, 3, 4]]), np.zeros(1, np.int64), np.array([0, 1, 2, 2, 2]), np.eye(3, k=2, dtype=bool))
+    assert closest(own, x, np.array([0, 1]), 1.0)[0].tolist() == [0, -1]
+    lines = x[:2], np.tile([0.0, 0.0, -1.0], (2, 1))
+    assert first_hits(own, x, np.array([0, 1]), lines, (0.0, 1.0), entering=True).tolist() == [0.1, np.inf]
+
+
+def test_points_inside_and_outside_of_a_box():
+    box, triangles = slab((1.0, 1.0, 1.0))
     origins, along = np.array([[0.1, 0.2, 0.3], [0.1, 0.2, -3.0], [0.1, 0.2, 3.0]]), np.tile([0.0, 0.0, 1.0], (3, 1))
-    assert sides(box, origins, along, faces, 1e-9).tolist() == [INSIDE, OUTSIDE, 0]
+    assert sides(box, origins, along, triangles, 1e-9).tolist() == [INSIDE, OUTSIDE, 0]
 
 
 @pytest.mark.parametrize(("first", "last", "gap"), [(0.02, 0.001, 0.001), (0.02, -0.003, -0.003), (0.02, 0.02, None)])
@@ -192,9 +233,8 @@ def test_the_gap_of_two_plates(first, last, gap):
     """A vertex 5 mm above the lower one of two parallel triangles; the upper one comes down."""
     corners = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [0.0, 1.0, 0.0]])
     start, end = (np.concatenate([[[0.0, 0.0, 0.005]], corners, corners[[0, 2, 1]] + [0, 0, z]]) for z in (first, last))
-    triangles, weights = np.array([[1, 2, 3], [4, 5, 6]]), np.array([[0.25, 0.25, 0.5], [0.25, 0.5, 0.25]])
-    near = Neighbours(np.array([0, 0]), triangles, weights, np.array([0.005, first - 0.005]))
-    found = pinched(near, start, end, 0.006)
+    plates = faces(start, np.array([[1, 2, 3], [4, 5, 6]]))
+    found = pinched(plates, nearest(plates, start, np.array([0]), 0.03), start, end, 0.006, 0.03)
     assert len(found.vertices) == (gap is not None)
     if gap is not None:
         assert abs(found.gaps[0] - gap) < 1e-15

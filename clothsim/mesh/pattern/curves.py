@@ -1,4 +1,4 @@
-"""Plane curves between two points: straight lines, Bezier curves and circular arcs, sampled by arc length."""
+"""Plane curves between two points, sampled by arc length: straight lines, polylines, Bezier curves, circular arcs."""
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -7,6 +7,7 @@ from math import comb
 import numpy as np
 
 from clothsim.arrays import Floats
+from clothsim.mesh.pattern.polyline import Polyline
 
 TABLE = 512
 """Cells of the parameter interval in which arc length is tabulated (interpolation errs by less than 1e-6 of it)."""
@@ -138,7 +139,14 @@ class Arc:
         return self.at(start, end, share)
 
 
-Curve = Straight | Bezier | Arc
+Curve = Straight | Bezier | Arc | Polyline
+
+
+def along_chord(points: Floats, start: Floats, end: Floats) -> tuple[tuple[float, float], ...]:
+    """Points (k, 2) [m] relative to the chord e = end - start: the x, y of start + x e + y (-e_y, e_x)."""
+    chord = end - start
+    offset = (points - start) / (chord @ chord)
+    return tuple(zip((offset @ chord).tolist(), (offset @ np.array([-chord[1], chord[0]])).tolist(), strict=True))
 
 
 def scaled_curve(curve: Curve, scale: float) -> Curve:

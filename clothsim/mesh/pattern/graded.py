@@ -6,8 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clothsim.arrays import Floats, Ints
-from clothsim.mesh.pattern.curves import Arc, Bezier, Curve, Straight, scaled_curve
+from clothsim.mesh.pattern.curves import Arc, Bezier, Curve, Straight, along_chord, scaled_curve
 from clothsim.mesh.pattern.pattern import Panel, Pattern, Side
+from clothsim.mesh.pattern.polyline import Polyline
 
 STEPS = 50
 """Bound on the Gauss-Newton steps that make both sides of all seams alike."""
@@ -62,23 +63,18 @@ def _mapped_curve(curve: Curve, ends: Floats, image: PlaneMap) -> Curve:
     start, end = image(ends)
     if isinstance(curve, Bezier):
         controls = image(curve.points(ends[0], ends[1])[1:-1])
-        return Bezier(tuple((float(x), float(y)) for x, y in _relative(controls, start, end)))
+        return Bezier(along_chord(controls, start, end))
+    if isinstance(curve, Polyline):
+        return Polyline(along_chord(image(curve.points(ends[0], ends[1])[1:-1]), start, end))
     if isinstance(curve, Arc):
         middle = image(curve.at(ends[0], ends[1], np.array([0.5])))
-        height = float(_relative(middle, start, end)[0, 1])  # of chords, positive to the left
+        height = along_chord(middle, start, end)[0][1]  # of chords, positive to the left
         if abs(height) < FLAT:
             return Straight()
         chord = float(np.linalg.norm(end - start))
         radius = chord * (0.25 + height**2) / (2 * abs(height))
         return Arc(radius, abs(height) > 0.5, height < 0)
     return curve
-
-
-def _relative(points: Floats, start: Floats, end: Floats) -> Floats:
-    """Coordinates (k, 2) of points along and across a chord, in chords."""
-    chord = end - start
-    offset = (points - start) / (chord @ chord)
-    return np.column_stack([offset @ chord, offset @ np.array([-chord[1], chord[0]])])
 
 
 def with_seams_alike(graded: Pattern, original: Pattern) -> Pattern:

@@ -10,13 +10,16 @@ from scipy.spatial.transform import Rotation
 
 from clothsim.arrays import Floats
 from clothsim.errors import InputError
-from clothsim.mesh.pattern.curves import Arc, Bezier, Curve, Straight
+from clothsim.mesh.pattern.curves import Arc, Bezier, Curve, Straight, along_chord
 from clothsim.mesh.pattern.pattern import Panel, Pattern, PatternEdge, Side, Stitch
+from clothsim.mesh.pattern.polyline import Polyline
 
 USUAL_UNITS = 100.0
 """Units of a file in a metre where it names none."""
 SMALLEST_UNITS, LARGEST_UNITS = 0.01, 1e6
 ORDERS = ("zyx", "xyz")
+POINTS_OF = {"quadratic": 1, "cubic": 2, "polyline": -1}
+"""Points between the ends of a curve by its type; -1: any number. "polyline" is this reader's own."""
 NAMED = 6
 """Panels that a note names."""
 ALIKE = np.radians(1.0)
@@ -180,28 +183,25 @@ def _curve(where: str, entries: Any, chord: Floats, unit: float, absolute: bool)
     if isinstance(entries, list):  # the old form of a quadratic curve
         entries = {"type": "quadratic", "params": [entries]}
     kind, params = _table(where, entries).get("type"), entries.get("params")
-    if kind in ("quadratic", "cubic"):
-        controls = _numbers(where, params, (1 if kind == "quadratic" else 2, 2))
+    if isinstance(kind, str) and kind in POINTS_OF:
+        controls = _numbers(where, params, (POINTS_OF[kind], 2))
         if absolute:
             controls = _relative(where, unit * controls, chord)
-        return Bezier(tuple((float(x), float(y)) for x, y in controls))
+        points = tuple((float(x), float(y)) for x, y in controls)
+        return Polyline(points) if kind == "polyline" else Bezier(points)
     if kind == "circle":
         radius, large, right = _numbers(where, params, (3,))
         if not radius > 0:
             raise InputError(f"{where}: a circle of radius {radius:g}.", "Give a positive radius.")
         return Arc(unit * float(radius), bool(large), bool(right))
-    raise InputError(f"{where} is of the type {kind!r}.", "Known: quadratic, cubic, circle.")
+    raise InputError(f"{where} is of the type {kind!r}.", "Known: quadratic, cubic, circle, polyline.")
 
 
 def _relative(where: str, controls: Floats, chord: Floats) -> Floats:
     """Control points (k, 2) [m] relative to the chord."""
-    along = chord[1] - chord[0]
-    squared = float(along @ along)
-    if not squared > 0:
+    if not np.ptp(chord, axis=0).any():
         raise InputError(f"{where}: the edge has no length.", "Remove it.")
-    offsets = controls - chord[0]
-    across = np.array([-along[1], along[0]])
-    return np.column_stack([offsets @ along, offsets @ across]) / squared
+    return np.array(along_chord(controls, *chord))
 
 
 def _stitch(number: int, entries: Any) -> Stitch:
@@ -235,6 +235,8 @@ def _edge_entries(edge: PatternEdge, units: float) -> dict[str, Any]:
     if isinstance(edge.curve, Bezier):
         kind = "quadratic" if len(edge.curve.controls) == 1 else "cubic"
         entries["curvature"] = {"type": kind, "params": [list(point) for point in edge.curve.controls]}
+    if isinstance(edge.curve, Polyline):
+        entries["curvature"] = {"type": "polyline", "params": [list(point) for point in edge.curve.inner]}
     if isinstance(edge.curve, Arc):
         params = [units * edge.curve.radius, int(edge.curve.large), int(edge.curve.right)]
         entries["curvature"] = {"type": "circle", "params": params}

@@ -1,0 +1,74 @@
+"""`clothsim check PATTERN`: panels, edges and seams of a sewing pattern."""
+
+import argparse
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from clothsim.errors import InputError
+
+if TYPE_CHECKING:
+    from clothsim.mesh.pattern.pattern import Pattern
+
+PATTERNS = (".dxf", ".json")
+SPACING = 0.02
+"""Size of the mesh that a pattern is tried with [m]."""
+
+
+def check_pattern(arguments: argparse.Namespace) -> int:
+    """Print the panels, edges and seams of a pattern, and draw its edges with -o; 1 where it cannot be meshed."""
+    others = ("body", "scale", "group", "component", "body_group", "body_scale", "part", "weld", "motion")
+    wrong = [f"--{name.replace('_', '-')}" for name in others if getattr(arguments, name)]
+    if wrong:
+        raise InputError(f"{arguments.target} is a sewing pattern: {wrong[0]} is not for those.", "--seams and -o are.")
+    print(f"{arguments.target}, as a sewing pattern")
+    try:
+        pattern = _read(arguments)
+        for line in _lines(pattern):
+            print(f"  {line}")
+        if arguments.output is not None:
+            from clothsim.render.pattern_drawing import draw_pattern
+
+            print(f"  drawn: {draw_pattern(arguments.output, pattern, arguments.target.name, edge_numbers=True)}")
+        _refuse_unmeshed(pattern)
+    except InputError as error:
+        print(f"  error: {error.sentence}" + (f"\n    {error.remedy}" if error.remedy else ""))
+        print("1 error.")
+        return 1
+    print("Nothing is wrong.")
+    return 0
+
+
+def _read(arguments: argparse.Namespace) -> "Pattern":
+    """The pattern; a drawing without its sewing file too."""
+    if arguments.target.suffix.lower() == ".dxf":
+        from clothsim.io.dxf_pattern.reader import read_dxf_pattern
+
+        return read_dxf_pattern(arguments.target, arguments.seams, sewn=False)
+    from clothsim.io.pattern_file import read_pattern
+
+    return read_pattern(arguments.target, seams=arguments.seams)
+
+
+def _lines(pattern: "Pattern") -> Iterator[str]:
+    """Panels with the lengths of their edges, seams with those of both sides, and notes."""
+    import numpy as np
+
+    for name, panel in pattern.panels.items():
+        edges = range(len(panel.edges))
+        points = np.concatenate([panel.edge_points(edge, np.linspace(0, 1, 33)) for edge in edges])
+        width, height = 100 * np.ptp(points, axis=0)
+        lengths = ", ".join(f"{edge}: {100 * panel.edge_length(edge):.1f}" for edge in edges)
+        yield f"{name}: {width:.1f} x {height:.1f} cm; edges [cm] {lengths}"
+    for number, stitch in enumerate(pattern.stitches):
+        first, second = (100 * pattern.panels[side.panel].edge_length(side.edge) for side in stitch.sides)
+        yield f"seam {number}: {stitch.first} to {stitch.second}, {first:.1f} and {second:.1f} cm"
+    yield from pattern.notes
+
+
+def _refuse_unmeshed(pattern: "Pattern") -> None:
+    """InputError for a panel that crosses itself, and for seams that give the garment one side."""
+    from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
+    from clothsim.mesh.pattern.sewing import sewn_vertices
+
+    mesh = mesh_pattern(pattern, SPACING)
+    sewn_vertices(mesh, mesh.seams)

@@ -1,0 +1,1 @@
+"""Sewing patterns as DXF drawings of AAMA and ASTM."""
