@@ -56,10 +56,7 @@ def prepare(scene: Scene, built: Built) -> Session:
     reproducible = _make_reproducible() if settings.repeatable else ""
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
-    dependent = _dependent_rows(built.world)
-    system = System(
-        _pattern(built), settings.linear, settings.threads, dependent=dependent, repeatable=settings.repeatable
-    )
+    system = _system(_pattern(built), settings, _dependent_rows(built.world))
     newton, finer = _newton_settings(scene)
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
@@ -82,10 +79,7 @@ def rebuilt(session: Session, scene: Scene, built: Built) -> Session:
     if not _same_couplings(session.built, built):
         pattern = _pattern(built)
         if not pattern.same_as(system.base):
-            dependent = _dependent_rows(built.world)
-            system = System(
-                pattern, settings.linear, settings.threads, dependent=dependent, repeatable=settings.repeatable
-            )
+            system = _system(pattern, settings, _dependent_rows(built.world))
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, before.settings)
     return Session(scene, built, integrator, session.notes)
 

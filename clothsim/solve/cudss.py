@@ -26,7 +26,7 @@ class CuDss(LinearSolver):
     ----------
     pattern : Pattern
         Sparsity of the upper triangle.
-    threads : int
+    threads, dissected : int, bool
         Unused: the GPU has its own.
 
     Raises
@@ -39,7 +39,7 @@ class CuDss(LinearSolver):
 
     name = "cudss"
 
-    def __init__(self, pattern: Pattern, threads: int) -> None:
+    def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
         advanced = importlib.import_module(API)
         self._pattern = pattern
         indptr, indices = pattern.scalar()

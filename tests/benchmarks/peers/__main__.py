@@ -26,7 +26,6 @@ PEERS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
     "blender-20": ("blender_cloth", {"quality": 20}),
     "mujoco": ("mujoco_ipc", {}),
     "newton-style3d": ("newton_style3d", {}),
-    "newton-vbd": ("newton_vbd", {}),
     "superdex": ("superdex_shell", {}),
 }
 """Module of each simulator, and what its `build` takes beside the scene."""
