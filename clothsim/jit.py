@@ -6,6 +6,8 @@ stays a Python function for Python: it can be called, slowly, to look at it or t
 
 Machine code is cached in the user's cache folder, under a hash of all that it was compiled from (`kernel_cache`):
 whoever edits a kernel, a part or a constant has nothing to delete. NUMBA_CACHE_DIR chooses another folder.
+
+A kernel releases Python's lock while it runs, so that two of them run on two threads (`parallel`).
 """
 
 from collections.abc import Callable
@@ -30,7 +32,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     numba.core.dispatcher.Dispatcher
         Compiled when it is called; the function itself where NUMBA_DISABLE_JIT is set.
     """
-    compiled = njit(error_model="numpy", no_cfunc_wrapper=True, pipeline_class=KernelCompiler)(function)
+    compiled = njit(error_model="numpy", no_cfunc_wrapper=True, nogil=True, pipeline_class=KernelCompiler)(function)
     if compiled is not function:
         compiled._cache = KernelCache(compiled)  # as cache=True does, with numba's own
     return compiled

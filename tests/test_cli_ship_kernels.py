@@ -55,3 +55,23 @@ def test_without_a_clone_there_is_no_wheel(commands, tmp_path, monkeypatch):
     with pytest.raises(ClothsimError, match="no clone"):
         ship_kernels.build_wheel(["sphere"], 0.1, tmp_path)
     assert not commands
+
+
+@pytest.mark.parametrize("words", [["nosuch"], ["sphere", "--duration", "nan"], ["sphere", "--duration", "-1"]])
+def test_what_cannot_be_compiled_is_named_before_anything_is(commands, words, capsys):
+    assert ship_kernels.main(words) == 2
+    assert words[-1] in capsys.readouterr().err
+    assert not commands
+
+
+def test_a_command_that_fails_builds_nothing(monkeypatch, tmp_path, capsys):
+    def fails(command, **_):
+        raise subprocess.CalledProcessError(1, command)
+
+    monkeypatch.setattr(ship_kernels.subprocess, "run", fails)
+    monkeypatch.setattr(shipped, "can_run", lambda: True)
+    before = shipped.FOLDER.exists()
+    assert ship_kernels.main(["sphere", "--wheel", str(tmp_path / "dist")]) == 1
+    assert "nothing was built" in capsys.readouterr().err
+    assert shipped.FOLDER.exists() is before
+    assert not (tmp_path / "dist").exists()

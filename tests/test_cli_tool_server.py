@@ -27,7 +27,11 @@ def test_a_client_lists_the_tools_runs_a_scene_and_reads_its_certificate(tmp_pat
             assert said.structured_content["certificate"] == summary.structured_content["certificate"]
             key = await client.call_tool("keys", {"section": "solver.dt"})
             assert key.structured_content["solver"]["keys"]["dt"]["unit"] == "s"
-            for name, arguments in (("check", {"target": "nothing.toml"}), ("check", {"target": "--help"})):
+            for name, arguments in (
+                ("check", {"target": "nothing.toml"}),
+                ("check", {"target": "--help"}),
+                ("check", {"target": "a\0b"}),
+            ):
                 assert (await client.call_tool(name, arguments)).is_error
             assert (await client.call_tool("certificate", {"run_directory": str(tmp_path)})).is_error
 

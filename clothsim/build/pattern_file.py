@@ -64,7 +64,8 @@ def shape_of_pattern(path: Path, keys: Mapping[str, Any], where: str) -> Shape:
 def lines_of(mesh: PatternMesh) -> PatternLines:
     """Edges, labels and seams of a meshed pattern whose seams are all open."""
     edges = {(side.panel, side.edge): rows for side, rows in mesh.edges.items()}
-    return PatternLines(edges, mesh.labelled(), {seam.name: seam.pairs for seam in mesh.seams})
+    labels = {label: tuple((side.panel, side.edge) for side in sides) for label, sides in mesh.labelled().items()}
+    return PatternLines(edges, labels, {seam.name: seam.pairs for seam in mesh.seams})
 
 
 def mesh_of_file(path: Path, keys: Mapping[str, Any], where: str) -> PatternMesh:

@@ -6,6 +6,7 @@ with `--wheel` one is built, and the package here stays without.
 """
 
 import argparse
+import math
 import os
 import shutil
 import subprocess
@@ -101,6 +102,7 @@ def compile_kernels(scenes: Sequence[str], duration: float) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Compile the kernels of example scenes into the package."""
+    from clothsim.errors import ClothsimError
     from clothsim.run.example_scenes import example_scenes
 
     parser = argparse.ArgumentParser(prog="python -m clothsim.cli.ship_kernels", description=__doc__)
@@ -113,12 +115,30 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.compile:
         compile_kernels(scenes, arguments.duration)
         return 0
-    if arguments.wheel is not None:
-        count, wheel = build_wheel(scenes, arguments.duration, arguments.wheel)
-        print(f"{wheel}: {count} kernels")
-        return 0
-    print(f"{ship(scenes, arguments.duration)} kernels")
+    try:
+        print(_shipped(scenes, arguments.duration, arguments.wheel))
+    except ClothsimError as error:
+        print(error, file=sys.stderr)
+        return 2
+    except subprocess.CalledProcessError as error:  # which has said why
+        print(f"{error.cmd[2]} ended with code {error.returncode}: nothing was built.", file=sys.stderr)
+        return 1
     return 0
+
+
+def _shipped(scenes: Sequence[str], duration: float, folder: Path | None) -> str:
+    """Compile, and build the wheel where a folder is named; the line that says what was made."""
+    from clothsim.errors import InputError
+    from clothsim.run.example_scenes import scene_file
+
+    if not 0.0 < duration < math.inf:
+        raise InputError(f"--duration is {duration}.", "Give a time above 0 [s], such as 0.3.")
+    for name in scenes:
+        scene_file(Path(name))  # refuses what is no scene before anything is compiled
+    if folder is None:
+        return f"{ship(scenes, duration)} kernels"
+    count, wheel = build_wheel(scenes, duration, folder)
+    return f"{wheel}: {count} kernels"
 
 
 if __name__ == "__main__":

@@ -66,9 +66,9 @@ def main() -> int:
 
 
 def _name(word: str) -> str:
-    """The word of a caller; refused where a command would take it for an option."""
-    if word.startswith("-") or not word:
-        raise _refusal(f"{word!r} is no name.")
+    """The word of a caller; refused where a command would take it for an option, or no command can be given it."""
+    if not word or word.startswith("-") or "\0" in word:
+        raise _refusal(f"{word!r} is no name: give one that has letters and begins with no hyphen, such as ./-a.")
     return word
 
 

@@ -11,6 +11,7 @@ from clothsim.contact.pair_list import Pairs, concatenated_rows
 from clothsim.contact.pair_order import lexicographic_order
 from clothsim.contact.surface import ContactSurface, Primitives
 from clothsim.jit import kernel
+from clothsim.parallel import together
 
 PARALLEL = 1e-3
 """Squared sine, at rest, below which a pair of edges is mollified (Li et al. 2020, IPC, section 4.1)."""
@@ -68,12 +69,17 @@ class Search:
             conditions = surface.labels, surface.allowed, before, after, distance
             return candidate_pairs(first_tree, second_tree, distance, *conditions, only, without)
 
-        point_triangle = found(first_trees["points"], second_trees["triangles"], only)
-        edge_edge = found(first_trees["edges"], second_trees["edges"], only)
-        if surface.is_self_contact and only is None:
-            return self._assembled(point_triangle, NO_PAIRS_FOUND, edge_edge)
-        excluded_points = only if surface.is_self_contact else None  # their pairs are in point_triangle
-        triangle_point = found(first_trees["triangles"], second_trees["points"], only, excluded_points)
+        def points_and_triangles() -> tuple[FoundPairs, FoundPairs]:
+            point_triangle = found(first_trees["points"], second_trees["triangles"], only)
+            if surface.is_self_contact and only is None:
+                return point_triangle, NO_PAIRS_FOUND
+            excluded_points = only if surface.is_self_contact else None  # their pairs are in point_triangle
+            return point_triangle, found(first_trees["triangles"], second_trees["points"], only, excluded_points)
+
+        def edges() -> tuple[FoundPairs, FoundPairs]:
+            return found(first_trees["edges"], second_trees["edges"], only), NO_PAIRS_FOUND
+
+        (point_triangle, triangle_point), (edge_edge, _) = together(points_and_triangles, edges)
         swapped = triangle_point[1], triangle_point[0], triangle_point[2]
         if surface.is_self_contact:
             both = tuple(np.concatenate(two) for two in zip(point_triangle, swapped, strict=True))
@@ -145,9 +151,10 @@ class _Trees:
 
     def _moved_since(self, path: tuple[Floats, Floats]) -> np.ndarray:
         """Rows of x (N,) whose path has changed; cached, as most often all kinds had the same path."""
-        if self._moved is None or self._moved[0] is not path:
-            self._moved = path, _rows_differ(*path, *self._path)
-        return self._moved[1]
+        known = self._moved  # two threads may ask for paths of their own
+        if known is None or known[0] is not path:
+            self._moved = known = path, _rows_differ(*path, *self._path)
+        return known[1]
 
 
 @kernel

@@ -24,6 +24,7 @@ from clothsim.dressing.sewing_state import SewingState, as_placed
 from clothsim.dressing.sewn_cloth import Fabrics
 from clothsim.dressing.sleeve_clearance import sleeves_cleared
 from clothsim.dressing.sleeves import turned_to_arms
+from clothsim.dressing.tightness import tight_notes
 from clothsim.dressing.welding import welded_where_closed
 from clothsim.dressing.written_files import write_results
 from clothsim.errors import InputError
@@ -341,7 +342,8 @@ def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
     if below > SLID * height:
         note = f"the top of the garment lies {1e3 * below:.0f} mm below where its pattern places it"
         draped = replace(draped, notes=(*draped.notes, note))
-    draped = replace(draped, notes=(*draped.notes, *slid(done.state, draped.state, task.body)))
+    at_rest = (*slid(done.state, draped.state, task.body), *tight_notes(draped.state))
+    draped = replace(draped, notes=(*draped.notes, *at_rest))
     return draped, "completed", _closed_seams(draped.state, task.body.name)
 
 

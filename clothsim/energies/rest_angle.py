@@ -116,11 +116,14 @@ def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: "Ben
 def _hinges_of_pattern(name: str, world: World, keys: Mapping[str, Any], hinges: "BendingModel") -> Ints:
     """The numbers of the hinges along welded edges of a sewing pattern."""
     select = {key: keys[key] for key in ("panel", "edge", "label") if key in keys}
-    rows = of_pattern(name, world, select)
-    if "cloth" in keys:
-        chosen = world.cloth_slices[cloth_number(name, world, keys["cloth"])]
-        rows = rows[(rows >= chosen.start) & (rows < chosen.stop)]
-    found = np.flatnonzero(np.isin(hinges.vertices[:, :2], rows).all(axis=1))
+    of_pattern(name, world, select)  # refuses names that no cloth has
+    pairs = []
+    for number, (cloth, rows) in enumerate(zip(world.cloths, world.cloth_slices, strict=True)):
+        if "cloth" not in keys or number == cloth_number(name, world, keys["cloth"]):
+            edges = cloth.lines.labels.get(keys["label"], ()) if "label" in keys else [(keys["panel"], keys["edge"])]
+            pairs.append(cloth.lines.segments(edge for edge in edges if edge in cloth.lines.edges) + rows.start)
+    along = np.sort(np.concatenate(pairs), axis=1) @ [world.n_vertices, 1]
+    found = np.flatnonzero(np.isin(np.sort(hinges.vertices[:, :2], axis=1) @ [world.n_vertices, 1], along))
     if not len(found):
         raise InputError(
             f"{name}: no hinge lies along {select}.",

@@ -95,7 +95,7 @@ def of_pattern(where: str, world: World, select: Mapping[str, Any]) -> Ints:
     found, known = [], set()
     for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True):
         if "label" in select:
-            named: Mapping[Any, Ints] = cloth.lines.labels
+            named: Mapping[Any, Ints] = {label: cloth.lines.labelled(label) for label in cloth.lines.labels}
         elif "edge" in select:
             named = cloth.lines.edges
         else:

@@ -61,5 +61,7 @@ def full_or_forbidden(path: Path, error: Exception) -> InputError:
     """The InputError of a file that cannot be written; of a full disk with what to do."""
     text = getattr(error, "strerror", None) or str(error)
     full = getattr(error, "errno", None) in (*_FULL, None)  # h5py's own errors have no number
-    remedy = f"Free space, or lift the limit, and continue: clothsim resume {path.parent}" if full else ""
+    remedy = "Choose another name or folder, or change its rights."
+    if full:
+        remedy = f"Free space, or lift the limit, and continue: clothsim resume {path.parent}"
     return InputError(f"{path} cannot be written ({text}).", remedy)

@@ -57,9 +57,9 @@ def colour_range(logs: Iterable[Floats]) -> float:
 
 
 def ticks(half_range: float) -> tuple[float, ...]:
-    """The stretches to label on a bar of `colour_range`, ascending."""
-    nearest = min(_TICKS, key=lambda p: abs(-np.log1p(-p) - half_range))
-    return _TICKS[nearest]
+    """The stretches to label on a bar, ascending: of the widest range of `colour_range` within it; () for none."""
+    within = [p for p in _TICKS if -np.log1p(-p) <= half_range * (1 + 1e-9)]
+    return _TICKS[within[-1]] if within else ()
 
 
 def stretch_colours(logs: Floats, half_range: float) -> Floats:

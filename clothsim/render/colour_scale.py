@@ -38,6 +38,10 @@ PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 
 FLATTEST = 1e-3
 """Smallest width of a range, as a fraction of its values."""
+NARROWEST, LARGEST = 1e-4, 1e12
+"""Of a range fixed by hand: smallest width as a fraction of its values, and largest number, that the bar can label."""
+MOST_STRETCHED = 100.0
+"""Of a range of stretches fixed by hand: largest one, and the inverse of the smallest."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +84,7 @@ def limits_of(given: Any) -> Limits | None:
     Raises
     ------
     InputError
-        For other than two finite numbers, the first below the second.
+        For other than two finite numbers, the first below the second, or a range that no bar can label.
     """
     if given is None:
         return None
@@ -90,6 +94,10 @@ def limits_of(given: Any) -> Limits | None:
         raise InputError(f"The range of colours is {given!r:.80}.", "Give two numbers, such as (0.9, 1.1).") from error
     if not (np.isfinite([low, high]).all() and low < high):
         raise InputError(f"The range of colours is {low:g} to {high:g}.", "Give two numbers, the lower one first.")
+    largest = max(abs(low), abs(high))
+    if largest > LARGEST or high - low < NARROWEST * largest:
+        remedy = f"Give numbers up to {LARGEST:g} that differ by {NARROWEST:g} of the larger one or more."
+        raise InputError(f"The range of colours is {low:.10g} to {high:.10g}, which no bar can label.", remedy)
     return low, high
 
 
@@ -98,10 +106,12 @@ def stretch_scale(logs: Iterable[Floats], name: str = "principal stretch", limit
 
     limits: stretches; the one further from 1 is at an end of the scale.
     """
-    if limits is not None and limits[0] <= 0.0:
-        raise InputError(f"The range of stretches begins at {limits[0]:g}.", "Give stretches above 0, such as 0.9,1.1.")
+    if limits is not None and not 1.0 / MOST_STRETCHED <= limits[0] < limits[1] <= MOST_STRETCHED:
+        remedy = f"Give stretches from {1.0 / MOST_STRETCHED:g} to {MOST_STRETCHED:g}, such as 0.9,1.1."
+        raise InputError(f"The range of stretches is {limits[0]:g} to {limits[1]:g}.", remedy)
     half_range = colour_range(logs) if limits is None else float(np.abs(np.log(limits)).max())
-    labels = tuple((float(np.log(stretch)), f"{stretch:g}") for stretch in ticks(half_range))
+    stretches = ticks(half_range) or [value for value, _ in _ticks(np.exp(-half_range), np.exp(half_range), 1.0)]
+    labels = tuple((float(np.log(stretch)), f"{stretch:g}") for stretch in stretches)
     return Scale(-half_range, half_range, tuple(_lines(name)), labels, DIVERGING)
 
 

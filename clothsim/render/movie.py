@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.arrays import as_positive
 from clothsim.errors import InputError, MissingPackageError
+from clothsim.io.atomic import replacing
 from clothsim.render.colour_scale import Quantity
 from clothsim.render.picture import PictureSetup, picture_setup, pixel_counts, rendered
 from clothsim.render.surface_look import Surface
@@ -78,10 +79,12 @@ def movie(
     look = {"samples": samples, "smooth": smooth, "style": style, "limits": limits, "follow": follow}
     setup = picture_setup(all_frames, **look, **given)  # type: ignore[arg-type]
     pictures = _pictures(setup, all_frames, progress)
-    if target.suffix.lower() == ".mp4":
-        _write_mp4(target, pictures, rate, even)
-    else:
-        _write_gif(target, pictures, rate)
+    with replacing(target) as beside:
+        beside.touch()  # what cannot be written is named before it is drawn
+        if target.suffix.lower() == ".mp4":
+            _write_mp4(beside, pictures, rate, even)
+        else:
+            _write_gif(beside, pictures, rate)
     return setup.note
 
 
@@ -107,7 +110,10 @@ def has_ffmpeg() -> bool:
 def _write_mp4(target: Path, pictures: Iterator[np.ndarray], rate: float, size: tuple[int, int]) -> None:
     import imageio_ffmpeg
 
-    writer = imageio_ffmpeg.write_frames(str(target), size, fps=rate, quality=8, macro_block_size=2)
+    as_mp4 = ["-f", "mp4"]  # whatever the name ends in
+    writer = imageio_ffmpeg.write_frames(
+        str(target), size, fps=rate, quality=8, macro_block_size=2, output_params=as_mp4
+    )
     writer.send(None)
     try:
         for picture in pictures:

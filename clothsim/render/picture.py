@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from clothsim.arrays import Floats, as_points, as_triangles, as_vector
 from clothsim.errors import InputError
+from clothsim.io.atomic import replacing
 from clothsim.render.camera import VIEWS, Camera, extreme_points, frame, named_view, three_quarter_view
 from clothsim.render.colormap import log_stretch
 from clothsim.render.colour_scale import Quantity, Scale, limits_of, sequential_scale, stretch_scale
@@ -21,6 +22,8 @@ from clothsim.render.surface_look import Surface, looks
 
 _UP = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 _SMALLEST = 64
+_LONGEST_SIDE, _MOST_SAMPLES = 16_384, 80_000_000
+"""Bounds on the samples of a picture, along a side (of a frame buffer) and in all (7 GB of memory)."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +129,9 @@ def draw(
     look = {"colour": colour, "title": title, "smooth": smooth, "style": style, "limits": limits}
     setup = picture_setup([surfaces], size=size, up=up, view=view, renderer=renderer, **look)  # type: ignore[arg-type]
     written = {"dpi": (dots_per_inch, dots_per_inch)} if dots_per_inch else {}
-    Image.fromarray(rendered(setup, surfaces)).save(path, format="PNG", **written)
+    with replacing(Path(path)) as beside:
+        beside.touch()  # what cannot be written is named before it is drawn
+        Image.fromarray(rendered(setup, surfaces)).save(beside, format="PNG", **written)
     return setup.note
 
 
@@ -173,8 +178,7 @@ def picture_setup(
     if not isinstance(colour, Quantity) and colour not in ("stretch", "plain", "auto"):
         raise InputError(f'colour must be "stretch", "plain" or "auto", not {colour!r}.')
     pixels = pixel_counts(size)
-    if min(pixels) < _SMALLEST:
-        raise InputError(f"A picture needs at least {_SMALLEST} x {_SMALLEST} pixels, not {pixels[0]} x {pixels[1]}.")
+    _check_size(pixels, samples)
     for surface in (s for surfaces in frames for s in surfaces):
         _check(surface)
     upright = _direction("up", _UP.get(up, up) if isinstance(up, str) else up)
@@ -200,6 +204,16 @@ def picture_setup(
     camera = frame(cloth, everything, aspect=pixels[0] / pixels[1], up=upright, backward=backward, margins=room)
     look = {"smooth": smooth, "style": STYLES[style], "follow": follow}
     return PictureSetup(camera, pixels, scale, upright, title, chosen, samples, note, **look)  # type: ignore[arg-type]
+
+
+def _check_size(pixels: tuple[int, int], samples: int) -> None:
+    """InputError for a picture that is too small for its legend, or larger than what draws it."""
+    named = f"A picture of {pixels[0]:,} x {pixels[1]:,} pixels"
+    if min(pixels) < _SMALLEST:
+        raise InputError(f"{named} is too small.", f"Give {_SMALLEST} or more each way.")
+    if max(pixels) * samples > _LONGEST_SIDE or pixels[0] * pixels[1] * samples**2 > _MOST_SAMPLES:
+        longest, most = _LONGEST_SIDE // samples, _MOST_SAMPLES // samples**2
+        raise InputError(f"{named} is too large.", f"Give up to {longest:,} each way and {most:,} in all.")
 
 
 def centre_of(surfaces: Sequence[Surface]) -> Floats:
@@ -302,7 +316,13 @@ def scale_of(
     if isinstance(colour, Quantity):
         return sequential_scale(colour, [cloth.values for cloth in cloths], fixed)
     logs = [log_stretch(cloth.principal_stretches) for cloth in cloths]
-    return stretch_scale(logs, limits=fixed) if colour == "stretch" and any(len(part) for part in logs) else None
+    if colour == "stretch" and any(len(part) for part in logs):
+        return stretch_scale(logs, limits=fixed)
+    if fixed:
+        raise InputError(
+            "A range of colours is given, and the cloth is plain.", "Leave it out, or colour by stretch or by a field."
+        )
+    return None
 
 
 def _check(surface: Surface) -> None:

@@ -12,6 +12,7 @@ from clothsim.mesh.motion import RigidMotion
 from clothsim.mesh.world import World
 from clothsim.run.step_lengths import LARGEST_TURN, refuse_leaps, turns
 from clothsim.scene.scene import Scene
+from clothsim.scene.settings import Solver
 from clothsim.sim.integrators import BACKWARD_EULER
 from clothsim.sim.step_size import ErrorControl
 from clothsim.sim.stepping import Integrator
@@ -55,8 +56,7 @@ def prepare(scene: Scene, built: Built) -> Session:
     reproducible = _make_reproducible() if settings.repeatable else ""
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
-    dependent = _dependent_rows(built.world)
-    system = System(_pattern(built), settings.linear, settings.threads, dependent=dependent)
+    system = _system(_pattern(built), settings, _dependent_rows(built.world))
     newton, finer = _newton_settings(scene)
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
@@ -79,10 +79,14 @@ def rebuilt(session: Session, scene: Scene, built: Built) -> Session:
     if not _same_couplings(session.built, built):
         pattern = _pattern(built)
         if not pattern.same_as(system.base):
-            dependent = _dependent_rows(built.world)
-            system = System(pattern, settings.linear, settings.threads, dependent=dependent)
+            system = _system(pattern, settings, _dependent_rows(built.world))
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, before.settings)
     return Session(scene, built, integrator, session.notes)
+
+
+def _system(pattern: Pattern, settings: Solver, dependent: DependentRows) -> System:
+    """The Newton matrix and its solver, by the scene's settings."""
+    return System(pattern, settings.linear, settings.threads, dependent=dependent, repeatable=settings.repeatable)
 
 
 def _pattern(built: Built) -> Pattern:

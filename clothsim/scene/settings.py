@@ -38,12 +38,13 @@ class Solver(KeyTable):
         Literal["bdf2", "backward_euler"], Key("Time integrator; backward Euler is of first order and damps more")
     ] = "bdf2"
     linear: Annotated[
-        Literal["auto", "mixed", "pardiso", "cholmod", "superlu"],
-        Key("Linear solver; auto takes the fastest installed, mixed is PARDISO in single precision with refinement"),
-    ] = "auto"
+        Literal["auto", "mixed", "pardiso", "cholmod", "superlu", "cudss"],
+        Key("Linear solver; auto takes the fastest installed on the CPU, mixed is PARDISO in single precision with "
+            "refinement, cudss needs an NVIDIA GPU"),
+    ] = "auto"  # fmt: skip
     threads: Annotated[
         int,
-        Key("Threads of the linear solver; 1 repeats every bit; 0: one, from 20,000 vertices up to 4", "1", least=0),
+        Key("Threads of a step; 1 repeats every bit; 0: one, from 20,000 vertices up to 4", "1", least=0),
     ] = 0  # fmt: skip
     repeatable: Annotated[
         bool, Key("The same bits at every number of threads, for 1.05 to 1.2 of the time of a factorisation")

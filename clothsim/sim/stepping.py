@@ -11,6 +11,7 @@ import numpy as np
 from clothsim.energies.constraint import Constraint, Prescribed
 from clothsim.energies.step import CONTACT_TIME_SCALE, Step
 from clothsim.mesh.world import World
+from clothsim.parallel import threads
 from clothsim.sim.error_balance import error_balance
 from clothsim.sim.failure import Failure, end_sentence, failure_of
 from clothsim.sim.integrators import BACKWARD_EULER, BDF2, Formula, formula_of
@@ -198,7 +199,8 @@ def advance(integrator: Integrator, state: State, until: float, retries: bool = 
     StepReport
         With `failure` where no try succeeded.
     """
-    with one_blas_thread(), integrator.potential.timers.phase("step control"):
+    count, timers = integrator.system.threads, integrator.potential.timers
+    with one_blas_thread(), threads(count), timers.phase("step control"):
         return _advance(integrator, state, until, retries)
 
 

@@ -23,6 +23,8 @@ class LinearSolver(abc.ABC):
         Sparsity of the upper triangle; analysed once.
     threads : int
         Number of threads; 0: by size (`threads.solver_threads`).
+    dissected : bool
+        Factorise a large matrix in two domains, which threads take side by side, where the solver can.
     """
 
     name: str
@@ -31,7 +33,7 @@ class LinearSolver(abc.ABC):
     """Threads that it would take, were its library not sequential."""
 
     @abc.abstractmethod
-    def __init__(self, pattern: Pattern, threads: int) -> None:
+    def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
         """Analyse the pattern; threads 0: by size."""
 
     def restart(self) -> None:  # noqa: B027 - most solvers have no state

@@ -2,13 +2,15 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from clothsim.arrays import Floats
-from clothsim.energies.hessians import Hessian, explicit, split
+from clothsim.energies.hessians import Hessian, ImplicitHessian, explicit, split
 from clothsim.indexing import taken
 from clothsim.linalg import dot
+from clothsim.parallel import together
 from clothsim.solve.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.lanczos import saddle_free_solve
 from clothsim.solve.linear_system import System
@@ -104,14 +106,21 @@ class QuadraticModel:
         if not np.isfinite(gradient).all():
             return Direction(displacement, gradient, end=outcome(Ending.NOT_FINITE, x, _first_not_finite(gradient)))
         if trust.exact and len(self.fixed) >= MIN_VERTICES and cached.solver is not None and cached.usable:
-            curved = self._products(self.potential.exact_hessians(x), len(x))
+            formed, implicit = split(self.potential.exact_hessians(x))
+            curved = self._products(self._assembled(formed)[0], implicit, len(x))
             right = -self._free(gradient)
             with self.potential.timers.phase("linear solve"):
                 first = cached.solver.back_solve(right)
             return self._curved(curved, right, first, gradient, trust, replace(cached, age=cached.age + 1))
         hessians = self.potential.hessians(x)
         right = -self._free(gradient + times(explicit(hessians), displacement) if displacement.any() else gradient)
-        data = self._assembled(hessians)
+        exact: list[Hessian] = []
+
+        def formed_beside() -> list[Hessian]:
+            exact[:] = self.potential.exact_hessians(x, hessians)
+            return split(exact)[0]
+
+        data, formed_data = self._assembled(hessians, formed_beside if trust.exact else None)
         finite = bool(np.isfinite(right).all())
         solved = self._solve(data, right, PRECONDITIONER_ERROR if trust.exact else EXACT) if finite else None
         if solved is None and finite and np.isfinite(data).all():
@@ -123,7 +132,9 @@ class QuadraticModel:
         solution, solver = solved
         if not trust.exact:
             return Direction(self._with(displacement, solution), gradient)
-        curved = self._products(self.potential.exact_hessians(x, hessians), len(x))
+        formed, implicit = split(exact)
+        formed_data = self._assembled(formed)[0] if formed_data is None else formed_data
+        curved = self._products(formed_data, implicit, len(x))
         return self._curved(curved, right, solution, gradient, trust, CachedFactor(solver))
 
     def _curved(
@@ -171,13 +182,12 @@ class QuadraticModel:
         dx[self.system.rows] = moved
         return self.system.dependent.follow(dx)
 
-    def _products(self, hessians: list[Hessian], n_rows: int) -> Product:
+    def _products(self, formed_data: Floats, implicit: list[ImplicitHessian], n_rows: int) -> Product:
         """v -> H v of Hessians over n_rows rows, for v (3 n,) that is 0 at the fixed vertices.
 
-        Implicit parts are not assembled: the matrix has the pattern of the projected one.
+        Implicit parts are not assembled: the matrix, of `formed_data`, has the pattern of the projected one.
         """
-        formed, implicit = split(hessians)
-        formed_data, rows = self._assembled(formed), self.system.rows
+        rows = self.system.rows
         times_formed = self.system.pattern.times(formed_data)
         if not implicit:
             return times_formed
@@ -185,18 +195,24 @@ class QuadraticModel:
 
         def product(v: Floats) -> Floats:
             whole[rows] = v.reshape(-1, 3)
-            total = times_formed(v)
-            for part in implicit:
-                total += self._free(part.apply(whole))
+            tasks = [partial(times_formed, v), *(partial(part.apply, whole) for part in implicit)]
+            total, *products = together(*tasks, long=len(self.fixed) >= MIN_VERTICES)
+            for each in products:
+                total += self._free(each)
             return total
 
         return product
 
-    def _assembled(self, hessians: list[Hessian]) -> Floats:
+    def _assembled(
+        self, hessians: list[Hessian], beside: Callable[[], list[Hessian]] | None = None
+    ) -> tuple[Floats, Floats | None]:
+        """Matrix of the Hessians, and of those that others are made from beside it (`System.assemble_two`)."""
         with self.potential.timers.phase("assembly"):
-            data = self.system.assemble(hessians)
-            self.system.pattern.fix(data, self.fixed)
-        return data
+            data, other = self.system.assemble_two(hessians, beside)
+            for each in (data, other):
+                if each is not None:
+                    self.system.pattern.fix(each, self.fixed)
+        return data, other
 
     def _solve(self, data: Floats, b: Floats, accuracy: float) -> tuple[Floats, LinearSolver] | None:
         """Solution and its solver; the diagonal is shifted by growing amounts until the matrix is positive definite.

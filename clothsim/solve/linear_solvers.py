@@ -8,6 +8,7 @@ from scipy.sparse import linalg
 
 from clothsim.arrays import Floats
 from clothsim.errors import InputError, MissingPackageError
+from clothsim.solve.cudss import CuDss
 from clothsim.solve.direct_solver import LinearSolver, NotPositiveDefiniteError
 from clothsim.solve.pardiso import Mixed, Pardiso
 from clothsim.solve.sparsity import Pattern
@@ -18,7 +19,7 @@ class Cholmod(LinearSolver):
 
     name = "cholmod"
 
-    def __init__(self, pattern: Pattern, threads: int) -> None:
+    def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
         from sksparse.cholmod import analyze
 
         ones = np.ones(9 * len(pattern.columns))
@@ -45,7 +46,7 @@ class SuperLU(LinearSolver):
 
     name = "superlu"
 
-    def __init__(self, pattern: Pattern, threads: int) -> None:
+    def __init__(self, pattern: Pattern, threads: int, dissected: bool = False) -> None:
         self._pattern = pattern
 
     def factorise(self, data: Floats) -> None:
@@ -73,12 +74,20 @@ SOLVERS: dict[str, type[LinearSolver]] = {
     "pardiso": Pardiso,
     "cholmod": Cholmod,
     "superlu": SuperLU,
+    "cudss": CuDss,
 }
-REMEDIES = {"mixed": "clothsim[mkl]", "pardiso": "clothsim[mkl]", "cholmod": "clothsim[cholmod]"}
+ON_REQUEST = ("cudss",)
+"""Solvers that "auto" leaves out: nobody has seen yet where they win."""
+REMEDIES = {
+    "mixed": "clothsim[mkl]",
+    "pardiso": "clothsim[mkl]",
+    "cholmod": "clothsim[cholmod]",
+    "cudss": "clothsim[cuda]",
+}
 """Commands that install the library of a solver."""
 
 
-def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
+def make_solver(name: str, pattern: Pattern, threads: int = 0, dissected: bool = False) -> LinearSolver:
     """Make the solver of a name; "auto": the first of mixed, cholmod, superlu that is installed.
 
     Parameters
@@ -89,6 +98,8 @@ def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
         Sparsity of the Newton matrix.
     threads : int
         0: by size (`threads.solver_threads`).
+    dissected : bool
+        Factorise a large matrix in domains, see `LinearSolver`.
 
     Raises
     ------
@@ -98,15 +109,15 @@ def make_solver(name: str, pattern: Pattern, threads: int = 0) -> LinearSolver:
         For a solver whose package is not installed.
     """
     if name == "auto":
-        for kind in SOLVERS.values():
+        for kind in (kind for known, kind in SOLVERS.items() if known not in ON_REQUEST):
             try:
-                return kind(pattern, threads)
+                return kind(pattern, threads, dissected)
             except (ImportError, OSError):
                 continue
     if name not in SOLVERS:
         raise InputError(f"solver.linear is {name!r}.", f"Known: auto, {', '.join(SOLVERS)}.")
     try:
-        return SOLVERS[name](pattern, threads)
+        return SOLVERS[name](pattern, threads, dissected)
     except (ImportError, OSError) as error:
         raise MissingPackageError(
             f"solver.linear = {name!r} needs a library that is not installed.",

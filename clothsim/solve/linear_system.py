@@ -1,18 +1,23 @@
 """Newton matrix and its solver: one sparsity pattern for many steps, extended where contact couples vertices."""
 
+from collections.abc import Callable
 from operator import is_
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.arrays import Floats, Ints
-from clothsim.energies.hessians import Hessian, explicit
+from clothsim.energies.hessians import ByElement, Hessian, explicit
 from clothsim.indexing import Rows
+from clothsim.parallel import together
+from clothsim.solve.assembly import OUTSIDE
 from clothsim.solve.dependent_rows import NO_DEPENDENT_ROWS, DependentRows
 from clothsim.solve.direct_solver import LinearSolver
 from clothsim.solve.linear_solvers import make_solver
 from clothsim.solve.nonlinear_elimination import Patch
 from clothsim.solve.sparsity import Explicit, Pattern, couplings, extended
+from clothsim.solve.threads import solver_threads
 
 NEW_BLOCKS = 0.02
 """Fraction of blocks that may be missing from the last symbolic analysis for a preconditioner to do without them: a
@@ -21,6 +26,13 @@ crumpling sheet would otherwise be reanalysed at every second iteration.
 
 SPARE_BLOCKS = 0.1
 """Fraction of blocks beyond those of a matrix that `System.cover` keeps, as the next matrix may need them again."""
+
+
+MIN_TOGETHER = 1000
+"""Vertices from which on two assemblies, of a millisecond each at this size, are worth a thread each."""
+
+Offsets: TypeAlias = dict[int, tuple[Ints, NDArray[np.int32]]]
+"""Lists of elements and their block offsets, by the lists' ids."""
 
 
 class System:
@@ -41,11 +53,15 @@ class System:
         Vertices that the matrix is restricted to; None: all unknowns.
     dependent : DependentRows
         Rows of x that follow unknowns (vertices of rigid bodies).
+    repeatable : bool
+        True: take a factor in domains on one thread too, so that the bits are those of several.
 
     Attributes
     ----------
     rows : slice or (k,) int64
         Rows of x that the matrix is about.
+    threads : int
+        Threads that a step may take.
     name : str
         Name of the solver once one was made; a summary reads it without an analysis.
     """
@@ -57,6 +73,7 @@ class System:
         threads: int = 0,
         patch: Patch | None = None,
         dependent: DependentRows = NO_DEPENDENT_ROWS,
+        repeatable: bool = False,
     ) -> None:
         self.base = base
         self.dependent = dependent
@@ -64,8 +81,10 @@ class System:
         self.rows: Rows = slice(0, base.n_vertices) if patch is None else patch.rows
         self.analyses, self.name = 0, linear
         self._linear, self._threads = linear, threads
+        self.threads = solver_threads(base.n_vertices, threads)
+        self._dissected = repeatable or self.threads > 1
         self.pattern = self._analysed = base
-        self._offsets: dict[int, tuple[Ints, NDArray[np.int32]]] = {}
+        self._offsets: Offsets = {}
         self._solver: LinearSolver | None = None
         self._wider: tuple[list[Ints], System] | None = None
 
@@ -75,7 +94,7 @@ class System:
         if self._solver is None or self._analysed is not self.pattern:
             self.analyses += 1
             self._solver = None  # its factor is freed before the next one takes its memory
-            self._solver = make_solver(self._linear, self.pattern, self._threads)
+            self._solver = make_solver(self._linear, self.pattern, self._threads, self._dissected)
             self._analysed, self.name = self.pattern, self._solver.name
         return self._solver
 
@@ -115,38 +134,71 @@ class System:
             return system
         base = extended(self.base, elements)
         if self._wider is None or not system.base.same_as(base):
-            system = System(base, self._linear, self._threads, dependent=self.dependent)
+            system = System(base, self._linear, self._threads, dependent=self.dependent, repeatable=self._dissected)
         self._wider = elements, system
         return system
 
     def subsystem(self, patch: Patch) -> "System":
         """Return a system of the vertices of a patch, with the same kind of solver."""
-        return System(self.pattern.subpattern(patch.rows), self._linear, self._threads, patch)
+        return System(
+            self.pattern.subpattern(patch.rows), self._linear, self._threads, patch, repeatable=self._dissected
+        )
 
     def assemble(self, given: list[Hessian]) -> Floats:
         """Sum the Hessians as data of the pattern, which is extended first where a block is outside of it."""
+        return self.assemble_two(given)[0]
+
+    def assemble_two(
+        self, given: list[Hessian], others: Callable[[], list[Hessian]] | None = None
+    ) -> tuple[Floats, Floats | None]:
+        """Assemble beside one another the Hessians, as `assemble`, and others: None where these need more blocks."""
+        hessians = self._own(given)
+        offsets = self._known_offsets(hessians)
+        if any((at == OUTSIDE).any() for _, at in offsets.values()):
+            offsets = self._extended(hessians)
+        pattern = self.pattern
+
+        def first() -> tuple[Floats, int]:
+            return pattern.assemble(hessians, lambda elements: _of(elements, offsets, pattern))
+
+        def second() -> tuple[Floats, int]:
+            own = self._own(others()) if others is not None else []
+            return pattern.assemble(own, lambda elements: _of(elements, offsets, pattern))
+
+        tasks = (first,) if others is None else (first, second)
+        (data, outside), *more = together(*tasks, long=pattern.n_vertices >= MIN_TOGETHER)
+        if outside:  # of a sparse matrix, which has no offsets
+            offsets = self._extended(hessians)
+            return self.pattern.assemble(hessians, lambda elements: _of(elements, offsets, self.pattern))[0], None
+        return data, (more[0][0] if more and not more[0][1] else None)
+
+    def _extended(self, hessians: list[Explicit]) -> Offsets:
+        """Extend the pattern to all blocks of Hessians; return their block offsets in it."""
+        self._set_pattern(extended(self.pattern, [couplings(hessian) for hessian in hessians]))
+        return self._known_offsets(hessians)
+
+    def _own(self, given: list[Hessian]) -> list[Explicit]:
+        """The Hessians by the rows of this system's matrix."""
         hessians = self.dependent.hessians(explicit(given))
-        if self.patch is not None:
-            hessians = [self.patch.hessian(hessian) for hessian in hessians]
-        data, outside = self._assembled(hessians)
-        if outside:
-            self._set_pattern(extended(self.pattern, [couplings(hessian) for hessian in hessians]))
-            data, outside = self._assembled(hessians)
-        return data
+        return hessians if self.patch is None else [self.patch.hessian(hessian) for hessian in hessians]
 
-    def _assembled(self, hessians: list[Explicit]) -> tuple[Floats, int]:
-        """Assemble with the cached block offsets of element lists that are the same objects as before: most are."""
-        known, self._offsets = self._offsets, {}
-
-        def block_offsets(elements: Ints) -> NDArray[np.int32]:
-            if id(elements) not in self._offsets:  # a list in the cache keeps its id
-                offsets = known.get(id(elements)) or (elements, self.pattern.block_offsets(elements))
-                self._offsets[id(elements)] = offsets
-            return self._offsets[id(elements)][1]
-
-        return self.pattern.assemble(hessians, block_offsets)
+    def _known_offsets(self, hessians: list[Explicit]) -> Offsets:
+        """Block offsets, by the lists' ids; cached for lists that are the same objects as before: most are."""
+        lists = [each.elements for each in hessians if isinstance(each, ByElement) and len(each.elements)]
+        known = self._offsets
+        self._offsets = {  # a list in the cache keeps its id
+            id(elements): known.get(id(elements)) or (elements, self.pattern.block_offsets(elements))
+            for elements in lists
+        }
+        return self._offsets
 
     def _set_pattern(self, pattern: Pattern) -> None:
         if not pattern.same_as(self.pattern):
             self.pattern = pattern
             self._offsets = {}
+
+
+def _of(elements: Ints, known: Offsets, pattern: Pattern) -> NDArray[np.int32]:
+    """Block offsets of a list, the known ones where it is known."""
+    found = known.get(id(elements))
+    return pattern.block_offsets(elements) if found is None else found[1]

@@ -1,4 +1,4 @@
-"""Numbers of threads: of the linear solver where a scene leaves it open, and one for NumPy's and SciPy's BLAS."""
+"""Numbers of threads: of a step where a scene leaves it open, and one for NumPy's and SciPy's BLAS."""
 
 import functools
 import os
@@ -8,15 +8,15 @@ from contextlib import contextmanager
 from threadpoolctl import ThreadpoolController
 
 ONE_THREAD_BELOW = 20_000
-"""Vertices below which the linear solver gets one thread where the scene leaves the number open.
+"""Vertices below which a step gets one thread where the scene leaves the number open.
 
 At 1,681 vertices a factorisation takes 4 ms on one thread and 52 ms of the processor on two, which wait for one another
 actively; at 10,201 vertices two take .55 of its wall time, yet a run of the impact took 34 s on two and 28 s on one.
 """
 
 MOST = 4
-"""Threads that a solver gets at most where the scene leaves the number open: it is half to two thirds of a step,
-so that more gain less than a sixth of it, were their own speed-up perfect."""
+"""Threads that a step gets at most where the scene leaves the number open: most tasks of a step come in twos, and MKL's
+own threads gain less than a sixth of it beyond, were their own speed-up perfect."""
 
 
 def available_cores() -> int:
@@ -25,7 +25,7 @@ def available_cores() -> int:
 
 
 def solver_threads(n_vertices: int, threads: int) -> int:
-    """Threads of the linear solver: those asked for, or with 0 as many as its size is worth.
+    """Threads of a step and its linear solver: those asked for, or with 0 as many as its size is worth.
 
     Examples
     --------

@@ -1,5 +1,6 @@
 """Timers and counters of each effect and of each phase of a step."""
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -54,9 +55,18 @@ class _Call:
 
     def __exit__(self, *failure: object) -> None:
         counters, counter = self.counters, self.counter
-        counters.seconds += self.timers._close(self.start)
-        if counter:
-            setattr(counters, counter, getattr(counters, counter) + 1)
+        own = self.timers._close(self.start)
+        with self.timers._lock:
+            counters.seconds += own
+            if counter:
+                setattr(counters, counter, getattr(counters, counter) + 1)
+
+
+class _Inside(threading.local):
+    """For each open measurement of a thread the seconds that nested ones have been charged."""
+
+    def __init__(self) -> None:
+        self.charged: list[float] = []
 
 
 @dataclass
@@ -64,7 +74,7 @@ class Timers:
     """Timers by name. `effects`: those that the scene names; `phases`: assembly, linear solve, ... [s].
 
     Every second is counted once: a phase that calls effects (the line search) is charged its own time only, so effects
-    and phases add up to the time measured. No computed number depends on them.
+    and phases add up to the time measured, on several threads to the sum of theirs. No computed number depends on them.
     """
 
     effects: dict[str, EffectCounters] = field(default_factory=dict)
@@ -72,8 +82,8 @@ class Timers:
     linear_solves: int = 0
     elimination_seconds: float = 0.0
     """Seconds spent on nonlinear elimination; they are counted under effects and phases too."""
-    _inside: list[float] = field(default_factory=list, repr=False)
-    """For each open measurement the seconds that nested ones have been charged."""
+    _open_measurements: "_Inside" = field(default_factory=_Inside, repr=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, repr=False)
 
     def effect(self, name: str, counter: str) -> "_Call":
         """Time one call of an effect and count it under `counter`."""
@@ -89,7 +99,9 @@ class Timers:
         try:
             yield
         finally:
-            self.phases[name] = self.phases.get(name, 0.0) + self._close(start)
+            own = self._close(start)
+            with self._lock:
+                self.phases[name] = self.phases.get(name, 0.0) + own
 
     @contextmanager
     def patch(self) -> Iterator[None]:
@@ -99,13 +111,14 @@ class Timers:
         self.elimination_seconds += perf_counter() - start
 
     def _open(self) -> float:
-        self._inside.append(0.0)
+        self._open_measurements.charged.append(0.0)
         return perf_counter()
 
     def _close(self, start: float) -> float:
         """Seconds since `start`, less those charged to nested measurements."""
         elapsed = perf_counter() - start
-        own = elapsed - self._inside.pop()
-        if self._inside:
-            self._inside[-1] += elapsed
+        inside = self._open_measurements.charged
+        own = elapsed - inside.pop()
+        if inside:
+            inside[-1] += elapsed
         return own

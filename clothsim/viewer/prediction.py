@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim.arrays import Floats
+from clothsim.arrays import Floats, as_vector
 from clothsim.build.drape_model import DrapeModel, predicted, read_model
 from clothsim.build.meshes import body_of, mesh_shape
 from clothsim.build.placement import placed
@@ -102,9 +102,10 @@ class Predictor:
         return replace(scene, seed={"from": "model", "file": str(self.file.resolve()), "untangle": True})
 
     def predicted(self, inputs: ArrayLike) -> Prediction:
-        """The prediction for the values of the model's inputs."""
-        cloth = self.model.positions(np.asarray(inputs, np.float64))
-        bodies = tuple(self._body(k, self.values(inputs)) for k in range(len(self.bodies)))
+        """The prediction for the values of the model's inputs. InputError for other than a finite number for each."""
+        given = as_vector("inputs", inputs, len(self.model.inputs))
+        cloth = self.model.positions(given)
+        bodies = tuple(self._body(k, self.values(given)) for k in range(len(self.bodies)))
         found = crossings(np.concatenate([cloth, *bodies]), [*self.cloths, *self.bodies])
         return Prediction(cloth, bodies, found, self._place(found))
 

@@ -56,8 +56,8 @@ class Preview(Served):
         """Show the prediction for the values of the model's inputs."""
         began = perf_counter()
         with self._lock:
-            self.inputs = np.array(inputs, np.float64)
-            self.shown = made = self.predictor.predicted(self.inputs)
+            made = self.predictor.predicted(inputs)
+            self.inputs, self.shown = np.array(inputs, np.float64), made
             self._put(made.cloth, CROSSING if made.crossings else CLEAR)
             for node, points in zip(self.nodes["bodies"], made.bodies, strict=True):
                 node.vertices = points.astype(np.float32)
@@ -67,25 +67,30 @@ class Preview(Served):
         return made
 
     def drape(self) -> str:
-        """Simulate from the prediction that is shown, show the end, and return what it certifies."""
+        """Simulate from the prediction that is shown, and return what it certifies.
+
+        The end and its certificate are shown unless another prediction is by then.
+        """
         from clothsim.run.simulate import simulate
 
         button = self.controls["drape"]
         button.disabled = True
-        self.controls["verdict"].content = "It drapes..."
-        asked = self.inputs.copy()
+        with self._lock:
+            asked, end = self.inputs, None
+            self.controls["verdict"].content = "It drapes..."
         try:
             with tempfile.TemporaryDirectory(prefix="clothsim-preview-") as folder:
                 run = simulate(self.predictor.scene_of(asked), Path(folder) / "run")
                 end, text = np.concatenate(list(run[-1].positions.values())), state_text(run)
-            with self._lock:
-                if np.array_equal(asked, self.inputs):
-                    self._put(end, DRAPED)
         except ClothsimError as error:
             text = f"**{error}**"
         finally:
             button.disabled = False
-        self.controls["verdict"].content = f"Simulated: {text}"
+        with self._lock:
+            if self.inputs is asked:  # a certificate beside another garment would be none of it
+                self.controls["verdict"].content = f"Simulated: {text}"
+                if end is not None:
+                    self._put(end, DRAPED)
         return text
 
     def _put(self, cloth: Floats, colour: tuple[int, int, int]) -> None:

@@ -1,5 +1,6 @@
 """Service of the page of a run."""
 
+import socket
 import threading
 from pathlib import Path
 from typing import Any
@@ -27,7 +28,20 @@ def require_viser() -> Any:
 
 
 def serve(viser: Any, host: str, port: int) -> Any:
-    """A server of viser, which prints nothing of itself."""
+    """A server of viser, which prints nothing of itself.
+
+    Raises
+    ------
+    InputError
+        For what is no port, or no address of this machine: viser would try port after port.
+    """
+    if not 0 < port < 2**16:
+        raise InputError(f"There is no port {port}.", f"Give a number from 1 to {2**16 - 1:,}.")
+    try:
+        socket.create_server((host, 0), family=socket.getaddrinfo(host, 0)[0][0]).close()
+    except (OSError, UnicodeError) as error:
+        remedy = f"Give {LOOPBACK}, or 0.0.0.0 to open it to the network."
+        raise InputError(f"No page can be served at {host!r} ({error}).", remedy) from error
     with silent():
         return viser.ViserServer(host=host, port=port, label=LABEL, verbose=False)
 
@@ -54,7 +68,7 @@ def view(run: Run | str | Path, port: int = PORT, host: str = LOOPBACK, colour: 
     Raises
     ------
     InputError
-        No run there, no frame yet, an unknown quantity, or viser is not installed.
+        No run there, no frame yet, an unknown quantity, a bad address, or viser is not installed.
 
     Examples
     --------

@@ -146,6 +146,19 @@ def test_creases_of_labels_are_those_of_their_edges(tmp_path):
     assert first.value(x) == pytest.approx(second.value(x), rel=1e-12)
 
 
+@pytest.mark.parametrize("size", [0.005, 0.01, 0.02])
+def test_creases_of_narrow_panels_cross_none_of_them(tmp_path, size):
+    panels, sewn_edges = {}, []
+    for k in range(4):  # strips of 1 x 20 cm, both long edges of the same label
+        panels[f"s{k}"] = panel([[0, 0], [1, 0], [1, 20], [0, 20]], translation=[k, 0, 0])
+        for edge in (1, 3):
+            panels[f"s{k}"]["edges"][edge]["label"] = "fold"
+        sewn_edges += [stitch((f"s{k - 1}", 1), (f"s{k}", 3))] if k else []
+    lines = ["[effects.bending]", CREASE, 'label = "fold"', "angle_degrees = 30"]
+    made = build(scene_of(tmp_path, specification(panels, sewn_edges), lines, size=size))
+    assert made.energies["rest_angle"].counts_of_hinges == (3 * round(0.2 / size),)
+
+
 def test_pleats_rest_at_the_angle_of_their_creases(tmp_path):
     angle = 120.0
     lines = ["[effects.bending]", "[effects.damping]", "rate = 40.0"]
@@ -208,8 +221,9 @@ def test_welding_by_distance_keeps_the_names(tmp_path):
 
 
 def test_lines_under_another_numbering():
-    lines = PatternLines({("a", 0): np.array([0, 1, 2])}, {"top": np.array([2, 1])}, {"s": np.array([[0, 3], [1, 2]])})
+    lines = PatternLines({("a", 0): np.array([2, 1, 0])}, {"top": (("a", 0),)}, {"s": np.array([[0, 3], [1, 2]])})
     after = lines.renumbered(np.array([0, 1, -1, 0]))
-    assert after.edges["a", 0].tolist() == [0, 1]
-    assert after.labels["top"].tolist() == [1]
+    assert after.edges["a", 0].tolist() == [1, 0]
+    assert after.labelled("top").tolist() == [0, 1]
+    assert after.segments([("a", 0)]).tolist() == [[1, 0]]
     assert dict(after.open_seams) == {}

@@ -7,8 +7,10 @@ import pytest
 from PIL import Image
 from render_scenes import ball, sheet
 
-from clothsim.cli.arguments import as_limits, as_printed_size
+from clothsim.cli.arguments import as_limits, as_printed_size, join_vectors
 from clothsim.errors import InputError
+from clothsim.render import movie as movie_module
+from clothsim.render import picture as picture_module
 from clothsim.render.camera import Camera
 from clothsim.render.colour_scale import Quantity
 from clothsim.render.outlines import INK, outlined
@@ -94,13 +96,59 @@ def test_a_range_by_hand_is_the_scale_s():
     assert (scale.low, scale.high) == (0.0, 40.0)
     assert [text for _, text in scale.ticks] == ["0", "10", "20", "30", "40"]
     assert scale_of("stretch", cloth, (0.9, 1.05)).high == pytest.approx(-np.log(0.9))
-    for bad in ((1.0, 1.0), (2.0, 1.0), (0.0, np.inf), (1.0,), "ab"):
+    too_narrow, too_large = (5.0, 5.0 + 1e-9), (-1e308, 1e308)
+    for bad in ((1.0, 1.0), (2.0, 1.0), (0.0, np.inf), (np.nan, 1.0), (1.0,), "ab", too_narrow, too_large):
         with pytest.raises(InputError, match="range of colours"):
             scale_of("stretch", cloth, bad)
-    with pytest.raises(InputError, match="stretches"):
-        scale_of("stretch", cloth, (0.0, 1.0))
+    for bad in ((0.0, 1.0), (-0.5, 1.1), (1e-7, 1.0), (1.0, 1e9)):
+        with pytest.raises(InputError, match="stretches"):
+            scale_of("stretch", cloth, bad)
+    with pytest.raises(InputError, match="plain"):  # as "fabric" is, and what has no stretches
+        scale_of("plain", cloth, (0.9, 1.1))
     with pytest.raises(InputError, match="style"):
         setup(cloth, style="oil")
+
+
+@pytest.mark.parametrize("limits", [(1.2, 1.4), (0.9, 1.2), (0.999, 1.001), (0.02, 3.0), (0.95, 1.05)])
+def test_labels_of_a_range_of_stretches_are_on_its_bar(limits):
+    scale = scale_of("stretch", [sheet()], limits)
+    assert scale.high == pytest.approx(max(abs(np.log(limits))))
+    assert len(scale.ticks) >= 3
+    for value, label in scale.ticks:
+        assert scale.low - 1e-9 <= value <= scale.high + 1e-9
+        assert float(label) == pytest.approx(np.exp(value), rel=1e-5)
+
+
+@pytest.mark.parametrize("name", ["x.png", "x.gif", "x.mp4"])
+def test_what_cannot_be_written_is_named_before_it_is_drawn(tmp_path, name, monkeypatch):
+    drawn = []
+    for module in (picture_module, movie_module):
+        monkeypatch.setattr(module, "rendered", lambda *_: drawn.append(1))
+    (tmp_path / name).mkdir()
+
+    def write(target):
+        if name.endswith("png"):
+            draw(target, [sheet()], renderer="ray")
+        else:
+            movie_module.movie(target, [[sheet()]], renderer="ray")
+
+    for target in (tmp_path / name, tmp_path / "nowhere" / name):
+        with pytest.raises(InputError, match=f"{name} cannot be written"):
+            write(target)
+    assert not drawn
+
+
+def test_a_movie_that_is_stopped_leaves_the_one_before(tmp_path, monkeypatch):
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    file = tmp_path / "x.gif"
+    file.write_bytes(b"before")
+    monkeypatch.setattr(movie_module, "rendered", stop)
+    with pytest.raises(KeyboardInterrupt):
+        movie_module.movie(file, [[sheet()]], renderer="ray")
+    assert file.read_bytes() == b"before"
+    assert list(tmp_path.iterdir()) == [file]
 
 
 def test_a_camera_that_follows_sees_the_cloth_in_one_place():
@@ -120,7 +168,8 @@ def test_sizes_of_paper_and_ranges_of_the_command_line(tmp_path):
     assert as_printed_size("100x50mm@254") == ((1000, 500), 254.0)
     assert as_printed_size("640x480") == ((640, 480), 0.0)
     assert as_limits("--range", "0.9,1.1") == (0.9, 1.1)
-    for bad in ("1", "2,1", "a,b", "0,inf", "nan,1"):
+    assert join_vectors(["--range", "-0.5,1"]) == ["--range=-0.5,1"]
+    for bad in ("1", "1,2,3", "a,b", ""):
         with pytest.raises(InputError, match="--range"):
             as_limits("--range", bad)
     file = tmp_path / "small.png"

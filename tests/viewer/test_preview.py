@@ -70,6 +70,38 @@ def test_a_model_of_another_garment_is_refused(file):
         predictor(sheet(mesh="capsule"), file)
 
 
+@pytest.mark.parametrize("inputs", [[np.nan], [], [0.15, 0.15], ["wide"], None])
+def test_inputs_that_are_no_numbers_are_refused(file, inputs):
+    with pytest.raises(InputError, match="inputs"):
+        predictor(sheet(), file).predicted(inputs)
+
+
+def test_a_certificate_is_not_shown_beside_another_garment(tmp_path, monkeypatch):
+    pytest.importorskip("viser")
+    from clothsim.run import simulate as module
+    from clothsim.viewer.preview import CLEAR, preview
+
+    simulate = module.simulate
+
+    def moved_meanwhile(*arguments):
+        run = simulate(*arguments)
+        page.show([0.14])
+        return run
+
+    page = preview(sheet(), write_model(tmp_path / "model.npz", model_of(sheet(), 0.0)), port=18_782)
+    try:
+        monkeypatch.setattr(module, "simulate", moved_meanwhile)
+        assert "completed" in page.drape()
+        assert page.controls["verdict"].content.startswith("Prediction: ")
+        assert tuple(page.nodes["cloths"][0].color) == CLEAR
+        assert not page.controls["drape"].disabled
+        with pytest.raises(InputError):
+            page.show([np.nan])
+        assert page.inputs == [0.14]
+    finally:
+        page.close()
+
+
 def test_the_page_shows_predictions_and_drapes(tmp_path):
     pytest.importorskip("viser")
     from clothsim.viewer.preview import CLEAR, CROSSING, DRAPED, preview

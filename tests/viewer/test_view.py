@@ -152,6 +152,14 @@ def test_what_the_run_does_not_have_is_refused(run, colour):
         clothsim.view(run, port=18_767, colour=colour)
 
 
+@pytest.mark.parametrize(
+    ("host", "port"), [("127.0.0.1", 0), ("127.0.0.1", 70_000), ("192.0.2.1", 8080), ("a..b", 8080)]
+)
+def test_an_address_that_cannot_be_served_is_refused(run, host, port):
+    with pytest.raises(InputError, match="port" if host == "127.0.0.1" else host):
+        view_module.serve(None, host, port)
+
+
 def test_without_viser_the_remedy_is_named(run, monkeypatch):
     monkeypatch.setitem(sys.modules, "viser", None)
     with pytest.raises(InputError) as caught:

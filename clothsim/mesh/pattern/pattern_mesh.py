@@ -80,14 +80,14 @@ class PatternMesh:
     seams: tuple[Seam, ...]
     fractions: Mapping[Side, Floats]
 
-    def labelled(self) -> dict[str, Ints]:
-        """Vertices of the edges of each label."""
-        found: dict[str, list[Ints]] = {}
-        for name, panel in self.pattern.panels.items():
-            for number, edge in enumerate(panel.edges):
-                if edge.label:
-                    found.setdefault(edge.label, []).append(self.edges[Side(name, number)])
-        return {label: np.unique(np.concatenate(rows)) for label, rows in found.items()}
+    def labelled(self) -> dict[str, tuple[Side, ...]]:
+        """Edges of each label."""
+        found: dict[str, tuple[Side, ...]] = {}
+        for side in self.edges:
+            label = self.pattern.panels[side.panel].edges[side.edge].label
+            if label:
+                found[label] = (*found.get(label, ()), side)
+        return found
 
 
 def mesh_pattern(pattern: Pattern, spacing: float) -> PatternMesh:
