@@ -104,7 +104,7 @@ def new_fabric(data: Frames, held: int, training: MotionTraining) -> dict[str, A
     flat = known.reshape(-1, known.shape[2])
     metric = flat_metric(flat.mean(axis=0).reshape(-1, 3), data.triangles)
     space = metric_components(flat, training.latent_size, metric)
-    given = np.linspace(0, data.starts[1] - 1, GIVEN_FRAMES).astype(int)
+    given = np.linspace(0, data.starts[1] - 1, GIVEN_FRAMES + 1)[1:].astype(int)  # all fabrics are alike at the start
     mean = known.mean(axis=0)
 
     def closest(frame: int) -> Floats:
