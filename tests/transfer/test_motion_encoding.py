@@ -1,4 +1,4 @@
-"""Motion-invariant codes: windows of motions, evaluation of linear networks, arrays, training where JAX is installed."""
+"""Motion-invariant codes: windows of motions, linear networks, arrays, and training where JAX is installed."""
 
 import numpy as np
 import pytest
