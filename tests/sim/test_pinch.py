@@ -222,6 +222,13 @@ def test_vertices_of_objects_that_may_not_touch_are_passed_over():
     assert first_hits(own, x, np.array([0, 1]), lines, (0.0, 1.0), entering=True).tolist() == [0.1, np.inf]
 
 
+@pytest.mark.parametrize("numbers", [[0, 1], [1, 0]])
+def test_of_equal_distances_that_of_the_lowest_triangle_counts(numbers):
+    x = np.array([[0.0, 0.0, 0.1], [-1, -1, 0], [1, -1, 0], [0, 1, 0]])
+    twice = Faces(np.array([[1, 2, 3], [1, 2, 3]]), np.array(numbers), np.zeros(4, np.int64), np.ones((1, 1), bool))
+    assert closest(twice, x, np.array([0]), 1.0)[0].tolist() == [numbers.index(0)]
+
+
 def test_points_inside_and_outside_of_a_box():
     box, triangles = slab((1.0, 1.0, 1.0))
     origins, along = np.array([[0.1, 0.2, 0.3], [0.1, 0.2, -3.0], [0.1, 0.2, 3.0]]), np.tile([0.0, 0.0, 1.0], (3, 1))
