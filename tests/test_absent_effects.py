@@ -16,8 +16,8 @@ import pytest
 from import_graph import home, own, reached, run_roots, with_kernels
 from small_scenes import BALL, EFFECTS, SHEET, SOLVER, changed, small_scene, without
 
-import clothsim.contact
 from clothsim import simulate
+from clothsim.physics import contact
 from clothsim.scene.effects import EFFECTS as TABLE
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
@@ -98,7 +98,8 @@ HEAVY = ("ipctk", "pyvista", "vtkmodules", "trimesh", "meshio", "transfer", "tor
 
 
 def modules_after(code):
-    script = f"{code}\nimport sys\nprint([n for n in {HEAVY!r} if n in sys.modules], 'clothsim.contact' in sys.modules)"
+    seen = f"[n for n in {HEAVY!r} if n in sys.modules], 'clothsim.physics.contact' in sys.modules"
+    script = f"{code}\nimport sys\nprint({seen})"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
@@ -129,8 +130,8 @@ assert clothsim.simulate(scene, {str(tmp_path)!r}).status == "completed"
 
 
 SHARED = {
-    "bending": ["clothsim.energies.hinge_bending"],
-    "body_contact": [f"clothsim.contact.{module.name}" for module in pkgutil.iter_modules(clothsim.contact.__path__)],
+    "bending": ["clothsim.physics.energies.hinge_bending"],
+    "body_contact": [f"{contact.__name__}.{module.name}" for module in pkgutil.iter_modules(contact.__path__)],
 }
 """Modules that others import too, but that nobody calls in a scene without the effect (`scene_without`)."""
 
@@ -195,7 +196,7 @@ def test_the_module_of_a_builder_imports_no_kernel(name):
 ZERO_SCENES = """
 import json, sys
 import clothsim
-from clothsim.build.scene_world import build
+from clothsim.scene.assembly.scene_world import build
 
 def of_package():
     return {name for name in sys.modules if name.startswith("clothsim.")}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from differences import gradient_error, hessian_error, taylor_slopes
 
-from clothsim.energies.base import Energy
-from clothsim.energies.hessians import ElementHessian
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.hessians import ElementHessian
 
 
 class Quartic(Energy):

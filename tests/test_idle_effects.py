@@ -10,8 +10,8 @@ import pytest
 from small_scenes import EFFECTS, changed, small_scene, without
 
 from clothsim import simulate
-from clothsim.build.scene_world import build
-from clothsim.energies.protocols import Idling
+from clothsim.physics.energies.protocols import Idling
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS as TABLE
 
 SHORT = {"duration": 0.08, "frames_per_second": 25}
@@ -108,6 +108,6 @@ def test_an_effect_that_only_measures_calls_no_kernel_of_its_energy(tmp_path, mo
 
 
 def test_the_poison_of_what_measures_works(tmp_path, monkeypatch):
-    monkeypatch.setattr("clothsim.contact.barrier_kernels.gradient", raising)
+    monkeypatch.setattr("clothsim.physics.contact.barrier_kernels.gradient", raising)
     with pytest.raises(AssertionError, match="an idle effect was called"):
         run_of(tmp_path, {"effects": EFFECTS, "run": {"duration": 0.16}})

@@ -10,12 +10,12 @@ import pytest
 from import_graph import FILES, PACKAGE, home, needed, of_effects
 from small_scenes import BALL, EFFECTS, SHEET, SOLVER, small_scene, without
 
-from clothsim.build.scene_world import build
 from clothsim.mesh.topology import unique_edges
 from clothsim.run.session import prepare
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS as TABLE
-from clothsim.sim.state import first_state
-from clothsim.sim.time_loop import steps
+from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.time_loop import steps
 
 ALONE = ("inertia", "membrane")
 RUN = """

@@ -15,16 +15,20 @@ from import_graph import PACKAGE
 from small_scenes import SHEET, SOLVER, small_scene
 
 from clothsim import InputError, simulate
-from clothsim.build.scene_world import build
 from clothsim.cli import main
 from clothsim.run.receipt import explain_scene
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS, Effect, register_effect
 
 CLONE = Path(__file__).parent.parent
 PAGE = (CLONE / "docs" / "extending.md").read_text(encoding="utf-8")
 FILE, LINE = (dedent(block) for block in re.findall(r"^   ```python\n(.*?)^   ```$", PAGE, re.DOTALL | re.MULTILINE))
-WHERE = re.search(r"`(clothsim/energies/\w+\.py)`", PAGE).group(1)
-THROUGH_THE_TABLE = ("tests/energies/test_table.py", "tests/test_absent_effects.py", "tests/test_idle_effects.py")
+WHERE = re.search(r"`(clothsim/physics/energies/\w+\.py)`", PAGE).group(1)
+THROUGH_THE_TABLE = (
+    "tests/physics/energies/test_table.py",
+    "tests/test_absent_effects.py",
+    "tests/test_idle_effects.py",
+)
 SCENE = """
 [cloth]
 mesh = "rectangle"

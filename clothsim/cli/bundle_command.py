@@ -5,8 +5,8 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.run_report import program
-from clothsim.errors import InputError
 
 _DESCRIPTION = """\
 Pack a run into one archive: scene, meshes, last good state, record. `clothsim resume FILE.zip` replays its failure.
@@ -38,7 +38,7 @@ def _bundle(arguments: argparse.Namespace) -> int:
         raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
     write_bundle(directory, target)
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         print(to_json({"file": str(target), "bytes": target.stat().st_size}))
         return 0

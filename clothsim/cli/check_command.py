@@ -6,18 +6,18 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.pattern_command import PATTERNS, check_pattern
 from clothsim.cli.penetration_command import check_penetration
-from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from clothsim.arrays import Floats, Ints
-    from clothsim.intersection.crossings import Crossing
+    from clothsim.base.arrays import Floats, Ints
+    from clothsim.geometry.intersection.crossings import Crossing
+    from clothsim.run.certificate.intersection_check import IntersectionCheck
     from clothsim.run.results import Run
-    from clothsim.sim.intersection_check import IntersectionCheck
 
 _DESCRIPTION = """\
 Examine a mesh file, a scene, all frames of a run, a pattern, or a garment on a body. Exit code 1: something is wrong.
@@ -70,7 +70,7 @@ def _reported(arguments: argparse.Namespace) -> int:
         severity, _, sentence = line.strip().partition(": ")
         kind = f"{severity}s" if severity in ("error", "warning") else "notes"
         found[kind].append(sentence if kind != "notes" else line.strip())
-    from clothsim.io.record import to_json
+    from clothsim.base.safe_files.record import to_json
 
     print(to_json({"target": str(arguments.target), "code": code, **found}))
     return code
@@ -111,7 +111,7 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
-    from clothsim.io.mesh_file import read_mesh
+    from clothsim.files.meshes.mesh_file import read_mesh
     from clothsim.mesh.checks import examine
 
     part: dict[str, Any] = {"group": arguments.group}
@@ -131,11 +131,11 @@ def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
 
 
 def _check_scene(path: Path, motion: bool = False) -> int:
-    from clothsim.build.scene_world import build
-    from clothsim.io.run_surfaces import world_surfaces
+    from clothsim.mesh.world_surfaces import world_surfaces
+    from clothsim.run.certificate.intersection_check import intersection_check_of
     from clothsim.run.cost import expected_cost, refuse_costly
+    from clothsim.scene.assembly.scene_world import build
     from clothsim.scene.toml_file import load_scene
-    from clothsim.sim.intersection_check import intersection_check_of
 
     print(path)
     try:
@@ -174,11 +174,11 @@ def _check_scene(path: Path, motion: bool = False) -> int:
 
 
 def _check_run(directory: Path) -> int:
-    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-    from clothsim.io.trajectory import TRAJECTORY_NAME
+    from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.files.runs.trajectory import TRAJECTORY_NAME
+    from clothsim.run.certificate.intersection_check import intersection_check_of
     from clothsim.run.results import open_run
     from clothsim.scene.scene import scene_from_text
-    from clothsim.sim.intersection_check import intersection_check_of
 
     if not (directory / TRAJECTORY_NAME).is_file():
         raise InputError(f"{directory} is a directory without a run (no {TRAJECTORY_NAME}).", _TARGETS)
@@ -206,14 +206,14 @@ def _crossings(check: "IntersectionCheck", run: "Run", frame: int) -> "tuple[Cro
     found = check.crossings(np.concatenate([run.positions(frame), *(points for _, points, _ in run.bodies(frame))]))
     if not found or "carried" not in run.trajectory.fields:
         return found
-    from clothsim.sim.pinch_record import exempted
+    from clothsim.solve.pinch.pinch_record import exempted
 
     return exempted(found, check.surfaces, np.flatnonzero(run.field("carried", frame)))
 
 
 def _between_frames(run: "Run") -> tuple[int, int]:
     """Print what the certificate says of the steps between frames; returns the numbers of errors and warnings."""
-    from clothsim.sim.intersection_history import intersection_warnings
+    from clothsim.run.certificate.intersection_history import intersection_warnings
 
     unseen = {kind: each for kind, each in run.intersections.items() if each["states"] and each["first_frame"] is None}
     for kind, sentence in zip(unseen, intersection_warnings(unseen), strict=True):

@@ -21,7 +21,7 @@ def compilation_notice() -> "Iterator[Callable[[], object]]":
 
     Nothing is printed where they are in the cache.
     """
-    from clothsim.kernel_cache import cached_kernels
+    from clothsim.base.kernel_cache import cached_kernels
 
     if kernels_are_compiled():
         yield lambda: None
@@ -42,8 +42,8 @@ def compilation_notice() -> "Iterator[Callable[[], object]]":
 
 def kernels_are_compiled() -> bool:
     """True where the kernel that takes longest is in the cache, or where there is no cache."""
-    from clothsim.energies.membrane_kernels import fill
-    from clothsim.kernel_cache import can_store, is_cached
+    from clothsim.base.kernel_cache import can_store, is_cached
+    from clothsim.physics.energies.membrane_kernels import fill
 
     return is_cached(fill) or not can_store()
 

@@ -5,14 +5,14 @@ import sys
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.loss_arguments import meshed, scene_or_run, words
-from clothsim.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.adjoint.design import Design, DesignRun
-    from clothsim.adjoint.losses import Loss
-    from clothsim.adjoint.shaped_scene import ShapedScene
+    from clothsim.gradients.design import Design, DesignRun
+    from clothsim.gradients.losses import Loss
+    from clothsim.gradients.shaped_scene import ShapedScene
 
 DESIGN_NAME = "design.json"
 
@@ -58,9 +58,9 @@ def add_to(commands: Any) -> None:
 
 def _design(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
-    from clothsim.adjoint.design import design
-    from clothsim.adjoint.shaped_scene import shaped_scene
-    from clothsim.io.record import to_json
+    from clothsim.base.safe_files.record import to_json
+    from clothsim.gradients.design import design
+    from clothsim.gradients.shaped_scene import shaped_scene
     from clothsim.run.output_directory import refuse_earlier_run
     from clothsim.run.simulate import simulate
     from clothsim.scene.overrides import override
@@ -101,8 +101,8 @@ def _aims(arguments: argparse.Namespace, shaped: "ShapedScene") -> "dict[str, Lo
     """The aims by the names of their options. InputError where there is none."""
     import numpy as np
 
-    from clothsim.adjoint.design_aims import HemAt, Measured, StretchBelow
-    from clothsim.adjoint.losses import Girth, Silhouette
+    from clothsim.gradients.design_aims import HemAt, Measured, StretchBelow
+    from clothsim.gradients.losses import Girth, Silhouette
 
     aims: dict[str, Loss] = {}
     tolerance = as_positive_number("--tolerance", arguments.tolerance)

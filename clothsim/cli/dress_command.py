@@ -5,12 +5,12 @@ import sys
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_positive_number
-from clothsim.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.dressing.dressed import Dress
-    from clothsim.fitting.stage import Stage
+    from clothsim.garments.dress.dressed import Dress
+    from clothsim.garments.fit.stage import Stage
 
 _DESCRIPTION = """\
 Sew a pattern (specification.json of GarmentCode and others, or a DXF of AAMA) on a body under contact,
@@ -112,7 +112,7 @@ def _body(path: Path | None) -> Path | None:
 def _dress(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
     from clothsim.cli import progress
-    from clothsim.dressing.dress import dress
+    from clothsim.garments.dress.dress import dress
     from clothsim.run.example_scenes import installed_pattern
 
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
@@ -148,7 +148,7 @@ def _dress(arguments: argparse.Namespace) -> int:
         )
     trouble = _pictures(done, not arguments.no_picture, arguments.movie)
     if arguments.json:
-        from clothsim.io.record import SUMMARY_NAME
+        from clothsim.base.safe_files.record import SUMMARY_NAME
 
         print((directory / SUMMARY_NAME).read_text(encoding="utf-8"), end="")
     print("\n".join([*_verdict(done), *trouble]), file=talk)
@@ -174,9 +174,9 @@ def _verdict(done: "Dress") -> list[str]:
 
 def _pictures(done: "Dress", pictures: bool, movie: bool) -> list[str]:
     """Draw pictures and movie; a line for each that could not be drawn."""
-    from clothsim.dressing.pictures import draw_dress
-    from clothsim.dressing.sewing_movie import draw_sewing
-    from clothsim.errors import ClothsimError
+    from clothsim.base.errors import ClothsimError
+    from clothsim.garments.dress.pictures import draw_dress
+    from clothsim.garments.dress.sewing_movie import draw_sewing
     from clothsim.render.movie import has_ffmpeg
     from clothsim.run.pictures import GIF_NAME, MOVIE_NAME
 

@@ -28,7 +28,7 @@ class EventStream(io.TextIOBase):
 
     def event(self, kind: str, **content: Any) -> None:
         """Write one event; numbers that are not finite as null."""
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         self._target.write(f"{to_json({'event': kind, **content})}\n")
         self._target.flush()

@@ -4,8 +4,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_count, as_seconds
-from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.run.absent_cost import Absent
@@ -58,7 +58,7 @@ def _explain(arguments: argparse.Namespace) -> int:
             absent = absent_effects(scene, steps, budget)
             receipt = with_absent(receipt, absent)
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         print(to_json(receipt.effects, indent=2))
     else:
@@ -68,8 +68,8 @@ def _explain(arguments: argparse.Namespace) -> int:
 
 def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
     """The receipt as text: effects that are on, phases, effects that are off, the cost of adding one."""
+    from clothsim.base.text_table import text_table
     from clothsim.scene.effects import EFFECTS
-    from clothsim.text_table import text_table
 
     on = {name: entry for name, entry in receipt.effects.items() if entry["on"]}
     off = {name: entry for name, entry in receipt.effects.items() if not entry["on"]}
@@ -96,8 +96,8 @@ def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
 
 def _added(absent: "Absent") -> list[str]:
     """Lines with the cost of each effect that the scene does not name."""
+    from clothsim.base.text_table import text_table
     from clothsim.scene.effects import EFFECTS
-    from clothsim.text_table import text_table
 
     measured = {name: each for name, each in absent.effects.items() if not each.why}
     others = {name: each for name, each in absent.effects.items() if each.why}

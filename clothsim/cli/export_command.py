@@ -6,8 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_positive_number
-from clothsim.errors import InputError
 
 _DESCRIPTION = """\
 Write the frames of a run for other programs: .obj, .ply (a file a frame), .pc2, .mdd (point caches with the mesh as
@@ -37,7 +37,7 @@ def add_to(commands: Any) -> None:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from clothsim.io.exchange.formats import format_of
+    from clothsim.files.exchange.formats import format_of
     from clothsim.run.export import export
     from clothsim.run.results import open_run
 
@@ -54,7 +54,7 @@ def _export(arguments: argparse.Namespace) -> int:
         overwrite=arguments.overwrite,
     )
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         print(to_json({**asdict(done), "files": [str(file) for file in done.files]}))
     elif not arguments.quiet:

@@ -4,10 +4,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.scene.fabric_table import NamedFabric
+    from clothsim.keys.fabric_table import NamedFabric
 
 _DESCRIPTION = """\
 List the named fabrics, show all values of one, or draw a drape of each.
@@ -49,8 +49,8 @@ def add_to(commands: Any) -> None:
 
 
 def _fabrics(arguments: argparse.Namespace) -> int:
-    from clothsim.scene.fabric_table import TABLE
-    from clothsim.scene.fabrics import fabric_named
+    from clothsim.keys.fabric_table import TABLE
+    from clothsim.keys.fabrics import fabric_named
 
     name, file = arguments.name, arguments.swatches
     if name is not None:
@@ -59,7 +59,7 @@ def _fabrics(arguments: argparse.Namespace) -> int:
         return _swatches([name] if name is not None else list(TABLE), file)
     if arguments.json:
         chosen = TABLE.values() if name is None else [TABLE[name]]
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         print(to_json({each.fabric.name: _document(each) for each in chosen}))
         return 0
@@ -86,7 +86,7 @@ def _swatches(names: list[str], file: Path) -> int:
 
 def table(fabrics: Any) -> str:
     """The fabrics in lines: weight, thickness, stiffness along warp and weft and in shear, bending, source."""
-    from clothsim.text_table import text_table
+    from clothsim.base.text_table import text_table
 
     header = (
         "fabric",
@@ -120,7 +120,7 @@ def table(fabrics: Any) -> str:
 
 def sheet(named: "NamedFabric") -> str:
     """All values of a fabric, a line each, with the source of each."""
-    from clothsim.text_table import text_table
+    from clothsim.base.text_table import text_table
 
     rows = []
     for key, (unit, factor) in _VALUES.items():

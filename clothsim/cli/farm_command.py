@@ -13,13 +13,13 @@ from time import sleep
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import Parser, as_count, as_positive_number, as_seconds
-from clothsim.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.farm.drape import Drape
-    from clothsim.farm.plan import Farm, Job
-    from clothsim.farm.status import Status
+    from clothsim.study.farm.drape import Drape
+    from clothsim.study.farm.plan import Farm, Job
+    from clothsim.study.farm.status import Status
 
 FAULT = 1
 """Exit code where a drape is torn or differs."""
@@ -73,8 +73,8 @@ def add_to(commands: Any) -> None:
 
 
 def _plan(arguments: argparse.Namespace) -> int:
-    from clothsim.farm.plan import plan, refuse_unbuildable
-    from clothsim.farm.recipe import load_recipe
+    from clothsim.study.farm.plan import plan, refuse_unbuildable
+    from clothsim.study.farm.recipe import load_recipe
 
     recipe = load_recipe(arguments.recipe)
     refuse_unbuildable(recipe)
@@ -88,10 +88,10 @@ def _plan(arguments: argparse.Namespace) -> int:
 
 
 def _work(arguments: argparse.Namespace) -> int:
-    from clothsim.farm.claims import worker_of
-    from clothsim.farm.plan import open_farm
-    from clothsim.farm.status import status, write_manifest
-    from clothsim.farm.work import work
+    from clothsim.study.farm.claims import worker_of
+    from clothsim.study.farm.plan import open_farm
+    from clothsim.study.farm.status import status, write_manifest
+    from clothsim.study.farm.work import work
 
     farm = open_farm(arguments.directory)
     attempts = as_count("--attempts", arguments.attempts)
@@ -113,7 +113,7 @@ def _work(arguments: argparse.Namespace) -> int:
 
 
 def _with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int, stale: float) -> None:
-    from clothsim.farm.dask_work import work_with_dask
+    from clothsim.study.farm.dask_work import work_with_dask
 
     def announce(link: str) -> None:
         if not arguments.quiet:
@@ -124,8 +124,8 @@ def _with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int, stale
 
 
 def _status(arguments: argparse.Namespace) -> int:
-    from clothsim.farm.plan import open_farm
-    from clothsim.farm.status import status
+    from clothsim.study.farm.plan import open_farm
+    from clothsim.study.farm.status import status
 
     farm = open_farm(arguments.directory)
     while True:
@@ -137,8 +137,8 @@ def _status(arguments: argparse.Namespace) -> int:
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    from clothsim.farm.plan import open_farm
-    from clothsim.farm.verify import verify
+    from clothsim.study.farm.plan import open_farm
+    from clothsim.study.farm.verify import verify
 
     none = bool(re.fullmatch(r"0+(\.0*)?|\.0+", arguments.share))
     share = 0.0 if none else as_positive_number("--share", arguments.share)
@@ -157,14 +157,14 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 
 def _pack(arguments: argparse.Namespace) -> int:
-    from clothsim.farm.pack import pack
-    from clothsim.farm.plan import open_farm
+    from clothsim.study.farm.pack import pack
+    from clothsim.study.farm.plan import open_farm
 
     farm = open_farm(arguments.directory)
     done = pack(farm, arguments.output, as_count("--shard", arguments.shard))
     files = list(done.files)
     if arguments.sheet:
-        from clothsim.farm.contact_sheet import contact_page, contact_sheet
+        from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
 
         beside = files[-1]
         files += [contact_sheet(farm, beside.with_suffix(".png")), contact_page(farm, beside.with_suffix(".html"))]
@@ -219,7 +219,7 @@ def _text(state: "Status") -> str:
 
 def _tell(arguments: argparse.Namespace, content: dict[str, Any], text: str) -> None:
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         print(to_json(content), flush=True)
     elif not arguments.quiet:

@@ -9,8 +9,8 @@ from clothsim.cli.arguments import as_positive_number, as_range
 from clothsim.run.certificate_text import length
 
 if TYPE_CHECKING:
-    from clothsim.fitting.fit import Fit
-    from clothsim.fitting.stage import Stage
+    from clothsim.garments.fit.fit import Fit
+    from clothsim.garments.fit.stage import Stage
 
 PICTURE_NAME = "fit.png"
 
@@ -56,7 +56,7 @@ def add_to(commands: Any) -> None:
 def _fit(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
     from clothsim.cli import progress
-    from clothsim.fitting.fit import fit
+    from clothsim.garments.fit.fit import fit
     from clothsim.run.example_scenes import installed_scene
 
     def named(file: Path | None) -> Path | None:
@@ -91,7 +91,7 @@ def _fit(arguments: argparse.Namespace) -> int:
         )
     trouble = [] if arguments.no_picture else _picture(done)
     if arguments.json:
-        from clothsim.io.record import SUMMARY_NAME
+        from clothsim.base.safe_files.record import SUMMARY_NAME
 
         print((directory / SUMMARY_NAME).read_text(encoding="utf-8"), end="")
     print("\n".join([*_verdict(done), *trouble]), file=talk)
@@ -140,8 +140,8 @@ def _answer(done: "Fit") -> str:
 
 
 def _picture(done: "Fit") -> list[str]:
-    from clothsim.errors import ClothsimError
-    from clothsim.fitting.before_after import draw_fit
+    from clothsim.base.errors import ClothsimError
+    from clothsim.garments.fit.before_after import draw_fit
 
     try:
         draw_fit(done, done.directory / PICTURE_NAME)

@@ -5,12 +5,12 @@ import sys
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.loss_arguments import LOSSES, loss_of, words
-from clothsim.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.adjoint.gradient import Gradient
-    from clothsim.arrays import Floats
+    from clothsim.base.arrays import Floats
+    from clothsim.gradients.gradient import Gradient
 
 _DESCRIPTION = """\
 Run a scene and derive a loss of its last frame by numbers, bodies and states, with what the solves and the time steps
@@ -37,11 +37,11 @@ def add_to(commands: Any) -> None:
 
 def _gradient(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
-    from clothsim.adjoint.recovery_problem import full_path
-    from clothsim.adjoint.run import traced
-    from clothsim.build.scene_world import build
-    from clothsim.io.record import to_json
+    from clothsim.base.safe_files.record import to_json
+    from clothsim.gradients.recovery_problem import full_path
+    from clothsim.gradients.run import traced
     from clothsim.run.example_scenes import scene_file
+    from clothsim.scene.assembly.scene_world import build
     from clothsim.scene.overrides import override
     from clothsim.scene.toml_file import load_scene
 

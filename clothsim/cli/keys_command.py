@@ -5,7 +5,7 @@ import json
 from difflib import get_close_matches
 from typing import Any
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 
 _DESCRIPTION = """\
 List the sections of a scene file, or the keys of one with type, default, unit, range and meaning.
@@ -51,8 +51,8 @@ def _keys(arguments: argparse.Namespace) -> int:
 
 def overview() -> str:
     """The sections, a line each."""
+    from clothsim.base.text_table import text_table
     from clothsim.scene.reference import sections
-    from clothsim.text_table import text_table
 
     rows = [(name, str(len(section.keys)), section.summary) for name, section in sections().items()]
     return text_table(("section", "keys", "summary"), rows)
@@ -66,8 +66,8 @@ def keys_of_section(name: str) -> str:
     InputError
         For a name that is no section, with the nearest known one.
     """
+    from clothsim.base.text_table import text_table
     from clothsim.scene.reference import COLUMNS, row
-    from clothsim.text_table import text_table
 
     matching, only = _matching(name)
     parts = []
@@ -117,9 +117,9 @@ def _matching(name: str) -> tuple[list[Any], str | None]:
 
 def _near(name: str) -> str:
     """Remedy for an unknown name: the nearest section or key, or the sections of a key of this name."""
-    from clothsim.scene.keys import nearest
+    from clothsim.keys.keys import nearest
+    from clothsim.keys.section_hints import home_of
     from clothsim.scene.reference import sections
-    from clothsim.scene.section_hints import home_of
 
     known = sections()
     words = {word for section in known for word in _words(section)}

@@ -27,14 +27,14 @@ def add_to(commands: Any) -> None:
 
 
 def _learn(arguments: argparse.Namespace) -> int:
-    from clothsim.build.drape_model import write_model
-    from clothsim.farm.learn import learn
-    from clothsim.farm.plan import open_farm
+    from clothsim.scene.assembly.drape_model import write_model
+    from clothsim.study.farm.plan import open_farm
+    from clothsim.study.learned.learn import learn
 
     made = learn(open_farm(arguments.directory), arguments.held_out, arguments.components)
     write_model(arguments.output, made.model)
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")
         print(to_json({"model": str(arguments.output), **{name: getattr(made, name) for name in names}}))

@@ -3,12 +3,12 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.adjoint.losses import Loss
-    from clothsim.mesh.pattern.pattern_mesh import PatternMesh
+    from clothsim.gradients.losses import Loss
     from clothsim.mesh.world import World
+    from clothsim.patterns.pattern_mesh import PatternMesh
     from clothsim.scene.scene import Scene
 
 LOSSES = {
@@ -23,9 +23,9 @@ LOSSES = {
 
 def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
     """Return the loss that a text such as "girth=0.8" names. InputError, with the option's name, for another text."""
-    from clothsim.adjoint.hem import hem_of
-    from clothsim.adjoint.losses import Girth, Height, Silhouette
-    from clothsim.adjoint.targets import target_loss
+    from clothsim.gradients.hem import hem_of
+    from clothsim.gradients.losses import Girth, Height, Silhouette
+    from clothsim.gradients.targets import target_loss
 
     name, _, value = (part.strip() for part in text.partition("="))
     if name == "height" and not value:
@@ -57,8 +57,8 @@ def words(option: str, text: str) -> list[str]:
 def meshed(file: Path, size: str) -> "PatternMesh":
     """Return the mesh of a pattern file with a size such as "2cm", as a dressed garment has it."""
     from clothsim.cli.arguments import as_length
-    from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
-    from clothsim.mesh.pattern.specification import read_specification
+    from clothsim.patterns.pattern_mesh import mesh_pattern
+    from clothsim.patterns.specification import read_specification
 
     return mesh_pattern(read_specification(file), as_length("--size", size))
 
@@ -71,6 +71,6 @@ def scene_or_run(path: Path) -> "Scene":
 
     if not path.is_dir():
         return load_scene(scene_file(path))
-    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 
     return scene_from_text(read_checkpoint(path / CHECKPOINT_NAME).scene_text, path)

@@ -13,8 +13,8 @@ MOST_TIMES = 600
 
 def report_motion(scene: Scene, energies: Mapping[str, Any]) -> tuple[int, int]:
     """Print what the check finds; returns the numbers of errors and warnings. InputError without a body model."""
-    from clothsim.character.motion_check import MOST_DEGREES, fastest_turn, meetings
-    from clothsim.run.canonical import character_of_scene
+    from clothsim.files.characters.motion_check import MOST_DEGREES, fastest_turn, meetings
+    from clothsim.garments.unpose import character_of_scene
 
     made, name = character_of_scene(scene)
     if made.timeline is None:

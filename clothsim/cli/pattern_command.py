@@ -4,10 +4,10 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.mesh.pattern.pattern import Pattern
+    from clothsim.patterns.pattern import Pattern
 
 PATTERNS = (".dxf", ".json")
 SPACING = 0.02
@@ -41,10 +41,10 @@ def check_pattern(arguments: argparse.Namespace) -> int:
 def _read(arguments: argparse.Namespace) -> "Pattern":
     """The pattern; a drawing without its sewing file too."""
     if arguments.target.suffix.lower() == ".dxf":
-        from clothsim.io.dxf_pattern.reader import read_dxf_pattern
+        from clothsim.files.patterns.dxf.reader import read_dxf_pattern
 
         return read_dxf_pattern(arguments.target, arguments.seams, sewn=False)
-    from clothsim.io.pattern_file import read_pattern
+    from clothsim.files.patterns.pattern_file import read_pattern
 
     return read_pattern(arguments.target, seams=arguments.seams)
 
@@ -67,8 +67,8 @@ def _lines(pattern: "Pattern") -> Iterator[str]:
 
 def _refuse_unmeshed(pattern: "Pattern") -> None:
     """InputError for a panel that crosses itself, and for seams that give the garment one side."""
-    from clothsim.mesh.pattern.pattern_mesh import mesh_pattern
-    from clothsim.mesh.pattern.sewing import sewn_vertices
+    from clothsim.patterns.pattern_mesh import mesh_pattern
+    from clothsim.patterns.sewing import sewn_vertices
 
     mesh = mesh_pattern(pattern, SPACING)
     sewn_vertices(mesh, mesh.seams)

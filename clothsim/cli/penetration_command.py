@@ -3,13 +3,13 @@
 import argparse
 from typing import TYPE_CHECKING
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_positive_number, as_range
-from clothsim.errors import InputError
 from clothsim.run.certificate_text import length
 
 if TYPE_CHECKING:
-    from clothsim.arrays import Floats
-    from clothsim.fitting.penetration_report import PenetrationReport
+    from clothsim.base.arrays import Floats
+    from clothsim.garments.penetration_report import PenetrationReport
 
 WORN = 0.1
 """A garment farther from the body than this fraction of its size is not worn."""
@@ -17,7 +17,7 @@ WORN = 0.1
 
 def check_penetration(arguments: argparse.Namespace) -> int:
     """Examine a garment on a body; 1 where a vertex is inside or triangles intersect."""
-    from clothsim.fitting.penetration_report import read_penetration_report
+    from clothsim.garments.penetration_report import read_penetration_report
 
     def number(option: str, text: str | None) -> float | None:
         return None if text is None else as_positive_number(option, text)
@@ -43,7 +43,7 @@ def check_penetration(arguments: argparse.Namespace) -> int:
     for line in (*report.notes, *_lines(report)):
         print(f"  {line}")
     if arguments.output is not None:
-        from clothsim.fitting.penetration_picture import draw_penetrations
+        from clothsim.garments.penetration_picture import draw_penetrations
 
         try:
             print(f"  {arguments.output}: {draw_penetrations(report, arguments.output)}")
@@ -66,8 +66,8 @@ def _lines(report: "PenetrationReport") -> list[str]:
     """Penetrations as text, one line for each kind."""
     import numpy as np
 
-    from clothsim.fitting.penetration_report import deepest_vertices
-    from clothsim.intersection.intersecting_pairs import intersection_points
+    from clothsim.garments.penetration_report import deepest_vertices
+    from clothsim.geometry.intersection.intersecting_pairs import intersection_points
 
     counts, lines = report.counts, []
     n = len(report.garment.positions)

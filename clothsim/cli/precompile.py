@@ -17,11 +17,11 @@ from threading import Thread
 from typing import TYPE_CHECKING
 
 from clothsim.cli.compilation_notice import kernels_are_compiled
-from clothsim.solve.threads import available_cores
+from clothsim.solve.linear.threads import available_cores
 
 if TYPE_CHECKING:
-    from clothsim.arrays import Floats
-    from clothsim.contact.pair_list import Pairs
+    from clothsim.base.arrays import Floats
+    from clothsim.physics.contact.pair_list import Pairs
 
 _GO_ON = b"."
 
@@ -60,14 +60,14 @@ def _wait() -> None:
 
 def compile_remaining_kernels() -> None:
     """Step four cells, evaluate contact, then run them and draw: the run itself has compiled its check by then."""
-    from clothsim.build.scene_world import build
+    from clothsim.run.certificate.certificate import Certificate
     from clothsim.run.pictures import draw_frame
     from clothsim.run.session import prepare
     from clothsim.run.simulate import simulate
+    from clothsim.scene.assembly.scene_world import build
     from clothsim.scene.scene import Scene
-    from clothsim.sim.certificate import Certificate
-    from clothsim.sim.state import first_state
-    from clothsim.sim.time_loop import next_step
+    from clothsim.solve.stepping.state import first_state
+    from clothsim.solve.stepping.time_loop import next_step
 
     scene = Scene(
         cloth={"mesh": "rectangle", "size": (1.0, 1.0), "cells": (2, 2)},
@@ -96,10 +96,10 @@ def evaluate_contact() -> None:
     """The energy of a point close to a triangle and of two edges, nearly parallel, and its derivatives in a matrix."""
     import numpy as np
 
-    from clothsim.contact.barrier import Barrier
-    from clothsim.contact.candidates import Candidates
-    from clothsim.contact.pair_list import Pairs
-    from clothsim.solve.sparsity import make_pattern
+    from clothsim.physics.contact.barrier import Barrier
+    from clothsim.physics.contact.candidates import Candidates
+    from clothsim.physics.contact.pair_list import Pairs
+    from clothsim.solve.linear.sparsity import make_pattern
 
     class Known(Candidates):
         """Two given pairs at every x."""

@@ -30,8 +30,8 @@ def add_to(commands: Any) -> None:
 
 
 def _preview(arguments: argparse.Namespace) -> int:
-    from clothsim.farm.plan import open_farm
     from clothsim.scene.toml_file import load_scene
+    from clothsim.study.farm.plan import open_farm
     from clothsim.viewer.preview import preview
 
     port, given = as_count("--port", arguments.port), arguments.directory

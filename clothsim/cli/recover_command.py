@@ -5,13 +5,13 @@ import sys
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.loss_arguments import meshed, scene_or_run, words
-from clothsim.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.adjoint.recover import Recovery
-    from clothsim.adjoint.recovery_problem import Evaluation
+    from clothsim.gradients.recover import Recovery
+    from clothsim.gradients.recovery_problem import Evaluation
 
 RECOVERY_NAME = "recovery.json"
 
@@ -55,11 +55,11 @@ def add_to(commands: Any) -> None:
 
 def _recover(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
-    from clothsim.adjoint.recover import recover
-    from clothsim.adjoint.targets import target_loss
-    from clothsim.build.scene_world import build
-    from clothsim.io.record import to_json
+    from clothsim.base.safe_files.record import to_json
+    from clothsim.gradients.recover import recover
+    from clothsim.gradients.targets import target_loss
     from clothsim.run.output_directory import refuse_earlier_run
+    from clothsim.scene.assembly.scene_world import build
     from clothsim.scene.overrides import override
 
     free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts)

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_direction, as_limits, as_positive_number, as_printed_size
-from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.run.results import Run
@@ -79,7 +79,7 @@ def _render(arguments: argparse.Namespace) -> int:
         raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
     note = _drawn(run, target, arguments, settings, dots_per_inch)
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         print(to_json({"file": str(target), "note": note}))
     elif not arguments.quiet:

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_count, as_length, as_positive_number
-from clothsim.errors import InputError
 
 if TYPE_CHECKING:
     from clothsim.run.results import Run
@@ -113,7 +113,7 @@ def _teller(arguments: argparse.Namespace) -> "Callable[[str], None]":
 
 def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
     """The scene with the settings of a preset, whose error is estimated; prints them."""
-    from clothsim.build.presets import with_preset
+    from clothsim.scene.assembly.presets import with_preset
     from clothsim.scene.overrides import set_key
 
     scene, settings_text = with_preset(scene, arguments.preset)
@@ -145,7 +145,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     """Run `job` with its callbacks, draw the pictures, print the result."""
     from clothsim import __version__
     from clothsim.cli import progress, run_report
-    from clothsim.sim.iterate_log import iterates_name
+    from clothsim.run.iterate_log import iterates_name
 
     subject = arguments.scene if arguments.command == "run" else directory
     step = _dumped_step(arguments)
@@ -172,7 +172,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
         print(run_report.stopped(directory), file=sys.stderr)
         return INTERRUPTED
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         print(to_json(run.summary))
     if step is not None and not (run.directory / iterates_name(step)).is_file():
@@ -186,8 +186,8 @@ def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> 
 
     Returns a line for each that could not be drawn, which does not change the status of the run.
     """
+    from clothsim.base.errors import ClothsimError
     from clothsim.cli.render_command import frame_counter
-    from clothsim.errors import ClothsimError
     from clothsim.render.movie import has_ffmpeg
     from clothsim.run.pictures import (
         FAILURE_NAME,

@@ -24,7 +24,7 @@ def _scenes(arguments: argparse.Namespace) -> int:
 
     scenes = example_scenes()
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         fields = ("file", "headline", "missing")
         print(to_json({each.name: {key: getattr(each, key) for key in fields} for each in scenes}, indent=2))

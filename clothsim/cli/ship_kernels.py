@@ -31,8 +31,8 @@ def ship(scenes: Sequence[str], duration: float, to: Path | None = None) -> int:
     to : Path, optional
         Folder that is replaced by that of the kernels; None: the one that this package reads.
     """
-    from clothsim.errors import ClothsimError
-    from clothsim.kernel_cache import shipped, storage
+    from clothsim.base.errors import ClothsimError
+    from clothsim.base.kernel_cache import shipped, storage
 
     if not shipped.can_run():
         raise ClothsimError(f"This processor cannot run {shipped.LEVEL}.", "Build the wheel on another machine.")
@@ -56,8 +56,8 @@ def build_wheel(scenes: Sequence[str], duration: float, folder: Path) -> tuple[i
     ClothsimError
         Outside of a clone, or where the processor is below the level.
     """
-    from clothsim.errors import ClothsimError
-    from clothsim.kernel_cache import shipped
+    from clothsim.base.errors import ClothsimError
+    from clothsim.base.kernel_cache import shipped
 
     clone = Path(__file__).parents[2]
     if not (clone / "pyproject.toml").is_file():
@@ -80,8 +80,8 @@ def build_wheel(scenes: Sequence[str], duration: float, folder: Path) -> tuple[i
 
 def compile_kernels(scenes: Sequence[str], duration: float) -> None:
     """Run the start of the scenes and draw them."""
+    from clothsim.base.errors import ClothsimError
     from clothsim.cli.precompile import compile_remaining_kernels
-    from clothsim.errors import ClothsimError
     from clothsim.run.example_scenes import scene_file
     from clothsim.run.pictures import draw_frame
     from clothsim.run.simulate import simulate
@@ -102,7 +102,7 @@ def compile_kernels(scenes: Sequence[str], duration: float) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Compile the kernels of example scenes into the package."""
-    from clothsim.errors import ClothsimError
+    from clothsim.base.errors import ClothsimError
     from clothsim.run.example_scenes import example_scenes
 
     parser = argparse.ArgumentParser(prog="python -m clothsim.cli.ship_kernels", description=__doc__)
@@ -128,7 +128,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _shipped(scenes: Sequence[str], duration: float, folder: Path | None) -> str:
     """Compile, and build the wheel where a folder is named; the line that says what was made."""
-    from clothsim.errors import InputError
+    from clothsim.base.errors import InputError
     from clothsim.run.example_scenes import scene_file
 
     if not 0.0 < duration < math.inf:

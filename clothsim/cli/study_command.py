@@ -9,14 +9,14 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_count, as_seconds
 from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, listener_for
-from clothsim.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.accuracy.evaluation import Progress
-    from clothsim.accuracy.goal_report import NamedGoal
     from clothsim.scene.scene import Scene
+    from clothsim.study.evaluation import Progress
+    from clothsim.study.goal_report import NamedGoal
 
 NO_ANSWER = 1
 """Exit code of a study whose budget, or end by SIGTERM, left runs out that its answer needs."""
@@ -50,12 +50,12 @@ def add_to(commands: Any) -> None:
 
 def _study(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
-    from clothsim.accuracy.answer import answer, settings_text
-    from clothsim.accuracy.headline import UNFINISHED
-    from clothsim.accuracy.study import study_accuracy
     from clothsim.run.example_scenes import scene_file
     from clothsim.scene.overrides import override
     from clothsim.scene.toml_file import load_scene
+    from clothsim.study.answer import answer, settings_text
+    from clothsim.study.headline import UNFINISHED
+    from clothsim.study.study import study_accuracy
 
     budget = as_seconds("--budget", arguments.budget)
     knobs = None if arguments.knobs is None else [name.strip() for name in arguments.knobs.split(",") if name.strip()]
@@ -81,7 +81,7 @@ def _study(arguments: argparse.Namespace) -> int:
         for each in done.result["recommended"]
     ]
     if goal is not None:
-        from clothsim.accuracy.goal_report import goal_lines
+        from clothsim.study.goal_report import goal_lines
 
         lines += goal_lines(done.result["goal"])
     left = len(done.result["left_out"])
@@ -96,9 +96,9 @@ def _study(arguments: argparse.Namespace) -> int:
 
 def _goal(text: str, scene: "Scene") -> "NamedGoal":
     """The goal of --goal; InputError for one that is none, before anything runs."""
-    from clothsim.accuracy.goal_report import NamedGoal
-    from clothsim.build.scene_world import build
     from clothsim.cli.loss_arguments import loss_of
+    from clothsim.scene.assembly.scene_world import build
+    from clothsim.study.goal_report import NamedGoal
 
     loss_of(text, build(scene).world, "--goal")
     return NamedGoal(text, lambda world: loss_of(text, world, "--goal"))

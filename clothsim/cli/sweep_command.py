@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 
 _DESCRIPTION = """\
 Run a scene with every combination of the values of some keys, and list the verdicts: a farm in one process.
@@ -31,13 +31,13 @@ def add_to(commands: Any) -> None:
 
 def _sweep(arguments: argparse.Namespace) -> int:
     from clothsim.cli.farm_command import terminated_like_interrupted
-    from clothsim.farm.plan import plan, refuse_unbuildable
-    from clothsim.farm.recipe import make_recipe
-    from clothsim.farm.status import write_manifest
-    from clothsim.farm.work import work
     from clothsim.run.example_scenes import scene_file
     from clothsim.scene.overrides import override
     from clothsim.scene.toml_file import load_scene
+    from clothsim.study.farm.plan import plan, refuse_unbuildable
+    from clothsim.study.farm.recipe import make_recipe
+    from clothsim.study.farm.status import write_manifest
+    from clothsim.study.farm.work import work
 
     if not arguments.vary:
         raise InputError("Nothing varies.", "Write --vary solver.dt=.02,.01.")
@@ -56,7 +56,7 @@ def _sweep(arguments: argparse.Namespace) -> int:
             return 130
     rows = write_manifest(farm)
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         print(to_json({"directory": str(farm.directory), "drapes": rows}))
     elif not arguments.quiet:
@@ -83,7 +83,7 @@ def _number(text: str) -> Any:
 
 
 def _table(rows: list[dict[str, Any]]) -> str:
-    from clothsim.text_table import text_table
+    from clothsim.base.text_table import text_table
 
     keys = list(rows[0]["parameters"])
     lines = [

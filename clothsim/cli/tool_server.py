@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from clothsim.errors import ClothsimError
+from clothsim.base.errors import ClothsimError
 
 INSTRUCTIONS = """Finite-element cloth. Lengths in metres, times in seconds. Check a scene (.toml) before it is run; \
 a run is only as good as its certificate."""

@@ -5,7 +5,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 
 _UNPOSE = """\
 Bring the garments of every frame of a run to the rest pose of its body model.
@@ -43,8 +43,8 @@ def add_to(commands: Any) -> None:
 def _unpose(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-    from clothsim.run.canonical import unposed, write_canonical
+    from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.garments.unpose import unposed, write_canonical
     from clothsim.run.results import open_run
     from clothsim.scene.scene import scene_from_text
 
@@ -64,7 +64,7 @@ def _unpose(arguments: argparse.Namespace) -> int:
         "within_1_mm": near,
     }
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         print(to_json(figures))
         return 0
@@ -77,8 +77,8 @@ def _unpose(arguments: argparse.Namespace) -> int:
 
 def _repose(arguments: argparse.Namespace) -> int:
     from clothsim.cli.export_command import frame_number
-    from clothsim.io.obj_writer import write_obj
-    from clothsim.run.canonical import character_of_scene, read_canonical
+    from clothsim.files.meshes.obj_writer import write_obj
+    from clothsim.garments.unpose import character_of_scene, read_canonical
     from clothsim.scene.toml_file import load_scene
     from transfer.signed_distance import body_surface
 
@@ -93,7 +93,7 @@ def _repose(arguments: argparse.Namespace) -> int:
     body = placed.character.vertices(placed.pose(time)) @ placed.linear.T + placed.shift
     found = body_surface(body, placed.character.triangles).penetration(points)
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         figures = {"file": str(arguments.output), "vertices": len(points)}
         print(to_json({**figures, "inside": int(found.count), "deepest": float(found.depth)}))

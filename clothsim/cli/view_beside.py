@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 
 PATIENCE = 5.0
 """Time that the page has to end in [s]."""

@@ -7,8 +7,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clothsim.base.errors import ClothsimError, InputError
 from clothsim.cli.arguments import as_count
-from clothsim.errors import ClothsimError, InputError
 
 if TYPE_CHECKING:
     from clothsim.viewer.served import Served
@@ -54,7 +54,7 @@ def _view(arguments: argparse.Namespace) -> int:
 def served(page: "Served", arguments: argparse.Namespace, what: Path) -> int:
     """Tell the address of a page as --json, --quiet and --browser ask for it, and serve it until Ctrl-C."""
     if arguments.json:
-        from clothsim.io.record import to_json
+        from clothsim.base.safe_files.record import to_json
 
         print(to_json({"url": page.url}), flush=True)
     elif not arguments.quiet:
@@ -70,7 +70,7 @@ def served(page: "Served", arguments: argparse.Namespace, what: Path) -> int:
 
 def _await_frame(directory: Path) -> None:
     """Return when a run that was begun after now has a frame. InputError after LONGEST_WAIT."""
-    from clothsim.io.trajectory import TRAJECTORY_NAME
+    from clothsim.files.runs.trajectory import TRAJECTORY_NAME
     from clothsim.run.results import open_run
 
     begun = time.time()

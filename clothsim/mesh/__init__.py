@@ -1,1 +1,1 @@
-"""Floor 1: cloths, bodies and the world that they form; topology, generators and mesh checks."""
+"""Cloths, bodies and the world that they form; topology, generators and mesh checks."""

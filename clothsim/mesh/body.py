@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from clothsim.arrays import Floats, Ints, as_points, as_triangles
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints, as_points, as_triangles
+from clothsim.base.errors import InputError
 from clothsim.mesh.motion import FrameMotion, Motion, rigid_motion
 
 

@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from clothsim.arrays import Floats, Ints
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
 from clothsim.mesh.degenerate import coincidence, duplicates, flat_triangles
 from clothsim.mesh.manifold import bow_tie_vertices, fin_edges, joined_half_edges, one_sided_edge, turned_triangles
 from clothsim.mesh.topology import half_edges

@@ -15,8 +15,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
 from clothsim.mesh.hinges import Hinges, corner_over_edge, join_hinges
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import World

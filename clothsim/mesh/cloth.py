@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints, as_points, as_triangles
-from clothsim.errors import InputError
-from clothsim.mesh.fabric import Fabric
+from clothsim.base.arrays import Floats, Ints, as_points, as_triangles
+from clothsim.base.errors import InputError
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.pattern_lines import PatternLines
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 
 
 def flat_triangles(positions: Floats, triangles: Ints) -> Ints:

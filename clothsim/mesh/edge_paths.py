@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
 
 STRAYING = 2.0
 """Relative lengthening of an edge one median length from the polyline: paths near it become shorter."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.mesh.body import Body
 from clothsim.mesh.motion import RigidMotion
 from clothsim.mesh.world import World

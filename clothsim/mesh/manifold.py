@@ -5,7 +5,7 @@ Half-edge h = 3 t + k runs from corner k of triangle t to its next corner. No tr
 
 import numpy as np
 
-from clothsim.arrays import Ints
+from clothsim.base.arrays import Ints
 from clothsim.mesh.topology import half_edges
 
 

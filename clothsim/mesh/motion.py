@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, as_positive, as_vector
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, as_positive, as_vector
+from clothsim.base.errors import InputError
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from clothsim.arrays import Ints
+from clothsim.base.arrays import Ints
 
 
 @dataclass(frozen=True)

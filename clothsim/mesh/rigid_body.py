@@ -16,8 +16,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.volume_moments import VolumeMoments, volume_moments
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from clothsim.arrays import Ints
+from clothsim.base.arrays import Ints
 
 
 def unique_edges(triangles: Ints) -> Ints:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints, as_points, as_positive, as_triangles
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints, as_points, as_positive, as_triangles
+from clothsim.base.errors import InputError
 from clothsim.mesh.degenerate import coincidence, duplicates
 from clothsim.mesh.topology import border_vertices, vertex_rings
 

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.manifold import joined_half_edges, turned_triangles
 from clothsim.mesh.topology import components
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 
 
 def winding_number(point: Floats, positions: Floats, triangles: Ints) -> float:

@@ -10,8 +10,8 @@ from functools import cached_property
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
 from clothsim.mesh.body import Body
 from clothsim.mesh.cloth import Cloth
 from clothsim.mesh.hinges import Hinges, cloth_hinges, join_hinges

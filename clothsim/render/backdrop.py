@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.base.arrays import Floats
 from clothsim.render.camera import Camera
 
 _TOP, _BOTTOM = np.array([0.975, 0.977, 0.98]), np.array([0.90, 0.905, 0.915])

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
 
 _HALF_ANGLE = np.radians(13.0)
 _ELEVATION = np.radians(24.0)

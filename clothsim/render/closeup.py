@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.render.camera import Camera, Margins, three_quarter_view
 from clothsim.render.legend import add_legend, margins
 from clothsim.render.picture import PictureSetup, picture_setup, rendered_without_legend

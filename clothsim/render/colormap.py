@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 
 DIVERGING = np.array(
     [

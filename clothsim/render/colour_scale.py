@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
 from clothsim.render.colormap import DIVERGING, colour_range, painted, ticks
 
 VIRIDIS = np.array(

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.base.arrays import Floats
 from clothsim.render.camera import Margins
 from clothsim.render.colour_scale import Scale
 

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim.arrays import as_positive
-from clothsim.errors import InputError, MissingPackageError
-from clothsim.io.atomic import replacing
+from clothsim.base.arrays import as_positive
+from clothsim.base.errors import InputError, MissingPackageError
+from clothsim.base.safe_files.atomic import replacing
 from clothsim.render.colour_scale import Quantity
 from clothsim.render.picture import PictureSetup, picture_setup, pixel_counts, rendered
 from clothsim.render.surface_look import Surface

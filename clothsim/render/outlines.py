@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.render.pixel_geometry import PixelGeometry
 
 INK = np.array([0.13, 0.14, 0.17])

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.errors import InputError
-from clothsim.mesh.pattern.borders import enclosed_area
-from clothsim.mesh.pattern.pattern import Panel, Pattern, Side
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.patterns.borders import enclosed_area
+from clothsim.patterns.pattern import Panel, Pattern, Side
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

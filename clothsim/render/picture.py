@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim.arrays import Floats, as_points, as_triangles, as_vector
-from clothsim.errors import InputError
-from clothsim.io.atomic import replacing
+from clothsim.base.arrays import Floats, as_points, as_triangles, as_vector
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.atomic import replacing
 from clothsim.render.camera import VIEWS, Camera, extreme_points, frame, named_view, three_quarter_view
 from clothsim.render.colormap import log_stretch
 from clothsim.render.colour_scale import Quantity, Scale, limits_of, sequential_scale, stretch_scale

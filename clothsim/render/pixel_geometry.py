@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.errors import MissingPackageError
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import MissingPackageError
 from clothsim.render.camera import Camera, seen_box
 from clothsim.render.surface_look import Surface, vertex_normals
 

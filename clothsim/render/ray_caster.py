@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.errors import MissingPackageError
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import MissingPackageError
 from clothsim.render.camera import Camera, seen_box
 from clothsim.render.shading import (
     SKY_RAYS,

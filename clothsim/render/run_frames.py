@@ -5,11 +5,11 @@ from typing import overload
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.errors import InputError
-from clothsim.io.run_surfaces import world_surfaces
-from clothsim.io.trajectory import Trajectory
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.files.runs.trajectory import Trajectory
 from clothsim.mesh.world import World
+from clothsim.mesh.world_surfaces import world_surfaces
 from clothsim.render.surface_look import Surface
 
 

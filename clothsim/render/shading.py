@@ -5,7 +5,7 @@ Band arrays are (rows, columns, ...) of samples; `hits (k,)` are the flat indice
 
 import numpy as np
 
-from clothsim.jit import kernel, part
+from clothsim.base.jit import kernel, part
 
 SKY_RAYS = 2
 _SUN_RADIUS = 0.12

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.render.surface_look import Surface, vertex_normals, vertex_values
 
 SHAPE = 0.5

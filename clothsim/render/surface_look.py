@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.sparse import csr_array
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.render.colormap import log_stretch, per_vertex
 from clothsim.render.colour_scale import Scale
 from clothsim.render.strokes import INK, ribbons

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.base.arrays import Floats
 from clothsim.render.camera import Camera, seen_box
 from clothsim.render.surface_look import Look
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.base.arrays import Floats
 from clothsim.render.pixel_geometry import PixelGeometry
 
 RIB_PIXELS = 6.0

@@ -5,13 +5,13 @@ from dataclasses import dataclass, replace
 from statistics import median
 from time import perf_counter
 
-from clothsim.build.scene_world import build
-from clothsim.errors import ClothsimError
+from clothsim.base.errors import ClothsimError
 from clothsim.run.session import Session, prepare
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene
-from clothsim.sim.state import first_state
-from clothsim.sim.time_loop import steps as run_steps
+from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.time_loop import steps as run_steps
 
 ROUNDS = 3
 LATE = "not measured: the time was spent"

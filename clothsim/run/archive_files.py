@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
-from clothsim.build.array_files import named_arrays
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.mesh.generators.table import GENERATORS
+from clothsim.scene.assembly.array_files import named_arrays
 from clothsim.scene.scene import Scene, scene_from_text
 
 FOLDER = "meshes"
@@ -78,7 +78,7 @@ def _named(data: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
 
 def _named_clip(owner: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[str, Any], str]]:
     """The file of the motion of a body model."""
-    from clothsim.character.gait import CLIPS
+    from clothsim.files.characters.gait import CLIPS
 
     motion = table.get("motion")
     keyed = (motion, "clip") if isinstance(motion, dict) else (table, "motion")
@@ -88,7 +88,7 @@ def _named_clip(owner: str, table: dict[str, Any]) -> Iterator[tuple[str, dict[s
 
 def _frames(directory: Path, pattern: str, folder: str) -> dict[str, Path]:
     """The files of an animation by new names, numbered in their order."""
-    from clothsim.io.mesh_sequence import frame_files
+    from clothsim.files.meshes.mesh_sequence import frame_files
 
     files = frame_files(directory, pattern)
     return {f"{folder}/{k:06d}_{_plain(file.name)}": file for k, file in enumerate(files)}

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 
 
 def refuse_uncallable(**callbacks: Any) -> None:

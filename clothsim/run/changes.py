@@ -7,18 +7,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim.arrays import Floats, Ints, as_points
-from clothsim.build.meshes import FABRIC, fabric_of
-from clothsim.build.scene_world import Built, build_effects
-from clothsim.energies.protocols import BarrierGap
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints, as_points
+from clothsim.base.errors import InputError
+from clothsim.keys.keys import refuse_absent, refuse_unknown
 from clothsim.mesh.motion import LaterMotion, motion_of
 from clothsim.mesh.world import World, make_world
+from clothsim.physics.energies.protocols import BarrierGap
 from clothsim.run.hand_motions import HandMotions, pin_groups, standing
 from clothsim.run.session import Session, rebuilt
+from clothsim.scene.assembly.meshes import FABRIC, fabric_of
+from clothsim.scene.assembly.scene_world import Built, build_effects
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.keys import refuse_absent, refuse_unknown
-from clothsim.sim.state import State
+from clothsim.solve.stepping.state import State
 
 
 def with_effect(session: Session, by_hand: HandMotions, effect: str, keys: Mapping[str, Any]) -> Session:

@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.build.scene_world import build
-from clothsim.errors import InputError
-from clothsim.io.run_surfaces import world_surfaces
+from clothsim.base.errors import InputError
 from clothsim.mesh.checks import Finding, Role, examine
+from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.run.certificate.intersection_check import intersection_check_of
 from clothsim.run.cost import expected_cost
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 from clothsim.scene.mesh_objects import surface_of
 from clothsim.scene.scene import Scene
 from clothsim.scene.toml_file import load_scene
-from clothsim.sim.intersection_check import intersection_check_of
 
 NO_INDICES = np.zeros(0, np.int64)
 
@@ -61,7 +61,7 @@ def check(what: Any, role: Role | None = None) -> list[Finding]:
 def _mesh_of(what: Any) -> tuple[str, Any, Any, Role]:
     """Name, vertices, triangles and usual role of a mesh."""
     if isinstance(what, str | Path):
-        from clothsim.io.mesh_file import read_mesh
+        from clothsim.files.meshes.mesh_file import read_mesh
 
         mesh = read_mesh(what)
         return Path(what).name, mesh.positions, mesh.triangles, "cloth"

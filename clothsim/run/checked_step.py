@@ -4,13 +4,13 @@ import warnings
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from clothsim.errors import IntersectionWarning
-from clothsim.io.run_surfaces import world_surfaces
+from clothsim.base.errors import IntersectionWarning
+from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.run.certificate.intersection_check import intersection_check_of
+from clothsim.run.certificate.intersection_history import IntersectionHistory, intersection_warnings
 from clothsim.run.session import Session
-from clothsim.sim.failure import Failure, crossing_failure
-from clothsim.sim.intersection_check import intersection_check_of
-from clothsim.sim.intersection_history import IntersectionHistory, intersection_warnings
-from clothsim.sim.state import State
+from clothsim.solve.stepping.failure import Failure, crossing_failure
+from clothsim.solve.stepping.state import State
 
 
 def checked_step(

@@ -5,8 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from clothsim.errors import InputError
-from clothsim.scene.generator_keys import GENERATOR_KEYS
+from clothsim.base.errors import InputError
+from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.scene.scene import Scene
 
 BYTES_AT_START, BYTES_A_VERTEX, BYTES_A_BODY_VERTEX = 2.3e8, 1.3e4, 2e3

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.run.archive_files import named_files
 from clothsim.scene.toml_file import load_scene
 

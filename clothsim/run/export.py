@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from clothsim.arrays import Floats, as_positive
-from clothsim.errors import InputError
-from clothsim.io.exchange.animation import Animation
-from clothsim.io.exchange.formats import Format, format_of
+from clothsim.base.arrays import Floats, as_positive
+from clothsim.base.errors import InputError
+from clothsim.files.exchange.animation import Animation
+from clothsim.files.exchange.formats import Format, format_of
 from clothsim.run.exported_frames import parts_of, samples_of, with_frames
 from clothsim.run.pictures import upright
 
@@ -68,7 +68,7 @@ def export(
     ----------
     run : Run
     target : str or Path
-        The file; its ending is one of `clothsim.io.exchange.formats.FORMATS`.
+        The file; its ending is one of `clothsim.files.exchange.formats.FORMATS`.
     frame : int, optional
         This frame only; negative ones count from the end.
     fps : float, optional

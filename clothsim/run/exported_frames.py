@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.build.scene_world import world_of
-from clothsim.errors import InputError
-from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-from clothsim.io.exchange.animation import Animation, Part, PartFrame
-from clothsim.io.trajectory import Trajectory
-from clothsim.io.vtkhdf import STRETCHES
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.files.exchange.animation import Animation, Part, PartFrame
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+from clothsim.files.runs.trajectory import Trajectory
+from clothsim.files.runs.vtkhdf import STRETCHES
 from clothsim.mesh.cloth import Cloth
 from clothsim.render.colormap import colour_range, log_stretch, per_vertex, stretch_colours
+from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import scene_from_text
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.io.trajectory import Trajectory
+from clothsim.base.arrays import Floats
+from clothsim.files.runs.trajectory import Trajectory
 from clothsim.run.fields import FIELDS, known_field
 
 if TYPE_CHECKING:

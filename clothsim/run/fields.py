@@ -13,17 +13,17 @@ from typing import Literal, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Energy
-from clothsim.energies.protocols import is_idle, restricted
-from clothsim.errors import InputError
-from clothsim.kinematics.deformation_gradient import deformation_gradients
-from clothsim.kinematics.kabsch_frames import vertex_frames as kabsch_frames
-from clothsim.kinematics.stretch import PolarDecomposition, polar_decomposition
-from clothsim.kinematics.thickness import deformed_thickness
-from clothsim.kinematics.warp_weft import thread_axes
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
+from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
+from clothsim.geometry.kinematics.kabsch_frames import vertex_frames as kabsch_frames
+from clothsim.geometry.kinematics.stretch import PolarDecomposition, polar_decomposition
+from clothsim.geometry.kinematics.thickness import deformed_thickness
+from clothsim.geometry.kinematics.warp_weft import thread_axes
 from clothsim.mesh.topology import vertex_rings
 from clothsim.mesh.world import World
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.protocols import is_idle, restricted
 from clothsim.run.pair_fields import PairMembrane, pair_energy_density, pair_stress
 
 CONTACTS, FRICTION = ("body_contact", "self_contact"), "friction"
@@ -159,7 +159,7 @@ def field(name: str, configuration: Configuration) -> NDArray[np.floating]:
 
 def known_field(name: str) -> Field:
     """The entry `name` of the table; InputError names the nearest known one."""
-    from clothsim.scene.keys import refuse_unknown
+    from clothsim.keys.keys import refuse_unknown
 
     refuse_unknown("The table of fields", [name], FIELDS)
     return FIELDS[name]

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.build.scene_world import Built
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
 from clothsim.run.fields import CONTACTS, FRICTION, acting_forces
-from clothsim.sim.stepping import StepReport
+from clothsim.scene.assembly.scene_world import Built
+from clothsim.solve.stepping.stepping import StepReport
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.build.scene_world import Built
-from clothsim.energies.pins import PinGroup, Pins
+from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.motion import LaterMotion, RigidMotion
+from clothsim.physics.energies.pins import PinGroup, Pins
+from clothsim.scene.assembly.scene_world import Built
 
 
 @dataclass(frozen=True)

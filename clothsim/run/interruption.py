@@ -9,9 +9,9 @@ from dataclasses import replace
 from types import FrameType
 
 from clothsim.run.session import Session
-from clothsim.sim.stepping import Watch
-from clothsim.solve.observer import Iterate, Observer
-from clothsim.solve.potential import Potential
+from clothsim.solve.newton.observer import Iterate, Observer
+from clothsim.solve.newton.potential import Potential
+from clothsim.solve.stepping.stepping import Watch
 
 _NOTICE = b"\nStopping after this iteration; Ctrl-C again: at once.\n"
 

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from clothsim.errors import InputError
-from clothsim.io.checkpoint import CHECKPOINT_NAME
-from clothsim.io.record import RECORD_NAME, SUMMARY_NAME
-from clothsim.io.run_lock import locked
-from clothsim.io.trajectory import TRAJECTORY_NAME
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME
+from clothsim.files.runs.run_lock import locked
+from clothsim.files.runs.trajectory import TRAJECTORY_NAME
 
 RUN_FILES = (TRAJECTORY_NAME, RECORD_NAME, SUMMARY_NAME, CHECKPOINT_NAME)
 

@@ -5,9 +5,9 @@ from typing import Any, Protocol, cast, runtime_checkable
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Energy
+from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.world import World
+from clothsim.physics.energies.base import Energy
 
 
 @runtime_checkable
@@ -84,6 +84,6 @@ def _edges(rates: Floats, single: np.ndarray) -> Floats:
 
 def _turns(world: World, elements: Ints, first: Ints, second: Ints) -> Floats:
     """Rotations (p, 2, 2) from the frame of the second triangle to that of the first."""
-    from clothsim.energies.triangle_pairs import turns
+    from clothsim.physics.energies.triangle_pairs import turns
 
     return turns(world, elements, np.stack([first, second], axis=1))

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.errors import InputError
-from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-from clothsim.io.trajectory import Trajectory
+from clothsim.base.errors import InputError
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+from clothsim.files.runs.trajectory import Trajectory
 from clothsim.mesh.world import World
 from clothsim.run.field_pictures import Drawing
 from clothsim.scene.scene import scene_from_text
@@ -68,7 +68,7 @@ def draw_failure(directory: Path, failure: dict[str, Any], world: World, target:
     """Write a PNG of the place where a run failed, in its last good state; returns the line that names the renderer."""
     from clothsim.render.closeup import draw_closeup
     from clothsim.render.run_frames import state_surfaces
-    from clothsim.sim.certificate import world_stretches
+    from clothsim.run.certificate.certificate import world_stretches
 
     x = read_checkpoint(directory / CHECKPOINT_NAME).positions
     surfaces = state_surfaces(world, x, world_stretches(world, x))

@@ -5,12 +5,12 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
+from clothsim.base.process_memory import held_bytes
 from clothsim.run.absent_cost import Absent
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene, scene_from_text
-from clothsim.sim.stepping import StepReport
-from clothsim.solve.process_memory import held_bytes
+from clothsim.solve.stepping.stepping import StepReport
 from clothsim.solve.timers import EffectCounters
 
 
@@ -33,10 +33,10 @@ class Receipt:
 
 def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
     """The receipt of the first `steps` of a scene, after one step on a copy, which loads and compiles the kernels."""
-    from clothsim.build.scene_world import build
     from clothsim.run.session import prepare
-    from clothsim.sim.state import first_state
-    from clothsim.sim.time_loop import steps as run_steps
+    from clothsim.scene.assembly.scene_world import build
+    from clothsim.solve.stepping.state import first_state
+    from clothsim.solve.stepping.time_loop import steps as run_steps
 
     duration = scene.run_settings.duration
     taken, reason = 0, ""
@@ -67,7 +67,7 @@ def with_absent(receipt: Receipt, absent: Absent) -> Receipt:
 
 def explain_run(directory: Path) -> Receipt:
     """The receipt of all steps of a run, or of those up to the last checkpoint of one that was stopped."""
-    from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
     from clothsim.run.results import open_run
 
     run = open_run(directory)

@@ -9,31 +9,31 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim.build.scene_world import Built
-from clothsim.energies.protocols import is_driven
-from clothsim.errors import InputError
-from clothsim.io.checkpoint import CHECKPOINT_NAME, write_checkpoint
-from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
-from clothsim.io.run_surfaces import world_surfaces
-from clothsim.io.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
-from clothsim.io.vtkhdf import STRETCHES, FrameArray
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, RecordWriter, read_record, write_summary
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, write_checkpoint
+from clothsim.files.runs.trajectory import TRAJECTORY_NAME, TrajectoryWriter, read_trajectory
+from clothsim.files.runs.vtkhdf import STRETCHES, FrameArray
+from clothsim.mesh.world_surfaces import world_surfaces
+from clothsim.physics.energies.protocols import is_driven
+from clothsim.run.certificate.certificate import Certificate, world_stretches
+from clothsim.run.certificate.intersection_check import IntersectionCheck, intersection_check_of
 from clothsim.run.fields import FIELDS, Configuration, at_start, field
 from clothsim.run.forces import step_forces
 from clothsim.run.interruption import InterruptFlag, interruptible, interruption
+from clothsim.run.iterate_log import IterateLog
 from clothsim.run.results import Run, open_run
 from clothsim.run.session import Session
 from clothsim.run.simulation_state import SimulationState, state_after
 from clothsim.run.summary import Progress, checkpoint_of, entry_of, progress_of, summary_of
-from clothsim.sim.certificate import Certificate, world_stretches
-from clothsim.sim.failure import Failure, crossing_failure
-from clothsim.sim.intersection_check import IntersectionCheck, intersection_check_of
-from clothsim.sim.iterate_log import IterateLog
-from clothsim.sim.state import State
-from clothsim.sim.stepping import StepReport
-from clothsim.sim.time_loop import steps
+from clothsim.scene.assembly.scene_world import Built
+from clothsim.solve.stepping.failure import Failure, crossing_failure
+from clothsim.solve.stepping.state import State
+from clothsim.solve.stepping.stepping import StepReport
+from clothsim.solve.stepping.time_loop import steps
 
 if TYPE_CHECKING:
-    from clothsim.intersection.crossings import Crossing
+    from clothsim.geometry.intersection.crossings import Crossing
 
 _CARRIED = "carried"
 """The array that no key asks for: 1 for a vertex that a body carries through a pinch, 0 for others."""
@@ -103,7 +103,7 @@ def recorded_run(
     asked = session.scene.solver_settings.error
     certificate = replace(certificate, moved_by_script=scripted, asked=asked)
     if session.integrator.carries_pinched and certificate.carried is None:
-        from clothsim.sim.pinch_record import PinchRecord  # runs without the policy do not import it
+        from clothsim.solve.pinch.pinch_record import PinchRecord  # runs without the policy do not import it
 
         certificate = replace(certificate, carried=PinchRecord())
     check = intersection_check_of(surfaces, session.scene.effects, session.built.energies)
@@ -200,7 +200,7 @@ def _written_fields(session: Session, state: State, report: StepReport | None) -
         if name in asked
     }
     if session.integrator.carries_pinched:
-        from clothsim.sim.pinch import carried_by  # runs without the policy do not import it
+        from clothsim.solve.pinch.pinch import carried_by  # runs without the policy do not import it
 
         fields[_CARRIED] = carried_by(world, state.memory).astype(np.float64)
     return fields

@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim.arrays import Floats, Ints
-from clothsim.errors import InputError
-from clothsim.io.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
-from clothsim.io.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
+from clothsim.files.runs.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
+from clothsim.keys.keys import refuse_unknown
 from clothsim.run.certificate_text import certificate_rows
 from clothsim.run.field_pictures import field_settings
 from clothsim.run.pictures import (
@@ -27,13 +28,12 @@ from clothsim.run.pictures import (
     frame_picture,
     upright,
 )
-from clothsim.scene.keys import refuse_unknown
 
 if TYPE_CHECKING:
-    from clothsim.build.scene_world import Built
     from clothsim.run.export import Exported
     from clothsim.run.fields import Configuration
     from clothsim.run.forces import Forces
+    from clothsim.scene.assembly.scene_world import Built
 
 RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` or clothsim.simulate left."
 
@@ -262,8 +262,8 @@ class Run(Sequence[Frame]):
     @cached_property
     def _built(self) -> "Built":
         """The scene of the checkpoint, built once for all fields."""
-        from clothsim.build.scene_world import build
-        from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
+        from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+        from clothsim.scene.assembly.scene_world import build
         from clothsim.scene.scene import scene_from_text
 
         return build(scene_from_text(read_checkpoint(self.directory / CHECKPOINT_NAME).scene_text, self.directory))

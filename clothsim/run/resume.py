@@ -3,19 +3,19 @@
 from pathlib import Path
 from time import perf_counter
 
-from clothsim.build.scene_world import build
-from clothsim.errors import InputError
-from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-from clothsim.io.record import SUMMARY_NAME
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.record import SUMMARY_NAME
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.run.callbacks import refuse_uncallable
+from clothsim.run.certificate.certificate import certificate_from
 from clothsim.run.checked_step import warn_of
 from clothsim.run.output_directory import continued_output
 from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run, watched
 from clothsim.run.results import Run
 from clothsim.run.session import prepare
 from clothsim.run.summary import restore, state_of
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import scene_from_text
-from clothsim.sim.certificate import certificate_from
 
 FITTED = "fitted.obj"
 """The file that only a fit leaves."""

@@ -6,18 +6,18 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
-from clothsim.build.scene_world import build
-from clothsim.errors import InputError
-from clothsim.io.checkpoint import Checkpoint
+from clothsim.base.errors import InputError
+from clothsim.files.runs.checkpoint import Checkpoint
 from clothsim.run.archive import refuse_functions
 from clothsim.run.archive_files import named_files, refuse_outside, relocated
+from clothsim.run.certificate.certificate import Certificate, certificate_from
+from clothsim.run.certificate.intersection_history import IntersectionHistory
 from clothsim.run.hand_motions import HandMotions, hand_motions_from
 from clothsim.run.session import Session, prepare
 from clothsim.run.summary import checkpoint_of, state_of
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import scene_from_text
-from clothsim.sim.certificate import Certificate, certificate_from
-from clothsim.sim.intersection_history import IntersectionHistory
-from clothsim.sim.state import State
+from clothsim.solve.stepping.state import State
 
 
 def saved_simulation(session: Session, state: State, by_hand: HandMotions, history: IntersectionHistory) -> Checkpoint:

@@ -5,27 +5,27 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.build.scene_world import Built
-from clothsim.energies.hessians import ByElement
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
+from clothsim.base.process_memory import keep_freed_memory
+from clothsim.keys.settings import Solver
 from clothsim.mesh.motion import RigidMotion
 from clothsim.mesh.world import World
+from clothsim.physics.energies.hessians import ByElement
 from clothsim.run.step_lengths import LARGEST_TURN, refuse_leaps, turns
+from clothsim.scene.assembly.scene_world import Built
 from clothsim.scene.scene import Scene
-from clothsim.scene.settings import Solver
-from clothsim.sim.integrators import BACKWARD_EULER
-from clothsim.sim.step_size import ErrorControl
-from clothsim.sim.stepping import Integrator
-from clothsim.solve.convergence import LEAST_SPEED
-from clothsim.solve.dependent_rows import Dependence, DependentRows
-from clothsim.solve.linear_solvers import slowness
-from clothsim.solve.linear_system import System
-from clothsim.solve.newton import NewtonSettings
-from clothsim.solve.pardiso_library import load_library
-from clothsim.solve.potential import Potential
-from clothsim.solve.process_memory import keep_freed_memory
-from clothsim.solve.sparsity import Pattern, make_pattern
-from clothsim.solve.threads import available_cores
+from clothsim.solve.linear.dependent_rows import Dependence, DependentRows
+from clothsim.solve.linear.linear_solvers import slowness
+from clothsim.solve.linear.linear_system import System
+from clothsim.solve.linear.pardiso_library import load_library
+from clothsim.solve.linear.sparsity import Pattern, make_pattern
+from clothsim.solve.linear.threads import available_cores
+from clothsim.solve.newton.convergence import LEAST_SPEED
+from clothsim.solve.newton.newton import NewtonSettings
+from clothsim.solve.newton.potential import Potential
+from clothsim.solve.stepping.integrators import BACKWARD_EULER
+from clothsim.solve.stepping.step_size import ErrorControl
+from clothsim.solve.stepping.stepping import Integrator
 from clothsim.solve.timers import EffectCounters, Timers
 
 SHORTEST_STEP = 1e-12

@@ -5,13 +5,20 @@ from collections.abc import Callable, Iterable
 from importlib import import_module
 from pathlib import Path
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from clothsim.run.recorded_run import Announcement, Listener, StepListener
     from clothsim.run.results import Run
     from clothsim.run.session import Session
     from clothsim.scene.scene import Scene
+
+RUNS_OF_RUNS = {
+    "differentiable": "clothsim.gradients.run:simulate_differentiably",
+    "solver.error": "clothsim.study.error_control.requested:simulate_to_error",
+    "solver.estimate": "clothsim.study.error_control.coarser_run:simulate_with_estimate",
+}
+"""What takes a run in place of `simulate`, as text: higher rooms, imported only where a scene or a caller asks."""
 
 # Energies, contact, SciPy and numba take over a second: they are imported by the first run, not with the function.
 
@@ -58,7 +65,7 @@ def simulate(
     -------
     Run
         A run that cannot go on has the status "failed" and a reason, and keeps its frames and its last good state.
-        With `differentiable` a `clothsim.adjoint.run.DifferentiableRun`.
+        With `differentiable` a `clothsim.gradients.run.DifferentiableRun`.
 
     Raises
     ------
@@ -94,9 +101,9 @@ def simulate(
     refuse_earlier_run(directory, overwrite)  # before minutes of building, and again under the lock
     if isinstance(scene, Scene):
         _tell_cost(scene, message, force)
-    if differentiable:  # by name: a higher floor, and no other run imports it
-        adjoint = import_module("clothsim.adjoint.run")
-        return adjoint.simulate_differentiably(scene, output, progress, announce, on_step, message, overwrite)
+    if differentiable:
+        differentiably = _loaded("differentiable")
+        return differentiably(scene, output, progress, announce, on_step, message, overwrite)
     own: list[Scene] = []
 
     def run(some: "Scene", sessions: "list[Session]") -> "Run":
@@ -107,14 +114,16 @@ def simulate(
 
     tell = message or (lambda line: None)
     if isinstance(scene, Scene) and scene.solver_settings.error:  # `build` refuses what is no scene
-        from clothsim.run.error_control.requested import simulate_to_error
-
-        return simulate_to_error(scene, run, tell)
+        return _loaded("solver.error")(scene, run, tell)
     if isinstance(scene, Scene) and scene.solver_settings.estimate:
-        from clothsim.run.error_control.coarser_run import simulate_with_estimate
-
-        return simulate_with_estimate(scene, run, tell)
+        return _loaded("solver.estimate")(scene, run, tell)
     return run(scene, [])
+
+
+def _loaded(kind: str) -> Any:
+    """The function of `RUNS_OF_RUNS` of that name."""
+    module, function = RUNS_OF_RUNS[kind].split(":")
+    return getattr(import_module(module), function)
 
 
 def _simulated(
@@ -126,15 +135,15 @@ def _simulated(
     permissions: tuple[bool, bool],
 ) -> "Run":
     """Simulate a scene with fixed settings; permissions: overwrite and force of `simulate`."""
-    from clothsim.build.scene_world import build
-    from clothsim.energies.protocols import ContactGap
+    from clothsim.physics.energies.protocols import ContactGap
+    from clothsim.run.certificate.certificate import Certificate
     from clothsim.run.checked_step import warn_of
     from clothsim.run.output_directory import new_output
     from clothsim.run.recorded_run import recorded_run, watched
     from clothsim.run.session import prepare
     from clothsim.run.step_lengths import refuse_flights
-    from clothsim.sim.certificate import Certificate
-    from clothsim.sim.state import first_state
+    from clothsim.scene.assembly.scene_world import build
+    from clothsim.solve.stepping.state import first_state
 
     started = perf_counter()
     overwrite, force = permissions

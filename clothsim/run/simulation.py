@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from clothsim.arrays import Floats
-from clothsim.build.scene_world import build
-from clothsim.errors import InputError
-from clothsim.io.checkpoint import CHECKPOINT_NAME, packed, read_checkpoint, unpacked, write_checkpoint
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, packed, read_checkpoint, unpacked, write_checkpoint
+from clothsim.keys.keys import refuse_absent
+from clothsim.run.certificate.intersection_history import IntersectionHistory
 from clothsim.run.changes import (
     body_at,
     body_rows,
@@ -31,13 +32,12 @@ from clothsim.run.saved_simulation import restored_simulation, saved_simulation
 from clothsim.run.session import Session, prepare
 from clothsim.run.simulation_state import SimulationError, SimulationState, starting_state, state_after
 from clothsim.run.step_lengths import refuse_leaps
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.keys import refuse_absent
 from clothsim.scene.scene import Scene
-from clothsim.sim.failure import Failure
-from clothsim.sim.intersection_history import IntersectionHistory
-from clothsim.sim.state import Rest, State, first_state
-from clothsim.sim.time_loop import finished, next_step
+from clothsim.solve.stepping.failure import Failure
+from clothsim.solve.stepping.state import Rest, State, first_state
+from clothsim.solve.stepping.time_loop import finished, next_step
 
 
 class Simulation:

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from clothsim.arrays import Floats
-from clothsim.errors import ClothsimError
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError
 from clothsim.mesh.world import World
-from clothsim.sim.failure import Failure
-from clothsim.sim.mechanical_energy import mechanical_energy
-from clothsim.sim.state import State, Switch
-from clothsim.sim.stepping import StepReport
+from clothsim.solve.stepping.failure import Failure
+from clothsim.solve.stepping.mechanical_energy import mechanical_energy
+from clothsim.solve.stepping.state import State, Switch
+from clothsim.solve.stepping.stepping import StepReport
 
 
 class SimulationError(ClothsimError):

@@ -4,12 +4,12 @@ from collections.abc import Collection
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.build.scene_world import Built
-from clothsim.energies.constraint import Constraint
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
 from clothsim.mesh.motion import LaterMotion, RigidMotion
 from clothsim.mesh.world import World
+from clothsim.physics.energies.constraint import Constraint
+from clothsim.scene.assembly.scene_world import Built
 
 LARGEST_TURN = 45.0
 """Largest rotation in a step [degrees]: a straight path then leaves the arc by 8 % of the radius."""

@@ -5,18 +5,18 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from clothsim.energies.protocols import report_of
-from clothsim.io.checkpoint import Checkpoint
+from clothsim.base.process_memory import peak_memory
+from clothsim.files.runs.checkpoint import Checkpoint
+from clothsim.geometry.held_inside import held_inside
+from clothsim.physics.energies.protocols import report_of
+from clothsim.run.certificate.certificate import Certificate
+from clothsim.run.certificate.condition_warnings import condition_warnings
+from clothsim.run.certificate.intersection_check import IntersectionCheck
+from clothsim.run.certificate.intersection_history import intersection_warnings
 from clothsim.run.session import Session
-from clothsim.sim.certificate import Certificate
-from clothsim.sim.condition_warnings import condition_warnings
-from clothsim.sim.failure import Failure
-from clothsim.sim.held_inside import held_inside
-from clothsim.sim.intersection_check import IntersectionCheck
-from clothsim.sim.intersection_history import intersection_warnings
-from clothsim.sim.state import Previous, Rest, State
-from clothsim.sim.stepping import StepReport
-from clothsim.solve.process_memory import peak_memory
+from clothsim.solve.stepping.failure import Failure
+from clothsim.solve.stepping.state import Previous, Rest, State
+from clothsim.solve.stepping.stepping import StepReport
 from clothsim.solve.timers import EffectCounters, Timers
 
 

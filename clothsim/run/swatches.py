@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.base.arrays import Floats
+from clothsim.keys.fabrics import FABRICS
 from clothsim.mesh.generators.sheets import disk, tube
 from clothsim.render.surface_look import Surface
 from clothsim.run.simulate import simulate
-from clothsim.scene.fabrics import FABRICS
 from clothsim.scene.scene import Scene
 
 if TYPE_CHECKING:

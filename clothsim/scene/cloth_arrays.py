@@ -7,10 +7,11 @@ from typing import Any, ClassVar
 
 from numpy.typing import ArrayLike
 
-from clothsim.errors import InputError
-from clothsim.scene.mesh_arrays import MeshArrays
-from clothsim.scene.mesh_keys import BodyKeys, ClothKeys, FrameRate
-from clothsim.scene.rigid_keys import RigidKeys
+from clothsim.base.errors import InputError
+from clothsim.keys.mesh_arrays import MeshArrays
+from clothsim.keys.mesh_keys import BodyKeys, ClothKeys, FrameRate
+from clothsim.keys.rigid_keys import RigidKeys
+from clothsim.scene.given_meshes import checked_mesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +57,7 @@ class ClothArrays(ClothKeys):
     def __post_init__(self) -> None:
         super().__post_init__()
         _refuse_file("Cloth", self.vertices)
-        made = MeshArrays.checked(self.section, self.vertices, self.triangles, self.rest, groups=self.groups)
+        made = checked_mesh(self.section, self.vertices, self.triangles, rest=self.rest, groups=self.groups)
         _keep(self, made, "rest", "groups")
 
     def as_table(self) -> dict[str, Any]:
@@ -107,7 +108,7 @@ class BodyArrays(BodyKeys, FrameRate):
         if self.frames is not None and self.motion is not None:
             raise InputError("body has frames and motion.", "Give motion or frames, not both.")
         _refuse_file("Body", self.vertices)
-        _keep(self, MeshArrays.checked(self.section, self.vertices, self.triangles, frames=self.frames), "frames")
+        _keep(self, checked_mesh(self.section, self.vertices, self.triangles, frames=self.frames), "frames")
 
     def as_table(self) -> dict[str, Any]:
         """The table of [[body]] with the arrays as its mesh."""
@@ -154,7 +155,7 @@ class RigidArrays(RigidKeys):
     def __post_init__(self) -> None:
         super().__post_init__()
         _refuse_file("Rigid", self.vertices)
-        _keep(self, MeshArrays.checked(self.section, self.vertices, self.triangles))
+        _keep(self, checked_mesh(self.section, self.vertices, self.triangles))
 
     def as_table(self) -> dict[str, Any]:
         """The table of [[rigid]] with the arrays as its mesh."""

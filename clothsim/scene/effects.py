@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,8 @@ class Effect:
     Parameters
     ----------
     builder : str or function
-        The function that builds it, or "module:function", imported when it is first needed.
+        The function that builds it, or "module:function", imported when it is first needed; a leading dot stands for
+        `clothsim.physics`.
     summary : str
         A few words on what it is.
     """
@@ -34,12 +35,12 @@ class Effect:
         if callable(self.builder):
             return self.builder
         module, function = self.builder.split(":")
-        return getattr(importlib.import_module(module), function)
+        return getattr(importlib.import_module(module, "clothsim.physics"), function)
 
     def example(self) -> Any:
         """The `EXAMPLE` beside the builder, for tests; one of default keys where there is none."""
         own = getattr(importlib.import_module(self.load().__module__), "EXAMPLE", None)
-        return own or importlib.import_module("clothsim.energies.example").Example()
+        return own or importlib.import_module("clothsim.physics.energies.example").Example()
 
     def keys(self) -> dict[str, Any]:
         """The keys of a scene with their defaults: the builder's keywords."""
@@ -80,23 +81,23 @@ energies built so far, by name."""
 
 
 EFFECTS = {
-    "pins": Effect("clothsim.energies.pins:pins", "vertices fixed or on a prescribed motion"),
-    "inertia": Effect("clothsim.energies.inertia:inertia", "mass times acceleration"),
-    "membrane": Effect("clothsim.energies.membrane:membrane", "stretch and shear"),
-    "fibres": Effect("clothsim.energies.fibres:fibres", "threads along warp and weft"),
-    "strain_limit": Effect("clothsim.energies.strain_limit:strain_limit", "upper limits of the stretches"),
-    "bending": Effect("clothsim.energies.bending:bending", "resistance to folding"),
-    "rest_angle": Effect("clothsim.energies.rest_angle:rest_angle", "creases and pleats with a rest angle"),
-    "gravity": Effect("clothsim.energies.gravity:gravity", "weight"),
-    "springs": Effect("clothsim.energies.springs:springs", "springs, tethers and soft pins to positions in space"),
-    "pressure": Effect("clothsim.energies.pressure:pressure", "fluid pressure along the normals"),
-    "air": Effect("clothsim.energies.air:air", "drag and lift in still air or wind"),
-    "damping": Effect("clothsim.energies.damping:damping", "damping of velocity, strain rate and bending rate"),
-    "body_contact": Effect("clothsim.contact.body_contact:body_contact", "cloth against bodies"),
-    "self_contact": Effect("clothsim.contact.self_contact:self_contact", "cloth against cloth"),
-    "seams": Effect("clothsim.energies.seams:seams", "borders drawn together over time, then joined"),
-    "plastic_bending": Effect("clothsim.energies.plastic_bending:plastic_bending", "permanent folds beyond a yield"),
-    "friction": Effect("clothsim.contact.friction_coefficients:friction", "resistance of contacts to sliding"),
+    "pins": Effect(".energies.pins:pins", "vertices fixed or on a prescribed motion"),
+    "inertia": Effect(".energies.inertia:inertia", "mass times acceleration"),
+    "membrane": Effect(".energies.membrane:membrane", "stretch and shear"),
+    "fibres": Effect(".energies.fibres:fibres", "threads along warp and weft"),
+    "strain_limit": Effect(".energies.strain_limit:strain_limit", "upper limits of the stretches"),
+    "bending": Effect(".energies.bending:bending", "resistance to folding"),
+    "rest_angle": Effect(".energies.rest_angle:rest_angle", "creases and pleats with a rest angle"),
+    "gravity": Effect(".energies.gravity:gravity", "weight"),
+    "springs": Effect(".energies.springs:springs", "springs, tethers and soft pins to positions in space"),
+    "pressure": Effect(".energies.pressure:pressure", "fluid pressure along the normals"),
+    "air": Effect(".energies.air:air", "drag and lift in still air or wind"),
+    "damping": Effect(".energies.damping:damping", "damping of velocity, strain rate and bending rate"),
+    "body_contact": Effect(".contact.body_contact:body_contact", "cloth against bodies"),
+    "self_contact": Effect(".contact.self_contact:self_contact", "cloth against cloth"),
+    "seams": Effect(".energies.seams:seams", "borders drawn together over time, then joined"),
+    "plastic_bending": Effect(".energies.plastic_bending:plastic_bending", "permanent folds beyond a yield"),
+    "friction": Effect(".contact.friction_coefficients:friction", "resistance of contacts to sliding"),
 }
 
 CONTACTS = ("body_contact", "self_contact")
@@ -117,7 +118,7 @@ def register_effect(name: str, builder: Callable[..., Any], summary: str = "") -
 
     Examples
     --------
-    >>> from clothsim.energies.base import Off
+    >>> from clothsim.physics.energies.base import Off
     >>> def tickle(world, *, strength=0.0):
     ...     return Off("strength is 0")
     >>> register_effect("tickle", tickle, "a gentle force")

@@ -4,15 +4,15 @@ import collections.abc
 from collections.abc import Mapping, Sequence
 from typing import Any, get_args, get_origin
 
+from clothsim.keys.generator_keys import GENERATOR_KEYS
+from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
+from clothsim.keys.model_keys import ModelTable
+from clothsim.keys.rigid_keys import RigidTable
+from clothsim.keys.schema import Key, SceneKey, choices, keys_of, members
+from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
+from clothsim.keys.typed_effects import TYPED_EFFECTS
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.generator_keys import GENERATOR_KEYS
-from clothsim.scene.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
-from clothsim.scene.model_keys import ModelTable
 from clothsim.scene.reference import sections
-from clothsim.scene.rigid_keys import RigidTable
-from clothsim.scene.schema import Key, SceneKey, choices, keys_of, members
-from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
-from clothsim.scene.typed_effects import TYPED_EFFECTS
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
 
 REMEDIES = {
     "MultiBlock": "Give its surface: mesh.combine().extract_surface().triangulate().",
@@ -93,7 +93,7 @@ def _triangles(where: str, vertices: Floats, blocks: Faces) -> Ints:
     """All faces as triangles, in order."""
     if all(block.shape[1] == 3 for block in blocks):
         return np.concatenate(blocks).astype(np.int64)
-    from clothsim.io.polygons import Polygons, cut_polygons
+    from clothsim.files.meshes.polygons import Polygons, cut_polygons
 
     corners = np.concatenate([block.ravel() for block in blocks]).astype(np.int64)
     sizes = np.concatenate([np.full(len(block), block.shape[1]) for block in blocks])

@@ -7,13 +7,13 @@ from glob import glob
 from pathlib import Path
 from typing import Any
 
-from clothsim.errors import InputError
-from clothsim.scene.generator_keys import GENERATOR_KEYS
-from clothsim.scene.keys import refuse_unknown
-from clothsim.scene.mesh_keys import FilePart, check_body, check_cloth
-from clothsim.scene.rigid_keys import check_rigid
+from clothsim.base.errors import InputError
+from clothsim.keys.generator_keys import GENERATOR_KEYS
+from clothsim.keys.keys import refuse_unknown
+from clothsim.keys.mesh_keys import FilePart, check_body, check_cloth
+from clothsim.keys.rigid_keys import check_rigid
+from clothsim.keys.schema import keys_of
 from clothsim.scene.scene import SECTIONS, Scene
-from clothsim.scene.schema import keys_of
 
 FILES = ("mesh", "frames", "model", "clip", "file")
 """Keys that name files."""

@@ -5,16 +5,16 @@ import re
 from collections.abc import Iterator
 from dataclasses import MISSING, dataclass
 
-from clothsim.scene.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+from clothsim.keys.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+from clothsim.keys.generator_keys import GENERATOR_KEYS
+from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
+from clothsim.keys.model_keys import ClipKeys, ModelTable
+from clothsim.keys.rigid_keys import JointKeys, RigidTable, TieKeys
+from clothsim.keys.schema import Key, SceneKey, keys_of, type_in_words
+from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
+from clothsim.keys.typed_effects import TYPED_EFFECTS
+from clothsim.keys.value_checks import as_toml
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.generator_keys import GENERATOR_KEYS
-from clothsim.scene.mesh_keys import BodyTable, ClothTable, FilePart, FramesTable, PatternFile
-from clothsim.scene.model_keys import ClipKeys, ModelTable
-from clothsim.scene.rigid_keys import JointKeys, RigidTable, TieKeys
-from clothsim.scene.schema import Key, SceneKey, keys_of, type_in_words
-from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
-from clothsim.scene.typed_effects import TYPED_EFFECTS
-from clothsim.scene.value_checks import as_toml
 
 NESTED: dict[str, tuple[tuple[str, type], ...]] = {
     "pins": (("effects.pins.group", PinGroup),),

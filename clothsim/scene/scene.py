@@ -8,20 +8,21 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
+from clothsim.keys.key_table import KeyTable, as_tables
+from clothsim.keys.keys import refuse_deep, refuse_unknown, shown, table
+from clothsim.keys.mesh_arrays import TEXT, MeshArrays
+from clothsim.keys.mesh_keys import check_body, check_cloth
+from clothsim.keys.rigid_keys import check_rigid
+from clothsim.keys.schema import FUNCTION
+from clothsim.keys.section_hints import effect_remedy, section_remedy
+from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
+from clothsim.keys.typed_effects import TYPED_EFFECTS, EffectKeys, effect_tables
+from clothsim.keys.value_checks import check_table
 from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays, RigidArrays
 from clothsim.scene.effects import EFFECTS
-from clothsim.scene.key_table import KeyTable, as_tables
-from clothsim.scene.keys import refuse_deep, refuse_unknown, shown, table
-from clothsim.scene.mesh_arrays import TEXT, MeshArrays, mesh_arrays
-from clothsim.scene.mesh_keys import check_body, check_cloth
+from clothsim.scene.given_meshes import mesh_arrays
 from clothsim.scene.mesh_objects import is_mesh
-from clothsim.scene.rigid_keys import check_rigid
-from clothsim.scene.schema import FUNCTION
-from clothsim.scene.section_hints import effect_remedy, section_remedy
-from clothsim.scene.settings import Contact, RunSettings, Seed, Solver
-from clothsim.scene.typed_effects import TYPED_EFFECTS, EffectKeys, effect_tables
-from clothsim.scene.value_checks import check_table
 
 Table = Mapping[str, Any]
 

@@ -3,9 +3,9 @@
 import tomllib
 from pathlib import Path
 
-from clothsim.errors import InputError
-from clothsim.io.regular_file import read_regular_file
-from clothsim.scene.keys import nearest
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.regular_file import read_regular_file
+from clothsim.keys.keys import nearest
 from clothsim.scene.scene import Scene, make_scene
 
 MOST_BYTES = 1 << 28

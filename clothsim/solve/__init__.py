@@ -1,1 +1,1 @@
-"""Floor 5: minimisation of a sum of energies; contact enters as an energy with a step limit."""
+"""Implicit time steps: minimisation of a sum of energies, linear systems, stepping, pinches."""

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
 from clothsim.render.colour_scale import Quantity, Scale
 from clothsim.render.picture import scale_of
 from clothsim.render.run_frames import frame_surfaces

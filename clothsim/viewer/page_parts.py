@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.render.surface_look import BODY_GREY
 from clothsim.run.pictures import upright
 from clothsim.viewer.legend_bar import legend_html

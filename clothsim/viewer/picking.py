@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 
 
 def picked_vertex(positions: Floats, triangles: Ints, origin: Floats, direction: Floats) -> int | None:

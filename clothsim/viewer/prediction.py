@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim.arrays import Floats, as_vector
-from clothsim.build.drape_model import DrapeModel, predicted, read_model
-from clothsim.build.meshes import body_of, mesh_shape
-from clothsim.build.placement import placed
-from clothsim.build.scene_world import world_of
-from clothsim.errors import InputError
-from clothsim.intersection.crossings import Crossing, crossings
+from clothsim.base.arrays import Floats, as_vector
+from clothsim.base.errors import InputError
+from clothsim.geometry.intersection.crossings import Crossing, crossings
+from clothsim.scene.assembly.drape_model import DrapeModel, predicted, read_model
+from clothsim.scene.assembly.meshes import body_of, mesh_shape
+from clothsim.scene.assembly.placement import placed
+from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.overrides import override
 from clothsim.scene.scene import Scene
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.errors import ClothsimError
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError
 from clothsim.scene.scene import Scene
 from clothsim.viewer.page_parts import add_background, add_body, look_at
 from clothsim.viewer.prediction import Prediction, Predictor, predictor

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.base.arrays import Floats
 from clothsim.run.certificate_text import certificate_rows
 
 if TYPE_CHECKING:

@@ -5,8 +5,8 @@ import threading
 from pathlib import Path
 from typing import Any
 
-from clothsim.errors import InputError
-from clothsim.io.trajectory import TRAJECTORY_NAME
+from clothsim.base.errors import InputError
+from clothsim.files.runs.trajectory import TRAJECTORY_NAME
 from clothsim.run.results import Run, open_run
 from clothsim.viewer.coloured_frames import PLAIN, STRETCH, colouring, colouring_names
 from clothsim.viewer.page import Page

@@ -16,16 +16,16 @@ from time import perf_counter
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Energy
-from clothsim.energies.bending import MODELS, bending
-from clothsim.io.record import to_json
-from clothsim.mesh.fabric import Fabric
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.safe_files.record import to_json
+from clothsim.base.text_table import text_table
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.mesh.world import World, make_world
-from clothsim.solve.linear_solvers import make_solver
-from clothsim.solve.sparsity import make_pattern
-from clothsim.text_table import text_table
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.bending import MODELS, bending
+from clothsim.solve.linear.linear_solvers import make_solver
+from clothsim.solve.linear.sparsity import make_pattern
 from tests.known_answers.plates import DEFLECTION, INNER, OUTER, drooped, elastica, flat, ring_deflection
 from tests.known_answers.strips import lattice_strip, random_ring, random_strip
 

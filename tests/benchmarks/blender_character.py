@@ -68,8 +68,8 @@ frames_per_second = 24
 
 def inputs(directory: Path) -> None:
     """Write the mannequin as OBJ, its joints and the scene."""
-    from clothsim.character.known_bodies import mannequin_character
-    from clothsim.io.obj_writer import write_obj
+    from clothsim.files.characters.known_bodies import mannequin_character
+    from clothsim.files.meshes.obj_writer import write_obj
 
     directory.mkdir(parents=True, exist_ok=True)
     character = mannequin_character()

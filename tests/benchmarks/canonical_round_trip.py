@@ -15,15 +15,15 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.build.model_body import PlacedCharacter
-from clothsim.errors import ClothsimError
-from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-from clothsim.run.canonical import character_of_scene, skinning
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError
+from clothsim.base.text_table import text_table
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+from clothsim.garments.unpose import character_of_scene, skinning
 from clothsim.run.results import Run, open_run
 from clothsim.run.simulate import simulate
+from clothsim.scene.assembly.model_body import PlacedCharacter
 from clothsim.scene.scene import Scene, scene_from_text
-from clothsim.text_table import text_table
 from transfer.canonical import unposed_in_field
 from transfer.diffuse import kernel_average
 

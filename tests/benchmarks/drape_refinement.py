@@ -18,19 +18,19 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.errors import ClothsimError, InputError
-from clothsim.fitting.distortion import Cost, cost_of
-from clothsim.fitting.inputs import Figure
-from clothsim.fitting.penetration import Counts, counted
-from clothsim.fitting.pipeline import Task, seeded
-from clothsim.fitting.stage import Garment
-from clothsim.intersection.intersecting_pairs import intersecting_pairs
-from clothsim.io.mesh_file import read_mesh
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.text_table import text_table
+from clothsim.files.meshes.mesh_file import read_mesh
+from clothsim.garments.fit.distortion import Cost, cost_of
+from clothsim.garments.fit.pipeline import Task, seeded
+from clothsim.garments.fit.stage import Garment
+from clothsim.garments.inputs import Figure
+from clothsim.garments.penetration import Counts, counted
+from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.generators.shapes import capsule
 from clothsim.mesh.manifold import bow_tie_vertices, joined_half_edges
 from clothsim.mesh.topology import components
-from clothsim.text_table import text_table
 from transfer.refine import refine
 from transfer.signed_distance import BodySurface, body_surface
 

@@ -17,15 +17,15 @@ from typing import Any
 import numpy as np
 
 import clothsim
+from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.cli.dress_command import as_length
-from clothsim.dressing.measurements import girths
-from clothsim.io.atomic import write_atomically
-from clothsim.mesh.pattern.pattern import Pattern
-from clothsim.mesh.pattern.specification import read_specification
+from clothsim.garments.dress.measurements import girths
+from clothsim.patterns.pattern import Pattern
+from clothsim.patterns.specification import read_specification
 from tests.benchmarks.dress_table import FILES
 from tests.benchmarks.stored_tables import markdown_table
-from tests.real_data import DATA
-from tests.sewing_patterns import body_of
+from tests.support.real_data import DATA
+from tests.support.sewing_patterns import body_of
 
 AMPLITUDE = 1e-6
 """Standard deviation of each coordinate of a placement [m], and of each angle [rad]."""

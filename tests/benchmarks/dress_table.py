@@ -19,15 +19,15 @@ import numpy as np
 from PIL import Image, ImageDraw
 
 import clothsim
+from clothsim.base.errors import ClothsimError
+from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.cli.dress_command import as_length
-from clothsim.dressing.dressed import Dress
-from clothsim.dressing.pictures import WORN, draw_dress
-from clothsim.errors import ClothsimError
-from clothsim.io.atomic import write_atomically
-from clothsim.mesh.pattern.sewing import largest_gap
+from clothsim.garments.dress.dressed import Dress
+from clothsim.garments.dress.pictures import WORN, draw_dress
+from clothsim.patterns.sewing import largest_gap
 from tests.benchmarks.stored_tables import markdown_table, write_between
-from tests.real_data import DATA
-from tests.sewing_patterns import PATTERN_FILES, body_of
+from tests.support.real_data import DATA
+from tests.support.sewing_patterns import PATTERN_FILES, body_of
 
 HEADER = (
     "pattern",

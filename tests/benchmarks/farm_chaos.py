@@ -23,19 +23,19 @@ from time import process_time
 from typing import Any
 
 from clothsim import register_effect, simulate
-from clothsim.energies.base import Energy
-from clothsim.errors import ClothsimError
-from clothsim.farm.claims import Worker
-from clothsim.farm.plan import Farm, open_farm, plan
-from clothsim.farm.publication import CLOTH, read_drape
-from clothsim.farm.recipe import Recipe, make_recipe
-from clothsim.farm.status import status
-from clothsim.farm.verify import verify
-from clothsim.farm.work import make, work
+from clothsim.base.errors import ClothsimError
+from clothsim.physics.energies.base import Energy
 from clothsim.run.example_scenes import scene_file
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene
 from clothsim.scene.toml_file import load_scene
+from clothsim.study.farm.claims import Worker
+from clothsim.study.farm.plan import Farm, open_farm, plan
+from clothsim.study.farm.publication import CLOTH, read_drape
+from clothsim.study.farm.recipe import Recipe, make_recipe
+from clothsim.study.farm.status import status
+from clothsim.study.farm.verify import verify
+from clothsim.study.farm.work import make, work
 
 ROOT = Path(__file__).parents[2]
 

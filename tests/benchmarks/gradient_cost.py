@@ -14,17 +14,17 @@ from pathlib import Path
 from time import process_time
 from typing import TypeVar
 
-from clothsim.adjoint.differentiable_session import differentiable_session, forward, with_stiffness
-from clothsim.adjoint.losses import Height
-from clothsim.adjoint.run import Trace, traced
-from clothsim.build.scene_world import build
-from clothsim.errors import ClothsimError
-from clothsim.io.record import to_json
+from clothsim.base.errors import ClothsimError
+from clothsim.base.safe_files.record import to_json
+from clothsim.base.text_table import text_table
+from clothsim.gradients.differentiable_session import differentiable_session, forward, with_stiffness
+from clothsim.gradients.losses import Height
+from clothsim.gradients.run import Trace, traced
 from clothsim.run.session import Session, prepare
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
-from clothsim.sim.state import first_state
-from clothsim.sim.time_loop import steps
-from clothsim.text_table import text_table
+from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.time_loop import steps
 
 PATHS = "cloth.youngs_modulus", "effects.friction.coefficient"
 EFFECTS = ("inertia", "membrane", "bending", "gravity", "body_contact", "self_contact")

@@ -15,12 +15,12 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import eigsh
 
-from clothsim.arrays import Floats
-from clothsim.energies.bending import bending
-from clothsim.energies.pins import pins
+from clothsim.base.arrays import Floats
+from clothsim.base.text_table import text_table
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.mesh.world import World, make_world
-from clothsim.text_table import text_table
+from clothsim.physics.energies.bending import bending
+from clothsim.physics.energies.pins import pins
 from tests.known_answers.unit_meshes import UNIT, cloth
 from tests.known_answers.unit_solver import second_derivatives
 

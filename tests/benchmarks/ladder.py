@@ -15,14 +15,14 @@ from pathlib import Path
 from time import perf_counter
 from typing import Any
 
-from clothsim.build.scene_world import Built, build
-from clothsim.errors import ClothsimError
+from clothsim.base.errors import ClothsimError
+from clothsim.base.text_table import text_table
 from clothsim.run.session import Session, prepare
+from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene
-from clothsim.sim.state import State, first_state
-from clothsim.sim.stepping import advance
-from clothsim.text_table import text_table
+from clothsim.solve.stepping.state import State, first_state
+from clothsim.solve.stepping.stepping import advance
 from tests.benchmarks.stored_tables import markdown_table, write_between
 
 MARK = "ladder"

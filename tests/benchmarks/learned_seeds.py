@@ -24,19 +24,19 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.build.drape_model import DrapeModel, predicted
-from clothsim.build.scene_world import world_of
-from clothsim.farm.drape import drape
-from clothsim.farm.identity import processor
-from clothsim.farm.learn import Learned, learn
-from clothsim.farm.plan import Farm, Job, open_farm
-from clothsim.farm.publication import CLOTH
-from clothsim.farm.status import manifest
-from clothsim.io.obj_writer import write_obj
+from clothsim.base.arrays import Floats
+from clothsim.base.text_table import text_table
+from clothsim.files.meshes.obj_writer import write_obj
 from clothsim.mesh.world import World
+from clothsim.scene.assembly.drape_model import DrapeModel, predicted
+from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene
-from clothsim.text_table import text_table
+from clothsim.study.farm.drape import drape
+from clothsim.study.farm.identity import processor
+from clothsim.study.farm.plan import Farm, Job, open_farm
+from clothsim.study.farm.publication import CLOTH
+from clothsim.study.farm.status import manifest
+from clothsim.study.learned.learn import Learned, learn
 from transfer.garment import transfer_garment
 
 

@@ -15,12 +15,12 @@ from functools import lru_cache
 from pathlib import Path
 from time import process_time
 
-from clothsim.energies.base import Energy, Off
-from clothsim.energies.membrane import membrane
-from clothsim.errors import ClothsimError
-from clothsim.io.record import to_json
+from clothsim.base.errors import ClothsimError
+from clothsim.base.safe_files.record import to_json
+from clothsim.base.text_table import text_table
 from clothsim.mesh.world import World
-from clothsim.text_table import text_table
+from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.a6_inflation import balloon, blown_up, mylar
 from tests.known_answers.a8_wrinkles import Sheared, sheared, strip, thickness_of
 

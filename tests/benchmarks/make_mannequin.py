@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.base.arrays import Floats
 from clothsim.mesh.generators.garments.body_limbs import SMOOTHING, body_limbs
 from clothsim.mesh.generators.garments.implicit import lattice_union, smooth_union
 from clothsim.mesh.generators.garments.relax import both_halves, relaxed

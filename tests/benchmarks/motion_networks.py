@@ -20,14 +20,14 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.build.scene_world import world_of
-from clothsim.farm.identity import processor
-from clothsim.farm.plan import Farm, open_farm
-from clothsim.farm.publication import CLOTH
-from clothsim.farm.status import manifest
-from clothsim.io.atomic import write_atomically
-from clothsim.run.canonical import character_of_scene, skinning
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.garments.unpose import character_of_scene, skinning
+from clothsim.scene.assembly.scene_world import world_of
+from clothsim.study.farm.identity import processor
+from clothsim.study.farm.plan import Farm, open_farm
+from clothsim.study.farm.publication import CLOTH
+from clothsim.study.farm.status import manifest
 from tests.benchmarks.drape_networks import flat_metric
 from transfer.diffuse import kernel_average
 from transfer.motion_encoding import motion_windows

@@ -1,7 +1,7 @@
-"""Hashes of results before and after code is moved: `python -m tests.benchmarks.move_hashes FILE [NAME ...] [--against OLD]`.
+"""Hashes of results before and after a move: `python -m tests.benchmarks.move_hashes FILE [NAME ...] [--against OLD]`.
 
-The first steps of every scene, three fits, three dresses, a gradient, a restored run, a drape of a farm. It uses public
-names and commands only, so that one copy of this file runs on two revisions of the package; both must run on one machine.
+The first steps of every scene, three fits, three dresses, a gradient, a restored run, a drape of a farm. It uses
+public names and commands only, so that one copy of this file runs on two revisions; both must run on one machine.
 """
 
 import argparse

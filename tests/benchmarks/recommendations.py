@@ -15,21 +15,21 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.accuracy.evaluation import STUDY_NAME
-from clothsim.accuracy.knobs import KNOBS, usable
-from clothsim.accuracy.points import Bench, Point, point
-from clothsim.accuracy.reference_solution import Norm
-from clothsim.accuracy.worker import answer
-from clothsim.arrays import Floats
-from clothsim.build.explicit_lengths import fixed
-from clothsim.build.scene_world import build
-from clothsim.errors import ClothsimError, InputError
-from clothsim.io.record import read_summary
-from clothsim.mesh.resample import at_points_of, material_of, point_areas
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.safe_files.record import read_summary
+from clothsim.base.text_table import text_table
+from clothsim.scene.assembly.explicit_lengths import fixed
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.overrides import set_key
 from clothsim.scene.scene import Scene
 from clothsim.scene.toml_file import load_scene
-from clothsim.text_table import text_table
+from clothsim.study.evaluation import STUDY_NAME
+from clothsim.study.knobs import KNOBS, usable
+from clothsim.study.points import Bench, Point, point
+from clothsim.study.reference_solution import Norm
+from clothsim.study.resample import at_points_of, material_of, point_areas
+from clothsim.study.worker import answer
 
 FINER = "dt=2,cells=2,tolerance=2,d_hat=3,eps_v=1"
 TWICE = 2.0

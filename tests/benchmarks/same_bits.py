@@ -19,7 +19,7 @@ from itertools import islice
 from pathlib import Path
 from time import process_time
 
-from clothsim.text_table import text_table
+from clothsim.base.text_table import text_table
 from tests.benchmarks.stored_tables import markdown_table, write_between
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -73,12 +73,12 @@ class Comparison:
 
 def trace(file: Path, threads: int, steps: int, repeatable: bool = True, overrides: Sequence[str] = ()) -> Trace:
     """Take steps of a scene in this process; steps 0: all of them."""
-    from clothsim.build.scene_world import build
     from clothsim.run.session import prepare
+    from clothsim.scene.assembly.scene_world import build
     from clothsim.scene.overrides import override, set_key
     from clothsim.scene.toml_file import load_scene
-    from clothsim.sim import time_loop
-    from clothsim.sim.state import first_state
+    from clothsim.solve.stepping import time_loop
+    from clothsim.solve.stepping.state import first_state
 
     scene = reduce(override, overrides, load_scene(file))
     for key, value in (("threads", threads), ("repeatable", repeatable)):

@@ -16,19 +16,19 @@ from time import process_time
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.errors import ClothsimError, InputError
-from clothsim.fitting.guaranteed_path import clearings
-from clothsim.fitting.inputs import Figure
-from clothsim.fitting.moving_body import Worn, draped, moved_with_body
-from clothsim.fitting.stage import Garment
-from clothsim.fitting.transfer_seed import transferred
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.text_table import text_table
+from clothsim.garments.fit.guaranteed_path import clearings
+from clothsim.garments.fit.moving_body import Worn, draped, moved_with_body
+from clothsim.garments.fit.stage import Garment
+from clothsim.garments.fit.transfer_seed import transferred
+from clothsim.garments.inputs import Figure
 from clothsim.mesh.generators.garments.shirt_skirt_trousers import shirt
 from clothsim.mesh.generators.mannequin.generator import mannequin
 from clothsim.mesh.generators.shapes import capsule
 from clothsim.mesh.generators.sheets import tube
 from clothsim.run.results import Run
-from clothsim.text_table import text_table
 from transfer.errors import TransferError
 from transfer.signed_distance import body_surface
 

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 from numba import njit
 
-from clothsim.jit import part
+from clothsim.base.jit import part
 from tests.benchmarks.compile_time import OURS, Compiled, compilation_report, compiled, loaded
 
 SMALL_RUN = """
@@ -63,7 +63,7 @@ def test_literals_of_this_package_are_reported():
 
 def test_a_run_needs_each_kernel_for_one_set_of_types_and_for_no_literal(tmp_path, request):
     root = request.config.rootpath
-    code = SMALL_RUN.format(root=str(root), tests=str(root / "tests"))
+    code = SMALL_RUN.format(root=str(root), tests=str(root / "tests" / "support"))
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path)
     kernels = json.loads(run.stdout.splitlines()[-1])
     used = {name: types for name, types in kernels.items() if types}

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from clothsim.errors import InputError
-from clothsim.fitting.penetration import counted
+from clothsim.base.errors import InputError
+from clothsim.garments.penetration import counted
 from clothsim.mesh.checks import examine
 from clothsim.mesh.generators.shapes import capsule, slab
 from tests.benchmarks.drape_refinement import CHAIN, METHODS, as_text, main, measure, torso

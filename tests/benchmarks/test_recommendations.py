@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 from analytic_study import SHEET
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from tests.benchmarks.recommendations import Promise, main, promises
 
 FALL = replace(

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.io.obj_writer import obj_text
+from clothsim.base.arrays import Floats
+from clothsim.files.meshes.obj_writer import obj_text
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case
 

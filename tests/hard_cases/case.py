@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.build.scene_world import build
-from clothsim.errors import ClothsimError, InputError
-from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-from clothsim.io.obj_writer import obj_text
-from clothsim.io.record import RECORD_NAME, read_record
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.safe_files.record import RECORD_NAME, read_record
+from clothsim.files.meshes.obj_writer import obj_text
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+from clothsim.run.certificate.intersection_history import intersection_warnings
 from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene, scene_from_text
-from clothsim.sim.integrators import BACKWARD_EULER
-from clothsim.sim.intersection_history import intersection_warnings
-from clothsim.sim.mechanical_energy import ALLOWED
+from clothsim.solve.stepping.integrators import BACKWARD_EULER
+from clothsim.solve.stepping.mechanical_energy import ALLOWED
 
 JITTER = 1e-3
 """Standard deviation of the vertices' displacement at the start, in median edges; seed 0 is the exact start."""

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
 
-from clothsim.io.obj_writer import obj_text
+from clothsim.files.meshes.obj_writer import obj_text
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.run.results import Run
 from clothsim.scene.scene import Scene

@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.build.scene_world import build
-from clothsim.io.obj_writer import obj_text
-from clothsim.kinematics.deformation_gradient import deformation_gradients
-from clothsim.kinematics.stretch import principal_stretches
+from clothsim.base.arrays import Floats, Ints
+from clothsim.files.meshes.obj_writer import obj_text
+from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
+from clothsim.geometry.kinematics.stretch import principal_stretches
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.run.results import Run
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import MOST_NEWTON, Case, all_of, energy_falls, scene_of
 

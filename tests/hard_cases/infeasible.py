@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.io.obj_writer import obj_text
+from clothsim.base.arrays import Floats
+from clothsim.files.meshes.obj_writer import obj_text
 from clothsim.mesh.generators.shapes import sphere
 from clothsim.run.results import Run
 from clothsim.scene.scene import Scene

@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.build.scene_world import Built, build
-from clothsim.energies.base import Energy
-from clothsim.energies.step import Step
+from clothsim.base.arrays import Floats
+from clothsim.keys.fabrics import FABRICS
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.step import Step
 from clothsim.run.results import Run
-from clothsim.scene.fabrics import FABRICS
+from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case, scene_of
 from tests.hard_cases.twist import ELASTIC

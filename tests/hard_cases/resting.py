@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from clothsim.base.process_memory import peak_memory
 from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
 from clothsim.run.summary import Progress
 from clothsim.scene.scene import Scene
-from clothsim.solve.process_memory import peak_memory
 from tests.hard_cases.case import Case, Check, all_of, energy_falls, scene_of
 
 ELASTIC: dict[str, dict[str, Any]] = {"inertia": {}, "membrane": {}, "bending": {}}

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.build.scene_world import Built, build
+from clothsim.base.arrays import Floats
 from clothsim.run.results import Run
+from clothsim.scene.assembly.scene_world import Built, build
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case, Check, all_of, energy_falls, scene_of
 

@@ -5,14 +5,14 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.optimize import brentq
 
-from clothsim.arrays import Floats, Ints
-from clothsim.build.scene_world import build
-from clothsim.io.obj_writer import obj_text
-from clothsim.kinematics.deformation_gradient import deformation_gradients
-from clothsim.kinematics.stretch import principal_stretches
+from clothsim.base.arrays import Floats, Ints
+from clothsim.files.meshes.obj_writer import obj_text
+from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
+from clothsim.geometry.kinematics.stretch import principal_stretches
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.mesh.motion import rotation_matrix
 from clothsim.run.results import Run
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import MOST_NEWTON, Case, scene_of
 

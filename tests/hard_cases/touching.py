@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.build.scene_world import build
-from clothsim.contact.barrier import Barrier
+from clothsim.physics.contact.barrier import Barrier
 from clothsim.run.results import Run
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case, all_of, scene_of, steps_descend
 

@@ -4,9 +4,9 @@ import tempfile
 
 import numpy as np
 
+from clothsim.keys.fabrics import FABRICS
 from clothsim.run.results import Run
 from clothsim.run.simulate import simulate
-from clothsim.scene.fabrics import FABRICS
 from clothsim.scene.scene import Scene
 from tests.hard_cases.case import Case
 

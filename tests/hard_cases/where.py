@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.run.results import Run
 from tests.hard_cases.case import Check
 

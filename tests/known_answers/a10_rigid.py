@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.build.scene_world import build
+from clothsim.scene.assembly.scene_world import build
 from tests.known_answers.row import Outcome, Row
-from tests.rigid_scenes import EFFECTS, WEIGHTLESS, Moment, moments_of, momentum, rigid_scene
+from tests.support.rigid_scenes import EFFECTS, WEIGHTLESS, Moment, moments_of, momentum, rigid_scene
 
 G = 9.81
 FLOOR = {"name": "floor", "mesh": "slab", "size": [8, 2, 0.1], "position": [0, 0, -0.05]}

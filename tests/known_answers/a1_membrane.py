@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.gravity import gravity
-from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
-from clothsim.errors import ClothsimError
-from clothsim.mesh.fabric import Fabric
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import ClothsimError
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.topology import border_edges, border_vertices
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.gravity import gravity
+from clothsim.physics.energies.neo_hookean_membrane import NeoHookeanMembrane
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_meshes import cloth, grid, irregular_grid, random_rotation
 from tests.known_answers.unit_solver import equilibrium, held, those_on

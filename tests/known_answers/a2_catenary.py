@@ -4,12 +4,12 @@ from functools import partial
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.energies.gravity import gravity
-from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
-from clothsim.errors import ClothsimError
-from clothsim.mesh.fabric import Fabric
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.gravity import gravity
+from clothsim.physics.energies.neo_hookean_membrane import NeoHookeanMembrane
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_meshes import cloth, grid
 from tests.known_answers.unit_solver import equilibrium, held, those_on

@@ -3,12 +3,12 @@
 import numpy as np
 from scipy import sparse
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.bending import bending
-from clothsim.energies.membrane import membrane
+from clothsim.base.arrays import Floats, Ints
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.clamp import clamped
-from clothsim.mesh.fabric import Fabric
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.bending import bending
+from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.plates import flat
 from tests.known_answers.unit_solver import second_derivatives
 

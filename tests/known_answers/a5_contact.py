@@ -5,16 +5,16 @@ from functools import partial
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.contact.body_contact import body_contact
-from clothsim.contact.friction_coefficients import friction
-from clothsim.energies.base import Energy
-from clothsim.energies.bending import bending
-from clothsim.energies.gravity import gravity
-from clothsim.energies.inertia import inertia
-from clothsim.energies.membrane import membrane
+from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import World, make_world
+from clothsim.physics.contact.body_contact import body_contact
+from clothsim.physics.contact.friction_coefficients import friction
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.bending import bending
+from clothsim.physics.energies.gravity import gravity
+from clothsim.physics.energies.inertia import inertia
+from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_meshes import UNIT, cloth, grid, irregular_grid
 from tests.known_answers.unit_solver import equilibrium, integrator_of, pinned, run_of, those_on

@@ -5,15 +5,15 @@ from functools import cache, partial
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Energy, Off
-from clothsim.energies.membrane import membrane
-from clothsim.energies.pressure import pressure
-from clothsim.mesh.fabric import Fabric
+from clothsim.base.arrays import Floats, Ints
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.generators.sheets import disk
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World, make_world
+from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.membrane import membrane
+from clothsim.physics.energies.pressure import pressure
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_meshes import cloth
 from tests.known_answers.unit_solver import equilibrium, held, those_on

@@ -8,14 +8,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.bending import bending
-from clothsim.energies.gravity import gravity
-from clothsim.energies.membrane import membrane
+from clothsim.base.arrays import Floats, Ints
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.clamp import clamped
-from clothsim.mesh.fabric import Fabric
 from clothsim.mesh.topology import border_edges
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.bending import bending
+from clothsim.physics.energies.gravity import gravity
+from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.plates import flat
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.strips import random_ring

@@ -5,13 +5,13 @@ from functools import lru_cache
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Energy, Off
-from clothsim.energies.bending import bending
-from clothsim.energies.membrane import membrane
-from clothsim.mesh.fabric import Fabric
+from clothsim.base.arrays import Floats, Ints
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.mesh.world import World, make_world
+from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.bending import bending
+from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.plates import flat
 from tests.known_answers.row import Outcome, Row
 from tests.known_answers.unit_solver import equilibrium, held, those_on

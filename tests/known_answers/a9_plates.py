@@ -13,18 +13,18 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import eigsh
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Energy, Off
-from clothsim.energies.bending import bending
-from clothsim.energies.membrane import membrane
+from clothsim.base.arrays import Floats, Ints
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import make_cloth
-from clothsim.mesh.fabric import Fabric
 from clothsim.mesh.generators.sheets import disk, rectangle
 from clothsim.mesh.topology import border_vertices
 from clothsim.mesh.world import World, make_world
-from clothsim.sim.state import first_state
-from clothsim.sim.time_loop import steps
+from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.bending import bending
+from clothsim.physics.energies.membrane import membrane
+from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.time_loop import steps
 from tests.benchmarks.hinge_errors import twist
 from tests.known_answers.elastica import elastica_height
 from tests.known_answers.row import Outcome, Row

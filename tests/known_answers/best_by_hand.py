@@ -9,9 +9,9 @@ from fractions import Fraction
 from itertools import product
 
 from clothsim import Scene
-from clothsim.errors import ClothsimError
-from clothsim.run.error_control.choice import work
-from clothsim.run.error_control.resolution import CELLS, D_HAT, Resolution, resolvable
+from clothsim.base.errors import ClothsimError
+from clothsim.study.error_control.choice import work
+from clothsim.study.error_control.resolution import CELLS, D_HAT, Resolution, resolvable
 from tests.known_answers.error_reference import Solution, distance, solution
 
 LONGEST_STEP = 0.02

@@ -5,7 +5,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.base.arrays import Floats
 
 
 def cantilever(load: Callable[[float], float]) -> tuple[float, float]:

@@ -12,14 +12,14 @@ from time import process_time
 from typing import Any
 
 from clothsim import Run, Scene, simulate
-from clothsim.accuracy.reference_solution import Norm
-from clothsim.arrays import Floats
-from clothsim.build.explicit_lengths import fixed
-from clothsim.build.refinement import with_cells
-from clothsim.build.scene_world import build
-from clothsim.mesh.resample import Material, at_points_of, material_of, point_areas
+from clothsim.base.arrays import Floats
+from clothsim.scene.assembly.explicit_lengths import fixed
+from clothsim.scene.assembly.refinement import with_cells
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import CONTACTS
 from clothsim.scene.overrides import set_key
+from clothsim.study.reference_solution import Norm
+from clothsim.study.resample import Material, at_points_of, material_of, point_areas
 
 
 @dataclass(frozen=True)

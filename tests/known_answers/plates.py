@@ -10,14 +10,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.bending import bending
-from clothsim.energies.gravity import gravity
-from clothsim.energies.membrane import membrane
+from clothsim.base.arrays import Floats, Ints
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import Cloth, make_cloth
-from clothsim.mesh.fabric import Fabric
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.bending import bending
+from clothsim.physics.energies.gravity import gravity
+from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.elastica import hanging_cantilever, loaded_ring
 from tests.known_answers.unit_solver import equilibrium, held, second_derivatives, those_on
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import process_time
 
-from clothsim.errors import ClothsimError
+from clothsim.base.errors import ClothsimError
 
 ANY_ORDER = (-float("inf"), float("inf"))
 

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.generators.sheets import rectangle
 
 CLOSE = 0.65

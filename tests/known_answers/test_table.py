@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from clothsim.errors import ClothsimError
+from clothsim.base.errors import ClothsimError
 from tests.known_answers.__main__ import main
 from tests.known_answers.row import Outcome, Row, agrees, seen
 from tests.known_answers.table import ROWS, chosen, markdown

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Energy
-from clothsim.energies.bending import bending
-from clothsim.errors import ClothsimError
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import ClothsimError
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.world import World, make_world
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.bending import bending
 from tests.known_answers.unit_meshes import UNIT, cloth, grid
 from tests.known_answers.unit_solver import second_derivatives
 

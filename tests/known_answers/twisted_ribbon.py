@@ -15,13 +15,13 @@ import numpy as np
 from numpy.polynomial import Legendre
 from scipy import sparse
 
-from clothsim.arrays import Floats
-from clothsim.energies.base import Energy
-from clothsim.energies.bending import bending
-from clothsim.energies.membrane import membrane
-from clothsim.mesh.fabric import Fabric
+from clothsim.base.arrays import Floats
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.mesh.world import World, make_world
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.bending import bending
+from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.unit_meshes import cloth
 from tests.known_answers.unit_solver import equilibrium, held, second_derivatives, those_on
 

@@ -4,9 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
+from clothsim.keys.fabric import Fabric
 from clothsim.mesh.cloth import Cloth, make_cloth
-from clothsim.mesh.fabric import Fabric
 
 UNIT = Fabric(density=1.3, thickness=1.0, youngs_modulus=2.0, poisson_ratio=0.25, bending_stiffness=0.7)
 """A fabric with every number of order one: a wrong derivative cannot hide behind the scale."""

@@ -6,21 +6,21 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from clothsim.arrays import Floats, Ints
-from clothsim.energies.base import Energy, Off
-from clothsim.energies.constraint import Constraint, Prescribed
-from clothsim.energies.hessians import ByElement, SumHessian
-from clothsim.energies.pins import pins
-from clothsim.energies.step import Step
-from clothsim.errors import ClothsimError
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import ClothsimError
 from clothsim.mesh.world import World
-from clothsim.sim.state import first_state
-from clothsim.sim.stepping import Integrator, StepReport
-from clothsim.sim.time_loop import steps
-from clothsim.solve.linear_system import System
-from clothsim.solve.newton import Newton, NewtonResult, NewtonSettings
-from clothsim.solve.potential import Potential
-from clothsim.solve.sparsity import Pattern, make_pattern
+from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.constraint import Constraint, Prescribed
+from clothsim.physics.energies.hessians import ByElement, SumHessian
+from clothsim.physics.energies.pins import pins
+from clothsim.physics.energies.step import Step
+from clothsim.solve.linear.linear_system import System
+from clothsim.solve.linear.sparsity import Pattern, make_pattern
+from clothsim.solve.newton.newton import Newton, NewtonResult, NewtonSettings
+from clothsim.solve.newton.potential import Potential
+from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.stepping import Integrator, StepReport
+from clothsim.solve.stepping.time_loop import steps
 from clothsim.solve.timers import Timers
 
 NOTHING = Prescribed(np.zeros(0, np.int64), np.zeros((0, 3)))

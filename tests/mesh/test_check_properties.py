@@ -10,15 +10,15 @@ from hypothesis.extra.numpy import arrays
 from meshes import cloth, grid
 from solving import integrator_of, run_of
 
-from clothsim.energies.base import Energy
-from clothsim.energies.bending import bending
-from clothsim.energies.gravity import gravity
-from clothsim.energies.inertia import inertia
-from clothsim.energies.membrane import membrane
-from clothsim.errors import InputError
-from clothsim.intersection.intersecting_pairs import intersecting_pairs
+from clothsim.base.errors import InputError
+from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.checks import examine, refuse
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.bending import bending
+from clothsim.physics.energies.gravity import gravity
+from clothsim.physics.energies.inertia import inertia
+from clothsim.physics.energies.membrane import membrane
 
 MANY = settings(max_examples=300, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 SOME = settings(MANY, max_examples=60)

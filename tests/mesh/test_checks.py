@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from meshes import grid, irregular_grid
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.mesh.checks import Report, examine, index_text, refuse
 from clothsim.mesh.generators.sheets import rectangle, tube
 

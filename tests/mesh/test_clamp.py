@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from meshes import UNIT, cloth, grid, irregular_grid, random_rotation
 
-from clothsim.energies.bending import bending
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.mesh.body import make_body
 from clothsim.mesh.clamp import clamped
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.hinges import dihedral_angles
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.bending import bending
 
 NONE = np.zeros(0, np.int64)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from meshes import grid, irregular_grid
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.mesh.edge_paths import path_along
 from clothsim.mesh.topology import border_edges, unique_edges
 

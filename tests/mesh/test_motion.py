@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.mesh.body import make_body
 from clothsim.mesh.motion import frame_motion
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.mesh.generators.shapes import capsule, slab
 from clothsim.mesh.motion import rotation_matrix
 from clothsim.mesh.rigid_body import Joint, rigid_body

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from meshes import UNIT, cloth, grid, irregular_grid, random_rotation
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.mesh.body import make_body
 from clothsim.mesh.generators.shapes import sphere
 from clothsim.mesh.generators.sheets import rectangle, tube

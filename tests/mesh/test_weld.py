@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from meshes import grid
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.mesh import weld as weld_module
 from clothsim.mesh.checks import examine
 from clothsim.mesh.topology import border_edges, components, interior_edges

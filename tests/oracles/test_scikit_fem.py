@@ -5,8 +5,8 @@ import pytest
 from differences import dense_hessian
 from meshes import cloth, deformed, irregular_grid
 
-from clothsim.energies.membrane import membrane
 from clothsim.mesh.world import make_world
+from clothsim.physics.energies.membrane import membrane
 
 skfem = pytest.importorskip("skfem", reason="scikit-fem is not installed")
 

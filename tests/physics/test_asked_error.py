@@ -9,14 +9,14 @@ from ringing import ringing
 from scipy.integrate import solve_ivp
 from solving import integrator_of
 
-from clothsim.energies.gravity import gravity
-from clothsim.energies.inertia import inertia
-from clothsim.energies.membrane import membrane
-from clothsim.energies.pins import pins
 from clothsim.mesh.world import make_world
-from clothsim.sim.state import first_state
-from clothsim.sim.step_size import ErrorControl
-from clothsim.sim.time_loop import steps
+from clothsim.physics.energies.gravity import gravity
+from clothsim.physics.energies.inertia import inertia
+from clothsim.physics.energies.membrane import membrane
+from clothsim.physics.energies.pins import pins
+from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.step_size import ErrorControl
+from clothsim.solve.stepping.time_loop import steps
 
 
 def hanging(duration=0.4):

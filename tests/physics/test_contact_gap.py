@@ -5,8 +5,8 @@ import pytest
 from meshes import UNIT
 from solving import equilibrium
 
-from clothsim.contact.stiffness import barrier_stiffness
-from clothsim.energies.step import Step
+from clothsim.physics.contact.stiffness import barrier_stiffness
+from clothsim.physics.energies.step import Step
 from tests.known_answers.a5_contact import G, gap_ratio, resting, slope
 
 

@@ -8,18 +8,18 @@ import pytest
 from meshes import UNIT, cloth, grid
 from solving import integrator_of, run_of
 
-from clothsim.contact.body_contact import body_contact
-from clothsim.contact.friction_coefficients import friction
-from clothsim.contact.self_contact import self_contact
-from clothsim.energies.bending import bending
-from clothsim.energies.gravity import gravity
-from clothsim.energies.inertia import inertia
-from clothsim.energies.membrane import membrane
-from clothsim.intersection.intersecting_pairs import intersecting_pairs
+from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
-from clothsim.sim.state import first_state
-from clothsim.sim.stepping import advance
+from clothsim.physics.contact.body_contact import body_contact
+from clothsim.physics.contact.friction_coefficients import friction
+from clothsim.physics.contact.self_contact import self_contact
+from clothsim.physics.energies.bending import bending
+from clothsim.physics.energies.gravity import gravity
+from clothsim.physics.energies.inertia import inertia
+from clothsim.physics.energies.membrane import membrane
+from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.stepping import advance
 
 PLATE = np.array([[-50.0, -40, 0], [50, -50, 0], [45, 50, 0], [-50, 50, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
 SOFT = replace(UNIT, youngs_modulus=20.0, bending_stiffness=0.02)

@@ -6,13 +6,13 @@ from rigid_scenes import EFFECTS, WEIGHTLESS, moments_of, momentum, rigid_scene
 from scipy.special import ellipk
 
 from clothsim import Scene, Simulation, simulate
-from clothsim.build.scene_world import build
-from clothsim.energies.step import Step
-from clothsim.errors import InputError, IntersectionWarning
+from clothsim.base.errors import InputError, IntersectionWarning
+from clothsim.physics.energies.step import Step
 from clothsim.run.session import prepare
-from clothsim.sim.rigid_prediction import predicted_start
-from clothsim.sim.state import first_state
-from clothsim.solve import nonlinear_elimination
+from clothsim.scene.assembly.scene_world import build
+from clothsim.solve.newton import nonlinear_elimination
+from clothsim.solve.stepping.rigid_prediction import predicted_start
+from clothsim.solve.stepping.state import first_state
 
 G = 9.81
 FLOOR = {"name": "floor", "mesh": "slab", "size": [4, 2, 0.1], "position": [0, 0, -0.05]}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from solving import NOTHING, newton_of, run_of, those_on
 
-from clothsim.energies.inertia import inertia
-from clothsim.energies.membrane import membrane
+from clothsim.physics.energies.inertia import inertia
+from clothsim.physics.energies.membrane import membrane
 from tests.known_answers.a4_time import (
     GRAVITY,
     energy_gained,

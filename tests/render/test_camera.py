@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from meshes import random_rotation
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.render.camera import (
     VIEWS,
     Camera,

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.render import display
 from clothsim.render.picture import choose_renderer
 

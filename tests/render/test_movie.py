@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 from render_scenes import ball, sheet
 
-from clothsim.errors import InputError, MissingPackageError
+from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.render.movie import movie
 
 SETTINGS = {"size": (97, 72), "renderer": "ray", "samples": 1}

@@ -8,9 +8,9 @@ import pytest
 from PIL import Image
 from sewing_patterns import skirt
 
-from clothsim.errors import InputError
-from clothsim.mesh.pattern.pattern import Side
-from clothsim.mesh.pattern.specification import pattern_of
+from clothsim.base.errors import InputError
+from clothsim.patterns.pattern import Side
+from clothsim.patterns.specification import pattern_of
 from clothsim.render.pattern_drawing import draw_pattern, laid_out, outline, seam_colours
 
 

@@ -6,7 +6,7 @@ import pytest
 from PIL import Image
 from render_scenes import NO_STRETCHES, ball, sheet
 
-from clothsim.errors import InputError, MissingPackageError
+from clothsim.base.errors import InputError, MissingPackageError
 from clothsim.render import ray_caster
 from clothsim.render.backdrop import backdrop
 from clothsim.render.camera import Camera

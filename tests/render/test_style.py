@@ -7,8 +7,8 @@ import pytest
 from PIL import Image
 from render_scenes import ball, sheet
 
+from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_limits, as_printed_size, join_vectors
-from clothsim.errors import InputError
 from clothsim.render import movie as movie_module
 from clothsim.render import picture as picture_module
 from clothsim.render.camera import Camera

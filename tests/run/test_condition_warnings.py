@@ -6,8 +6,8 @@ from small_scenes import BALL, EFFECTS, RUN, SHEET, small_scene, without
 
 from clothsim import resume, simulate
 from clothsim.cli import main
-from clothsim.sim.condition_warnings import LARGEST_STRETCH
-from clothsim.sim.pinching import Pinches, pinched_vertices
+from clothsim.run.certificate.condition_warnings import LARGEST_STRETCH
+from clothsim.run.certificate.pinching import Pinches, pinched_vertices
 
 SHORT = RUN | {"duration": 0.04}
 SMALL = SHEET | {"size": [0.2, 0.2], "position": [0, 0, 0]}
@@ -96,7 +96,7 @@ class Forces:
     ],
 )
 def test_opposed_forces_pinch_a_vertex_and_those_of_a_corner_do_not(lines, pinched):
-    from clothsim.build.scene_world import build
+    from clothsim.scene.assembly.scene_world import build
 
     world = build(small_scene()).world
     rows = pinched_vertices(world, [Forces(*lines)], world.start())

@@ -12,8 +12,8 @@ from exported_runs import Y_UP, all_points, exported_run, glb_frames
 import clothsim
 from clothsim import InputError, open_run
 from clothsim.cli import main
-from clothsim.io.exchange.formats import FORMATS
-from clothsim.io.mesh_file import read_mesh
+from clothsim.files.exchange.formats import FORMATS
+from clothsim.files.meshes.mesh_file import read_mesh
 
 EQUAL = 1e-6
 """Largest difference of positions [m]."""

@@ -6,12 +6,12 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from clothsim.build.scene_world import build
-from clothsim.energies.neo_hookean_membrane import NeoHookeanMembrane
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
+from clothsim.keys.settings import FieldName
+from clothsim.physics.energies.neo_hookean_membrane import NeoHookeanMembrane
 from clothsim.run.fields import FIELDS, Configuration, field
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
-from clothsim.scene.settings import FieldName
 
 SHEAR = np.array([[1.1, 0.2], [0.0, 0.9], [0.3, 0.0]])
 MATERIALS = {

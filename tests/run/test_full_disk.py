@@ -12,10 +12,11 @@ import pytest
 from small_scenes import RUN, SHEET, small_scene
 
 from clothsim import InputError, open_run, resume, simulate
-from clothsim.io import disk_space, trajectory
-from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-from clothsim.io.record import RecordWriter
-from clothsim.io.trajectory import TRAJECTORY_NAME
+from clothsim.base.safe_files import disk_space
+from clothsim.base.safe_files.record import RecordWriter
+from clothsim.files.runs import trajectory
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+from clothsim.files.runs.trajectory import TRAJECTORY_NAME
 
 resource = pytest.importorskip("resource", reason="limits the size of files")
 
@@ -53,7 +54,7 @@ def whole(tmp_path_factory):
 @pytest.mark.parametrize("limit", [40_000, 120_000, 140_000])
 def test_a_run_at_the_limit_on_the_size_of_files_goes_on_from_whole_files(tmp_path, whole, limit):
     """The first limit leaves the trajectory no room at all, the others a few frames."""
-    home = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])}
+    home = os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests" / "support")])}
     command = [sys.executable, "-c", LIMITED, str(tmp_path), str(limit)]
     done = run_process(command, cwd=ROOT, env=home, capture_output=True, text=True, check=True, timeout=120)
     assert done.stderr == ""

@@ -11,7 +11,7 @@ from small_scenes import BALL, RUN, small_scene
 
 from clothsim import open_run, resume, simulate
 from clothsim.run.interruption import InterruptFlag, interruption
-from clothsim.sim import stepping
+from clothsim.solve.stepping import stepping
 
 FALL = {"effects": {"inertia": {}, "gravity": {}}, "body": (), "run": {**RUN, "duration": 0.16}}
 

@@ -9,10 +9,10 @@ import pytest
 from small_scenes import SOLVER, small_scene
 
 from clothsim import IntersectionWarning, Scene, Simulation, open_run, resume, simulate
+from clothsim.base.safe_files.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.cli import main
-from clothsim.intersection.intersecting_pairs import intersecting_pairs
-from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
-from clothsim.io.record import SUMMARY_NAME, read_summary, write_summary
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
+from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 
 ELASTIC = {"inertia": {}, "membrane": {}, "bending": {}, "gravity": {}}
 FLAPS = {"mesh": "rectangle", "size": [0.8, 0.2], "cells": [8, 2], "position": [0.01, 0.0, 0.0], "fabric": "cotton"}

@@ -11,10 +11,10 @@ import pytest
 from small_scenes import RUN, small_scene
 
 from clothsim import InputError, open_run, resume, simulate
-from clothsim.io.checkpoint import CHECKPOINT_NAME
-from clothsim.io.record import RECORD_NAME, SUMMARY_NAME
-from clothsim.io.run_lock import LOCK_NAME, locked
-from clothsim.io.trajectory import TRAJECTORY_NAME
+from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME
+from clothsim.files.runs.run_lock import LOCK_NAME, locked
+from clothsim.files.runs.trajectory import TRAJECTORY_NAME
 
 FALL = {"effects": {"inertia": {}, "gravity": {}}, "body": (), "run": {**RUN, "duration": 0.04}}
 

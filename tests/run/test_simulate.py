@@ -9,11 +9,11 @@ from scipy.spatial.transform import Rotation
 from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene, without
 
 from clothsim import InputError, IntersectionWarning, open_run, resume, simulate
-from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint
-from clothsim.io.record import RECORD_NAME, SUMMARY_NAME
-from clothsim.io.trajectory import TRAJECTORY_NAME
+from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+from clothsim.files.runs.trajectory import TRAJECTORY_NAME
 from clothsim.run.fields import FIELDS
-from clothsim.sim.mechanical_energy import ALLOWED
+from clothsim.solve.stepping.mechanical_energy import ALLOWED
 
 FILES = {TRAJECTORY_NAME, RECORD_NAME, SUMMARY_NAME, CHECKPOINT_NAME}
 

@@ -11,11 +11,11 @@ from meshes import grid
 from small_scenes import BALL, EFFECTS, RUN, SHEET, SOLVER, small_scene
 
 from clothsim import InputError, Scene, resume, simulate
-from clothsim.io.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
-from clothsim.io.obj_writer import write_obj
+from clothsim.files.meshes.obj_writer import write_obj
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint, write_checkpoint
 from clothsim.run.fields import FIELDS
 from clothsim.run.simulation import Simulation
-from clothsim.sim.failure import Failure
+from clothsim.solve.stepping.failure import Failure
 
 SKY = {"inertia": {}, "membrane": {}, "bending": {}, "gravity": {}, "air": {"wind": [1.0, 0.0, 0.0]}}
 HELD = SKY | {"pins": {"select": [0, 4]}}

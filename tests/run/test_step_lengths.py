@@ -7,9 +7,9 @@ import pytest
 from small_scenes import RUN, SHEET, SOLVER, small_scene
 
 from clothsim import InputError, Simulation, simulate
-from clothsim.sim import stepping
-from clothsim.sim.state import State
-from clothsim.sim.step_size import ErrorControl
+from clothsim.solve.stepping import stepping
+from clothsim.solve.stepping.state import State
+from clothsim.solve.stepping.step_size import ErrorControl
 
 HELD = {"inertia": {}, "membrane": {}, "gravity": {}}
 

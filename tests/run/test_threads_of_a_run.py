@@ -7,10 +7,11 @@ import pytest
 from small_scenes import EFFECTS, SHEET, small_scene
 
 from clothsim import ClothsimError, simulate
-from clothsim.contact import search
-from clothsim.solve import direction, dissected_factor, linear_system, pardiso
-from clothsim.solve.dissected_factor import make_factor as domains
-from clothsim.solve.pardiso_library import load_library
+from clothsim.physics.contact import search
+from clothsim.solve.linear import dissected_factor, linear_system, pardiso
+from clothsim.solve.linear.dissected_factor import make_factor as domains
+from clothsim.solve.linear.pardiso_library import load_library
+from clothsim.solve.newton import direction
 
 CONTACT = EFFECTS | {"bending": {}, "self_contact": {}, "friction": {}}
 
@@ -22,7 +23,7 @@ def _any_size(monkeypatch):
     monkeypatch.setattr(dissected_factor, "MIN_TOGETHER", 1)
     monkeypatch.setattr(linear_system, "MIN_TOGETHER", 1)
     monkeypatch.setattr(direction, "MIN_VERTICES", 1)
-    monkeypatch.setattr("clothsim.solve.dissection.LARGEST_SEPARATOR", 0.3)
+    monkeypatch.setattr("clothsim.solve.linear.dissection.LARGEST_SEPARATOR", 0.3)
 
 
 def positions(tmp_path, name, **solver):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim import Scene, Simulation, resume, simulate
-from clothsim.io.obj_writer import obj_text
+from clothsim.files.meshes.obj_writer import obj_text
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.run.summary import Progress
 

@@ -6,7 +6,7 @@ import pytest
 from spoilt_scenes import GOOD, cloth, effect, on
 
 from clothsim import InputError, load_scene
-from clothsim.build.scene_world import build
+from clothsim.scene.assembly.scene_world import build
 
 
 def built(folder, text):

@@ -10,12 +10,12 @@ from small_scenes import SOLVER
 
 import clothsim
 from clothsim import Body, Cloth, InputError, Scene, resume, simulate
-from clothsim.build.scene_world import build
+from clothsim.keys.mesh_arrays import MeshArrays
+from clothsim.keys.mesh_keys import BodyKeys, ClothKeys
+from clothsim.keys.schema import keys_of
 from clothsim.run.archive import unpack_bundle, write_bundle
-from clothsim.scene.mesh_arrays import MeshArrays
-from clothsim.scene.mesh_keys import BodyKeys, ClothKeys
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import scene_from_text
-from clothsim.scene.schema import keys_of
 
 POINTS, FACES = grid(3, 2)
 FALL = {"inertia": {}, "membrane": {}, "gravity": {}}

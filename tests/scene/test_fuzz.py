@@ -11,8 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from clothsim import load_scene
-from clothsim.build.scene_world import build
-from clothsim.errors import LONGEST, InputError
+from clothsim.base.errors import LONGEST, InputError
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.overrides import override
 from clothsim.scene.scene import make_scene, scene_from_text
 

@@ -13,7 +13,7 @@ import trimesh
 from meshes import grid
 
 from clothsim import Body, Cloth, InputError, Scene
-from clothsim.build.scene_world import build
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.mesh_objects import surface_of
 
 POINTS, FACES = grid(3, 2)

@@ -4,10 +4,10 @@ import pytest
 from small_scenes import small_scene, without
 
 from clothsim import InputError, simulate
-from clothsim.build.scene_world import build
 from clothsim.run.session import prepare
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.overrides import override
-from clothsim.solve.convergence import LEAST_SPEED
+from clothsim.solve.newton.convergence import LEAST_SPEED
 
 
 def settings(**solver):

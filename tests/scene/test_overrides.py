@@ -1,6 +1,6 @@
 import pytest
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.scene.overrides import override
 from clothsim.scene.scene import Scene
 

@@ -11,17 +11,17 @@ import pytest
 
 from clothsim import InputError, Scene
 from clothsim.cli import main
-from clothsim.mesh.fabric import Fabric
+from clothsim.keys.fabric import Fabric
+from clothsim.keys.generator_keys import GENERATOR_KEYS
+from clothsim.keys.mesh_keys import ClothTable
+from clothsim.keys.schema import choices, keys_of, type_in_words
+from clothsim.keys.settings import Solver
+from clothsim.keys.typed_effects import TYPED_EFFECTS
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.scene.effects import EFFECTS, Effect
-from clothsim.scene.generator_keys import GENERATOR_KEYS
 from clothsim.scene.json_schema import json_schema
-from clothsim.scene.mesh_keys import ClothTable
 from clothsim.scene.reference import COLUMNS, markdown, row, sections
-from clothsim.scene.schema import choices, keys_of, type_in_words
-from clothsim.scene.settings import Solver
-from clothsim.scene.typed_effects import TYPED_EFFECTS
-from clothsim.solve.linear_solvers import SOLVERS
+from clothsim.solve.linear.linear_solvers import SOLVERS
 
 UNITS = {
     "-", "1", "m", "s", "s, m", "m/s", "m/s2", "1/s", "1/m", "kg/m2", "kg/m3", "Pa", "N m", "N/m", "N s/m", "1, N/m",

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import clothsim
-from clothsim.build.scene_world import world_of
-from clothsim.energies.selection import selected_vertices
+from clothsim.physics.energies.selection import selected_vertices
+from clothsim.scene.assembly.scene_world import world_of
 
 LARGE = {"dress"}
 """Scenes too large to step in a test; each has a test of its start."""

@@ -3,7 +3,7 @@
 import pytest
 
 from clothsim import InputError, Scene
-from clothsim.build.scene_world import build
+from clothsim.scene.assembly.scene_world import build
 
 HUGE = 10**400
 CLOTH = {"mesh": "rectangle", "cells": [2, 2], "position": [0, 0, 1]}

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from meshes import small_world
 
-from clothsim.energies.base import Energy
-from clothsim.energies.gravity import gravity
-from clothsim.energies.hessians import LanesHessian
-from clothsim.energies.membrane import membrane
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.gravity import gravity
+from clothsim.physics.energies.hessians import LanesHessian
+from clothsim.physics.energies.membrane import membrane
 from clothsim.solve import timers as module
-from clothsim.solve.potential import Potential
-from clothsim.solve.sparsity import make_pattern
+from clothsim.solve.linear.sparsity import make_pattern
+from clothsim.solve.newton.potential import Potential
 from clothsim.solve.timers import Timers
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from real_data import DATA, needs_data
 
-from clothsim.fitting.inputs import Figure
+from clothsim.garments.inputs import Figure
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.body_frame import body_frame
 from transfer.errors import TransferError
@@ -53,7 +53,7 @@ def test_a_ball_is_no_standing_body():
 @needs_data
 @pytest.mark.parametrize("name", BODIES)
 def test_real_bodies_look_along_z(name):
-    from clothsim.io.mesh_file import read_mesh
+    from clothsim.files.meshes.mesh_file import read_mesh
 
     mesh = read_mesh(DATA / "bodies" / f"{name}.obj")
     np.testing.assert_allclose(body_frame(mesh.positions, mesh.triangles).axes, np.eye(3), atol=0.02)

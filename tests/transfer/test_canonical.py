@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.sparse import eye_array
 
-from clothsim.character.known_bodies import mannequin_character
+from clothsim.files.characters.known_bodies import mannequin_character
 from clothsim.mesh.generators.garments.shirt_skirt_trousers import shirt
 from transfer.body_model import BodyModel
 from transfer.canonical import PosedBody, posed_body, unposed_in_field

@@ -148,7 +148,7 @@ def test_a_target_turned_inside_out_is_refused():
 
 @needs_data
 def test_real_bodies_of_other_topology_derive_landmarks_that_mean_the_same():
-    from clothsim.io.mesh_file import read_mesh
+    from clothsim.files.meshes.mesh_file import read_mesh
     from transfer.landmarks import derive_markers
 
     meshes = [read_mesh(FOLDER / name) for name in ("f_smpl_average_A40.obj", "mean_female.obj")]

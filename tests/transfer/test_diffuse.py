@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.character.known_bodies import mannequin_character
+from clothsim.files.characters.known_bodies import mannequin_character
 from transfer.diffuse import closest_average, kernel_average, sampled_average
 from transfer.errors import TransferError
 

@@ -112,7 +112,7 @@ def test_one_transfer_serves_many_bodies():
 @needs_data
 def test_a_real_dress_goes_along_with_a_kick_and_almost_stays_outside():
     """Transfer alone left 3 % and 6 mm in the literature's form; anchors and means leave .2 % and 1 mm."""
-    from clothsim.io.mesh_file import read_mesh
+    from clothsim.files.meshes.mesh_file import read_mesh
 
     dress = read_mesh(FOLDER / "dress_knife_drape.obj", vertices=(0, 15656))
     before, after = (read_mesh(FOLDER / "kick" / f"shell{frame:03d}.obj") for frame in (0, 10))

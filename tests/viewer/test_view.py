@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 import clothsim
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.run.results import open_run
 from clothsim.viewer import view as view_module
 from clothsim.viewer.coloured_frames import PLAIN, STRETCH, colouring, colouring_names, positions_of

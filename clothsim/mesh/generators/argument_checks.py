@@ -3,8 +3,8 @@
 import operator
 from collections.abc import Sequence
 
-from clothsim.arrays import as_positive
-from clothsim.errors import InputError
+from clothsim.base.arrays import as_positive
+from clothsim.base.errors import InputError
 
 
 def as_lengths(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:

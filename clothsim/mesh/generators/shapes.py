@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints, as_positive
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.errors import InputError
 from clothsim.mesh.generators.argument_checks import as_count, as_counts, as_lengths
 from clothsim.mesh.generators.lattice import checkerboard, cut_quads, lattice_points, lattice_quads
 from clothsim.mesh.topology import half_edges

@@ -10,10 +10,10 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from clothsim.errors import ClothsimError, InputError
-from clothsim.io.atomic import write_atomically
-from clothsim.io.record import to_json
-from clothsim.text_table import text_table
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.safe_files.record import to_json
+from clothsim.base.text_table import text_table
 from tests.benchmarks.bench.alone import ALONE, COPY, without_others
 from tests.benchmarks.bench.bench_cases import ORACLE, QUICK, ROOT, Case, aims, benchmark, windows
 from tests.benchmarks.bench.measure import Measured, measured

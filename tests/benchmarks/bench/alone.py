@@ -14,7 +14,7 @@ from clothsim.scene.scene import Scene
 from tests.benchmarks.bench.bench_cases import Case
 
 EFFECTS = ("inertia", "membrane")
-FLOORS = ("energies", "contact")
+FLOORS = ("physics/energies", "physics/contact")
 """The folders in which effects live."""
 COPY = "copy"
 
@@ -36,7 +36,7 @@ import json, sys
 import clothsim
 cloth = {"mesh": "rectangle", "cells": (2, 2)}
 scene = clothsim.Scene(cloth=cloth, effects=dict.fromkeys(%r, {}), run={"duration": 0.01})
-from clothsim.build.scene_world import build
+from clothsim.scene.assembly.scene_world import build
 from clothsim.run.session import prepare
 from clothsim.run import simulate
 prepare(scene, build(scene))

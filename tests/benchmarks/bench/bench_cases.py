@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.build.presets import with_preset
+from clothsim.base.arrays import Floats
+from clothsim.scene.assembly.presets import with_preset
 from clothsim.scene.scene import Scene
 
 ROOT = Path(__file__).parents[3]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from tests.benchmarks.bench.measure import Measured
 from tests.benchmarks.bench.page import GROUPS, grouped
 

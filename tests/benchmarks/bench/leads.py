@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.build.scene_world import build
-from clothsim.errors import ClothsimError
-from clothsim.io.atomic import write_atomically
+from clothsim.base.errors import ClothsimError
+from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.run.session import prepare
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
-from clothsim.sim.state import State, first_state
-from clothsim.sim.stepping import advance
+from clothsim.solve.stepping.state import State, first_state
+from clothsim.solve.stepping.stepping import advance
 from tests.benchmarks.bench.bench_cases import STARTS, Case
 
 LOOSER = 10.0

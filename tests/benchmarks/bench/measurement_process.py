@@ -28,11 +28,11 @@ Trial = dict[str, Any]
 
 
 EARLIER = {
-    "clothsim.build.scene_world": "clothsim.scene.build",
+    "clothsim.scene.assembly.scene_world": "clothsim.scene.build",
     "clothsim.run.session": "clothsim.session",
-    "clothsim.sim.prescribed": "clothsim.sim.motion",
-    "clothsim.solve.linear_solvers": "clothsim.solve.linear",
-    "clothsim.solve.process_memory": "clothsim.solve.memory",
+    "clothsim.solve.stepping.prescribed": "clothsim.solve.stepping.motion",
+    "clothsim.solve.linear.linear_solvers": "clothsim.solve.linear",
+    "clothsim.base.process_memory": "clothsim.solve.memory",
 }
 """Names that modules had in revisions before their move: those are measured beside this one too."""
 
@@ -51,10 +51,10 @@ class RefusalError(Exception):
 
 def stepper(job: Job) -> Callable[[], Trial]:
     """Takes the same `steps` again and again from one state: `settle` steps after that in the file `state`."""
-    build = module("clothsim.build.scene_world").build
+    build = module("clothsim.scene.assembly.scene_world").build
     prepare = module("clothsim.run.session").prepare
     from clothsim.scene.scene import Scene
-    from clothsim.sim.state import first_state
+    from clothsim.solve.stepping.state import first_state
 
     scene = Scene(**{**job["scene"], "directory": Path(job["directory"])})
     session = prepare(scene, build(scene))
@@ -114,7 +114,7 @@ def _elimination_iterations(result: Any) -> int:
 
 
 def _stepped(session: Any, state: Any, steps: int) -> list[Any]:
-    from clothsim.sim.stepping import advance
+    from clothsim.solve.stepping.stepping import advance
 
     reports = []
     for _ in range(steps):
@@ -146,8 +146,8 @@ def _booked(session: Any) -> dict[str, float]:
 def _own_solve(session: Any, report: Any) -> float | None:
     """Seconds of one direct factorisation and solve of the last matrix; None where a revision cannot tell."""
     try:
-        prescribed = module("clothsim.sim.prescribed").prescribed
-        make_solver = module("clothsim.solve.linear_solvers").make_solver
+        prescribed = module("clothsim.solve.stepping.prescribed").prescribed
+        make_solver = module("clothsim.solve.linear.linear_solvers").make_solver
 
         system, n = session.integrator.system, session.built.world.n_cloth
         hessians = report.potential.hessians(report.state.positions)
@@ -173,7 +173,7 @@ def _own_solve(session: Any, report: Any) -> float | None:
 
 def fitter(job: Job) -> Callable[[], Trial]:
     """Fits a garment to another body, up to the end of the first stage that computes: the transfer."""
-    from clothsim.fitting.fit import fit
+    from clothsim.garments.fit.fit import fit
 
     class EnoughError(Exception):
         pass
@@ -235,7 +235,7 @@ def _peak() -> int:
     if status.is_file():
         lines = status.read_text(encoding="utf-8").splitlines()
         return next((1024 * int(line.split()[1]) for line in lines if line.startswith("VmHWM:")), 0)
-    peak_memory = module("clothsim.solve.process_memory").peak_memory
+    peak_memory = module("clothsim.base.process_memory").peak_memory
 
     return peak_memory()
 

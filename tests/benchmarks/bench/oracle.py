@@ -14,15 +14,15 @@ from typing import cast
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.build.scene_world import build
-from clothsim.contact import barrier_kernels as kernels
-from clothsim.contact.barrier import Barrier
-from clothsim.errors import ClothsimError
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError
+from clothsim.physics.contact import barrier_kernels as kernels
+from clothsim.physics.contact.barrier import Barrier
 from clothsim.run.session import Session, prepare
-from clothsim.sim.state import State, first_state
-from clothsim.sim.stepping import advance
-from clothsim.solve.sparsity import extended
+from clothsim.scene.assembly.scene_world import build
+from clothsim.solve.linear.sparsity import extended
+from clothsim.solve.stepping.state import State, first_state
+from clothsim.solve.stepping.stepping import advance
 from tests.benchmarks.bench.bench_cases import Case
 from tests.benchmarks.bench.leads import lead
 from tests.benchmarks.bench.sides import PARTS, Ipctk, Ours, Seconds, Side, loaded

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 
 
 def name_of(root: Path) -> str:

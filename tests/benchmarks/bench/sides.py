@@ -8,11 +8,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from clothsim.arrays import Floats
-from clothsim.contact.barrier import Barrier
-from clothsim.contact.candidates import SLACK
-from clothsim.errors import InputError
-from clothsim.solve.sparsity import Pattern
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.physics.contact.barrier import Barrier
+from clothsim.physics.contact.candidates import SLACK
+from clothsim.solve.linear.sparsity import Pattern
 
 PARTS = ("candidates", "energy and gradient", "projected Hessian", "CCD")
 

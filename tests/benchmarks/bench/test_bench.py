@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from clothsim.contact import candidates
-from clothsim.errors import ClothsimError, InputError
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.text_table import text_table
 from clothsim.mesh.generators.sheets import rectangle
+from clothsim.physics.contact import candidates
 from clothsim.scene.scene import Scene
-from clothsim.text_table import text_table
 from tests.benchmarks.bench import bench_cases, oracle
 from tests.benchmarks.bench.__main__ import main
 from tests.benchmarks.bench.alone import without_others
@@ -259,10 +259,10 @@ def test_columns_of_numbers_stand_to_the_right():
 
 def test_the_copy_has_no_file_of_another_effect():
     with without_others(ROOT) as there:
-        left = {file.stem for file in (there / "clothsim" / "energies").glob("*.py")}
+        left = {file.stem for file in (there / "clothsim" / "physics" / "energies").glob("*.py")}
         assert {"membrane", "inertia", "base"} <= left
         assert not left & {"gravity", "bending", "pressure", "air"}
-        assert not list((there / "clothsim" / "contact").glob("[a-z]*.py"))
+        assert not list((there / "clothsim" / "physics" / "contact").glob("[a-z]*.py"))
 
 
 ON_BALL = Case("sphere 6", scene=bench_cases.sphere(6), lead=1)

@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.errors import ClothsimError, InputError
-from clothsim.intersection.intersecting_pairs import intersecting_pairs
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from tests.benchmarks.bench.bench_cases import ROOT
 from tests.benchmarks.peers.peer_scene import PeerScene
 from tests.benchmarks.peers.shared_sheet import shared_sheet

@@ -11,10 +11,10 @@ TOLERANCE = 1e-3
 
 def build(scene: PeerScene, as_peers: bool = True) -> Simulation:
     """The sheet and ball of the benchmark, as in its windows of a fall."""
-    from clothsim.build.scene_world import build as built
     from clothsim.run.session import prepare
-    from clothsim.sim.state import first_state
-    from clothsim.sim.stepping import advance
+    from clothsim.scene.assembly.scene_world import build as built
+    from clothsim.solve.stepping.state import first_state
+    from clothsim.solve.stepping.stepping import advance
     from tests.benchmarks.bench.bench_cases import PEERS
     from tests.benchmarks.peers.shared_sheet import released
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.build.scene_world import build
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import Scene
 from tests.benchmarks.bench.bench_cases import D_HAT, FRICTION, PEERS, RADIUS, sphere
 from tests.benchmarks.peers.peer_scene import PeerScene

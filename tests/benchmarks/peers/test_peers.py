@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from tests.benchmarks.peers import peer_process
 from tests.benchmarks.peers.__main__ import PEERS, intersections, main, measured
 from tests.benchmarks.peers.peer_scene import Simulation, read_scene

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.mesh.checks import examine
 from clothsim.mesh.generators.shapes import capsule, cone, slab, sphere
 from clothsim.mesh.generators.sheets import disk, pillow, rectangle, tube

@@ -47,7 +47,7 @@ def test_a_generator_imports_its_own_modules_alone(name):
 def test_a_rectangle_scene_imports_the_sheets_alone():
     code = (
         "import json, sys\n"
-        "from clothsim.build.scene_world import build\n"
+        "from clothsim.scene.assembly.scene_world import build\n"
         "from clothsim.scene.scene import Scene\n"
         "build(Scene(cloth={'mesh': 'rectangle', 'cells': [2, 2]}, effects={'inertia': {}}))\n"
         "print(json.dumps(sorted(sys.modules)))"

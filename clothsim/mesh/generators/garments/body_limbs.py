@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.base.arrays import Floats
 from clothsim.mesh.generators.garments.implicit import Limb, limb
 from clothsim.mesh.generators.mannequin.skeleton import JOINT_POSITIONS, joint, other_side
 

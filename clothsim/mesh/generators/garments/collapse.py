@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.topology import unique_edges, vertex_rings
 
 SHORT = 0.5

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.topology import border_edges, components
 
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints, as_positive
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.errors import InputError
 from clothsim.mesh.generators.garments.body_limbs import SMOOTHING, body_limbs
 from clothsim.mesh.generators.garments.cut import Cut, Edge, trimmed
 from clothsim.mesh.generators.garments.implicit import Limb, lattice_union, limb, smooth_union

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim.arrays import Floats
+from clothsim.base.arrays import Floats
 
 RANGE = 0.25
 """Distance beyond which a limb is ignored [m]."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.generators.garments.collapse import collapsed
 from clothsim.mesh.topology import border_edges, half_edges, interior_edges, unique_edges
 

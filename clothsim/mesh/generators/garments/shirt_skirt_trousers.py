@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints, as_positive
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.errors import InputError
 from clothsim.mesh.generators.garments.cut import cut
 from clothsim.mesh.generators.garments.garment_mesh import Pattern, both_sides, garment_mesh, tube_limb
 from clothsim.mesh.generators.garments.implicit import limb

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.arrays import Floats
+from clothsim.base.arrays import Floats
 from clothsim.mesh.generators.garments.body_limbs import BodyLimb, body_limbs
 from clothsim.mesh.generators.mannequin.skeleton import JOINT_POSITIONS, JOINTS, joint
 

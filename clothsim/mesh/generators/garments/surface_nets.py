@@ -7,7 +7,7 @@ symmetry its vertices are on the plane, and no quad is its own mirror image.
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.generators.lattice import cut_quads
 
 _CORNERS = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1), (1, 1, 1)])

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 from clothsim.mesh.generators.mannequin.pose import posed, turns_of
 from clothsim.mesh.generators.mannequin.proportions import Figure, warped, warped_joints
 from clothsim.mesh.generators.mannequin.template import template

@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from clothsim.arrays import Floats, as_vector
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, as_vector
+from clothsim.base.errors import InputError
 from clothsim.mesh.generators.mannequin.skeleton import ARM, JOINTS, PARENTS, other_side
 from clothsim.mesh.motion import rotation_matrix
 

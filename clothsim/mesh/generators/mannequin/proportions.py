@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from clothsim.arrays import Floats, as_positive
-from clothsim.errors import InputError
+from clothsim.base.arrays import Floats, as_positive
+from clothsim.base.errors import InputError
 from clothsim.mesh.generators.mannequin.skeleton import JOINT_POSITIONS, JOINTS, joint
 
 TEMPLATE_HEIGHT = 1.69085

@@ -5,7 +5,7 @@ z is up, the feet are on z = 0, the face looks along -y, and so the left hand is
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 
 ARM_FALL = np.radians(50.0)
 """Angle of the arms of the A-pose below the horizontal."""

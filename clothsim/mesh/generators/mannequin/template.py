@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from clothsim.arrays import Floats, Ints
+from clothsim.base.arrays import Floats, Ints
 
 TEMPLATE_FILE = Path(__file__).with_name("template.npz")
 """Arrays positions, triangles and weights, the fields of `Template`; NumPy's archive format, without pickle."""

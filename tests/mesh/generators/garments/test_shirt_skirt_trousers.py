@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from clothsim.errors import InputError
-from clothsim.intersection.intersecting_pairs import intersecting_pairs
+from clothsim.base.errors import InputError
+from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.checks import examine
 from clothsim.mesh.generators.mannequin.generator import mannequin
 from clothsim.mesh.generators.table import GENERATORS

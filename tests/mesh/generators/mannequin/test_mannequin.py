@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.errors import InputError
+from clothsim.base.errors import InputError
 from clothsim.mesh.checks import examine
 from clothsim.mesh.generators.garments.skinning_weights import skinning_weights
 from clothsim.mesh.generators.mannequin.generator import mannequin

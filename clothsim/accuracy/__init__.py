@@ -1,1 +1,0 @@
-"""Accuracy study: error of a scene's result, its sources, and the cost of a smaller one."""

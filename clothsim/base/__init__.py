@@ -1,0 +1,1 @@
+"""Arrays, errors, compiled functions and safe files: imports no other room."""

@@ -1,0 +1,58 @@
+"""Lazy names: a module's `if TYPE_CHECKING:` block as the one list of what it offers, imported when it is used."""
+
+import ast
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+
+def lazy_names(module: str, *more: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """`__getattr__`, `__dir__` and `__all__` (PEP 562) of a module.
+
+    Parameters
+    ----------
+    module : str
+        Its `__name__`. The imports of its `if TYPE_CHECKING:` block, which type checkers read, are its names.
+    *more : str
+        Other names that `dir` shows.
+
+    Returns
+    -------
+    __getattr__, __dir__ : callable
+        For the module; a name is imported when it is first asked for, and kept.
+    __all__ : list of str
+        The names in alphabetical order.
+    """
+    own = sys.modules[module]
+    homes = _homes(Path(str(own.__file__)).read_text(encoding="utf-8"))
+
+    def __getattr__(name: str) -> Any:
+        if name not in homes:
+            raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        home, original = homes[name]
+        value = getattr(import_module(home), original)
+        setattr(own, name, value)
+        return value
+
+    def __dir__() -> list[str]:
+        return [*sorted(homes), *more]
+
+    return __getattr__, __dir__, sorted(homes)
+
+
+def _homes(source: str) -> dict[str, tuple[str, str]]:
+    """Module and original name of each name that an `if TYPE_CHECKING:` block imports."""
+    blocks = [
+        node
+        for node in ast.parse(source).body
+        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+    ]
+    return {
+        alias.asname or alias.name: (node.module, alias.name)
+        for block in blocks
+        for node in block.body
+        if isinstance(node, ast.ImportFrom) and node.module
+        for alias in node.names
+    }

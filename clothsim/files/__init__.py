@@ -1,0 +1,1 @@
+"""Files: meshes, characters and motion, sewing patterns, runs, exchange formats."""

@@ -1,0 +1,151 @@
+"""Universal Scene Description: the meshes of a stage as polygons; needs usd-core (`clothsim[usd]`).
+
+Positions are those of the stage's first time, or of samples in time, in metres by its metersPerUnit and by the
+transforms of the prims.
+Subdivision surfaces are read as their control meshes. Layers that the file names are refused, not opened.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.errors import InputError, MissingPackageError
+from clothsim.files.meshes.polygons import Polygons
+
+USD_ENDINGS = (".usd", ".usda", ".usdc")
+_FLATTEN = "Flatten it with usdcat --flatten."
+
+
+def read_usd(path: Path) -> Polygons:
+    """The meshes of a USD file at its first time: a group for each mesh and each of its subsets of faces.
+
+    Parameters
+    ----------
+    path : Path
+
+    Returns
+    -------
+    Polygons
+        In metres, in the axes of the file.
+
+    Raises
+    ------
+    InputError
+        The file is broken, or names other layers.
+    MissingPackageError
+        usd-core is not installed.
+    """
+    stage = _opened(path)
+    return _at(path, stage, _range(stage)[0])
+
+
+def read_usd_frames(path: Path, rate: float, most: int) -> list[Polygons]:
+    """The meshes of a USD file at `rate` frames a second from its first time to its last; errors as of `read_usd`.
+
+    most: largest number of frames. Between its own samples USD interpolates linearly.
+    """
+    stage = _opened(path)
+    first, last = _range(stage)
+    codes = stage.GetTimeCodesPerSecond() / rate
+    count = int((last - first) / codes + 1e-6) + 1
+    if count > most:
+        raise InputError(f"{path} has {count:,} frames at {rate:g} a second, more than {most:,}.", "Take a lower rate.")
+    return [_at(path, stage, first + k * codes) for k in range(count)]
+
+
+def _opened(path: Path) -> Any:
+    """The stage of a file that names no other."""
+    try:
+        from pxr import Sdf, Tf, Usd
+    except ImportError as error:
+        raise MissingPackageError(f"{path} needs the package usd-core.", "Run: pip install 'clothsim[usd]'") from error
+    try:
+        layer = Sdf.Layer.FindOrOpen(str(path))
+    except Tf.ErrorException as error:
+        raise _broken(path, str(error)) from error
+    if layer is None:
+        raise _broken(path, "it cannot be opened")
+    if layer.GetCompositionAssetDependencies():
+        raise InputError(f"{path} names other layers, which are not read.", _FLATTEN)
+    return Usd.Stage.Open(layer)
+
+
+def _range(stage: Any) -> tuple[float, float]:
+    """First and last time code; 0 and 0 where the file gives none."""
+    if not stage.HasAuthoredTimeCodeRange():
+        return 0.0, 0.0
+    return float(stage.GetStartTimeCode()), float(stage.GetEndTimeCode())
+
+
+def _at(path: Path, stage: Any, code: float) -> Polygons:
+    """The meshes of a stage at a time code."""
+    from pxr import Usd, UsdGeom
+
+    meshes = [UsdGeom.Mesh(prim) for prim in stage.TraverseAll() if prim.IsA(UsdGeom.Mesh)]
+    unit = UsdGeom.GetStageMetersPerUnit(stage)
+    try:
+        parts = [_part(path, mesh, Usd.TimeCode(code), unit) for mesh in meshes]
+    except (ValueError, TypeError) as error:  # an attribute that has no value, or of another shape
+        raise _broken(path, str(error)) from error
+    if not parts:
+        raise InputError(f"{path} holds no mesh.")
+    up = str(UsdGeom.GetStageUpAxis(stage)).lower()
+    return _joined(parts, (f'{up} up in the file: up = "y" turns it',) if up == "y" else ())
+
+
+def _broken(path: Path, reason: str) -> InputError:
+    return InputError(f"{path} cannot be read as USD ({' '.join(reason.split())[:100]}).", "Export it again.")
+
+
+def _part(path: Path, mesh: Any, time: Any, unit: float) -> Polygons:
+    """One mesh."""
+    from pxr import UsdGeom
+
+    name = mesh.GetPrim().GetName()
+    points = np.array(mesh.GetPointsAttr().Get(time), float).reshape(-1, 3)
+    corners = np.array(mesh.GetFaceVertexIndicesAttr().Get(time), np.int64).ravel()
+    counts = np.array(mesh.GetFaceVertexCountsAttr().Get(time), np.int64).ravel()
+    if counts.sum() != len(corners) or (counts < 0).any():
+        raise _broken(path, f"the faces of {name} have {len(corners)} corners, not {counts.sum()}")
+    to_world = np.array(mesh.ComputeLocalToWorldTransform(time))  # of row vectors
+    points = unit * (points @ to_world[:3, :3] + to_world[3, :3])
+    groups = {name: np.arange(len(counts))}
+    for subset in UsdGeom.Subset.GetGeomSubsets(mesh, UsdGeom.Tokens.face):
+        faces = np.array(subset.GetIndicesAttr().Get(time), np.int64).ravel()
+        groups[subset.GetPrim().GetName()] = faces[(faces >= 0) & (faces < len(counts))]
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    return Polygons(points, corners, starts, _texture(mesh, time, len(corners), corners), groups)
+
+
+def _texture(mesh: Any, time: Any, count: int, corners: np.ndarray) -> np.ndarray:
+    """`primvars:st` of each corner, (c, 2); (0, 2) where it has none by corner or by vertex."""
+    from pxr import UsdGeom
+
+    st = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("st")
+    if not st or not st.HasValue():
+        return np.zeros((0, 2))
+    values = np.array(st.ComputeFlattened(time), float).reshape(-1, 2)
+    if st.GetInterpolation() in (UsdGeom.Tokens.vertex, UsdGeom.Tokens.varying) and len(values) > corners.max():
+        values = values[corners]
+    return values if len(values) == count else np.zeros((0, 2))
+
+
+def _joined(parts: list[Polygons], messages: tuple[str, ...]) -> Polygons:
+    """All meshes as one; groups of one name are one."""
+    groups: dict[str, list[np.ndarray]] = {}
+    vertices = np.cumsum([0, *(len(part.positions) for part in parts)])
+    faces = np.cumsum([0, *(len(part.starts) - 1 for part in parts)])
+    edges = np.cumsum([0, *(len(part.corners) for part in parts)])
+    for part, first in zip(parts, faces, strict=False):
+        for name, own in part.groups.items():
+            groups.setdefault(name, []).append(own + first)
+    textured = all(len(part.texture) for part in parts)
+    return Polygons(
+        np.concatenate([part.positions for part in parts]),
+        np.concatenate([part.corners + k for part, k in zip(parts, vertices, strict=False)]),
+        np.concatenate([[0], *(part.starts[1:] + k for part, k in zip(parts, edges, strict=False))]).astype(np.int64),
+        np.concatenate([part.texture for part in parts]) if textured else np.zeros((0, 2)),
+        {name: np.concatenate(own) for name, own in groups.items()},
+        messages,
+    )

@@ -1,0 +1,1 @@
+"""Sewing patterns in files."""

@@ -1,0 +1,188 @@
+"""Pieces of a DXF drawing: the curves of their outlines, notches, thread and mirror lines, by AAMA's layers."""
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError, MissingPackageError
+from clothsim.base.safe_files.regular_file import read_regular_file
+from clothsim.files.patterns.dxf.curves import CURVES, exploded, in_plane, parts_of
+from clothsim.files.patterns.dxf.outline import Part
+
+BOUNDARY, CURVE_POINTS, NOTCHES, MIRROR, GRAIN, SEW = "1", "3", "4", "6", "7", "14"
+"""Layers of AAMA and ASTM D6673: cut line, points on curves, notches, mirror line, thread line, sew line."""
+UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "inch": 0.0254}
+"""Metres in a unit by its name."""
+HEADER_UNITS = {1: "inch", 4: "mm", 5: "cm", 6: "m"}
+"""Units by the number of $INSUNITS."""
+SYSTEMS = {"metric": "mm", "english": "inch"}
+"""Units by the text "Units: ..." of AAMA."""
+LARGEST = 64 * 2**20
+"""Largest file that is read [bytes]."""
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A block of the drawing.
+
+    Attributes
+    ----------
+    name, size : str
+        Texts "Piece Name: ..." and "Size: ..."; the name of the block, and empty, without them.
+    layer : str
+        Layer of the outline.
+    parts : tuple of Part
+        Curves of the outline in the order of the file [m].
+    notches, curve_points : (k, 2) array
+        Notches, and points at which the outline is a curve, however it turns [m].
+    inserted : bool
+        True where the drawing shows the block: the sample size, of several.
+    grain, mirror : (2, 2) array or None
+        Ends of the thread line and of the mirror line [m].
+    """
+
+    name: str
+    size: str
+    layer: str
+    parts: tuple[Part, ...]
+    notches: Floats
+    curve_points: Floats
+    inserted: bool
+    grain: Floats | None
+    mirror: Floats | None
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Pieces of a DXF file; sample_size: as the text "Sample Size: ..." names it, or empty."""
+
+    pieces: tuple[Piece, ...]
+    sample_size: str
+    notes: tuple[str, ...]
+
+
+def read_drawing(path: Path, units: str = "", layer: str = "") -> Drawing:
+    """Pieces of a DXF file that have outlines.
+
+    Parameters
+    ----------
+    path : Path
+        The file: one block for each piece.
+    units : str
+        "mm", "cm", "m" or "inch"; empty: of the text "Units: ...", else of $INSUNITS, else mm with a note.
+    layer : str
+        Layer of the outlines; empty: 14 (the sew line) for a piece that has it, else 1.
+
+    Raises
+    ------
+    MissingPackageError
+        ezdxf is not installed.
+    InputError
+        A file that is no DXF, or has no piece.
+    """
+    document = _document(path)
+    unit, notes = _unit(document, units)
+    found = (_piece(*block, UNITS[unit], layer) for block in _blocks(document))
+    pieces = tuple(piece for piece in found if piece is not None)
+    if not pieces:
+        raise InputError(
+            f"{path.name} has no piece: no block with an outline on layer {layer or f'{SEW} or {BOUNDARY}'}.",
+            "Export it as AAMA or ASTM DXF, or name the layer: layer = ... in the file of --seams.",
+        )
+    return Drawing(pieces, _said(_texts(document.modelspace()), "sample size"), notes)
+
+
+def _document(path: Path) -> Any:
+    try:
+        from ezdxf import DXFError, recover
+    except ImportError as error:
+        raise MissingPackageError("A DXF pattern needs the package ezdxf.", "pip install 'clothsim[dxf]'") from error
+    from io import BytesIO
+
+    try:
+        data = read_regular_file(path, LARGEST)
+    except FileNotFoundError as error:
+        raise InputError(f"There is no {path}.", "Name a DXF file.") from error
+    try:
+        return recover.read(BytesIO(data))[0]
+    except (DXFError, OSError, ValueError, TypeError, KeyError, IndexError, AttributeError) as error:
+        raise InputError(
+            f"{path.name} is no DXF that ezdxf reads: {error}.", "Export it again, as ASCII DXF."
+        ) from error
+
+
+def _blocks(document: Any) -> Iterator[tuple[str, list[Any], bool]]:
+    """Name and entities of each block, as placed where it is inserted, and whether it is."""
+    inserts = {insert.dxf.name: insert for insert in document.modelspace().query("INSERT")}
+    for block in document.blocks:
+        if not block.name.startswith("*"):
+            insert = inserts.get(block.name)
+            yield block.name, list(block if insert is None else insert.virtual_entities()), insert is not None
+
+
+def _unit(document: Any, given: str) -> tuple[str, tuple[str, ...]]:
+    """Name of the unit, and a note where it is assumed."""
+    if given:
+        return given, ()
+    system = _said(_texts(document.modelspace()), "units").lower()
+    if system in SYSTEMS:
+        return SYSTEMS[system], ()
+    header = HEADER_UNITS.get(document.header.get("$INSUNITS", 0))
+    return (header, ()) if header else ("mm", ("the drawing names no units: its lengths are read as millimetres",))
+
+
+def _texts(entities: Iterable[Any]) -> Iterator[str]:
+    """Contents of texts."""
+    for entity in entities:
+        if entity.dxftype() == "TEXT":
+            yield entity.dxf.text
+        if entity.dxftype() == "MTEXT":
+            yield entity.plain_text()
+
+
+def _piece(block: str, given: Iterable[Any], inserted: bool, metres: float, layer: str) -> Piece | None:
+    """The piece of a block; None for one without an outline."""
+    entities = [part for entity in given for part in exploded(entity)]
+    layers: dict[str, list[Any]] = {}
+    for entity in entities:
+        layers.setdefault(str(entity.dxf.layer).strip(), []).append(entity)
+    drawn = {name for name, those in layers.items() if any(each.dxftype() in CURVES for each in those)}
+    outline = layer or (SEW if SEW in drawn else BOUNDARY)
+    if outline not in drawn:
+        return None
+    said = list(_texts(entities))
+    parts = tuple(part for entity in layers[outline] for part in parts_of(entity, metres))
+    return Piece(
+        _said(said, "piece name") or block,
+        _said(said, "size"),
+        outline,
+        parts,
+        _points(layers.get(NOTCHES, []), metres),
+        _points(layers.get(CURVE_POINTS, []), metres),
+        inserted,
+        _line(layers.get(GRAIN, []), metres),
+        _line(layers.get(MIRROR, []), metres),
+    )
+
+
+def _said(texts: Iterable[str], key: str) -> str:
+    """What a text "KEY: ..." says; empty where there is none."""
+    pattern = re.compile(rf"\s*{key}\s*:\s*(.*?)\s*$", re.IGNORECASE)
+    return next((match[1] for text in texts if (match := pattern.match(text)) and match[1]), "")
+
+
+def _points(entities: Iterable[Any], metres: float) -> Floats:
+    """Points, (k, 2) [m]."""
+    points = [metres * in_plane(each.dxf.location) for each in entities if each.dxftype() == "POINT"]
+    return np.reshape(np.array(points, np.float64), (-1, 2))
+
+
+def _line(entities: Iterable[Any], metres: float) -> Floats | None:
+    """Ends of the longest line, (2, 2) [m]; None where there is none."""
+    lines = [metres * np.array([in_plane(e.dxf.start), in_plane(e.dxf.end)]) for e in entities if e.dxftype() == "LINE"]
+    return max(lines, key=lambda line: float(np.linalg.norm(line[1] - line[0])), default=None)

@@ -1,0 +1,177 @@
+"""Outline of a piece: curves in any order joined to one loop, counter-clockwise; half a piece unfolded."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.patterns.borders import enclosed_area
+from clothsim.patterns.curves import Arc, Bezier, Curve, Straight, along_chord
+from clothsim.patterns.polyline import Polyline
+
+JOINED = 1e-4
+"""Distance of two ends that are one point [m]."""
+FOLDED = 5e-4
+"""Distance from the mirror line of a curve that lies on it [m]."""
+SAMPLES = 33
+"""Points that a curve is sampled at for areas and distances."""
+
+
+@dataclass(frozen=True)
+class Part:
+    """Curve between two points (2,) [m]."""
+
+    start: Floats
+    end: Floats
+    curve: Curve
+
+    def points(self, share: Floats) -> Floats:
+        """Points (k, 2) [m] at the fractions `share (k,)` of the arc length."""
+        return self.curve.by_length(self.start, self.end, share)
+
+    @property
+    def samples(self) -> Floats:
+        """Points from start to end, (k, 2) [m]: the corners of a straight part or a polyline, else SAMPLES."""
+        if isinstance(self.curve, Straight):
+            return np.array([self.start, self.end])
+        if isinstance(self.curve, Polyline):
+            return self.curve.points(self.start, self.end)
+        return self.curve.at(self.start, self.end, np.linspace(0, 1, SAMPLES))
+
+    @property
+    def tangents(self) -> Floats:
+        """Directions at start and end, (2, 2), of length 1."""
+        if isinstance(self.curve, Bezier):
+            steps = np.diff(self.curve.points(self.start, self.end), axis=0)
+            steps = steps[np.linalg.norm(steps, axis=1) > 0][[0, -1]]
+        else:
+            near = self.points(np.array([0.0, 1e-6, 1 - 1e-6, 1.0]))
+            steps = np.array([near[1] - near[0], near[3] - near[2]])
+        return np.asarray(steps / np.linalg.norm(steps, axis=1)[:, None], np.float64)
+
+    def reversed(self) -> "Part":
+        """The same curve from end to start."""
+        return Part(self.end, self.start, _turned(self.curve, across=-1, back=True))
+
+    def mirrored(self, line: Floats) -> "Part":
+        """The reflection in a line through two points (2, 2) [m]."""
+        start, end = reflected(np.array([self.start, self.end]), line)
+        return Part(start, end, _turned(self.curve, across=-1, back=False))
+
+
+def _turned(curve: Curve, across: int, back: bool) -> Curve:
+    """The curve reflected in its chord (across = -1), its direction kept or turned back.
+
+    Turned back, the point x e + y (-e_y, e_x) of the chord e is (1 - x), -y of the chord -e: y changes its sign too.
+    """
+    if isinstance(curve, Arc):
+        return replace(curve, right=not curve.right)
+    if isinstance(curve, Straight):
+        return curve
+    points = curve.controls if isinstance(curve, Bezier) else curve.inner
+    turned = tuple((1 - x, across * y) for x, y in reversed(points)) if back else tuple((x, -y) for x, y in points)
+    return Bezier(turned) if isinstance(curve, Bezier) else Polyline(turned)
+
+
+def straight_parts(points: Floats) -> tuple[Part, ...]:
+    """Straight parts through points (k, 2) [m]."""
+    return tuple(Part(a, b, Straight()) for a, b in zip(points, points[1:], strict=False))
+
+
+def parts_of_bezier(points: Floats) -> tuple[Part, ...]:
+    """The curve of 3 or 4 control points (k, 2) [m]; in two halves where it ends at its start."""
+    if np.linalg.norm(points[-1] - points[0]) > JOINED:
+        return (Part(points[0], points[-1], Bezier(along_chord(points[1:-1], points[0], points[-1]))),)
+    return tuple(part for half in divided(points, 0.5) for part in parts_of_bezier(half))
+
+
+def divided(points: Floats, t: float) -> tuple[Floats, Floats]:
+    """Control points (k, 2) of a Bezier curve before and after the parameter t, by de Casteljau's algorithm."""
+    levels = [points]
+    while len(levels[-1]) > 1:
+        levels.append((1 - t) * levels[-1][:-1] + t * levels[-1][1:])
+    return np.array([level[0] for level in levels]), np.array([level[-1] for level in levels[::-1]])
+
+
+def reflected(points: Floats, line: Floats) -> Floats:
+    """Points (k, 2) reflected in a line through two points (2, 2)."""
+    along = (line[1] - line[0]) / np.linalg.norm(line[1] - line[0])
+    offset = points - line[0]
+    return np.asarray(line[0] + 2 * np.outer(offset @ along, along) - offset, np.float64)
+
+
+def loop_of(name: str, layer: str, parts: Sequence[Part]) -> tuple[Part, ...]:
+    """The outline as a closed loop, counter-clockwise: the largest, where the layer has several.
+
+    Parameters
+    ----------
+    name, layer : str
+        Piece and layer, for messages.
+    parts : sequence of Part
+        Curves in any order and direction.
+
+    Raises
+    ------
+    InputError
+        An open outline, with its gap.
+    """
+    rest = [part for part in parts if np.linalg.norm(part.samples - part.start, axis=1).max() > JOINED]
+    if not rest:
+        raise InputError(f"Piece {name} has no outline on layer {layer}.")
+    loops = []
+    while rest:
+        chain, rest = _chain(rest)
+        gap = float(np.linalg.norm(chain[-1].end - chain[0].start))
+        if gap > JOINED:
+            x, y = chain[-1].end
+            raise InputError(
+                f"The outline of the piece {name} on layer {layer} is open: {1e3 * gap:.3g} mm from its end at "
+                f"({1e3 * x:.1f}, {1e3 * y:.1f}) mm to its start.",
+                "Close it in the drawing, or name the layer of another outline: layer = ...",
+            )
+        loops.append(_closed(chain))
+    areas = [enclosed_area(polygon(loop)) for loop in loops]
+    largest = int(np.argmax(np.abs(areas)))
+    loop = loops[largest]
+    return loop if areas[largest] > 0 else tuple(part.reversed() for part in loop[::-1])
+
+
+def polygon(loop: Sequence[Part]) -> Floats:
+    """Samples of a loop, (k, 2) [m]."""
+    return np.concatenate([part.samples[:-1] for part in loop])
+
+
+def _chain(parts: Sequence[Part]) -> tuple[list[Part], list[Part]]:
+    """The parts that join the first one at its end, one after another, and the others."""
+    chain, rest = [parts[0]], list(parts[1:])
+    while rest and np.linalg.norm(chain[-1].end - chain[0].start) > JOINED:
+        ends = np.array([[part.start, part.end] for part in rest])
+        distance = np.linalg.norm(ends - chain[-1].end, axis=2)
+        near = np.argwhere(distance <= JOINED)
+        if not len(near):
+            break
+        row, side = (int(k) for k in near[0])
+        part = rest.pop(row)
+        chain.append(part.reversed() if side else part)
+    return chain, rest
+
+
+def _closed(chain: Sequence[Part]) -> tuple[Part, ...]:
+    """The chain with each part ending exactly where the next one starts."""
+    following = [*chain[1:], chain[0]]
+    return tuple(replace(part, end=after.start) for part, after in zip(chain, following, strict=True))
+
+
+def unfolded(loop: tuple[Part, ...], mirror: Floats | None) -> tuple[Part, ...]:
+    """The whole piece of a half whose outline runs along the mirror line (2, 2) [m]; another loop as it is."""
+    if mirror is None:
+        return loop
+    on_line = [np.abs(part.samples - reflected(part.samples, mirror)).max() < 2 * FOLDED for part in loop]
+    if all(on_line) or not any(on_line):
+        return loop
+    first = next(k for k in range(len(loop)) if not on_line[k] and on_line[k - 1])
+    order = [*loop[first:], *loop[:first]]
+    half = [part for part, folded in zip(order, [*on_line[first:], *on_line[:first]], strict=True) if not folded]
+    return _closed([*half, *(part.mirrored(mirror).reversed() for part in half[::-1])])

@@ -1,0 +1,187 @@
+"""Checkpoint: the state of a run between two steps, bit for bit."""
+
+import json
+import math
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.atomic import write_atomically
+
+CHECKPOINT_NAME = "checkpoint.npz"
+_FORMAT, _EARLIER = "clothsim checkpoint 3", "clothsim checkpoint 2"
+"""The format that is written, and an earlier one, which holds one unused number more and is read too."""
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """The state of a run between two steps.
+
+    Parameters
+    ----------
+    time : float
+        Simulated time [s].
+    dt : float
+        Length of the next step [s].
+    frame, step : int
+        Number of frames and steps that are done.
+    positions, velocities : (N, 3) ndarray
+        All rows of x [m], [m/s].
+    scene_text : str
+        The scene, by `Scene.to_text`.
+    counters : dict
+        Sums of the summary so far, as JSON values.
+    blocked_at : float
+        Time at which the last tries of a prescribed motion were blocked [s]; nan where none was.
+    blocked : int
+        Number of tries that were blocked there.
+    previous_positions, previous_velocities : (N, 3) ndarray, optional
+        The state a step earlier, for BDF2.
+    previous_dt : float
+        The step since then [s].
+    files : mapping of str to bytes
+        Files that the scene names, by their names in it; empty where they are not kept in the checkpoint.
+    """
+
+    time: float
+    dt: float
+    frame: int
+    step: int
+    positions: Floats
+    velocities: Floats
+    scene_text: str
+    counters: dict[str, Any]
+    blocked_at: float = math.nan
+    blocked: int = 0
+    previous_positions: Floats | None = None
+    previous_velocities: Floats | None = None
+    previous_dt: float = math.nan
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def write_checkpoint(path: str | Path, checkpoint: Checkpoint) -> None:
+    """Write a checkpoint as a NumPy archive, atomically. InputError where it cannot be written."""
+    write_atomically(Path(path), packed(checkpoint))
+
+
+def packed(checkpoint: Checkpoint) -> bytes:
+    """The bytes of the NumPy archive that holds a checkpoint."""
+    counters = json.dumps(checkpoint.counters, default=lambda number: number.tolist())
+    archive = BytesIO()
+    more: dict[str, Any] = dict(_packed_files(checkpoint.files))
+    if checkpoint.previous_positions is not None and checkpoint.previous_velocities is not None:
+        more |= {
+            "previous_positions": np.asarray(checkpoint.previous_positions, np.float64),
+            "previous_velocities": np.asarray(checkpoint.previous_velocities, np.float64),
+            "previous_dt": np.array([checkpoint.previous_dt]),
+        }
+    np.savez(
+        archive,
+        format=_text(_FORMAT),
+        times=np.array([checkpoint.time, checkpoint.dt, checkpoint.blocked_at]),
+        counts=np.array([checkpoint.frame, checkpoint.step, checkpoint.blocked], np.int64),
+        positions=np.asarray(checkpoint.positions, np.float64),
+        velocities=np.asarray(checkpoint.velocities, np.float64),
+        scene_text=_text(checkpoint.scene_text),
+        counters=_text(counters),
+        **more,
+    )
+    return archive.getvalue()
+
+
+def read_checkpoint(path: str | Path) -> Checkpoint:
+    """Read a checkpoint. InputError where the file is missing, broken or another program's."""
+    if not Path(path).is_file():
+        raise InputError(f"There is no checkpoint {path}.")
+    try:
+        return unpacked(Path(path).read_bytes(), str(path))
+    except OSError as error:
+        raise InputError(f"{path} cannot be read ({error.strerror}).", "Make it readable, or copy it.") from error
+
+
+def unpacked(data: bytes, name: str) -> Checkpoint:
+    """The checkpoint in the bytes of `packed`. InputError where they hold none; `name` is for its message."""
+    try:
+        content = BytesIO(data)
+        if not zipfile.is_zipfile(content):
+            raise ValueError("it is no NumPy archive, or not all of one")
+        with zipfile.ZipFile(content) as archive:
+            if sum(entry.file_size for entry in archive.infolist()) > len(content.getvalue()):
+                raise ValueError("it would unpack to more than it holds")  # NumPy writes it uncompressed
+        with np.load(content, allow_pickle=False) as arrays:
+            return _from_arrays(arrays)
+    except Exception as error:  # zipfile, NumPy and JSON raise a dozen types of errors
+        raise InputError(
+            f"{name} is broken or not a checkpoint ({error}).", "Repeat the run from its scene."
+        ) from error
+
+
+def _from_arrays(arrays: Any) -> Checkpoint:
+    if _string(arrays["format"]) not in (_FORMAT, _EARLIER):
+        raise ValueError(f"its format is not {_FORMAT!r}")
+    positions, velocities = arrays["positions"], arrays["velocities"]
+    if positions.ndim != 2 or positions.shape[1] != 3 or positions.shape != velocities.shape:
+        raise ValueError(f"positions {positions.shape} and velocities {velocities.shape} are not (N, 3)")
+    times, counts = arrays["times"], arrays["counts"]
+    if counts.dtype != np.int64 or any(a.dtype != np.float64 for a in (positions, velocities, times)):
+        raise ValueError("its numbers are of other types")
+    (time, dt, blocked_at), (frame, step, blocked) = times.tolist(), counts.tolist()
+    if not (0 <= time < math.inf and 0 < dt < math.inf and min(frame, step, blocked) >= 0):
+        raise ValueError(f"its time is {time} s, its step {dt} s, its counts {counts}")
+    scene_text, counters = _string(arrays["scene_text"]), json.loads(_string(arrays["counters"]))
+    if not isinstance(counters, dict):
+        raise ValueError("its counters are no table")
+    state = time, dt, frame, step, positions, velocities
+    previous, files = _previous(arrays, positions.shape), _files(arrays)
+    return Checkpoint(*state, scene_text, counters, blocked_at, blocked, *previous, files)
+
+
+def _previous(arrays: Any, shape: tuple[int, ...]) -> tuple[Floats | None, Floats | None, float]:
+    """The state a step earlier; None, None and nan where there is none."""
+    if "previous_positions" not in arrays:
+        return None, None, math.nan
+    positions, velocities, dts = (arrays[f"previous_{key}"] for key in ("positions", "velocities", "dt"))
+    if any(a.dtype != np.float64 for a in (positions, velocities, dts)) or not 0 < (dt := float(dts[0])) < math.inf:
+        raise ValueError("the step before it is broken")
+    if positions.shape != shape or velocities.shape != shape:
+        raise ValueError(f"the step before it has positions {positions.shape}, not {shape}")
+    return positions, velocities, dt
+
+
+def _packed_files(files: Mapping[str, bytes]) -> dict[str, np.ndarray]:
+    """Names, sizes and contents of files as arrays; none where there is no file."""
+    if not files:
+        return {}
+    sizes = np.array([len(content) for content in files.values()], np.int64)
+    contents = np.frombuffer(b"".join(files.values()), np.uint8)
+    return {"file_names": _text(json.dumps(list(files))), "file_sizes": sizes, "file_contents": contents}
+
+
+def _files(arrays: Any) -> dict[str, bytes]:
+    """The files of `_packed_files`."""
+    if "file_names" not in arrays:
+        return {}
+    names, sizes = json.loads(_string(arrays["file_names"])), arrays["file_sizes"].tolist()
+    contents = arrays["file_contents"].tobytes()
+    if sum(sizes) != len(contents) or min(sizes, default=0) < 0 or len(set(names)) != len(sizes):
+        raise ValueError("its files are not complete")
+    ends = np.cumsum([0, *sizes])
+    return {str(name): contents[a:b] for name, a, b in zip(names, ends[:-1], ends[1:], strict=True)}
+
+
+def _text(text: str) -> np.ndarray:
+    """UTF-8 bytes, as NumPy's own strings lose a NUL at the end."""
+    return np.frombuffer(text.encode(), np.uint8)
+
+
+def _string(array: np.ndarray) -> str:
+    if array.dtype != np.uint8:
+        raise ValueError("its text is no text")
+    return array.tobytes().decode()

@@ -1,0 +1,309 @@
+"""Trajectory of a run: `trajectory.vtkhdf`, every cloth and body at every frame."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from clothsim.base.arrays import Floats, Ints, as_points
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.disk_space import require_space, writing
+from clothsim.files.runs.vtkhdf import (
+    STRETCHES,
+    FrameArray,
+    arrays_for,
+    arrays_of,
+    blocks,
+    cut,
+    frame_bytes,
+    grow_tables,
+    lay_out,
+    layout_bytes,
+    rows_of,
+    set_frame_count,
+    write_frame,
+)
+from clothsim.mesh.world_surfaces import Surface, check_surfaces, same_surfaces
+
+TRAJECTORY_NAME = "trajectory.vtkhdf"
+
+
+class TrajectoryWriter:
+    """A writer of frames; after each of them the file on disk is complete."""
+
+    def __init__(
+        self,
+        path: str | Path,
+        surfaces: Sequence[Surface],
+        resume_at: int | None = None,
+        stretches: bool = True,
+        fields: Sequence[FrameArray] = (),
+    ) -> None:
+        """Create the file at `path`, or continue it after its first `resume_at` frames; later ones are dropped.
+
+        Parameters
+        ----------
+        path : str or Path
+            The file.
+        surfaces : sequence of Surface
+            Cloths, then bodies, in the order of their rows of x.
+        resume_at : int, optional
+            Number of frames to keep of an existing file.
+        stretches : bool
+            True where each frame holds the principal stretches of the cloths' triangles.
+        fields : sequence of FrameArray
+            Further arrays that each frame holds on the cloths or on the bodies.
+
+        Raises
+        ------
+        InputError
+            The file cannot be written, has fewer frames, or other surfaces or fields.
+        """
+        check_surfaces(surfaces)
+        self.surfaces = tuple(surfaces)
+        self.arrays = (*([STRETCHES] if stretches else []), *fields)
+        start = _create if resume_at is None else _resume
+        self._path = Path(path)
+        self._file = start(self._path, self.surfaces, self.arrays, resume_at or 0)
+
+    def __enter__(self) -> "TrajectoryWriter":
+        """The writer itself, closed at the end of the `with` block."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close the file; an exception is passed on."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file, which holds all frames already."""
+        with writing(self._path):
+            self._file.close()
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames in the file."""
+        return int(self._file["VTKHDF/Steps"].attrs["NSteps"])
+
+    def append(
+        self,
+        time: float,
+        positions: ArrayLike,
+        principal_stretches: ArrayLike | None = None,
+        fields: Mapping[str, ArrayLike] | None = None,
+    ) -> None:
+        """Write one frame.
+
+        Parameters
+        ----------
+        time : float
+            Later than the last frame [s].
+        positions : (N, 3) array_like
+            Rows of x [m]; those after the last surface, the ghosts of clamps, are not written.
+        principal_stretches : (m, 2) array_like, optional
+            Of all triangles of cloths.
+        fields : mapping of str to (m, ...) or (n, ...) array_like
+            The values of each further array, for all triangles or vertices of the cloths, or of the bodies.
+
+        Raises
+        ------
+        InputError
+            A position is not finite, an array has another shape, or the disk is full; the file then ends with the frame
+            before.
+        """
+        x = as_points("positions", positions)
+        if len(x) < self.surfaces[-1].rows.stop:
+            raise InputError(f"positions has {len(x)} rows, the surfaces have {self.surfaces[-1].rows.stop}.")
+        frame = self.n_frames
+        if not np.isfinite(time) or (frame and time <= self._file["VTKHDF/Steps/Values"][frame - 1]):
+            raise InputError(f"Frame {frame} is at {time!r} s, which is not later than the frame before it.")
+        stretches = {} if principal_stretches is None else {STRETCHES.name: principal_stretches}
+        parts = self._per_surface({**stretches, **(fields or {})})
+        require_space(self._path, frame_bytes(self.surfaces, self.arrays))
+        with writing(self._path):
+            self._write(frame, float(time), x, parts)
+
+    def _write(self, frame: int, time: float, x: Floats, parts: Mapping[tuple[str, str], NDArray[np.float32]]) -> None:
+        grow_tables(self._file, frame)
+        for surface, block in zip(self.surfaces, blocks(self._file), strict=True):
+            if surface.moving or frame == 0:
+                write_frame(block, "Points", frame, x[surface.rows])
+            for array in arrays_for(surface, self.arrays):
+                write_frame(block, array.dataset, frame, parts[surface.name, array.name])
+        # First the frame, then the number of frames: readers never see an incomplete one.
+        self._file.flush()
+        set_frame_count(self._file, frame + 1, time)
+        self._file.flush()
+
+    def _per_surface(self, values: Mapping[str, ArrayLike]) -> dict[tuple[str, str], NDArray[np.float32]]:
+        """The rows of each array that belong to each surface, tensors flattened."""
+        names = [array.name for array in self.arrays]
+        if sorted(values) != sorted(names):
+            raise InputError(
+                f"This trajectory is written with {', '.join(names) or 'no field'}, "
+                f"not with {', '.join(values) or 'none'}."
+            )
+        parts = {}
+        for array in self.arrays:
+            own = [surface for surface in self.surfaces if surface.role == array.role]
+            rows = np.asarray(values[array.name], dtype=np.float32)
+            ends = np.cumsum([0, *(_row_count(surface, array) for surface in own)])
+            if rows.shape != (ends[-1], *array.components):
+                raise InputError(
+                    f"{array.name} must have shape {(int(ends[-1]), *array.components)}, not {rows.shape}."
+                )
+            flat = rows.reshape(len(rows), -1) if array.components else rows
+            for surface, start, stop in zip(own, ends[:-1], ends[1:], strict=True):
+                parts[surface.name, array.name] = flat[start:stop]
+        return parts
+
+
+def _row_count(surface: Surface, array: FrameArray) -> int:
+    return surface.n_vertices if array.location == "vertex" else len(surface.triangles)
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """The frames of a run, read on demand: times (k,) [s] and surfaces, cloths first."""
+
+    path: Path
+    times: Floats
+    surfaces: tuple[Surface, ...]
+
+    @property
+    def cloth_names(self) -> tuple[str, ...]:
+        """The names of the cloths, in the order of their vertices."""
+        return tuple(surface.name for surface in self.surfaces if surface.role == "cloth")
+
+    @cached_property
+    def triangles(self) -> Ints:
+        """The triangles of all cloths, (m, 3)."""
+        return np.concatenate([surface.triangles for surface in self.surfaces if surface.role == "cloth"])
+
+    def positions(self, frame: int) -> Floats:
+        """The vertices of all cloths in a frame, (n, 3) [m]; negative frames count from the end."""
+        return np.concatenate([points for surface, points in self._points(frame, "cloth")])
+
+    def bodies(self, frame: int) -> list[tuple[str, Floats, Ints]]:
+        """Each body in a frame: name, vertices (n, 3) [m], triangles (m, 3) of its own vertices."""
+        return [(body.name, points, body.own_triangles) for body, points in self._points(frame, "body")]
+
+    def stretches(self, frame: int) -> NDArray[np.float32]:
+        """The principal stretches of the cloths' triangles in a frame, (m, 2); InputError where none were written."""
+        return self.field(STRETCHES.name, frame)
+
+    @property
+    def fields(self) -> tuple[str, ...]:
+        """The names of the arrays that the frames hold beside the positions."""
+        with _opened(self.path) as file:
+            return tuple(dict.fromkeys(array.name for block in blocks(file) for array in arrays_of(block)))
+
+    def field(self, name: str, frame: int) -> NDArray[np.float32]:
+        """The values of a field in a frame, (m, ...) or (n, ...); InputError where none were written."""
+        i, parts = self._number(frame), []
+        with _opened(self.path) as file:
+            for block in blocks(file):
+                for array in arrays_of(block):
+                    if array.name == name:
+                        rows = rows_of(block, array)
+                        parts.append(block[array.dataset][i * rows : (i + 1) * rows].reshape(rows, *array.components))
+        if not parts:
+            raise InputError(f"{self.path} holds no {name}.")
+        return np.concatenate(parts)
+
+    def _points(self, frame: int, role: str) -> list[tuple[Surface, Floats]]:
+        i, points = self._number(frame), []
+        with _opened(self.path) as file:
+            for surface, block in zip(self.surfaces, blocks(file), strict=True):
+                if surface.role == role:
+                    first = i * surface.n_vertices if surface.moving else 0
+                    points.append((surface, block["Points"][first : first + surface.n_vertices]))
+                    if points[-1][1].shape != (surface.n_vertices, 3):
+                        raise ValueError(f"{surface.name} has no frame {frame}")
+        return points
+
+    def _number(self, frame: int) -> int:
+        k = len(self.times)
+        if not isinstance(frame, int | np.integer):
+            raise InputError(f"A frame is a whole number from {-k} to {k - 1}, not {frame!r}.", "The last one is -1.")
+        if not -k <= frame < k:
+            raise InputError(f"There is no frame {frame}: {self.path} holds {k} frames.")
+        return int(frame) % k
+
+
+def read_trajectory(path: str | Path) -> Trajectory:
+    """Open a file of `TrajectoryWriter`, also one that is still written or was cut short.
+
+    InputError where the file is missing, broken or another program's.
+    """
+    with _opened(Path(path)) as file:
+        steps = file["VTKHDF/Steps"]
+        return Trajectory(Path(path), steps["Values"][: int(steps.attrs["NSteps"])], _read_surfaces(file))
+
+
+def _read_surfaces(file: h5py.File) -> tuple[Surface, ...]:
+    surfaces: list[Surface] = []
+    start = 0
+    for block in blocks(file):
+        stop = start + int(block["NumberOfPoints"][0])
+        triangles = block["Polygons/Connectivity"][:].reshape(-1, 3) + start
+        name, role, moving = (block.attrs[key] for key in ("Name", "Role", "Moving"))
+        rigid = bool(block.attrs.get("Rigid", 0))
+        surfaces.append(Surface(name, role, slice(start, stop), triangles, bool(moving), rigid))
+        if triangles.size and not start <= triangles.min() <= triangles.max() < stop:
+            raise ValueError(f"{name} has triangles of vertices that are not there")
+        start = stop
+    check_surfaces(surfaces)
+    return tuple(surfaces)
+
+
+def _create(path: Path, surfaces: tuple[Surface, ...], arrays: tuple[FrameArray, ...], frames: int) -> h5py.File:
+    try:
+        # Without a lock, so that a viewer may look at a run while it goes on.
+        file = h5py.File(path, "w", locking=False)
+    except OSError as error:
+        raise InputError(f"{path} cannot be written ({error}).") from error
+    try:
+        require_space(path, layout_bytes(surfaces, arrays))
+        with writing(path):
+            lay_out(file, surfaces, arrays)
+            file.flush()
+    except InputError:
+        with suppress(OSError, RuntimeError):
+            file.close()
+        path.unlink(missing_ok=True)  # a run that goes on without a trajectory begins another one
+        raise
+    return file
+
+
+def _resume(path: Path, surfaces: tuple[Surface, ...], arrays: tuple[FrameArray, ...], frames: int) -> h5py.File:
+    trajectory = read_trajectory(path)
+    if not 0 <= frames <= len(trajectory.times):
+        raise InputError(f"{path} holds {len(trajectory.times)} frames, so no run can go on from frame {frames}.")
+    with _opened(path) as file:
+        stored = {array for block in blocks(file) for array in arrays_of(block)}
+    if stored != set(arrays) or not same_surfaces(trajectory.surfaces, surfaces):
+        raise InputError(f"{path} holds other surfaces or fields than this run.", "Write to another directory.")
+    require_space(path, frame_bytes(surfaces, arrays))
+    with writing(path):
+        file = h5py.File(path, "r+", locking=False)
+        cut(file, frames)
+    return file
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[h5py.File]:
+    if not path.is_file():
+        raise InputError(f"There is no file {path}.")
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            yield file
+    except (OSError, KeyError, RuntimeError, ValueError, TypeError) as error:
+        raise InputError(f"{path} is broken or not the trajectory of a run ({error}).") from error

@@ -1,0 +1,1 @@
+"""Garments: fitted to another body, and sewn on one."""

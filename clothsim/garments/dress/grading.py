@@ -1,0 +1,209 @@
+"""Grading of a pattern from the body that it was cut for to another.
+
+Each panel is widened by the factor of girth at its height on the trunk or along its limb, and lengthened by the factor
+of length there, about the middle of the body or of the arm. Side seams, darts and waists follow; where panels of two
+parts meet (armholes) both sides of a seam then get one factor, so that its ease stays what it was.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.garments.dress.body_sizes import BodySizes, sizes_between
+from clothsim.garments.dress.legs import is_of_leg
+from clothsim.garments.dress.placing import chosen_origin, height_of_origin
+from clothsim.garments.dress.sleeves import is_of_arm
+from clothsim.garments.inputs import Figure
+from clothsim.patterns.graded import PlaneMap, factors_of_seams, mapped_panel, with_seams_alike
+from clothsim.patterns.pattern import Panel, Pattern, Side
+
+LEVEL = 0.3
+"""Part of the direction of the trunk or the limb in the plane of a panel below which it lies across it: no direction
+of the panel is along the body, and it grows alike in both."""
+
+
+@dataclass(frozen=True)
+class Grading:
+    """A graded pattern.
+
+    Attributes
+    ----------
+    pattern : Pattern
+        The pattern for the other body.
+    cut_for : str
+        Name of the body that the pattern was cut for.
+    factors : mapping of str to float
+        Factors of girth and length by name.
+    seams : mapping of str to (float, float)
+        Factor of the length of both sides of each seam.
+    moved : float
+        Largest displacement of a corner that made the seams alike [m].
+    before : float
+        Largest difference of both factors of a seam before that.
+    origin : str
+        Level y = 0 of both patterns, "floor" or "waist".
+    """
+
+    pattern: Pattern
+    cut_for: str
+    factors: Mapping[str, float]
+    seams: Mapping[str, tuple[float, float]]
+    moved: float
+    before: float
+    origin: str
+
+    @property
+    def mismatch(self) -> tuple[float, str]:
+        """Largest difference of both factors of a seam, and its name."""
+        found = [(abs(first - second), name) for name, (first, second) in self.seams.items()]
+        return max(found, default=(0.0, "none"))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Factors and the mismatch of the seams in words."""
+        named = ", ".join(f"{name.replace('_', ' ')} {factor:.3f}" for name, factor in self.factors.items())
+        largest, name = self.mismatch
+        seams = (
+            f"both sides of every seam have one factor; corners moved by up to {1e3 * self.moved:.2g} mm for it, as the"
+            f" factors differed by {self.before:.2g}"
+        )
+        if largest > 1e-6:
+            seams = f"the two sides of {name} are graded by factors that differ by {largest:.2g}"
+        return f"graded from {self.cut_for}: {named}", f"graded: {seams}"
+
+    def as_dict(self) -> dict[str, Any]:
+        """Entries in summary.json."""
+        largest, name = self.mismatch
+        seams = {"largest": largest, "seam": name, "before": self.before, "moved": self.moved}
+        return {"cut_for": self.cut_for, "factors": dict(self.factors), "seam_mismatch": seams}
+
+
+def graded(
+    pattern: Pattern, source: Figure, target: Figure, origin: str = "auto", factors: Mapping[str, float] | None = None
+) -> Grading:
+    """Grade a pattern.
+
+    Parameters
+    ----------
+    pattern : Pattern
+        Pattern as it is placed round `source`.
+    source, target : Figure
+        The body that it was cut for, and the other one.
+    origin : str
+        Level y = 0 of the pattern (see `placing.placed_on`).
+    factors : mapping of str to float, optional
+        Factors by name in place of those between the bodies.
+
+    Raises
+    ------
+    InputError
+        As `sizes_between`.
+    """
+    sizes = sizes_between(source, target, factors or {})
+    heights = np.concatenate([panel.placed(panel.vertices)[:, 1] for panel in pattern.panels.values()])
+    origin = chosen_origin(heights, origin)
+    levels = [height_of_origin(body, origin) for body in (source, target)]
+    middle = np.mean([panel.placed(panel.vertices).mean(axis=0) for panel in pattern.panels.values()], axis=0)
+    panels = {}
+    for name, panel in pattern.panels.items():
+        if is_of_arm(panel):
+            panels[name] = _along_arm(panel, pattern, sizes, levels, float(middle[0]))
+        else:
+            panels[name] = _along_trunk(panel, sizes, levels)
+    scaled = replace(pattern, panels=panels)
+    alike = with_seams_alike(scaled, pattern)
+    before = [abs(a - b) for a, b in factors_of_seams(scaled, pattern).values()]
+    moved = [np.abs(alike.panels[name].vertices - panels[name].vertices).max() for name in panels]
+    return Grading(
+        alike,
+        source.name,
+        sizes.named,
+        factors_of_seams(alike, pattern),
+        float(max(moved)),
+        max(before, default=0.0),
+        origin,
+    )
+
+
+def _along_trunk(panel: Panel, sizes: BodySizes, levels: list[float]) -> Panel:
+    """Panel of the trunk or of a leg, graded by height about the middle of the body."""
+    girth = sizes.leg_girth if is_of_leg(panel) else sizes.trunk_girth
+    upward = panel.matrix[1, :2]
+    slope = float(np.linalg.norm(upward))
+    middle = panel.vertices.mean(axis=0)
+    if slope < LEVEL:
+        height = panel.placed(middle[None])[0, 1] + levels[0]
+        factor = float(girth(np.array([height]))[0])
+        image = PlaneMap(middle, np.array([0.0, 1.0]), lambda t: np.full(len(t), factor), lambda t: factor * t)
+    else:
+        along = upward / slope
+        across = np.array([along[1], -along[0]])
+        aside = float(panel.placed(middle[None])[0] @ panel.matrix[:, :2] @ across)
+        middle = middle - aside * across  # where the plane is nearest to the vertical axis
+        height = float(panel.placed(middle[None])[0, 1] + levels[0])
+        start = sizes.height(np.array([height]))
+        image = PlaneMap(
+            middle,
+            along,
+            lambda t: girth(height + slope * t),
+            lambda t: (sizes.height(height + slope * t) - start) / slope,
+        )
+    before = panel.placed(middle[None])[0]
+    wider = max(1.0, float(girth(np.array([height]))[0]))
+    above = float(sizes.height(np.array([height]))[0]) - levels[1]
+    return _replaced(mapped_panel(panel, image), middle, np.array([wider * before[0], above, wider * before[2]]))
+
+
+def _along_arm(panel: Panel, pattern: Pattern, sizes: BodySizes, levels: list[float], middle: float) -> Panel:
+    """Panel of a sleeve, graded along the line from the seams of the sleeve with the trunk to its free edges."""
+    side = panel.placed(panel.vertices)[:, 0].mean() > middle
+    sleeve = {
+        name: each
+        for name, each in pattern.panels.items()
+        if is_of_arm(each) and (each.placed(each.vertices)[:, 0].mean() > middle) == side
+    }
+    root, tip = _ends_of_sleeve(sleeve, pattern)
+    shoulder = float(sizes.height(np.array([root[1] + levels[0]]))[0]) - levels[1]
+    wider = float(sizes.trunk_girth(np.array([root[1] + levels[0]]))[0])
+    moved = np.array([wider * root[0], shoulder, wider * root[2]]) - root
+    along = (tip - root) / np.linalg.norm(tip - root) @ panel.matrix[:, :2]
+    slope, length = float(np.linalg.norm(along)), float(sizes.factors.lengths[2])
+    origin = (root - panel.translation) @ panel.matrix[:, :2]
+    if slope < LEVEL:
+        factor = float(sizes.factors.named["arm"])
+        image = PlaneMap(origin, np.array([0.0, 1.0]), lambda t: np.full(len(t), factor), lambda t: factor * t)
+    else:
+        image = PlaneMap(origin, along / slope, lambda t: sizes.arm_girth(slope * t), lambda t: length * t)
+    before = panel.placed(origin[None])[0]
+    off = (before - root) * max(1.0, float(sizes.factors.named["arm"]))
+    return _replaced(mapped_panel(panel, image), origin, root + moved + off)
+
+
+def _ends_of_sleeve(sleeve: Mapping[str, Panel], pattern: Pattern) -> tuple[Floats, Floats]:
+    """Middles of the seams of a sleeve with others and of its free edges, each (3,) [m]; else its ends in x."""
+    sewn: set[Side] = set()
+    roots, tips = [], []
+    for stitch in pattern.stitches:
+        for side, other in (stitch.sides, stitch.sides[::-1]):
+            sewn.add(side)
+            if side.panel in sleeve and other.panel not in sleeve:
+                roots.append(_middle_of(sleeve[side.panel], side.edge))
+    for name, panel in sleeve.items():
+        tips += [_middle_of(panel, k) for k in range(len(panel.edges)) if Side(name, k) not in sewn]
+    if roots and tips:
+        return np.mean(roots, axis=0), np.mean(tips, axis=0)
+    points = np.concatenate([panel.placed(panel.vertices) for panel in sleeve.values()])
+    order = np.argsort(np.abs(points[:, 0]))
+    return points[order[0]], points[order[-1]]
+
+
+def _middle_of(panel: Panel, edge: int) -> Floats:
+    return np.asarray(panel.placed(panel.edge_points(edge, np.array([0.5])))[0], np.float64)
+
+
+def _replaced(panel: Panel, point: Floats, at: Floats) -> Panel:
+    """Panel translated so that `point` (2,) of its plane is at `at` (3,) [m]."""
+    return replace(panel, translation=panel.translation + at - panel.placed(point[None])[0])

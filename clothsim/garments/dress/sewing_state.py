@@ -1,0 +1,95 @@
+"""State of a garment in sewing: vertices that are welded already, and seams that are open."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.garments.fit.stage import Garment
+from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
+from clothsim.geometry.kinematics.stretch import principal_stretches
+from clothsim.mesh.weld import mean_of_parts
+from clothsim.patterns.pattern_mesh import PatternMesh, Seam
+from clothsim.patterns.sewing import joined_vertices
+
+
+@dataclass(frozen=True)
+class SewingState:
+    """A garment in sewing.
+
+    Attributes
+    ----------
+    mesh : PatternMesh
+        The panels.
+    number : (n,) int array
+        Vertex of the garment of each vertex of the panels.
+    positions : (k, 3) array
+        Vertices of the garment [m].
+    joined : (j, 2) int array
+        Pairs of vertices of the panels that are welded.
+    """
+
+    mesh: PatternMesh
+    number: Ints
+    positions: Floats
+    joined: Ints = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+
+    @property
+    def triangles(self) -> Ints:
+        """Triangles of the garment, (m, 3)."""
+        return self.number[self.mesh.triangles]
+
+    @property
+    def open_seams(self) -> tuple[int, ...]:
+        """Seams with a pair that is not welded."""
+        return tuple(k for k, seam in enumerate(self.mesh.seams) if len(self.pairs(seam)))
+
+    @property
+    def welded(self) -> tuple[int, ...]:
+        """Seams that are welded throughout."""
+        return tuple(sorted(set(range(len(self.mesh.seams))) - set(self.open_seams)))
+
+    def pairs(self, seam: Seam) -> Ints:
+        """Pairs of different vertices of the garment that a seam joins, (k, 2)."""
+        pairs = self.number[seam.pairs]
+        return pairs[pairs[:, 0] != pairs[:, 1]]
+
+    def gaps(self, seam: Seam) -> Floats:
+        """Distance of each pair of a seam [m]; empty where it is closed."""
+        return self.distances(self.pairs(seam))
+
+    def distances(self, pairs: Ints) -> Floats:
+        """Distance of each pair (k, 2) of vertices of the garment [m]."""
+        ends = self.positions[pairs]
+        return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1), np.float64)
+
+    def weld(self, seams: Sequence[int]) -> "SewingState":
+        """Copy in which these seams are welded too. InputError as for a mesh."""
+        return self.join(np.concatenate([np.zeros((0, 2), np.int64), *(self.mesh.seams[k].pairs for k in seams)]))
+
+    def join(self, pairs: Ints) -> "SewingState":
+        """Copy in which these pairs (k, 2) of vertices of the panels are welded too, each group at its mean."""
+        joined = np.concatenate([self.joined, pairs])
+        number = joined_vertices(self.mesh, joined)
+        return replace(self, number=number, positions=mean_of_parts(self.positions[self.number], number), joined=joined)
+
+    def at(self, positions: Floats) -> "SewingState":
+        """Copy at other positions (k, 3) [m]."""
+        return replace(self, positions=positions)
+
+    def garment(self, name: str) -> Garment:
+        """As a garment of the stages of a fit."""
+        return Garment(name, self.positions, self.triangles, sewn=True)
+
+    def stretches(self) -> Floats:
+        """Principal stretches of each triangle against its panel, (m, 2)."""
+        corners = self.mesh.material_coordinates
+        edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+        F = deformation_gradients(self.positions, self.triangles, np.linalg.inv(edges))
+        return np.asarray(principal_stretches(np.asarray(F)), np.float64)
+
+
+def as_placed(mesh: PatternMesh) -> SewingState:
+    """The panels as placed, no seam welded."""
+    return SewingState(mesh, np.arange(len(mesh.positions)), mesh.positions)

@@ -1,0 +1,92 @@
+"""Picture of a fit: the garment before, after transfer, and fitted."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.garments.fit.stage import Garment
+from clothsim.garments.inputs import Figure
+from clothsim.render.surface_look import Surface
+
+if TYPE_CHECKING:
+    from clothsim.garments.fit.fit import Fit
+    from clothsim.render.picture import PictureSetup
+
+SIZE = (640, 960)
+FRONT = (0.35, 0.15, 1.0)
+"""View direction: to the right of a person that faces the camera, slightly above; along x, up, and the third axis."""
+
+
+def draw_fit(done: "Fit", file: Path) -> str:
+    """Write a PNG of the garment on its body, transferred, and fitted; returns the renderer's note.
+
+    All panels have one camera, moved with the body, so that bodies and garments are drawn in one size.
+    """
+    from PIL import Image
+
+    from clothsim.render.picture import picture_setup, rendered
+
+    panels = _panels(done)
+    title, _, target, _ = panels[-1]
+    surfaces = [_surfaces(done.garment, points, figure, each) for _, points, figure, each in panels]
+    setup = picture_setup(
+        [surfaces[-1]],
+        size=SIZE,
+        colour="stretch",
+        up=target.up,
+        view=_view(target),
+        title=title,
+        renderer="auto",
+        smooth=done.status in ("completed", "distorted"),  # in others triangles may cross, and are drawn as they are
+        focus=np.concatenate([points + _away(figure, target) for _, points, figure, _ in panels]
+                             + [figure.positions + _away(figure, target) for _, _, figure, _ in panels]),
+    )  # fmt: skip
+    pictures = [
+        rendered(replace(_moved(setup, -_away(figure, target)), scale=None, title=name, smooth=False), drawn)
+        for (name, _, figure, _), drawn in zip(panels[:-1], surfaces[:-1], strict=True)
+    ]
+    Image.fromarray(np.hstack([*pictures, rendered(setup, surfaces[-1])])).save(file, format="PNG")
+    return setup.note
+
+
+def _away(figure: Figure, target: Figure) -> Floats:
+    """Displacement from one body's middle to the other's, (3,) [m]; 0 where their upward axes differ."""
+    if not np.allclose(figure.up, target.up):
+        return np.zeros(3)
+    own, other = (np.array([each.positions.min(axis=0), each.positions.max(axis=0)]) for each in (figure, target))
+    return np.asarray(other.mean(axis=0) - own.mean(axis=0), np.float64)
+
+
+def _moved(setup: "PictureSetup", displacement: Floats) -> "PictureSetup":
+    """The setup with its camera displaced [m]."""
+    return replace(setup, camera=replace(setup.camera, position=setup.camera.position + displacement))
+
+
+def _panels(done: "Fit") -> list[tuple[str, Floats, Figure, Floats]]:
+    plain = np.zeros((0, 2))
+    first = done.stages[0]
+    panels = [(f"before, on {done.source.name}", first.positions, done.source, plain)]
+    seed = next((stage for stage in done.stages if stage.name == ("size" if done.size.factors else "transfer")), None)
+    if seed is not None:
+        panels.append((f"transferred to {done.target.name}", seed.positions, done.target, plain))
+    ending = {
+        "completed": "fitted and draped",
+        "distorted": "draped, distorted",
+        "refined": "refined, not simulated",
+        "failed": f"failed; the best: {done.answer.name}",
+    }
+    panels.append((ending[done.status], done.positions, done.target, done.cost.stretches))
+    return panels
+
+
+def _surfaces(garment: Garment, positions: Floats, figure: Figure, stretches: Floats) -> list[Surface]:
+    body = Surface(figure.name, figure.positions, figure.triangles, "body", np.zeros((0, 2)))
+    return [Surface(garment.name, positions, garment.triangles, "cloth", stretches), body]
+
+
+def _view(figure: Figure) -> tuple[float, float, float]:
+    right, up, front = FRONT
+    return (right, up, front) if figure.up[1] else (right, -front, up)

@@ -1,0 +1,351 @@
+"""Fit of a garment to another body: transfer, repair and drape."""
+
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
+from clothsim.files.meshes.obj_writer import obj_text
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME
+from clothsim.files.runs.trajectory import TRAJECTORY_NAME
+from clothsim.garments.fit.distortion import Cost, cost_of
+from clothsim.garments.fit.drape_stage import Ended, drape_stage
+from clothsim.garments.fit.markers import NO_MARKERS, read_markers
+from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START
+from clothsim.garments.fit.original_file import fitted_text
+from clothsim.garments.fit.pipeline import Seeded, Task, seeded
+from clothsim.garments.fit.sized import Size
+from clothsim.garments.fit.stage import Garment, Stage, StageCallback, best_stage
+from clothsim.garments.fit.standing import refuse_lying
+from clothsim.garments.inputs import Figure, figure_of, garment_of, read_figure, read_garment, worn_in_scene
+from clothsim.garments.penetration import NO_ROWS, Counts
+from clothsim.garments.worn_look import Look, look_of
+from clothsim.keys.fabrics import fabric_named
+from clothsim.run.callbacks import refuse_uncallable
+from clothsim.run.output_directory import refuse_earlier_run
+from clothsim.run.recorded_run import Announcement, Listener
+from clothsim.run.results import Run
+from clothsim.run.resume import FITTED
+from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
+
+LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY, *CLOSING)
+"""Files of a fit in its directory."""
+REMEDY = "Look at fit.png, and at the garment on its own body: `clothsim check GARMENT --on BODY -o FILE`."
+
+
+@dataclass(frozen=True)
+class Fit:
+    """Result of `fit`.
+
+    Attributes
+    ----------
+    directory : Path
+        Output directory.
+    status : str
+        "completed" (simulated to its end), "distorted" (so, but it does not look worn: see `look`), "refined" (the
+        garment is free of intersections, but its simulation did not
+        complete) or "failed".
+    reason : str
+        Reason for the status, one sentence.
+    garment : Garment
+        Garment as given.
+    source, target : Figure
+        Body that the garment was made for, and body that it is fitted to.
+    stages : tuple of Stage
+        Stages in order, each with positions and penetration counts.
+    answer : Stage
+        The one that is the result: the last; of a failed fit the one with the fewest intersections on the target.
+    run : Run or None
+        Drape; None where none was started.
+    cost : Cost
+        Stretches and displacement of the garment.
+    size : Size
+        Whether it is graded, and its factors of girths and lengths.
+    look : Look
+        Measures of a garment that looks worn, and the fault of one that does not.
+    notes : tuple of str
+        Defaults used in reading and fitting.
+    carried : (k,) int array
+        Rows of `positions` that the body carries where it overlaps itself, as thighs do: their intersections are left
+        out of `counts`. Empty on all other bodies.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> fit = clothsim.fit("shirt.obj", "tall.obj", made_for="small.obj")  # doctest: +SKIP
+    >>> fit.status, fit.positions.shape, fit.counts.clean  # doctest: +SKIP
+    ('completed', (4210, 3), True)
+    """
+
+    directory: Path
+    status: str
+    reason: str
+    garment: Garment
+    source: Figure
+    target: Figure
+    stages: tuple[Stage, ...]
+    answer: Stage
+    run: Run | None
+    cost: Cost
+    size: Size
+    look: Look
+    notes: tuple[str, ...]
+    carried: Ints = field(default_factory=lambda: NO_ROWS)
+
+    @property
+    def answer_number(self) -> int:
+        """Number of the stage that is the result, from 0."""
+        return next(number for number, stage in enumerate(self.stages) if stage is self.answer)
+
+    @property
+    def positions(self) -> Floats:
+        """Positions of the fitted garment, (n, 3) [m]: of its simulated pieces (`garment`)."""
+        return self.answer.positions
+
+    @property
+    def complete_positions(self) -> Floats:
+        """Positions of all vertices of the garment's file, also of pieces that follow others [m]."""
+        return self.garment.division.complete(self.positions)
+
+    @property
+    def counts(self) -> Counts:
+        """Penetration counts of the fitted garment by the exact check; clean unless the fit failed."""
+        return self.answer.counts
+
+
+def fit(
+    garment: str | Path | ClothArrays | Any,
+    to: str | Path | BodyArrays | Any,
+    made_for: str | Path | BodyArrays | Any = None,
+    output: str | Path | None = None,
+    *,
+    scale: float | None = None,
+    scale_to: float | None = None,
+    body_group: str | None = None,
+    part: tuple[int, int] | None = None,
+    weld: float = 0.0,
+    fabric: str | None = None,
+    resize: bool = True,
+    markers: str | Path | None = None,
+    on_stage: StageCallback = lambda stage: None,
+    progress: Listener | None = None,
+    announce: Announcement | None = None,
+    overwrite: bool = False,
+) -> Fit:
+    """Fit a garment made for one body to another body.
+
+    The output directory holds the files of a run, `fitted.obj`, and the stages in summary.json.
+
+    Parameters
+    ----------
+    garment : str, Path, Cloth or mesh object
+        A mesh file, MakeHuman clothes (.mhclo), a scene, whose first cloth it is, or a mesh in memory in metres.
+    to : str, Path, Body or mesh object
+        The body to wear it.
+    made_for : str, Path, Body or mesh object, optional
+        The body that it lies on; None: `to` itself, on which it is repaired. A scene gives it itself.
+    output : str or Path, optional
+        Directory for what a run leaves, `fitted.obj`, and the stages in the summary; None: a new temporary one.
+    scale : float, optional
+        Metres per unit of the files of garment and body; None: from the height of the body.
+    scale_to : float, optional
+        Metres per unit of the file of the body to wear it; None: from its height, or `scale` where both bodies are one.
+    body_group : str, optional
+        Group of the body files.
+    part : (lo, hi), optional
+        Vertices of the garment's file.
+    weld : float
+        Borders closer than that are sewn [m].
+    fabric : str, optional
+        A named fabric; None: that of the `clothsim.Cloth`, else cotton.
+    resize : bool
+        True: the garment is graded along the girths and lengths of the bodies; False: it keeps the size it was cut in.
+    markers : str or Path, optional
+        File of corresponding points, six numbers a line; None: derived where the meshes of the bodies differ.
+    on_stage : callable
+        Called with each `Stage` as it ends.
+    progress : callable, optional
+        Called after each step of a stage that is a run (grow, morph, simulate), with its name in `Progress.stage`.
+    announce : callable, optional
+        Callback of the drape, as in `simulate`.
+    overwrite : bool
+        True: an earlier run or fit in `output` is replaced.
+
+    Returns
+    -------
+    Fit
+        Its status is "completed", "distorted", "refined" or "failed".
+
+    Raises
+    ------
+    InputError
+        Invalid files or arguments, or a directory that holds an earlier run without `overwrite`.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> clothsim.fit("shirt.obj", "tall.obj", made_for="small.obj").status  # doctest: +SKIP
+    'completed'
+    >>> clothsim.fit("shirt.obj", "tall.obj", output="out", fabric="paper")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    clothsim.base.errors.InputError: ...
+    """
+    refuse_uncallable(on_stage=on_stage, progress=progress, announce=announce)
+    started = perf_counter()
+    directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
+    refuse_earlier_run(directory, overwrite)
+    named = fabric or (garment.fabric if isinstance(garment, ClothArrays) else "cotton")
+    fabric_named("fabric", named)
+    base = to if made_for is None else made_for
+    of_scene = isinstance(garment, str | Path) and Path(garment).suffix.lower() == ".toml"
+    if not isinstance(garment, str | Path):
+        _refuse_file_options(scale, part)
+        source = _figure(base, None, body_group)
+        worn = garment_of(garment, weld)
+    elif of_scene:
+        if made_for is not None or scale is not None or part is not None or weld:
+            raise InputError(
+                f"{garment} is a scene: its body, unit, part and seams are its own.",
+                "Leave --from, --scale, --part and --weld out, or give the garment's file.",
+            )
+        worn, source = worn_in_scene(garment)
+        base = garment
+    else:
+        source = _figure(base, scale, body_group)
+        file = base if isinstance(base, str | Path) else None
+        worn = read_garment(garment, file, source.scale, part=part, weld=weld, body=source.positions)
+    target = source if _same(base, to) and scale_to in (None, scale) else _target(to, scale_to, body_group)
+    if not of_scene:
+        _refuse_a_body(worn, source, target)
+    for figure in (target,) if source is target else (target, source):
+        refuse_lying(figure)
+    placed_markers = NO_MARKERS if markers is None else read_markers(markers)
+    _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
+    task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress)
+    return _simulated(task, seeded(task), started, announce)
+
+
+def _figure(body: Any, scale: float | None, group: str | None) -> Figure:
+    """A body from a file or from memory."""
+    return read_figure(body, scale=scale, group=group) if isinstance(body, str | Path) else figure_of(body)
+
+
+def _target(body: Any, scale: float | None, group: str | None) -> Figure:
+    """The body that shall wear the garment. InputError for a unit of what has its own."""
+    in_file = isinstance(body, str | Path)
+    if scale is not None and (not in_file or Path(body).suffix.lower() == ".toml"):
+        raise InputError(
+            "scale_to is for the mesh file of a body: a scene and a mesh in memory are in metres.",
+            "Leave --scale-to (scale_to) out.",
+        )
+    return read_figure(body, scale=scale, group=group, option="--scale-to") if in_file else figure_of(body)
+
+
+def _refuse_file_options(scale: float | None, part: tuple[int, int] | None) -> None:
+    if scale is not None or part is not None:
+        raise InputError("scale and part are for the file of a garment.", "Give clothsim.Cloth(..., scale=...).")
+
+
+def _simulated(task: Task, seeded_fit: Seeded, started: float, announce: Announcement | None) -> Fit:
+    """Drape the garment and write the results."""
+    ended = Ended("failed", seeded_fit.failure, None, seeded_fit.stages)
+    if not seeded_fit.failure:
+        ended = drape_stage(task, seeded_fit, announce)
+    status, reason, run, stages, carried = ended
+    if not stages[-1].counts.clean:  # self_contact was off, or nothing freed it
+        status = "failed"
+    answer = stages[-1] if status != "failed" else stages[best_stage(stages, seeded_fit.on_target)]
+    look = look_of(task.garment, answer.positions, task.source, task.target)
+    if status == "completed" and look.fault:
+        status, reason = "distorted", f"The garment is intersection-free, but {look.fault}."
+    done = Fit(
+        task.folder,
+        status,
+        reason,
+        task.garment,
+        task.source,
+        task.target,
+        stages,
+        answer,
+        run,
+        cost_of(task.garment, answer.positions, seeded_fit.place),
+        seeded_fit.size,
+        look,
+        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *seeded_fit.notes),
+        carried if answer is stages[-1] else NO_ROWS,
+    )
+    _write(done, perf_counter() - started)
+    return done
+
+
+def _write(done: Fit, seconds: float) -> None:
+    """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
+    division, positions = done.garment.division, done.complete_positions
+    whole = division.whole if division.followers else done.garment.triangles
+    text = fitted_text(done.garment.original, positions) or obj_text(positions, whole)
+    write_atomically(done.directory / FITTED, text.encode())
+    file = done.directory / SUMMARY_NAME
+    previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
+    fitted: dict[str, Any] = {
+        "status": done.status,
+        "reason": done.reason,
+        "stages": [stage.as_dict() for stage in done.stages],
+        "fitted_stage": done.answer_number,
+        "cost": done.cost.as_dict(),
+        "size": done.size.as_dict(),
+        "look": done.look.as_dict(),
+        "notes": [*done.notes, *previous["notes"]],
+        "pieces": division.as_dict(),
+        **({"carried": _carried_entry(done)} if len(done.carried) else {}),
+        "fit_seconds": seconds,
+    }
+    if done.status in ("failed", "distorted"):
+        position, counts = done.counts.position, str(done.counts)
+        if done.status == "distorted":
+            position, counts = np.asarray(done.look.place), done.look.fault
+        failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": position, "remedy": REMEDY}
+        fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
+    write_summary(file, {**previous, **fitted})
+
+
+def _carried_entry(done: Fit) -> dict[str, Any]:
+    """Vertices that the body carries, and their mean position [m]."""
+    return {"vertices": done.carried.tolist(), "position": done.positions[done.carried].mean(axis=0).tolist()}
+
+
+def _same(one: Any, other: Any) -> bool:
+    """True for the same file, or the same mesh in memory."""
+    if isinstance(one, str | Path) and isinstance(other, str | Path):
+        return Path(one).resolve() == Path(other).resolve()
+    return one is other
+
+
+def _refuse_a_body(worn: Garment, *figures: Figure) -> None:
+    for figure in figures:
+        if np.array_equal(worn.positions, figure.positions):
+            raise InputError(
+                f"{worn.name} and {figure.name} are the same mesh: a body does not wear itself.",
+                "Name the garment first, then --from and --to its bodies; --part takes some vertices of a file only.",
+            )
+
+
+def _make_directory(directory: Path, sources: Sequence[Path]) -> None:
+    """An output directory without files of an earlier fit. InputError where one of them is among `sources`."""
+    folder = directory.resolve()
+    for source in sources:
+        if source.resolve().parent == folder and source.name in LEFT:
+            raise InputError(f"{source} would be replaced by the fit's own {source.name}.", "Choose another directory.")
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name in LEFT:
+            (directory / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"{directory} cannot be made a directory: {error.strerror}.", "Choose another.") from error

@@ -1,0 +1,155 @@
+"""Pieces of a garment: which are simulated, which follow, and which are stitched to another.
+
+Real garments are many connected components: buttons, zips and patch pockets that lie on a panel or are sunk into it,
+straps that overlap with it at their ends, a lining that coincides with the outer side. What lies on another piece
+follows it (`follow`); what touches it only in part is simulated, and stitched there.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.garments.fit.follow import Followers, completed, followers_of
+from clothsim.mesh.topology import components
+
+SMALL = 0.2
+"""Area of a small piece over that of the largest one."""
+LYING, TOUCHING, NEAR = 0.01, 0.005, 0.05
+"""Distances [m]: a small piece with MOSTLY all vertices within LYING lies on another; vertices within TOUCHING are
+stitched; a small piece within NEAR that touches nothing follows."""
+MOSTLY = 0.7
+"""Fraction of its vertices that are near, for a piece to lie on another: a flat pocket on a curved front."""
+COINCIDENT = 0.0005
+"""A piece all of whose vertices are within that distance of another is its second side [m]."""
+CLEARANCE = 0.0005
+"""Least distance from its host, on one side, of a piece that lies on it and is not rigid [m]."""
+RIGID = 0.04
+"""Extent below which a piece that follows is rigid, as a button is [m]."""
+
+
+MOST = 1000
+"""Pieces above which a mesh is not divided: it is a triangle soup, which the mesh check names."""
+
+
+@dataclass(frozen=True)
+class Division:
+    """Garment divided into what is simulated and what follows.
+
+    Parameters
+    ----------
+    vertices : (k,) int64
+        Simulated vertices in the numbering of the whole.
+    whole : (m, 3) int64
+        Triangles of the whole garment.
+    rows : (j,) int64
+        Those that are simulated.
+    followers : tuple of Followers
+        Pieces that follow the simulated ones.
+    stitched : tuple of (i,) int64
+        Vertices of each stitched piece that touch another, in the numbering of `vertices`.
+    notes : tuple of str
+        What was done with which pieces.
+    """
+
+    vertices: Ints
+    whole: Ints
+    rows: Ints
+    followers: tuple[Followers, ...] = ()
+    stitched: tuple[Ints, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    @property
+    def triangles(self) -> Ints:
+        """Simulated triangles (j, 3) in the numbering of `vertices`."""
+        return np.searchsorted(self.vertices, self.whole[self.rows])
+
+    def complete(self, positions: Floats) -> Floats:
+        """Positions (n, 3) of the whole garment where the simulated vertices are at `positions (k, 3)` [m]."""
+        return completed(positions, self.vertices, self.followers) if self.followers else positions
+
+    def as_dict(self) -> dict[str, int]:
+        """Entry in summary.json."""
+        return {"following": len(self.followers), "stitched": len(self.stitched)}
+
+
+UNDIVIDED = Division(np.zeros(0, np.int64), np.zeros((0, 3), np.int64), np.zeros(0, np.int64))
+"""A garment all of whose pieces are simulated, none of them stitched."""
+WORDS = {
+    "second side": "coincide with another piece: its second side, which follows it",
+    "lying": "lie on another piece and follow it: they are not simulated, nor checked for intersections",
+    "near": "touch nothing and would fall off: they follow the nearest piece",
+    "stitched": "are stitched where they touch another piece",
+}
+
+
+def divided(positions: Floats, triangles: Ints) -> Division:
+    """Return the division of the garment with `positions (n, 3)` [m] and `triangles (m, 3)`, every vertex in one.
+
+    Pieces are taken from the largest; each is compared with those before it that are simulated.
+    """
+    label = components(triangles, len(positions))
+    of_triangle = label[triangles[:, 0]]
+    corners = positions[triangles]
+    areas = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    total = np.bincount(of_triangle, areas)
+    if len(total) == 1 or len(total) > MOST:
+        return UNDIVIDED
+    order = np.argsort(-total, kind="stable")
+    simulated, surface = of_triangle == order[0], _Surface(positions, triangles[of_triangle == order[0]])
+    found: list[tuple[str, Ints, Ints, Floats]] = []
+    for piece in order[1:]:
+        own = np.flatnonzero(label == piece)
+        distance, host, closest = surface.nearest(positions[own])
+        fate = _fate(distance, total[piece] < SMALL * total[order[0]])
+        if fate != "simulated":
+            found.append((fate, own[distance <= TOUCHING] if fate == "stitched" else own, host, closest))
+        if fate in ("simulated", "stitched"):
+            simulated |= of_triangle == piece
+            surface = _Surface(positions, triangles[simulated])
+    return _division(positions, triangles, np.flatnonzero(simulated), found) if found else UNDIVIDED
+
+
+class _Surface:
+    """Surface with a tree for nearest points."""
+
+    def __init__(self, positions: Floats, triangles: Ints) -> None:
+        import igl
+
+        self.positions, self.triangles, self.boxes = np.ascontiguousarray(positions), triangles, igl.AABB()
+        self.boxes.init(self.positions, self.triangles)
+
+    def nearest(self, points: Floats) -> tuple[Floats, Ints, Floats]:
+        """Distances (k,) [m], nearest triangles (k, 3) and points (k, 3)."""
+        squared, rows, closest = self.boxes.squared_distance(
+            self.positions, self.triangles, np.ascontiguousarray(points)
+        )
+        corners = self.triangles[np.asarray(rows, np.int64).ravel()]
+        return np.sqrt(np.ravel(squared)), corners, np.array(closest, np.float64).reshape(-1, 3)
+
+
+def _fate(distance: Floats, is_small: bool) -> str:
+    """What becomes of a piece whose vertices have these distances [m] from the larger ones."""
+    if distance.max() <= COINCIDENT:
+        return "second side"
+    if not is_small or distance.min() > NEAR:
+        return "simulated"
+    if np.quantile(distance, MOSTLY) <= LYING and distance.max() <= NEAR:
+        return "lying"
+    return "stitched" if np.count_nonzero(distance <= TOUCHING) > 1 else "near"
+
+
+def _division(positions: Floats, triangles: Ints, rows: Ints, found: list[tuple[str, Ints, Ints, Floats]]) -> Division:
+    vertices = np.unique(triangles[rows])
+    followers, stitched = [], []
+    for fate, own, host, closest in found:
+        if fate == "stitched":
+            stitched.append(np.searchsorted(vertices, own))
+            continue
+        is_rigid = fate != "second side" and bool(np.ptp(positions[own], axis=0).max() < RIGID)
+        piece = followers_of(positions, own, np.searchsorted(vertices, host), vertices, closest, is_rigid)
+        followers.append(piece.on_one_side(CLEARANCE) if fate == "lying" and not is_rigid else piece)
+    count = Counter(fate for fate, *_ in found)
+    notes = tuple(f"{count[fate]} of its pieces {words}" for fate, words in WORDS.items() if count[fate])
+    return Division(vertices, triangles, rows, tuple(followers), tuple(stitched), notes)

@@ -1,0 +1,257 @@
+"""Body and garment of a fit from files: selected part, unit of length, vertical axis."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.errors import InputError
+from clothsim.files.meshes.mesh_file import read_mesh
+from clothsim.files.meshes.mesh_part import MeshFile
+from clothsim.files.meshes.mhclo import read_clothes
+from clothsim.garments.fit.original_file import original_of, original_of_scene
+from clothsim.garments.fit.pieces import UNDIVIDED, divided
+from clothsim.garments.fit.stage import Garment
+from clothsim.keys.mesh_keys import check_body, check_cloth
+from clothsim.mesh.checks import examine, refuse
+from clothsim.mesh.degenerate import duplicates
+from clothsim.mesh.topology import components, half_edges
+from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape
+from clothsim.scene.assembly.placement import Shape
+from clothsim.scene.assembly.scene_world import build
+from clothsim.scene.assembly.welding import sewn
+from clothsim.scene.assembly.winding import wound_alike
+from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
+from clothsim.scene.toml_file import load_scene
+from transfer.body_frame import BodyFrame, body_frame, legs_score
+from transfer.body_parts import BodyParts, body_parts
+from transfer.errors import TransferError
+
+UNITS = {"m": 1.0, "dm": 0.1, "cm": 0.01, "mm": 0.001}
+SMALLEST, LARGEST = 0.5, 3.0
+"""The largest extent of a body [m]: beyond, its file is in another unit."""
+NEARLY = 0.7
+"""Ratio of the extents in y and z from which the longer one need not be the height."""
+FARTHEST = 1e6
+"""No coordinate of a garment is larger [m]: distances to a body would lose all their digits, or overflow."""
+TWO_SIDED = 0.8
+"""Least fraction of triangles that are given twice, with opposite windings, in a two-sided mesh."""
+LONG = 0.5
+"""Least extent of a body candidate as a fraction of the file's extent."""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """Body: positions (n, 3) [m], triangles (m, 3); scale [m per file unit]; notes: defaults used in reading."""
+
+    name: str
+    positions: Floats
+    triangles: Ints
+    scale: float
+    notes: tuple[str, ...]
+
+    @cached_property
+    def parts(self) -> BodyParts:
+        """Frame, trunk, arms and legs. TransferError where it is no standing body."""
+        return body_parts(self.positions, self.triangles)
+
+    @cached_property
+    def frame(self) -> BodyFrame:
+        """Upright, front-facing frame. TransferError where it is no standing body."""
+        try:
+            return self.parts.frame
+        except TransferError:
+            return body_frame(self.positions, self.triangles)
+
+    @cached_property
+    def up(self) -> Floats:
+        """Vertical axis, (3,): the one of y and z with legs below and a head above, else the longer one."""
+        extent = np.ptp(self.positions, axis=0)
+        if extent[1:].min() > NEARLY * extent[1:].max():  # arms held level, a body turned by 90 degrees
+            scores = [legs_score(self.positions, self.triangles, axis) for axis in np.eye(3)[1:]]
+            if scores[0] != scores[1]:
+                return np.eye(3)[1 + int(np.argmax(scores))]
+        return np.eye(3)[1 if extent[1] >= extent[2] else 2]
+
+
+def read_figure(
+    path: str | Path, *, scale: float | None = None, group: str | None = None, option: str = "--scale"
+) -> Figure:
+    """The body in a file: its `group`, else its largest closed piece, else its largest; or the first body of a scene.
+
+    scale: metres per unit; None: what makes its largest extent that of a person. InputError where none does, with the
+    option that gives it.
+    """
+    file = Path(path)
+    if scale is not None:
+        scale = as_positive("scale", scale)
+    if file.suffix.lower() == ".toml":
+        return _of_scene(file)
+    if group is not None:
+        mesh = read_mesh(file, group=group)
+        remarks: tuple[str, ...] = ()
+    else:
+        mesh, remarks = _largest(file, read_mesh(file))
+    extent = float(np.ptp(mesh.positions, axis=0).max())
+    factor, unit = (scale, ()) if scale is not None else _unit(file, extent, option)
+    notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *remarks, *unit))
+    return Figure(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
+
+
+def _of_scene(file: Path) -> Figure:
+    """First body of a scene, as placed there."""
+    scene = load_scene(file)
+    if not scene.bodies:
+        raise InputError(f"{file} has no body.", "Name a mesh file, or a scene with a [body].")
+    body, notes = body_of(scene.bodies[0], "body", scene.directory)
+    return Figure(body.name, body.positions, body.triangles, 1.0, notes)
+
+
+def figure_of(body: Any) -> Figure:
+    """The body of a `clothsim.Body` or a mesh object, in metres. InputError for faults that no body may have."""
+    given = body if isinstance(body, BodyArrays) else BodyArrays(body)
+    made, notes = body_of(check_body("body", given.as_table()), "body", Path())
+    return Figure(made.name, made.positions, made.triangles, 1.0, notes)
+
+
+def garment_of(cloth: Any, weld: float) -> Garment:
+    """The garment of a `clothsim.Cloth` or a mesh object, in metres, as it lies on its body.
+
+    weld: borders closer than that are sewn [m], in place of that of the cloth. InputError for a mesh that is no cloth.
+    """
+    given = cloth if isinstance(cloth, ClothArrays) else ClothArrays(cloth)
+    table = check_cloth("cloth", given.as_table() | ({"weld": weld} if weld else {}))
+    made, notes = cloth_of(cloth_shape(table, "cloth", Path()), table, "cloth")
+    sewn_already = bool(table.get("weld") or table.get("sewn"))
+    return Garment(made.name, made.positions, made.triangles, notes, sewn=sewn_already)
+
+
+def read_garment(
+    path: str | Path,
+    made_for: str | Path | None,
+    scale: float,
+    *,
+    part: tuple[int, int] | None = None,
+    weld: float = 0.0,
+    body: Floats | None = None,
+) -> Garment:
+    """The garment in a mesh file, or in MakeHuman clothes (.mhclo) on the base mesh `made_for`.
+
+    scale: metres per unit; part: (lo, hi) vertices of the file; weld: borders closer than that are sewn [m];
+    body: positions (k, 3) [m] of what it is worn by, from which a garment of inconsistent winding is turned away.
+    InputError for a mesh that is no cloth.
+    """
+    file = source = Path(path)
+    if file.suffix.lower() == ".mhclo":
+        if made_for is None:
+            raise InputError(f"{file} lies on the base mesh of MakeHuman.", "Give the file of that body.")
+        clothes = read_clothes(file)
+        source = clothes.obj_file
+        mesh = read_mesh(source)
+        on_base = clothes.on(read_mesh(made_for).positions)
+        if len(on_base) != len(mesh.positions):
+            raise InputError(
+                f"{file} places {len(on_base):,} vertices, {clothes.obj_file.name} has {len(mesh.positions):,}."
+            )
+        mesh = replace(mesh, positions=on_base)
+    else:
+        mesh = read_mesh(file, vertices=part)
+    shape = one_sided(Shape(scale * mesh.positions, mesh.triangles, np.zeros((0, 3, 2)), mesh.messages))
+    shape = wound_alike(shape, body)
+    if weld:
+        shape, _ = sewn(file.name, shape, None, weld, at_start=False)
+        shape = wound_alike(shape, body)
+    refuse(examine(file.name, shape.positions, shape.triangles, "body"))
+    farthest = float(np.abs(shape.positions).max())
+    if farthest > FARTHEST:
+        raise InputError(f"{file.name} has a vertex {farthest:.3g} m from the origin.", "Give its unit with --scale.")
+    original = original_of(source, mesh, shape)
+    every = len(np.unique(shape.triangles)) == len(shape.positions)
+    division = divided(shape.positions, shape.triangles) if every else UNDIVIDED
+    if division.followers:
+        shape = replace(shape, positions=shape.positions[division.vertices], triangles=division.triangles)
+    report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
+    refuse(report)
+    remarks = (*shape.notes, *division.notes, *(finding.sentence for finding in report.warnings))
+    notes = tuple(f"{file.name}: {note}" for note in remarks)
+    return Garment(file.name, shape.positions, shape.triangles, notes, bool(weld), original, division)
+
+
+def one_sided(shape: Shape) -> Shape:
+    """A shape without the second side of a mesh most of whose triangles are given twice, with opposite windings."""
+    if ((shape.triangles < 0) | (shape.triangles >= len(shape.positions))).any():
+        return shape  # the mesh check names them
+    flipped = duplicates(shape.triangles)[1]
+    if 2 * len(flipped) < TWO_SIDED * len(shape.triangles):
+        return shape
+    note = f"a two-sided mesh: {len(flipped)} triangles given again with opposite winding are left out"
+    return replace(shape, triangles=np.delete(shape.triangles, flipped, axis=0), notes=(*shape.notes, note))
+
+
+def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
+    """The first cloth of a scene in its initial positions, sewn and untangled per scene, and the first body.
+
+    InputError for a scene without a body, or one that cannot be built.
+    """
+    file = Path(path)
+    scene = load_scene(file)
+    built = build(scene)
+    if not built.world.bodies:
+        raise InputError(f"{file} has no body.", "A scene to fit from holds the garment and the body that it lies on.")
+    cloth, body = built.world.cloths[0], built.world.bodies[0]
+    origin = built.world.origin
+    several = ((len(built.world.cloths), "cloths"), (len(built.world.bodies), "bodies"))
+    remarks = tuple(f"{file.name}: only the first of {count} {what} is fitted" for count, what in several if count > 1)
+    original = original_of_scene(scene.cloths[0], scene.directory, len(cloth.positions))
+    notes = (*built.notes, *remarks)
+    garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, notes, sewn=True, original=original)
+    return garment, Figure(body.name, body.positions + origin, body.triangles, 1.0, ())
+
+
+def _largest(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
+    """Largest closed piece of a file, by number of vertices, that is as long as a body.
+
+    Eyes are closed too. Where none is closed, the largest of the long ones; where none is long, of all.
+    """
+    label = components(mesh.triangles, len(mesh.positions))
+    of_triangle = label[mesh.triangles[:, 0]]
+    pieces = np.unique(of_triangle)
+    sizes = np.bincount(label)[pieces]
+    order = pieces[np.argsort(-sizes, kind="stable")]
+    whole = np.ptp(mesh.positions[mesh.triangles.ravel()], axis=0).max()
+    long = [piece for piece in order if np.ptp(mesh.positions[label == piece], axis=0).max() > LONG * whole]
+    candidates = long or list(order)
+    for piece in candidates:
+        chosen = mesh.triangles[of_triangle == piece]
+        if is_closed(chosen):
+            return _only(mesh, chosen, f"the largest closed piece of {len(pieces)}", len(pieces))
+    chosen = mesh.triangles[of_triangle == candidates[0]]
+    return _only(mesh, chosen, f"the largest piece of {len(pieces)}, which is not closed", 2)
+
+
+def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> tuple[MeshFile, tuple[str, ...]]:
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    remarks = (f"{what}: {len(used):,} of {len(mesh.positions):,} vertices",) if pieces > 1 else ()
+    faces = renumbered.reshape(-1, 3).astype(np.int64)
+    return MeshFile(mesh.positions[used], faces, np.zeros((0, 3, 2)), mesh.messages), remarks
+
+
+def is_closed(triangles: Ints) -> bool:
+    """True where each edge has exactly two triangles."""
+    edges = np.sort(half_edges(triangles), axis=1)
+    return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
+
+
+def _unit(file: Path, extent: float, option: str) -> tuple[float, tuple[str, ...]]:
+    """The metres per unit that make `extent` that of a person, and the guess in words where it is not the metre."""
+    for unit, factor in UNITS.items():
+        if SMALLEST <= factor * extent <= LARGEST:
+            guess = f"{extent:.3g} units tall: read as {unit} ({factor * extent:.3g} m)"
+            return factor, () if unit == "m" else (guess,)
+    raise InputError(
+        f"{file} is {extent:.3g} units tall, which is a person in no unit of {', '.join(UNITS)}.",
+        f"Give its unit with {option} METRES_PER_UNIT, which may be anything.",
+    )

@@ -1,0 +1,209 @@
+"""Canonical garments of a run: its frames brought back to the rest pose of the body model, and their inverse."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import BytesIO
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.safe_files.npz_archive import read_arrays
+from clothsim.scene.assembly.model_body import PlacedCharacter, placed_character
+from clothsim.scene.scene import Scene
+from transfer.canonical import PosedBody, unposed_in_field
+from transfer.diffuse import kernel_average
+from transfer.errors import TransferError
+
+if TYPE_CHECKING:
+    from clothsim.run.results import Run
+
+_ARRAYS = (
+    "positions", "residuals", "times", "triangles", "starts", "names",
+    "body", "body_triangles", "field", "row_values", "row_columns", "row_starts",
+)  # fmt: skip
+_REMEDY = "Write it with `clothsim unpose RUN -o canonical.npz`."
+
+
+@dataclass(frozen=True, eq=False)
+class CanonicalGarments:
+    """Frames of the cloths of a run in the rest pose of their body.
+
+    Attributes
+    ----------
+    positions : (f, k, 3) ndarray [m]
+        Canonical positions of each frame, in the axes of the body model; all cloths one after the other.
+    residuals : (f, k) ndarray [m]
+        Distance of their posed positions from those of the run.
+    times : (f,) ndarray [s]
+    triangles : (m, 3) ndarray
+    starts : (c + 1,) ndarray
+        First row of each cloth, and the number of rows.
+    names : tuple of str
+        Of the cloths.
+    body : (n, 3) ndarray [m]
+        The body model's vertices of the run, in its rest pose.
+    body_triangles : (b, 3) ndarray
+    rows : csr_array (k, n)
+        Averages of the body's vertices at those of the garments at time 0.
+    field : bool
+        The positions belong to averages at themselves, not to `rows`.
+    """
+
+    positions: Floats
+    residuals: Floats
+    times: Floats
+    triangles: Ints
+    starts: Ints
+    names: tuple[str, ...]
+    body: Floats
+    body_triangles: Ints
+    rows: Any
+    field: bool
+
+    def rows_of(self, name: str | None) -> slice:
+        """Rows of a cloth; of the only one for None. InputError for another name."""
+        if name is None and len(self.names) == 1:
+            return slice(0, int(self.starts[1]))
+        if name not in self.names:
+            said = "There are several cloths" if name is None else f"There is no cloth {name!r}"
+            raise InputError(f"{said}.", f"Name one of: {', '.join(self.names)}.")
+        k = self.names.index(name)
+        return slice(int(self.starts[k]), int(self.starts[k + 1]))
+
+    def posed(self, frame: int, made: PlacedCharacter, time: float) -> Floats:
+        """The garments of a frame on a character at a time [s], (k, 3) [m]: its shape and pose may be others."""
+        if not -len(self.times) <= frame < len(self.times):
+            raise InputError(f"There is no frame {frame}.", f"There are {len(self.times)}.")
+        if made.character.positions.shape != self.body.shape:
+            found, wanted = len(made.character.positions), len(self.body)
+            raise InputError(f"The body model has {found} vertices, that of the run {wanted}.", "Take the same model.")
+        points, rows = self.positions[frame], self.rows
+        if self.field:
+            rows = kernel_average(self.body, self.body_triangles).averaging(points)
+        return skinning(made, time, self.body).posed(points, rows)
+
+
+def unposed(run: "Run", scene: Scene, field: bool = False) -> CanonicalGarments:
+    """The canonical garments of a run.
+
+    Parameters
+    ----------
+    run : Run
+        Of a scene with one body model.
+    scene : Scene
+        That of the run.
+    field : bool
+        Take the weights of each canonical position itself, as the paper does, instead of those of the garment's
+        vertices at time 0. They have no inverse where two limbs meet: `residuals` says where.
+
+    Raises
+    ------
+    InputError
+        The scene has no body model or several, the run no frames, or a vertex cannot be brought back.
+    """
+    made, name = character_of_scene(scene)
+    if not len(run):
+        raise InputError("The run has no frame.", "Run it first.")
+    cloths = [surface for surface in run.trajectory.surfaces if surface.role == "cloth"]
+    at = np.concatenate([[0], np.cumsum([len(run[0].positions[cloth.name]) for cloth in cloths])])
+    starts = [np.concatenate([frame.positions[cloth.name] for cloth in cloths]) for frame in run]
+    rows = kernel_average(run[0].bodies[name], made.character.triangles).averaging(starts[0])
+    reference = made.character.positions
+    average = kernel_average(reference, made.character.triangles) if field else None
+    found, residuals = [], []
+    for k, (time, points) in enumerate(zip(run.times, starts, strict=True)):
+        body = skinning(made, float(time), reference)
+        try:
+            x = body.unposed(points, rows)
+        except TransferError as error:
+            raise InputError(f"Frame {k}: {error.sentence}", error.remedy) from error
+        off = np.linalg.norm(body.posed(x, rows) - points, axis=1)
+        if average is not None:
+            in_field = unposed_in_field(body, points, average.averaging, x)
+            x, off = in_field.positions, in_field.residuals
+        found.append(x)
+        residuals.append(off)
+    triangles = np.concatenate([cloth.own_triangles + at[k] for k, cloth in enumerate(cloths)])
+    return CanonicalGarments(
+        np.array(found),
+        np.array(residuals),
+        np.asarray(run.times),
+        triangles,
+        at,
+        tuple(cloth.name for cloth in cloths),
+        reference,
+        made.character.triangles,
+        rows,
+        field,
+    )
+
+
+def character_of_scene(scene: Scene) -> tuple[PlacedCharacter, str]:
+    """The only body model of a scene and its name. InputError where it has none or several."""
+    tables = [scene.body] if isinstance(scene.body, Mapping) else list(scene.body)
+    models = [(k, keys) for k, keys in enumerate(tables) if "model" in keys]
+    if len(models) != 1:
+        raise InputError(
+            f"The scene has {len(models)} body models.", 'It takes one: [[body]] model = "mannequin", for instance.'
+        )
+    k, keys = models[0]
+    where = "body" if len(tables) == 1 else f"body[{k}]"
+    return placed_character(keys, where, scene.directory), str(keys.get("name", where))
+
+
+def skinning(made: PlacedCharacter, time: float, reference: Floats) -> PosedBody:
+    """Skinning from canonical positions beside `reference` (n, 3) [m], a body in its rest pose, to the scene."""
+    pose, character = made.pose(time), made.character
+    matrices = character.matrices(pose)
+    linear = made.linear @ matrices[:, :3, :3]
+    moves = matrices[:, :3, 3] @ made.linear.T + made.shift
+    offsets = character.positions - reference + character.pose_offsets(pose)
+    return PosedBody(character.weights, offsets, linear, moves)
+
+
+def write_canonical(path: Path, garments: CanonicalGarments) -> None:
+    """Write canonical garments as .npz. InputError where it cannot be written."""
+    content = BytesIO()
+    np.savez_compressed(
+        content,
+        positions=garments.positions,
+        residuals=garments.residuals,
+        times=garments.times,
+        triangles=garments.triangles,
+        starts=garments.starts,
+        names=np.frombuffer(json.dumps(garments.names).encode(), np.uint8),
+        body=garments.body,
+        body_triangles=garments.body_triangles,
+        field=np.array([garments.field], np.uint8),
+        row_values=garments.rows.data,
+        row_columns=garments.rows.indices,
+        row_starts=garments.rows.indptr,
+    )
+    write_atomically(path, content.getvalue())
+
+
+def read_canonical(path: Path) -> CanonicalGarments:
+    """The canonical garments of a file. InputError where it is not one, or is broken."""
+    from scipy.sparse import csr_array
+
+    arrays = read_arrays(path, list(_ARRAYS))
+    missing = [name for name in _ARRAYS if name not in arrays]
+    if missing:
+        raise InputError(f"{path.name} has no {missing[0]}: it holds no canonical garments.", _REMEDY)
+    try:
+        names = tuple(json.loads(arrays["names"].astype(np.uint8).tobytes()))
+        shape = (len(arrays["positions"][0]), len(arrays["body"]))
+        rows = csr_array((arrays["row_values"], arrays["row_columns"], arrays["row_starts"]), shape=shape)
+        rows.check_format(full_check=True)
+        kept = {name: arrays[name] for name in _ARRAYS[:5]}
+        if len(names) + 1 != len(kept["starts"]) or len(kept["times"]) != len(kept["positions"]):
+            raise ValueError("its arrays do not fit")
+    except (ValueError, IndexError, TypeError) as error:
+        raise InputError(f"{path.name} is broken: {error}.", _REMEDY) from error
+    body = {name: arrays[name] for name in ("body", "body_triangles")}
+    return CanonicalGarments(**kept, **body, names=names, rows=rows, field=bool(arrays["field"][0]))

@@ -1,0 +1,1 @@
+"""Geometry of surfaces: kinematics of shells, exact intersections, untangling."""

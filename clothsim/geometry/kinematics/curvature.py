@@ -1,0 +1,187 @@
+"""Mean curvature tensor of each triangle from the angles of the hinges around it, exact for quadratic surfaces.
+
+On a triangle of area A with edges of lengths l_i and outward normals n_i in the plane, the mean curvature tensor is
+
+    S = sum_i (l_i/A) m_i n_i n_i'
+
+where m_i is the angle between the surface at the middle of edge i and the triangle's plane (the Morley triangle;
+Grinspun, Gingold, Reisman & Zorin 2006, "Computing discrete shape operators on general meshes"). The two triangles of a
+hinge have the same surface direction at its middle: with theta the hinge's angle, m = theta/2 + phi in the first and
+theta/2 - phi in the second. phi is an unknown of each edge in Grinspun et al.; phi = 0, the mean of the two normals, is
+wrong on irregular meshes. Here phi is recovered: the combination of the five angles in the two triangles with the
+smallest coefficients that is exact for every quadratic surface. So no unknown is added, the curvature of a quadratic
+surface is exact on any mesh, and a deformation whose curvatures vanish is affine: there is no zero-energy bending.
+
+Free borders: m there belongs to one triangle alone and takes the value of least energy, which makes the bending moment
+across the border zero. The recovery beside a border uses that too. Clamps: m is the whole angle to the clamped plane.
+Everything is linear in the angles and relative to the rest shape: theta is the change of angle since rest.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.geometry.kinematics.plate_law import ROOT2, PlateLaw, plate_law, rotation_of_curvature
+from clothsim.mesh.hinges import Hinges
+from clothsim.mesh.topology import half_edges
+from clothsim.mesh.world import World
+
+MAX_COEFFICIENT = 3.0
+"""Bound on each component of a combination of angles: eight vertices near one conic leave their curvature
+undetermined."""
+SMOOTH_BORDER_ANGLE = 0.25
+"""Borders whose normals differ by less than about this angle [rad] count as one, smooth: only corners have two."""
+
+FREE, CLAMPED, INTERIOR, FIXED = range(4)
+"""Kinds of a triangle's edge: free border; clamped (m = theta); interior (theta/2 +- phi); fixed itself (m = 0)."""
+
+
+@dataclass(frozen=True)
+class _Edges:
+    """Edges of each triangle; curvatures are (k_xx, sqrt(2) k_xy, k_yy).
+
+    directions (m, 3) [rad] in the triangle's frame, lengths (m, 3) [m]; areas (m,) [m2]; middle_angles (m, 3, 3): m_i
+    for each unit curvature in the frame of the edge; hinges (m, 3), -1 where none; sides (m, 3): 0 or 1, the triangle's
+    side of the hinge; kinds (m, 3).
+    """
+
+    directions: Floats
+    lengths: Floats
+    areas: Floats
+    middle_angles: Floats
+    hinges: Ints
+    sides: Ints
+    kinds: Ints
+
+
+def bending_strains(world: World, hinges: Hinges, angles: Floats | None = None) -> sparse.csr_array:
+    """Matrix G from changes of hinge angle to bending strains: E = |G theta|^2/2.
+
+    Rows 3 t to 3 t + 2 are sqrt(A D) times the curvature of triangle t, scaled such that their squares add up to
+    A D [(1 - nu) |S|^2 + nu tr(S)^2], with D and nu of its fabric, or to A k'Ck of its orthotropic law (`plate_law`).
+
+    Parameters
+    ----------
+    world : World
+        Cloths with their fabrics, m triangles.
+    hinges : Hinges
+        The h hinges of the world, or a subset of them.
+    angles : (m,) array, optional
+        Angle from the cloth's first axis to the warp [rad]; 0 where it is not given.
+
+    Returns
+    -------
+    (3 m, h) sparse array
+        G [sqrt(J)].
+    """
+    edges = _edges(world, hinges)
+    law = plate_law(world, np.zeros(len(world.triangles)) if angles is None else angles)
+    stiffness = world.per_triangle("bending_stiffness") / edges.areas
+    normal = rotation_of_curvature(edges.directions)[..., 2, :]  # n n' of each edge in the triangle's frame
+    scale = (np.sqrt(stiffness)[:, None] * edges.lengths)[..., None]
+    columns = np.swapaxes(scale * normal @ law.roots(), 1, 2)
+    free = np.where((edges.kinds == FREE)[:, None, :], columns, 0.0)
+    columns = np.where((edges.kinds == FREE)[:, None, :], 0.0, columns)
+    columns -= free @ np.linalg.pinv(free) @ columns
+    m = len(columns)
+    triangles = sparse.bsr_array((columns, np.arange(m), np.arange(m + 1)), shape=(3 * m, 3 * m))
+    strains = (triangles.tocsr() @ _middle_angles(edges, law, len(hinges.vertices))).tocsr()
+    strains.data[np.abs(strains.data) <= 1e-13 * np.abs(strains.data).max(initial=0.0)] = 0.0
+    strains.eliminate_zeros()
+    return strains
+
+
+def _edges(world: World, hinges: Hinges) -> _Edges:
+    """The edges of all triangles, with the kind that the hinges and clamps give them."""
+    corners = np.concatenate([cloth.material_coordinates for cloth in world.cloths])
+    arms = corners[:, [1, 2, 0]] - corners
+    twice_area = arms[:, 0, 0] * arms[:, 1, 1] - arms[:, 0, 1] * arms[:, 1, 0]
+    arms[..., 1] *= np.sign(twice_area)[:, None]  # a mirrored pattern is reflected back
+    lengths = np.linalg.norm(arms, axis=2)
+    heights = np.abs(twice_area)[:, None] / lengths
+    edges_to_corner = -arms[:, [2, 0, 1]]
+    # foot of the corner's height, measured from the edge's middle
+    foot = np.einsum("tik,tik->ti", edges_to_corner, arms) / lengths - lengths / 2
+    middle_angles = np.stack([(foot**2 - lengths**2 / 4) / (2 * heights), foot / ROOT2, heights / 2], axis=2)
+    directions = np.arctan2(arms[..., 1], arms[..., 0])
+    number, sides = hinges_of_triangles(world.triangles, hinges.vertices)
+    held = hinges.held[number] if len(hinges.held) else np.full_like(number, -1)
+    kinds = np.where(number < 0, FREE, np.where(held < 0, INTERIOR, np.where(held == sides, FIXED, CLAMPED)))
+    return _Edges(directions, lengths, np.abs(twice_area) / 2, middle_angles, number, sides, kinds)
+
+
+def hinges_of_triangles(triangles: Ints, hinge_vertices: Ints) -> tuple[Ints, Ints]:
+    """The hinge at each edge of each triangle, -1 where none; and its side there: 0 where it is the hinge's first."""
+    directed, ends = half_edges(triangles), hinge_vertices[:, :2]
+    base = 1 + max(int(directed.max(initial=0)), int(ends.max(initial=0)))
+    keys, known = (np.sort(pairs, axis=1) @ np.array([base, 1]) for pairs in (directed, ends))
+    order = np.argsort(known)
+    at = np.searchsorted(known, keys, sorter=order)
+    found = np.append(order, -1)[at]
+    found = np.where((found >= 0) & (np.append(known, -1)[found] == keys), found, -1)
+    sides = (np.append(ends[:, 0], -1)[found] != directed[:, 0]).astype(np.int64)
+    return found.reshape(-1, 3), sides.reshape(-1, 3)
+
+
+def _middle_angles(edges: _Edges, law: PlateLaw, n_hinges: int) -> sparse.csr_array:
+    """The matrix (3 m, h) from changes of angle to the m of each edge of each triangle."""
+    hinge, kind = edges.hinges.ravel(), edges.kinds.ravel()
+    covered = np.flatnonzero((kind == CLAMPED) | (kind == INTERIOR))
+    shape = (len(hinge), n_hinges)
+    weight = np.where(kind[covered] == CLAMPED, 1.0, 0.5)
+    half = np.flatnonzero(kind == INTERIOR)
+    sign = 1.0 - 2.0 * edges.sides.ravel()[half]
+    correction = sparse.csr_array((sign, (half, hinge[half])), shape=shape)
+    return sparse.csr_array((weight, (covered, hinge[covered])), shape=shape) + correction @ _recovery(
+        edges, law, n_hinges
+    )
+
+
+def _recovery(edges: _Edges, law: PlateLaw, n_hinges: int) -> sparse.csr_array:
+    """The matrix (h, h) from changes of angle to phi, for the interior hinges.
+
+    With rows a_j the five angles and b the phi of each curvature k: the minimum-norm c with (c A) k = b k for all k, or
+    for all k without a moment across the free borders among the four other edges.
+    """
+    angle = np.zeros((n_hinges, 3))  # of each curvature, in the frame of the hinge
+    interior = edges.kinds == INTERIOR
+    np.add.at(angle, edges.hinges[interior], edges.middle_angles[interior])
+    sides = [np.zeros((n_hinges, 2), np.int64) for _ in range(2)]
+    for side in range(2):
+        t, i = np.nonzero(interior & (edges.sides == side))
+        sides[side][edges.hinges[t, i]] = np.column_stack([t, i])
+    known = np.unique(edges.hinges[interior])
+    (t1, i1), (t2, i2) = (sides[side][known].T for side in range(2))
+    phi = (edges.middle_angles[t1, i1] - edges.middle_angles[t2, i2]) / 2
+    rows, number = [angle[known]], [known]
+    moments = []
+    for t, i in ((t1, i1), (t2, i2)):
+        for j in ((i + 1) % 3, (i + 2) % 3):
+            turn = rotation_of_curvature(edges.directions[t, j] - edges.directions[t, i])
+            kind = edges.kinds[t, j][:, None]
+            clamped = np.where(kind == CLAMPED, edges.middle_angles[t, j], 0.0)
+            sampled = np.where(kind == INTERIOR, angle[edges.hinges[t, j]], clamped)
+            rows.append(np.einsum("hk,hkl->hl", sampled, turn))
+            number.append(edges.hinges[t, j])
+            moment = law.border_moments(t, edges.directions[t, j])
+            moments.append(np.where(kind == FREE, np.einsum("hk,hkl->hl", moment, turn), 0.0))
+    free = np.stack(moments, axis=1)
+    admissible = np.eye(3) - np.linalg.pinv(free, rcond=SMOOTH_BORDER_ANGLE) @ free
+    coefficients = _minimum_norm(np.stack(rows, axis=1), admissible, phi)
+    columns = np.stack(number, axis=1)
+    present = columns >= 0
+    at = np.broadcast_to(known[:, None], columns.shape)[present]
+    return sparse.csr_array((coefficients[present], (at, columns[present])), shape=(n_hinges, n_hinges))
+
+
+def _minimum_norm(rows: Floats, admissible: Floats, phi: Floats) -> Floats:
+    """The minimum-norm c (h, j) with (c A) k = b k for all `admissible` k, no component beyond MAX_COEFFICIENT.
+
+    `rows` A (h, j, 3), `admissible` the projections (h, 3, 3) on those k, `phi` b (h, 3).
+    """
+    U, s, Vt = np.linalg.svd(rows @ admissible, full_matrices=False)
+    regular = s > 1e-9 * np.linalg.norm(rows, axis=(1, 2))[:, None]
+    components = np.divide(np.einsum("hkm,hml,hl->hk", Vt, admissible, phi), s, out=np.zeros_like(s), where=regular)
+    return np.einsum("hjk,hk->hj", U, np.clip(components, -MAX_COEFFICIENT, MAX_COEFFICIENT))

@@ -1,0 +1,184 @@
+"""Hinge angle, its gradient and its exact Hessian, for numba kernels.
+
+The hinge a, b, c, d: edge a -> b, c opposite it in the first triangle, d in the second. With
+e = b - a, r = c - a, s = d - a and the normals n1 = e x r, n2 = s x e (not of unit length)
+
+    theta = atan2(-|e| n1.s, n1.n2)      in [-pi, pi], 0 where the triangles are coplanar
+
+with the sign of `mesh.hinges.dihedral_angles`: positive where the cloth folds towards its back. atan2 is as exact near
+0 and near pi as anywhere. Gradient: Bridson et al. 2003, section 4.2; Hessian: the derivative of that gradient, as in
+Tamstorf & Grinspun 2013. Points are tuples of three floats: nothing is allocated.
+
+A hinge with a triangle that has no area to round-off (sine of the angle at its corner a below 1e-14) has no angle:
+the direction is flagged as invalid, its gradient and Hessian are zero. Nothing is ever NaN for finite points.
+"""
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.base.jit import inlined, part
+
+Point = tuple[float, float, float]
+Points = tuple[Point, Point, Point, Point]
+Rows = tuple[Point, Point, Point]
+
+_NO_AREA = 1e-28
+"""Squared sine below which a triangle counts as a line."""
+
+
+@part
+def hinge_direction(a: Point, b: Point, c: Point, d: Point) -> tuple[float, float, bool]:
+    """Both arguments of arctan2 for theta [rad], and whether the angle is defined."""
+    e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
+    n1, n2 = _cross(e, r), _cross(s, e)
+    return -np.sqrt(_dot(e, e)) * _dot(n1, s), _dot(n1, n2), _area(e, r, n1) & _area(e, s, n2)
+
+
+@part
+def hinge_angle_gradient(a: Point, b: Point, c: Point, d: Point) -> Points:
+    """d theta / d (a, b, c, d), four vectors [1/m].
+
+    A displacement of a corner changes the angle by its height over the edge, 1/|h| = |e|/|n|; the edge balances force
+    and torque: g_c = -|e| n1/|n1|^2,  g_d = -|e| n2/|n2|^2,  g_b = -(u g_c + w g_d),  g_a = -((1-u) g_c + (1-w) g_d),
+    where u = r.e/|e|^2 and w = s.e/|e|^2 are the coordinates of c and d along the edge.
+    """
+    e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
+    n1, n2 = _cross(e, r), _cross(s, e)
+    if not (_area(e, r, n1) & _area(e, s, n2)):
+        zero = (0.0, 0.0, 0.0)
+        return zero, zero, zero, zero
+    ee = _dot(e, e)
+    g_c = _times(-np.sqrt(ee) / _dot(n1, n1), n1)
+    g_d = _times(-np.sqrt(ee) / _dot(n2, n2), n2)
+    u, w = _dot(r, e) / ee, _dot(s, e) / ee
+    g_b = _plus(_times(-u, g_c), _times(-w, g_d))
+    g_a = _plus(_times(u - 1, g_c), _times(w - 1, g_d))
+    return g_a, g_b, g_c, g_d
+
+
+@inlined
+def hinge_blocks(a: Point, b: Point, c: Point, d: Point, first: float, second: float) -> tuple[Rows, ...]:
+    """first d2theta + second g g', g = d theta/d (a, b, c, d): the blocks aa, ab, ac, ad, bb, bc, bd, cc, cd, dd.
+
+    Zeros for a hinge without an angle. In the frame of a triangle, t along the edge of length l, m from the edge to the
+    corner at height h, n the normal, a displacement of corner p changes the angle by g_p = -f_p n, f_c = 1/h, f_b =
+    -u/h, f_a = (u - 1)/h; it turns n by -y_p n' with y_p = f_p m + k_p t, k_b = -k_a = 1/l, k_c = 0. With n m' summed
+    over both triangles, which is symmetric,
+
+        pq = sum over both (f_q n y_p' + f_p y_q n') + k_p k_q sum over both (n m')
+
+    and cd = 0. Each block is three rows.
+    """
+    e, r, s = _minus(b, a), _minus(c, a), _minus(d, a)
+    valid = _area(e, r, _cross(e, r)) & _area(e, s, _cross(s, e))
+    first, second = first if valid else 0.0, second if valid else 0.0
+    # any regular hinge stands in for an invalid one: its blocks are multiplied by 0
+    e, r, s = _select(valid, e, 1.0, 0.0), _select(valid, r, 0.0, 1.0), _select(valid, s, 0.0, -1.0)
+    n1, n2 = _cross(e, r), _cross(s, e)
+    ee = _dot(e, e)
+    length, size1, size2 = np.sqrt(ee), np.sqrt(_dot(n1, n1)), np.sqrt(_dot(n2, n2))
+    t, n1, n2 = _times(1 / length, e), _times(1 / size1, n1), _times(1 / size2, n2)
+    m1, m2, along = _cross(n1, t), _cross(t, n2), _times(1 / length, t)
+    c1, d2 = length / size1, length / size2
+    b1, b2 = -_dot(r, e) / ee * c1, -_dot(s, e) / ee * d2
+    a1, a2 = -b1 - c1, -b2 - d2
+    y_a1, y_b1, y_c1 = _minus(_times(a1, m1), along), _plus(_times(b1, m1), along), _times(c1, m1)
+    y_a2, y_b2, y_d2 = _minus(_times(a2, m2), along), _plus(_times(b2, m2), along), _times(d2, m2)
+    g_a, g_b = _minus(_times(-a1, n1), _times(a2, n2)), _minus(_times(-b1, n1), _times(b2, n2))
+    g_c, g_d = _times(-c1, n1), _times(-d2, n2)
+    turn = _with_outer(0.5 * first / ee, m1, n1, _outer(0.5 * first / ee, n1, m1))
+    turn = _with_outer(0.5 * first / ee, m2, n2, _with_outer(0.5 * first / ee, n2, m2, turn))
+    n1, n2 = _times(first, n1), _times(first, n2)
+    aa = _bent(a1, y_a1, a1, y_a1, n1, _bent(a2, y_a2, a2, y_a2, n2, _outer(second, g_a, g_a)))
+    ab = _bent(a1, y_a1, b1, y_b1, n1, _bent(a2, y_a2, b2, y_b2, n2, _outer(second, g_a, g_b)))
+    bb = _bent(b1, y_b1, b1, y_b1, n1, _bent(b2, y_b2, b2, y_b2, n2, _outer(second, g_b, g_b)))
+    return (
+        _sum(aa, turn, 1.0),
+        _sum(ab, turn, -1.0),
+        _bent(a1, y_a1, c1, y_c1, n1, _outer(second, g_a, g_c)),
+        _bent(a2, y_a2, d2, y_d2, n2, _outer(second, g_a, g_d)),
+        _sum(bb, turn, 1.0),
+        _bent(b1, y_b1, c1, y_c1, n1, _outer(second, g_b, g_c)),
+        _bent(b2, y_b2, d2, y_d2, n2, _outer(second, g_b, g_d)),
+        _bent(c1, y_c1, c1, y_c1, n1, _outer(second, g_c, g_c)),
+        _outer(second, g_c, g_d),
+        _bent(d2, y_d2, d2, y_d2, n2, _outer(second, g_d, g_d)),
+    )
+
+
+@part
+def hinge_hessian(a: Point, b: Point, c: Point, d: Point, first: float, second: float, hessian: Floats) -> None:
+    """`hinge_blocks` as a matrix, written to `hessian (12, 12)`."""
+    blocks = hinge_blocks(a, b, c, d, first, second)
+    k = 0
+    for p in range(4):
+        for q in range(p, 4):
+            for i in range(3):
+                for j in range(3):
+                    hessian[3 * p + i, 3 * q + j] = hessian[3 * q + j, 3 * p + i] = blocks[k][i][j]
+            k += 1
+
+
+@part
+def _select(valid: bool, a: Point, x: float, y: float) -> Point:
+    """a, or (x, y, 0) where the hinge has no angle."""
+    return a[0] if valid else x, a[1] if valid else y, a[2] if valid else 0.0
+
+
+@part
+def _bent(f_p: float, y_p: Point, f_q: float, y_q: Point, n: Point, rows: Rows) -> Rows:
+    """rows + f_q n y_p' + f_p y_q n'."""
+    return _with_outer(f_p, y_q, n, _with_outer(f_q, n, y_p, rows))
+
+
+@part
+def _outer(factor: float, a: Point, b: Point) -> Rows:
+    """factor a b', three rows."""
+    return _times(factor * a[0], b), _times(factor * a[1], b), _times(factor * a[2], b)
+
+
+@part
+def _with_outer(factor: float, a: Point, b: Point, rows: Rows) -> Rows:
+    """rows + factor a b'."""
+    return _sum(rows, _outer(factor, a, b), 1.0)
+
+
+@part
+def _sum(rows: Rows, others: Rows, factor: float) -> Rows:
+    """rows + factor others."""
+    return (
+        _plus(rows[0], _times(factor, others[0])),
+        _plus(rows[1], _times(factor, others[1])),
+        _plus(rows[2], _times(factor, others[2])),
+    )
+
+
+@part
+def _area(edge1: Point, edge2: Point, normal: Point) -> bool:
+    """True where a triangle has an area above round-off."""
+    return _dot(normal, normal) > _NO_AREA * _dot(edge1, edge1) * _dot(edge2, edge2)
+
+
+@part
+def _plus(a: Point, b: Point) -> Point:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@part
+def _minus(a: Point, b: Point) -> Point:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@part
+def _times(factor: float, a: Point) -> Point:
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+@part
+def _dot(a: Point, b: Point) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@part
+def _cross(a: Point, b: Point) -> Point:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

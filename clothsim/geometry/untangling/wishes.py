@@ -1,0 +1,153 @@
+"""Wished displacements of one round of untangling: of edges through the triangles that they pierce."""
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.geometry.untangling.contour_gradient import contour_gradients, slides
+from clothsim.geometry.untangling.contours import contours
+from clothsim.geometry.untangling.motion import LEAST_SPREAD, Wishes
+from clothsim.geometry.untangling.piercings import Piercings, piercings
+from clothsim.geometry.untangling.regions import Flags, Mesh, sides
+
+SPREAD = 0.7
+"""Edges by which the motion spreads farther, over the square root of the number of vertices inside and of wishes."""
+COPLANAR = 0.99
+"""Cosine of the angle of two planes above which triangles count as coplanar."""
+JITTER = 1e-4
+"""Random displacement, over the longest wish, that takes vertices off the planes of triangles that they lie in."""
+Part = tuple[Ints, Floats, Floats]
+
+
+def wishes_of(
+    x: Floats,
+    mesh: Mesh,
+    solid: Ints,
+    pairs: tuple[Ints, Ints],
+    inside_before: Flags,
+    layers: Ints | None,
+    gap: float,
+    step: float,
+) -> tuple[Wishes, Flags]:
+    """Wished displacements for the pairs of cloth (p, 2), and of cloth and body (q, 2); and what is inside.
+
+    gap: distance beyond a triangle to which what pierced it is drawn [m]; step: longest displacement [m].
+    """
+    (own, with_body), inside, n = pairs, np.zeros(len(mesh.areas), bool), len(mesh.areas)
+    parts: list[Part] = []
+    if len(own):
+        parts, inside = _of_cloth(x, mesh, own, inside_before, layers, gap, step)
+    if len(with_body):
+        parts += _of_body(x, mesh.triangles, solid, with_body, gap, step, n)
+    rows, weights, shifts = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    held = rows >= n
+    spread = LEAST_SPREAD + SPREAD * np.sqrt(np.count_nonzero(inside) + len(rows))
+    return Wishes(np.where(held, 0, rows), np.where(held, 0.0, weights), shifts, float(spread)), inside
+
+
+def _of_cloth(
+    x: Floats, mesh: Mesh, own: Ints, inside_before: Flags, layers: Ints | None, gap: float, step: float
+) -> tuple[list[Part], Flags]:
+    """Wishes for the contours of cloth with cloth, and the vertices inside."""
+    x = _off_planes(x, mesh.triangles, own, JITTER * step)
+    found = piercings(x, mesh.triangles, own)
+    graph = contours(found, len(own))
+    chosen = sides(mesh, found, graph, inside_before)
+    inner, is_open = chosen.inner.copy(), chosen.is_open.copy()
+    if layers is not None:
+        below, above = layers[found.edges[:, 0]], layers[mesh.triangles[found.faces, 0]]
+        ordered = below != above
+        first_is_lower = found.depths[:, 0] < found.depths[:, 1]
+        outer_edge = below > above
+        inner = np.where(ordered, np.where(first_is_lower == outer_edge, 0, 1), inner)
+        is_open &= ~ordered
+    parts = [_through(mesh.triangles, found, inner, gap, step)]
+    if is_open.any():
+        shifts = step * slides(contour_gradients(x, mesh.triangles, own, found), graph)[is_open]
+        edges, faces = found.edges[is_open], mesh.triangles[found.faces[is_open]]
+        along, at = found.along[is_open, None], found.barycentric[is_open]
+        parts.append((np.column_stack([edges, faces]), np.column_stack([1 - along, along, -at]), shifts))
+    pierced = np.zeros(len(own), bool)
+    pierced[found.of_pair[:, 1]] = True
+    parts.append(_of_touching(x, mesh, own[~pierced], gap))
+    return parts, chosen.inside
+
+
+def _off_planes(x: Floats, triangles: Ints, pairs: Ints, distance: float) -> Floats:
+    """Positions in which the corners of pairs that are not nearly coplanar are displaced at random by `distance` [m].
+
+    A vertex that lies in a triangle, or an edge in its plane, is on neither side of it.
+    """
+    corners = x[triangles[pairs]]
+    normals = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    cosine = np.abs(np.einsum("ij,ij->i", normals[:, 0], normals[:, 1]))
+    steep = cosine < COPLANAR * np.linalg.norm(normals, axis=2).prod(axis=1)
+    vertices = np.unique(triangles[pairs[steep]])
+    moved = x.copy()
+    moved[vertices] += distance * np.random.default_rng(0).standard_normal((len(vertices), 3))
+    return moved
+
+
+def _through(triangles: Ints, found: Piercings, inner: Ints, gap: float, step: float) -> Part:
+    """The inner ends of edges go to the side of the outer ones of the triangles that they pierce, and `gap` beyond."""
+    rows = np.flatnonzero(inner >= 0)
+    end = inner[rows]
+    vertices = found.edges[rows, end]
+    depth, outer = found.depths[rows, end], found.depths[rows, 1 - end]
+    sign = np.where(outer >= depth, 1.0, -1.0)
+    shifts = (np.minimum(np.abs(depth) + gap, step) * sign)[:, None] * found.normals[rows]
+    corners = triangles[found.faces[rows]]
+    doubled = np.column_stack([vertices, vertices, corners])
+    return doubled, np.column_stack([np.ones(len(rows)), np.zeros(len(rows)), -found.barycentric[rows]]), shifts
+
+
+def _of_touching(x: Floats, mesh: Mesh, pairs: Ints, gap: float) -> Part:
+    """Pairs without a piercing, coplanar or folded onto one another: their corners part along the mean normal."""
+    one, other = mesh.triangles[pairs[:, 0]], mesh.triangles[pairs[:, 1]]
+    normal = [np.cross(x[t[:, 1]] - x[t[:, 0]], x[t[:, 2]] - x[t[:, 0]]) for t in (one, other)]
+    along = _unit(normal[0] + np.sign(np.einsum("ij,ij->i", *normal))[:, None] * normal[1])
+    # only what the two do not share can part
+    free = [~(t[:, :, None] == o[:, None, :]).any(axis=2) for t, o in ((one, other), (other, one))]
+    weights = [f / np.maximum(f.sum(axis=1, keepdims=True), 1) for f in free]
+    middle = [np.einsum("ij,ijk->ik", w, x[t]) for w, t in zip(weights, (one, other), strict=True)]
+    height = np.einsum("ij,ij->i", along, middle[0] - middle[1])
+    half = (0.5 * gap * np.where(height < 0, -1.0, 1.0))[:, None] * along
+    parts = [_moved(t, w, shift) for t, w, shift in zip((one, other), weights, (half, -half), strict=True)]
+    rows, signed, shifts = (np.concatenate([part[k] for part in parts]) for k in range(3))
+    return rows, signed, shifts
+
+
+def _of_body(x: Floats, triangles: Ints, solid: Ints, pairs: Ints, gap: float, step: float, n_cloth: int) -> list[Part]:
+    """Ends of edges inside the body go out along the normals of its triangles; triangles go beyond its edges."""
+    both = np.concatenate([triangles, solid])
+    found = piercings(x, both, pairs + np.array([0, len(triangles)]))
+    of_cloth = found.edges[:, 0] < n_cloth
+    inner = np.where(of_cloth, np.where(found.depths[:, 0] < found.depths[:, 1], 0, 1), -1)
+    corners = x[solid]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    at_vertices = np.zeros_like(x)
+    np.add.at(at_vertices, solid, normals[:, None])
+    rows = np.flatnonzero(~of_cloth)
+    out = _unit(at_vertices[found.edges[rows]].sum(axis=1))
+    pierced = triangles[found.faces[rows]]
+    point = np.einsum("ij,ijk->ik", found.barycentric[rows], x[pierced])
+    highest = np.einsum("ijk,ik->ij", x[found.edges[rows]] - point[:, None], out).max(axis=1)
+    touching = np.ones(len(pairs), bool)
+    touching[found.of_pair[:, 1]] = False
+    lifted = triangles[pairs[touching, 0]]
+    return [
+        _through(both, found, inner, gap, step),
+        _moved(pierced, found.barycentric[rows], np.clip(highest + gap, 0.0, step)[:, None] * out),
+        _moved(lifted, np.full(lifted.shape, 1 / 3), gap * _unit(normals[pairs[touching, 1]])),
+    ]
+
+
+def _moved(corners: Ints, weights: Floats, shifts: Floats) -> Part:
+    """Displacements (k, 3) of points of triangles, in rows of five as `_through` has them."""
+    none = np.zeros((len(corners), 2))
+    return np.column_stack([corners, corners[:, :2]]), np.column_stack([weights, none]), shifts
+
+
+def _unit(vectors: Floats) -> Floats:
+    """Unit vectors (k, 3); 0 stays 0."""
+    size = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(size > 0, size, 1.0)

@@ -1,0 +1,137 @@
+"""Session whose run can be differentiated: contact stiffness held, solves polished, the rest refused by name."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, cast
+
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.gradients.polishing import MOST_STEPS, Polish
+from clothsim.gradients.recorded_step import RecordedStep, recorded
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.protocols import AdaptiveStiffness, Lagged
+from clothsim.run.session import Session
+from clothsim.solve.newton.potential import Potential
+from clothsim.solve.stepping.state import State, first_state
+from clothsim.solve.stepping.stepping import Integrator, advance, unrefined
+from clothsim.solve.stepping.time_loop import steps
+
+REFUSED = {
+    "plastic_bending": "its folds remember every step before",
+    "seams": "its stitches jump where they close",
+}
+"""Effects without a derivative, and why."""
+
+
+def differentiable_session(session: Session, polish: int = MOST_STEPS) -> Session:
+    """Return a session whose steps have a derivative.
+
+    Parameters
+    ----------
+    session : Session
+        Of the scene.
+    polish : int
+        Newton steps with the exact Hessian after each converged solve; 0: none, and the gradient is then as wrong as
+        `Gradient.newton_error` says.
+
+    Returns
+    -------
+    Session
+        Contact has the largest stiffness that a pilot run of the same scene took, if it was adaptive; a note says so.
+
+    Raises
+    ------
+    InputError
+        For an effect or setting that cannot be differentiated.
+    ClothsimError
+        Where the pilot run fails.
+    """
+    refuse(session)
+    adaptive = [name for name, energy in session.built.energies.items() if getattr(energy, "adaptive", False)]
+    stiffness = pilot_stiffness(session, adaptive) if adaptive else {}
+    held = with_stiffness(session, stiffness)
+    refine = Polish(held.integrator.system, polish) if polish else unrefined
+    notes = tuple(f"{name}: stiffness held at {kappa:.4g} Pa, for the gradient." for name, kappa in stiffness.items())
+    return replace(held, integrator=replace(held.integrator, refine=refine), notes=(*held.notes, *notes))
+
+
+def refuse(session: Session) -> None:
+    """InputError for what cannot be differentiated, by its name in the scene."""
+    energies, scene = session.built.energies, session.scene
+    for name, why in REFUSED.items():
+        if name in energies:
+            raise InputError(f"effects.{name} has no gradient: {why}.", "Leave it out of a differentiable run.")
+    friction = energies.get("friction")
+    if getattr(friction, "elastic_slip", 0.0):
+        raise InputError(
+            "effects.friction holds by anchors, whose history has no gradient.",
+            "Give effects.friction.eps_v, such as 1e-3 m/s: contacts then creep.",
+        )
+    if isinstance(friction, Lagged) and friction.lag_iterations > 1:
+        raise InputError("effects.friction.iterations has a gradient for 1 only.", "Set it to 1.")
+    if scene.solver_settings.error:
+        raise InputError("solver.error has no gradient: its steps depend on what is varied.", "Give solver.dt.")
+    if scene.contact_settings.pinch == "carry":
+        raise InputError('contact.pinch = "carry" has no gradient.', "Leave it out.")
+    if session.built.world.rigid:
+        raise InputError("Rigid bodies have no gradient.", "Make them bodies with a motion: [[body]].")
+    if scene.contact_settings.backend == "ipctk":
+        raise InputError('contact.backend = "ipctk" has no gradient.', 'Take "numba".')
+
+
+def pilot_stiffness(session: Session, names: Sequence[str]) -> dict[str, float]:
+    """Return the largest stiffness [Pa] of adaptive contacts in a run of the scene; ClothsimError where it fails."""
+    largest: dict[str, float] = {}
+    run, state = session.scene.run_settings, first_state(session.built.world, session.integrator.dt)
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
+        if report.failure is not None:
+            raise ClothsimError(f"The pilot run failed: {report.failure.sentence}", report.failure.remedy)
+        for name in names:
+            kappa = float(report.potential.energies[name].stiffness)  # type: ignore[attr-defined]
+            largest[name] = max(largest.get(name, 0.0), kappa)
+    return largest
+
+
+def with_stiffness(session: Session, stiffness: Mapping[str, float]) -> Session:
+    """Return a session whose adaptive contacts have given stiffnesses [Pa], by effect."""
+    energies = held_energies(session.built.energies, stiffness)
+    potential = Potential(energies, session.integrator.potential.timers)
+    integrator = replace(session.integrator, potential=potential)
+    return replace(session, built=replace(session.built, energies=energies), integrator=integrator)
+
+
+def held_energies(energies: Mapping[str, Energy], stiffness: Mapping[str, float]) -> dict[str, Energy]:
+    """Return energies with the stiffnesses of contacts [Pa] in place of adaptive ones."""
+    return {
+        name: replace(cast(Any, energy), adaptive=False, stiffness=stiffness[name])
+        if name in stiffness and isinstance(energy, AdaptiveStiffness)
+        else energy
+        for name, energy in energies.items()
+    }
+
+
+def forward(session: Session) -> Iterator[RecordedStep]:
+    """Take the steps of a session one by one, without output; ClothsimError where one fails."""
+    run, state = session.scene.run_settings, first_state(session.built.world, session.integrator.dt)
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
+        if report.failure is not None:
+            raise ClothsimError(report.failure.sentence, report.failure.remedy)
+        yield recorded(state, report)
+        state = report.state
+
+
+def replayed(integrator: Integrator, state: State, like: Sequence[RecordedStep]) -> list[RecordedStep]:
+    """Repeat recorded steps, with their lengths, from another state or with other energies.
+
+    Raises
+    ------
+    ClothsimError
+        Where a step fails, or takes another formula than the recorded one.
+    """
+    taken: list[RecordedStep] = []
+    for record in like:
+        report = advance(integrator, replace(state, dt=1.01 * record.dt), record.end.time, retries=False)
+        if report.failure is not None or report.restarted != record.restarted:
+            raise ClothsimError(f"Step {len(taken) + 1} cannot be repeated with its length of {record.dt:g} s.")
+        taken.append(recorded(state, report))
+        state = report.state
+    return taken

@@ -1,0 +1,169 @@
+"""Solution with the exact Hessian of a bound potential at its minimum."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError
+from clothsim.physics.energies.hessians import ByElement, explicit, split
+from clothsim.solve.linear.direct_solver import LinearSolver, NotPositiveDefiniteError
+from clothsim.solve.linear.linear_system import System
+from clothsim.solve.linear.sparsity import Explicit, couplings, times
+from clothsim.solve.newton.lanczos import lowest_eigenvector
+from clothsim.solve.newton.potential import Potential
+
+ACCURACY = 1e-12
+"""Relative error of a solution in the norm of the matrix."""
+
+
+class NoMinimumError(ClothsimError):
+    """State at which the exact Hessian is not positive definite: no minimum of E, and so without a derivative."""
+
+
+@dataclass(frozen=True)
+class ExactSystem:
+    """The factored exact Hessian H of E at x, and its products.
+
+    Parameters
+    ----------
+    hessians : list
+        Parts of H over all rows of x [N/m].
+    free : (n,) bool
+        Cloth vertices whose positions are not prescribed.
+    solver : LinearSolver
+        Holds the factor of H on the free vertices.
+    data : (9 b,) float64
+        H in the pattern of the solver, rows of other vertices those of the identity.
+    """
+
+    hessians: list[Explicit]
+    free: np.ndarray
+    solver: LinearSolver
+    data: Floats
+
+    def solve(self, forces: Floats) -> Floats:
+        """Return a (N, 3) with H a = forces at the free vertices and a = 0 elsewhere.
+
+        Raises
+        ------
+        NoMinimumError
+            Where H is not positive definite.
+        """
+        n = len(self.free)
+        right = np.where(self.free[:, None], forces[:n], 0.0).ravel()
+        out = np.zeros_like(forces)
+        if right.any():
+            out[:n] = self.solver.solve(self.data, right, ACCURACY).reshape(-1, 3)
+        return out
+
+    def prescribed_rows_times(self, vectors: Floats) -> Floats:
+        """Return (N, 3), of which the prescribed rows are those of H v, v (N, 3): other parts of H are left out."""
+        prescribed = np.ones(len(vectors), bool)
+        prescribed[: len(self.free)] = ~self.free
+        parts = [part for part in self.hessians if not isinstance(part, ByElement) or prescribed[part.elements].any()]
+        return times(parts, vectors)
+
+
+def exact_system(potential: Potential, x: Floats, system: System, prescribed: np.ndarray) -> ExactSystem:
+    """Assemble the exact Hessian of a bound potential at x.
+
+    Parameters
+    ----------
+    potential : Potential
+        Bound to the step.
+    x : (N, 3) float64
+        Its minimiser [m].
+    system : System
+        Newton's system, whose pattern is extended in a copy.
+    prescribed : (k,) int array
+        Rows of x with prescribed positions.
+    """
+    wider, hessians, data = _assembled(potential, [x], system)
+    free = _free(wider, prescribed)
+    wider.pattern.fix(data, ~free)
+    return ExactSystem(hessians, free, wider.solver, data)
+
+
+def mean_adjoint(
+    potential: Potential, states: Sequence[Floats], system: System, prescribed: np.ndarray, forces: Floats
+) -> Floats:
+    """Solve with the mean of the exact Hessians at several states.
+
+    Parameters
+    ----------
+    states : sequence of (N, 3) arrays
+        Positions [m].
+    forces : (N, 3) float64
+        Right-hand side.
+    potential, system, prescribed
+        As of `exact_system`.
+
+    Returns
+    -------
+    (N, 3) float64
+        0 in the prescribed rows.
+
+    Raises
+    ------
+    NotPositiveDefiniteError
+        Where the mean is not positive definite.
+    """
+    wider, _, data = _assembled(potential, states, system)
+    free = _free(wider, prescribed)
+    data /= len(states)
+    wider.pattern.fix(data, ~free)
+    return ExactSystem([], free, wider.solver, data).solve(forces)
+
+
+def lowest_direction(potential: Potential, x: Floats, system: System, prescribed: np.ndarray) -> Floats | None:
+    """Return the direction of least curvature of the exact Hessian over the projected one, its largest displacement 1.
+
+    (N, 3); None where the curvature is not negative, or the projected one singular. Parameters as of `exact_system`.
+    """
+    wider, _, exact = _assembled(potential, [x], system)
+    free = _free(wider, prescribed)
+    projected = wider.assemble(potential.hessians(x))
+    for data in (exact, projected):
+        wider.pattern.fix(data, ~free)
+    forces = np.random.default_rng(0).standard_normal((len(free), 3))
+    forces[~free] = 0.0
+    try:
+        wider.solver.solve(projected, forces.ravel())
+    except NotPositiveDefiniteError:  # free to move: of all directions none is least
+        return None
+    value, v = lowest_eigenvector(wider.pattern.times(exact), wider.solver.back_solve, forces.ravel())
+    if not value < 0.0:
+        return None
+    out = np.zeros_like(x)
+    out[: len(free)] = v.reshape(-1, 3) / np.linalg.norm(v.reshape(-1, 3), axis=1).max()
+    return out
+
+
+def _assembled(potential: Potential, states: Sequence[Floats], system: System) -> tuple[System, list[Explicit], Floats]:
+    """A system wide enough for the sum of the exact Hessians at states, its parts, and its data in the pattern."""
+    given = [energy.hessian(x, False) for x in states for energy in potential.acting.values()]
+    implicit = split(given)[1]
+    wider = system.widened([part.elements for part in implicit])
+    hessians = explicit(given)
+    wider.cover([couplings(part) for part in hessians])
+    return wider, hessians, wider.assemble(list(hessians))
+
+
+def _free(system: System, prescribed: np.ndarray) -> np.ndarray:
+    n = system.base.n_vertices
+    free = np.ones(n, bool)
+    free[prescribed[prescribed < n]] = False
+    return free
+
+
+def solved(system: ExactSystem, forces: Floats, where: str) -> Floats:
+    """`ExactSystem.solve`, with the error for the user; where: names the state in a sentence."""
+    try:
+        return system.solve(forces)
+    except NotPositiveDefiniteError as error:
+        raise NoMinimumError(
+            f"The state {where} is no minimum of the energy: it has no derivative.",
+            "Its equilibrium is unstable, or it is free to move: add effects.inertia or pins, or change dt.",
+        ) from error

@@ -1,0 +1,244 @@
+"""Losses: a number that rates a run, with its derivative by the positions of the cloth in one frame."""
+
+import abc
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints, as_points, as_vector
+from clothsim.base.errors import InputError
+
+Function = Callable[[Floats], tuple[float, Floats]]
+"""Positions (n, 3) [m] of all cloths to the loss and its derivative (n, 3)."""
+
+
+class Loss(abc.ABC):
+    """A function of the positions of all cloth vertices in one frame."""
+
+    frame: int = -1
+    """The frame, counted as in `run[frame]`."""
+
+    @abc.abstractmethod
+    def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
+        """Return the loss and its derivative (n, 3) at positions (n, 3) [m] of a cloth with triangles (m, 3)."""
+
+
+@dataclass(frozen=True)
+class Custom(Loss):
+    """A loss of the user's own: a function of the positions."""
+
+    function: Function
+    frame: int = -1
+
+    def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
+        """Return what the function returns. InputError where that is no number with an array (n, 3)."""
+        try:
+            value, derivative = self.function(positions)
+        except (TypeError, ValueError) as error:
+            raise InputError(f"The loss cannot be called with positions: {error}.", "Return (value, dL/dx).") from error
+        return float(value), _as_derivative(derivative, positions)
+
+
+def _as_derivative(derivative: Floats, positions: Floats) -> Floats:
+    rows = as_points("The derivative of the loss", derivative)
+    if rows.shape != positions.shape:
+        raise InputError(f"The derivative of the loss has the shape {rows.shape}, the positions {positions.shape}.")
+    return rows
+
+
+@dataclass(frozen=True)
+class Distance(Loss):
+    """Mean squared distance of the vertices to a target with the same numbering [m2].
+
+    Parameters
+    ----------
+    target : (n, 3) array
+        Positions [m].
+    frame : int
+        The frame.
+    """
+
+    target: Floats
+    frame: int = -1
+
+    def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
+        """Return mean |x - t|^2 and 2 (x - t)/n."""
+        target = as_points("target", self.target)
+        if target.shape != positions.shape:
+            raise InputError(f"The target has {len(target)} vertices, the cloth {len(positions)}.")
+        away = positions - target
+        return float((away**2).sum() / len(away)), 2 * away / len(away)
+
+
+@dataclass(frozen=True)
+class Scan(Loss):
+    """Mean squared distance of points without correspondence to the cloth's surface [m2].
+
+    Parameters
+    ----------
+    points : (k, 3) array
+        Measured points [m].
+    frame : int
+        The frame.
+    normals : (k, 3) array
+        Normals of the points, on the side of the cloth's own (its triangles counter-clockwise). A point whose closest
+        triangle faces more than 60 degrees off is left out: it lies on another layer, or on none. Empty: all count.
+    """
+
+    points: Floats
+    frame: int = -1
+    normals: Floats = field(default_factory=lambda: np.zeros((0, 3)), repr=False)
+
+    def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
+        """Return mean |q - p(q)|^2, p(q) the closest point; its barycentric weights need no derivative (envelope)."""
+        import igl
+
+        points, normals = as_points("points", self.points), as_points("normals", self.normals)
+        face, closest = igl.point_mesh_squared_distance(points, positions, triangles)[1:3]
+        if len(normals):
+            alike = _facing(points, normals, positions[triangles[face]])
+            points, face, closest = points[alike], face[alike], np.asarray(closest)[alike]
+        corners = triangles[face]
+        weights = _barycentric(np.asarray(closest), positions[corners])
+        out = np.zeros_like(positions)
+        away = np.einsum("kp,kpc->kc", weights, positions[corners]) - points
+        np.add.at(out, corners.ravel(), (weights[:, :, None] * away[:, None, :]).reshape(-1, 3) * (2 / len(points)))
+        return float((away**2).sum() / len(points)), out
+
+
+def _facing(points: Floats, normals: Floats, corners: Floats) -> np.ndarray:
+    """Points (k,) whose normals are those of their triangles (k, 3, 3) to 60 degrees. InputError where none is."""
+    if normals.shape != points.shape:
+        raise InputError(f"There are {len(points)} points and {len(normals)} normals.", "Give one for each point.")
+    own = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.linalg.norm(own, axis=1) * np.linalg.norm(normals, axis=1)
+    alike = (own * normals).sum(axis=1) > 0.5 * lengths
+    if not alike.any():
+        raise InputError(
+            "No normal of the points is like that of the cloth there.", "Turn them round, or leave them out."
+        )
+    return np.asarray(alike)
+
+
+def _barycentric(points: Floats, corners: Floats) -> Floats:
+    """Barycentric coordinates (k, 3) of points (k, 3) in triangles (k, 3, 3)."""
+    u, v, w = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], points - corners[:, 0]
+    uu, uv, vv = ((a * b).sum(axis=1) for a, b in ((u, u), (u, v), (v, v)))
+    wu, wv = (w * u).sum(axis=1), (w * v).sum(axis=1)
+    determinant = uu * vv - uv**2
+    s, t = (vv * wu - uv * wv) / determinant, (uu * wv - uv * wu) / determinant
+    return np.stack([1 - s - t, s, t], axis=1)
+
+
+@dataclass(frozen=True)
+class Height(Loss):
+    """Mean position of some vertices along a direction [m], as the height of a hem.
+
+    Parameters
+    ----------
+    vertices : sequence of int
+        Rows of the positions; empty: all.
+    direction : (3,) array
+        Unit vector.
+    frame : int
+        The frame.
+    """
+
+    vertices: Ints | tuple[int, ...] = ()
+    direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    frame: int = -1
+
+    def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
+        """Return mean d.x and d/k in the rows."""
+        rows = np.asarray(self.vertices, np.int64) if len(self.vertices) else np.arange(len(positions))
+        if len(rows) and (rows.min() < 0 or rows.max() >= len(positions)):
+            raise InputError(f"The loss names vertex {rows.max()}, and the cloth has {len(positions)}.")
+        along = as_vector("direction", self.direction)
+        out = np.zeros_like(positions)
+        np.add.at(out, rows, along / len(rows))
+        return float((positions[rows] @ along).mean()), out
+
+
+@dataclass(frozen=True)
+class Girth(Loss):
+    """Length of the curve in which the cloth meets a horizontal plane [m].
+
+    Parameters
+    ----------
+    height : float
+        Of the plane [m].
+    frame : int
+        The frame.
+    """
+
+    height: float
+    frame: int = -1
+
+    def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
+        """Return the sum of |p - q| over the cut triangles, p and q on their edges."""
+        above = positions[:, 2] > self.height
+        cut = triangles[above[triangles].any(axis=1) & ~above[triangles].all(axis=1)]
+        lonely = np.where(above[cut].sum(axis=1) == 1, above[cut].argmax(axis=1), (~above[cut]).argmax(axis=1))
+        rows = np.arange(len(cut))
+        tip, others = cut[rows, lonely], [cut[rows, (lonely + k) % 3] for k in (1, 2)]
+        ends = [_crossing(positions, tip, other, self.height) for other in others]
+        chord = ends[0][0] - ends[1][0]
+        lengths = np.linalg.norm(chord, axis=1)
+        if not len(cut):
+            raise InputError(f"No triangle of the cloth is cut at the height {self.height:g} m.")
+        units = chord / np.maximum(lengths, np.finfo(float).tiny)[:, None]
+        out = np.zeros_like(positions)
+        for sign, other, (_, t, slope) in zip((1.0, -1.0), others, ends, strict=True):
+            # p = (1 - t) x_tip + t x_other, t = (h - z_tip)/(z_other - z_tip)
+            by_t = sign * (units * slope).sum(axis=1)
+            rise = positions[other, 2] - positions[tip, 2]
+            for row, weight, by_z in ((tip, 1 - t, (t - 1) / rise), (other, t, -t / rise)):
+                part = sign * weight[:, None] * units
+                part[:, 2] += by_t * by_z
+                np.add.at(out, row, part)
+        return float(lengths.sum()), out
+
+
+def _crossing(positions: Floats, first: Ints, second: Ints, height: float) -> tuple[Floats, Floats, Floats]:
+    """Points at a height on edges, their parameters, and the edges."""
+    edge = positions[second] - positions[first]
+    t = (height - positions[first, 2]) / edge[:, 2]
+    return positions[first] + t[:, None] * edge, t, edge
+
+
+@dataclass(frozen=True)
+class Silhouette(Loss):
+    """Area within the projection of the cloth's border [m2], as the shadow of a Cusick drape.
+
+    Parameters
+    ----------
+    direction : (3,) array
+        Unit vector along which it is seen.
+    frame : int
+        The frame.
+    """
+
+    direction: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    frame: int = -1
+
+    def evaluate(self, positions: Floats, triangles: Ints) -> tuple[float, Floats]:
+        """Return d . sum of the triangles' vector areas, which only the border determines, as a positive number."""
+        along = as_vector("direction", self.direction)
+        a, b, c = (positions[triangles[:, k]] for k in range(3))
+        area = float(0.5 * np.cross(b - a, c - a).sum(axis=0) @ along)
+        out, sign = np.zeros_like(positions), np.sign(area)
+        for corner, (p, q) in zip(range(3), ((b, c), (c, a), (a, b)), strict=True):
+            np.add.at(out, triangles[:, corner], sign * 0.5 * np.cross(p - q, along))
+        return abs(area), out
+
+
+def as_loss(loss: Loss | Function) -> Loss:
+    """Return a loss, made of a function of the last frame's positions where it is none."""
+    if isinstance(loss, Loss):
+        return loss
+    if callable(loss):
+        return Custom(loss)
+    raise InputError(
+        f"A loss is needed, not a value of the type {type(loss).__name__}.", "Give a clothsim.gradients loss."
+    )

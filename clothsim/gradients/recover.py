@@ -1,0 +1,169 @@
+"""Recovery of numbers from a drape: those of a scene for which it hangs as a target does.
+
+The loss is minimised over the logarithms of the numbers by L-BFGS-B (Byrd, Lu, Nocedal & Zhu 1995, "A limited memory
+algorithm for bound constrained optimization"), from several starts, each evaluation a whole run with its gradient.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import minimize
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError
+from clothsim.gradients.identifiability import Ratio, identifiability
+from clothsim.gradients.losses import Loss
+from clothsim.gradients.recovery_problem import SPREAD, Evaluation, Problem, problem_of
+from clothsim.patterns.pattern_mesh import PatternMesh
+from clothsim.scene.scene import Scene
+
+MOST_RUNS = 60
+"""Runs of one start, about."""
+FAILED = 1e6
+"""Relative loss that stands for a run that cannot be taken."""
+AT_LIMIT = 1e-3
+"""Distance of a logarithm to that of its limit below which the number lies at it."""
+OPTIONS = {"maxfun": MOST_RUNS, "ftol": 1e-12, "gtol": 1e-8}
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """Numbers recovered from a target.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene with the numbers.
+    values : mapping
+        The numbers by path.
+    errors : mapping
+        Relative standard error of each, as the misfit that is left tells (`Identifiability.errors`).
+    ratios : tuple of Ratio
+        Ratios that are known of numbers that are not.
+    undetermined : tuple of mapping
+        Combinations of logarithms that the target does not determine: weights by path.
+    at_limit : tuple of str
+        Paths of numbers at an end of the range that was searched.
+    best : Evaluation
+        The run with the least loss.
+    minima : tuple of float
+        Least loss of each start.
+    runs : int
+        All runs.
+    """
+
+    scene: Scene
+    values: Mapping[str, float]
+    errors: Mapping[str, float]
+    ratios: tuple[Ratio, ...]
+    undetermined: tuple[Mapping[str, float], ...]
+    at_limit: tuple[str, ...]
+    best: Evaluation
+    minima: tuple[float, ...]
+    runs: int
+
+
+def recover(
+    scene: Scene,
+    loss: Loss,
+    free: Sequence[str],
+    starts: int = 2,
+    progress: Callable[[int, Evaluation], None] | None = None,
+    seed: int = 0,
+    pattern: PatternMesh | None = None,
+) -> Recovery:
+    """Find the numbers of a scene for which a loss is least.
+
+    Parameters
+    ----------
+    scene : Scene
+        Its numbers are the first start. Its contact stiffness is held at that of its own run.
+    loss : Loss
+        `Distance` to positions with the numbering of the cloth, `Scan` of points, or another.
+    free : sequence of str
+        Paths of positive numbers, as "effects.friction.coefficient"; keys of a fabric are meant of the cloth. Of a
+        cloth from a pattern also "pattern.front.width", "pattern.front+back.height", "pattern.front.flare"
+        (`pattern_numbers`), the start held.
+    starts : int
+        Number of starts; those after the first have numbers up to twice or half of the scene's, of the pattern's up to
+        5 % off.
+    progress : callable, optional
+        Called after each run with the number of the start, from 1.
+    seed : int
+        Chooses the further starts.
+    pattern : PatternMesh, optional
+        The pattern of a cloth of arrays, where numbers of it are free.
+
+    Returns
+    -------
+    Recovery
+
+    Raises
+    ------
+    InputError
+        For a number that cannot be varied, or a scene without a gradient.
+    ClothsimError
+        Where the scene itself cannot be run.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> from clothsim.gradients.losses import Distance
+    >>> from clothsim.gradients.recover import recover
+    >>> def strip(youngs_modulus):
+    ...     cloth = {"mesh": "rectangle", "size": [0.1, 0.3], "cells": [1, 3], "rotation_degrees": [90, 0, 0]}
+    ...     effects = [clothsim.Membrane(), clothsim.Bending(), clothsim.Gravity(), clothsim.Pins(select="top")]
+    ...     run = {"duration": 0.04, "frames_per_second": 25}
+    ...     return clothsim.Scene(cloth | {"youngs_modulus": youngs_modulus}, effects=effects, run=run)
+    >>> target = clothsim.simulate(strip(2e4), differentiable=True).cloth_positions()
+    >>> found = recover(strip(3e4), Distance(target), ["youngs_modulus"], starts=1)
+    >>> round(found.values["cloth.youngs_modulus"])
+    20000
+    """
+    problem = problem_of(scene, loss, free, pattern)
+    rng = np.random.default_rng(seed)
+    ends, runs = list[Evaluation](), 1
+    for start in range(1, max(1, starts) + 1):
+        offset = problem.spreads * rng.uniform(-1.0, 1.0, len(problem.paths)) if start > 1 else 0.0
+        taken = _minimised(problem, problem.origin + offset, start, progress)
+        ends.append(min(taken, key=lambda each: each.loss))
+        runs += len(taken)
+    best = min(ends, key=lambda each: each.loss)
+    if not np.isfinite(best.loss):
+        raise ClothsimError(f"No run of the recovery could be taken: {best.failure}")
+    logarithms = np.log(list(best.values.values()))
+    known = identifiability(problem, logarithms, best.loss)
+    far = np.abs(np.abs(logarithms - problem.origin) - problem.ranges) < AT_LIMIT
+    return Recovery(
+        problem.scene_at(logarithms),
+        best.values,
+        known.errors,
+        known.ratios,
+        known.undetermined,
+        tuple(path for path, limit in zip(problem.paths, far, strict=True) if limit),
+        best,
+        tuple(each.loss for each in ends),
+        runs + known.runs,
+    )
+
+
+def _minimised(
+    problem: Problem, first: Floats, start: int, progress: Callable[[int, Evaluation], None] | None
+) -> list[Evaluation]:
+    """All runs of a minimisation from a first point."""
+    taken, scale = list[Evaluation](), abs(problem.first.loss) or 1.0
+    units = problem.spreads / np.log(SPREAD)  # the first step is one unit long
+
+    def scaled(point: Floats) -> tuple[float, Floats]:
+        each = problem.evaluated(units * point)
+        taken.append(each)
+        if progress is not None:
+            progress(start, each)
+        if not np.isfinite(each.loss):  # back towards what can be run
+            return FAILED, point - problem.origin / units
+        return each.loss / scale, units * each.slope / scale
+
+    limits = np.stack([problem.origin - problem.ranges, problem.origin + problem.ranges], axis=1) / units[:, None]
+    minimize(scaled, first / units, jac=True, method="L-BFGS-B", bounds=limits, options=OPTIONS)
+    return taken

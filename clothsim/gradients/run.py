@@ -1,0 +1,209 @@
+"""Run that keeps its steps, and goes backwards over them for the gradient of a loss."""
+
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from time import perf_counter
+from typing import Any, cast
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.gradients.backward_pass import backward_pass
+from clothsim.gradients.differentiable_session import differentiable_session, forward, with_stiffness
+from clothsim.gradients.gradient import Gradient
+from clothsim.gradients.losses import Function, Loss, as_loss
+from clothsim.gradients.polishing import MOST_STEPS
+from clothsim.gradients.recorded_step import RecordedStep, recorded
+from clothsim.physics.energies.protocols import AdaptiveStiffness
+from clothsim.run.certificate.certificate import Certificate
+from clothsim.run.output_directory import new_output
+from clothsim.run.recorded_run import Announcement, Listener, StepListener, recorded_run
+from clothsim.run.results import Run
+from clothsim.run.session import Session, prepare
+from clothsim.scene.assembly.scene_world import build
+from clothsim.scene.scene import Scene
+from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.stepping import StepReport
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """The steps of a run, over which gradients go backwards.
+
+    Attributes
+    ----------
+    session : Session
+        The scene as it was stepped, contact stiffnesses held.
+    steps : tuple of RecordedStep
+        All steps.
+    """
+
+    session: Session
+    steps: tuple[RecordedStep, ...]
+
+    @cached_property
+    def stiffness(self) -> Mapping[str, float]:
+        """The stiffness of each contact [Pa], held over the run, by effect."""
+        contacts = {
+            name: each for name, each in self.session.built.energies.items() if isinstance(each, AdaptiveStiffness)
+        }
+        return {name: float(cast(Any, each).stiffness) for name, each in contacts.items()}
+
+    @cached_property
+    def frame_states(self) -> tuple[int, ...]:
+        """For each frame the number of steps done at it."""
+        ends = [k + 1 for k, step in enumerate(self.steps) if step.end.frame > step.start.frame]
+        return (0, *ends)
+
+    def cloth_positions(self, frame: int = -1) -> Floats:
+        """Return the vertices of all cloths in a frame, in double precision, (n, 3) [m]."""
+        world, number = self.session.built.world, self._state_of(frame)
+        state = self.steps[number - 1].end if number else self.steps[0].start
+        return state.positions[: world.n_cloth] + world.origin
+
+    def gradient(self, loss: Loss | Function | Sequence[Loss]) -> Gradient:
+        """Return the gradient of a loss by everything that the run was given.
+
+        Parameters
+        ----------
+        loss : Loss, function or sequence of Loss
+            A loss of `clothsim.gradients.losses`; a function of the positions (n, 3) [m] of the last frame that returns
+            the loss and its derivative (n, 3); or losses to sum.
+
+        Returns
+        -------
+        Gradient
+
+        Raises
+        ------
+        NoMinimumError
+            Where a step did not end at a minimum of its energy.
+        InputError
+            For a loss that does not fit the cloth.
+        """
+        world = self.session.built.world
+        total, by_positions = 0.0, dict[int, Floats]()
+        for each in loss if isinstance(loss, Sequence) else [loss]:
+            one = as_loss(each)
+            value, derivative = one.evaluate(self.cloth_positions(one.frame), world.triangles)
+            number = self._state_of(one.frame)
+            rows = by_positions.setdefault(number, np.zeros((world.n_vertices, 3)))
+            rows[: world.n_cloth] += derivative
+            total += value
+        return Gradient(self, total, backward_pass(self.session.integrator, self.steps, by_positions))
+
+    def _state_of(self, frame: int) -> int:
+        states = self.frame_states
+        if not -len(states) <= frame < len(states):
+            raise InputError(f"The loss is of frame {frame}, and the run has {len(states)}.")
+        return states[frame]
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class DifferentiableRun(Run):
+    """A run with the trace of its steps.
+
+    Attributes
+    ----------
+    trace : Trace
+        Its steps in double precision.
+
+    Examples
+    --------
+    The derivative of the mean height of a sheet that hangs from two corners, by its stiffness and by its start:
+
+    >>> import clothsim
+    >>> from clothsim.gradients.losses import Height
+    >>> scene = clothsim.Scene(
+    ...     cloth={"mesh": "rectangle", "size": [0.3, 0.3], "cells": [3, 3], "youngs_modulus": 1e4},
+    ...     effects=[clothsim.Inertia(), clothsim.Membrane(), clothsim.Gravity(), clothsim.Pins(select=[0, 3])],
+    ...     run=clothsim.RunSettings(duration=0.08),
+    ... )
+    >>> gradient = clothsim.simulate(scene, differentiable=True).gradient(Height())
+    >>> bool(gradient["cloth.youngs_modulus"] > 0), gradient["start"].shape, abs(gradient.newton_error) < 1e-9
+    (True, (16, 3), True)
+    """
+
+    trace: Trace
+
+    def cloth_positions(self, frame: int = -1) -> Floats:
+        """Return `Trace.cloth_positions`."""
+        return self.trace.cloth_positions(frame)
+
+    def gradient(self, loss: Loss | Function | Sequence[Loss]) -> Gradient:
+        """Return `Trace.gradient`."""
+        return self.trace.gradient(loss)
+
+
+def traced(scene: Scene, stiffness: Mapping[str, float] | None = None, polish: int = MOST_STEPS) -> Trace:
+    """Simulate a scene without output.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene.
+    stiffness : mapping, optional
+        Contact stiffnesses to hold [Pa], by effect; None: those of a pilot run.
+    polish : int
+        As of `simulate_differentiably`.
+    """
+    session = prepare(scene, build(scene))
+    session = differentiable_session(with_stiffness(session, stiffness) if stiffness else session, polish)
+    return Trace(session, tuple(forward(session)))
+
+
+def simulate_differentiably(
+    scene: Scene,
+    output: str | Path | None = None,
+    progress: Listener | None = None,
+    announce: Announcement | None = None,
+    on_step: StepListener | None = None,
+    message: Callable[[str], None] | None = None,
+    overwrite: bool = False,
+    polish: int = MOST_STEPS,
+) -> DifferentiableRun:
+    """Simulate a scene to its end and keep its steps, for `DifferentiableRun.gradient`.
+
+    Parameters
+    ----------
+    scene, output, progress, announce, on_step, message, overwrite
+        As of `clothsim.simulate`.
+    polish : int
+        Newton steps with the exact Hessian after each solve, at most; 0: none.
+
+    Returns
+    -------
+    DifferentiableRun
+
+    Raises
+    ------
+    InputError
+        For what has no gradient, by its name.
+    ClothsimError
+        Where the run fails.
+    """
+    started = perf_counter()
+    session = differentiable_session(prepare(scene, build(scene)), polish)
+    for note in session.notes:
+        if message is not None and "held at" in note:
+            message(note)
+    directory = Path(tempfile.mkdtemp(prefix="clothsim-") if output is None else output)
+    state, steps = first_state(session.built.world, session.integrator.dt), list[RecordedStep]()
+
+    def record(report: StepReport) -> None:
+        steps.append(recorded(steps[-1].end if steps else state, report))
+
+    with new_output(directory, overwrite):
+        if announce is not None:
+            announce(session)
+        listeners = progress, on_step
+        run = recorded_run(
+            session, state, Certificate(), directory, started, listeners, None, resumed=False, on_report=record
+        )
+    if run.status != "completed":
+        raise ClothsimError(f"The run failed, and has no gradient: {run.reason}")
+    return DifferentiableRun(run.directory, run.trajectory, run.summary, Trace(session, tuple(steps)))

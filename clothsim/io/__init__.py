@@ -1,1 +1,0 @@
-"""Mesh files, and the files of a run."""

@@ -1,0 +1,1 @@
+"""Keys of a scene: every section, effect, generator and fabric declared once."""

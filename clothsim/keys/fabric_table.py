@@ -1,0 +1,254 @@
+"""Table of named fabrics: measurements with their sources and units, and their conversion to a `Fabric`.
+
+WANG: Wang, O'Brien, Ramamoorthi 2011, "Data-driven elastic models for cloth: modeling and measurement", ACM Trans.
+Graph. 30(4); their published material files. A row holds density [kg/m2], the stretch stiffness (c11, c12, c22, c33)
+at zero strain [N/m] and the bending stiffness ke at the smallest curvature along 0, 45 and 90 degrees [N m], u = 0.
+They are read as ARCSim (Narain, Samii, O'Brien 2012), of the same group, reads them: with the Green strain e
+
+    c11 e11^2 + 2 c12 e11 e22 + c22 e22^2 + c33 e12^2 [J/m2],  so that C = 2 c and the shear modulus is c33/2,
+    ke l^2 theta^2/(8 (A1 + A2)) [J] for a hinge,              so that D = ke/4 (ours: D l^2 theta^2/(2 (A1 + A2))).
+
+v, the stiffer direction of every row, is taken for the warp. Of their ten fabrics the sweater (navy-sparkle-sweat) is
+not here: c11 c22 < c12^2, no stable sheet.
+
+PENAVA: Penava, Simic Penava, Knezic 2014, "Determination of the elastic constants of plain woven fabrics by a tensile
+test in various directions", Fibres & Textiles in Eastern Europe 22(2), tables 1 and 3, as C-IPC (Li, Kaufman, Jiang
+2021) uses them: density [kg/m2], thickness [m], Young's modulus [Pa], Poisson's ratio.
+
+KES numbers in gf cm2/cm are 9.80665e-5 N m; a shear stiffness of 1 gf/(cm degree) is 56.19 N/m.
+
+ADJUSTED: a denim's shear stiffness and extension. The row of Wang 2011 has .48 gf/(cm degree), measured denims 1.5 to
+3.4 (Journal of Textiles 2016, 4614168, table 5, KES of six denims; sample A is taken).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from math import pi, sqrt
+from typing import Any
+
+from clothsim.keys.fabric import Fabric
+
+GRAM_FORCE_CM = 9.80665e-5
+"""1 gf cm2/cm, the unit of KES bending rigidity [N m]."""
+
+SHEAR_UNIT = 98.0665 * 1e-2 * 180 / pi
+"""1 gf/(cm degree), the unit of KES shear stiffness [N/m]."""
+
+_Row = tuple[str, float, tuple[float, float, float, float], tuple[float, float, float]]
+
+WANG: Mapping[str, _Row] = {
+    "denim": (
+        "11oz-black-denim: jeans, 99 % cotton, 1 % spandex",
+        0.324,
+        (205.352005, 10.234077, 1013.88629, 53.387184),
+        (64.196457e-6, 73.384567e-6, 96.951576e-6),
+    ),
+    "interlock": (
+        "gray-interlock: T-shirt knit, 60 % cotton, 40 % polyester",
+        0.187,
+        (16.593832, -14.695990, 34.477123, 36.860302),
+        (23.191698e-6, 24.749964e-6, 14.267624e-6),
+    ),
+    "rib_knit": (
+        "ivory-rib-knit: underwear, 95 % cotton, 5 % spandex",
+        0.276,
+        (42.871021, -0.234556, 65.166023, 83.175644),
+        (46.237591e-6, 30.015930e-6, 32.243889e-6),
+    ),
+    "ponte_roma": (
+        "camel-ponte-roma: jacket knit, 60 % polyester, 40 % rayon",
+        0.284,
+        (31.146198, -12.802702, 44.028667, 31.896357),
+        (36.348366e-6, 33.013252e-6, 37.157593e-6),
+    ),
+    "swimwear": (
+        "white-swim-solid: swimsuit knit, 87 % nylon, 13 % spandex",
+        0.204,
+        (47.971176, 6.834521, 104.615456, 60.773663),
+        (60.237942e-6, 58.803211e-6, 51.018833e-6),
+    ),
+    "jet_set": (
+        "tango-red-jet-set: light jacket, 100 % polyester",
+        0.113,
+        (43.067627, 54.373299, 171.424835, 14.314700),
+        (14.293814e-6, 21.951700e-6, 20.345654e-6),
+    ),
+    "blanket": (
+        "pink-ribbon-brown: blanket, 100 % polyester",
+        0.228,
+        (151.503906, 106.028160, 244.830673, 30.250183),
+        (117.070122e-6, 87.509773e-6, 59.774277e-6),
+    ),
+    "tablecloth": (
+        "white-dots-on-blk: table cloth, 100 % polyester",
+        0.128,
+        (2002.08618, 0.345588, 2027.48559, 19.189022),
+        (51.713814e-6, 40.659470e-6, 31.282822e-6),
+    ),
+    "trousers": (
+        "royal-target: trousers, 65 % cotton, 35 % polyester",
+        0.220,
+        (2016.55456, 9.170511, 2034.97644, 104.759674),
+        (125.409805e-6, 107.997696e-6, 125.409805e-6),
+    ),
+}
+
+PENAVA: Mapping[str, tuple[str, float, float, float, float]] = {
+    "cotton": ("plain weave, cotton", 0.150, 0.318e-3, 0.821e6, 0.243),
+    "wool": ("plain weave, wool", 0.2348, 0.568e-3, 0.170e6, 0.277),
+    "wool_lycra": ("plain weave, wool with Lycra", 0.1782, 0.328e-3, 0.076e6, 0.071),
+    "polyester": ("plain weave, polyester", 0.1646, 0.252e-3, 0.478e6, 0.381),
+}
+
+BULK = 520.0
+"""Density over thickness of the four fabrics of PENAVA, in the mean [kg/m3]."""
+KNIT_BULK, FLEECE_BULK = 250.0, 90.0
+"""Density over thickness of double-faced knits (interlock of .19 kg/m2: .75 mm) and of a brushed blanket (2.5 mm)."""
+KNITS = ("interlock", "rib_knit", "ponte_roma", "swimwear")
+BULKS: Mapping[str, tuple[float, str]] = {
+    **dict.fromkeys(KNITS, (KNIT_BULK, "typical of knits: .7 to 1 mm at .19 kg/m2")),
+    "swimwear": (400.0, "typical of warp knits with elastane: about .5 mm at .2 kg/m2"),
+    "blanket": (FLEECE_BULK, "typical of brushed polyester: 2 to 4 mm at .23 kg/m2"),
+}
+"""Bulk densities [kg/m3] of fabrics that are no plain weave, and where they come from."""
+
+DENIMS = "KES of a cotton denim, Journal of Textiles 2016, 4614168, table 5, sample A"
+EXTENSIONS: Mapping[str, tuple[float, float, str]] = {
+    "denim": (0.05515, 0.05515, f"{DENIMS}: EMT, mean of warp and weft"),
+    "interlock": (0.3, 0.5, "estimated: typical of cotton interlocks, wider across the wales"),
+    "rib_knit": (0.35, 0.6, "estimated: typical of ribs with elastane, wider across the wales"),
+    "ponte_roma": (0.25, 0.35, "estimated: typical of double jerseys"),
+    "swimwear": (0.6, 0.8, "estimated: typical of warp knits with elastane"),
+    "jet_set": (0.05, 0.05, "estimated: typical of light woven polyester"),
+    "blanket": (0.2, 0.3, "estimated: typical of brushed knits"),
+    "tablecloth": (0.05, 0.05, "estimated: typical of plain weaves in KES tests"),
+    "trousers": (0.05, 0.07, "estimated: typical of woven trouserings in KES tests"),
+    "cotton": (0.05, 0.05, "estimated: typical of plain cotton in KES tests"),
+    "wool": (0.06, 0.08, "estimated: typical of plain wool suitings in KES tests"),
+    "wool_lycra": (0.08, 0.2, "estimated: typical of wool with elastane in the weft"),
+    "polyester": (0.04, 0.05, "estimated: typical of plain polyester in KES tests"),
+}
+"""Strains along warp and weft under 490 N/m, and their sources."""
+BENDING_LENGTH = 15e-3
+"""Of a plain woven wool [m]: 15.0 along the warp and 14.5 mm along the weft in a SiroFAST-2 test."""
+
+_WANG_IS = "Wang 2011"
+_WANG_LONG = (
+    "Wang, O'Brien, Ramamoorthi 2011, Data-driven elastic models for cloth: modeling and measurement, ACM Trans. "
+    "Graph. 30(4), read as ARCSim (Narain, Samii, O'Brien 2012) reads it"
+)
+_PENAVA_IS = "Penava 2014"
+_PENAVA_LONG = (
+    "Penava, Simic Penava, Knezic 2014, Determination of the elastic constants of plain woven fabrics by a tensile "
+    "test in various directions, Fibres & Textiles in Eastern Europe 22(2), tables 1 and 3, as C-IPC uses them"
+)
+_OF_WARP_AND_WEFT = "of warp and weft the geometric mean"
+
+
+@dataclass(frozen=True)
+class NamedFabric:
+    """A fabric with the sources of its values.
+
+    Parameters
+    ----------
+    fabric : Fabric
+        The values.
+    made_of : str
+        Composition.
+    measured_by : str
+        Publication, in short.
+    sources : dict of str to str
+        Source of each value, or the rule of an estimate.
+    """
+
+    fabric: Fabric
+    made_of: str
+    measured_by: str
+    sources: Mapping[str, str]
+
+    @property
+    def estimated(self) -> tuple[str, ...]:
+        """The values that no source gives."""
+        return tuple(key for key, source in self.sources.items() if source.startswith("estimated"))
+
+
+def _of_wang(name: str, row: _Row) -> NamedFabric:
+    made_of, density, (c11, c12, c22, c33), (across, bias, along) = row
+    nu = c12 / sqrt(c11 * c22)
+    weft, warp = (2 * c * (1 - nu**2) for c in (c11, c22))
+    bulk, bulk_rule = BULKS.get(name, (BULK, "the mean of the fabrics of Penava 2014"))
+    thickness = density / bulk
+    sources = {
+        "density": _WANG_IS,
+        "thickness": f"estimated: density over {bulk:g} kg/m3, {bulk_rule}",
+        "warp_stiffness": f"{_WANG_IS}: the direction v at zero strain",
+        "weft_stiffness": f"{_WANG_IS}: the direction u at zero strain",
+        "shear_stiffness": f"{_WANG_IS}: c33/2",
+        "thread_poisson_ratio": f"{_WANG_IS}: c12 over the root of c11 c22",
+        "bending_warp": f"{_WANG_IS}: ke/4 along v",
+        "bending_weft": f"{_WANG_IS}: ke/4 along u",
+        "bending_bias": f"{_WANG_IS}: ke/4 at 45 degrees",
+        "youngs_modulus": f"{_WANG_IS}: {_OF_WARP_AND_WEFT}, over the thickness",
+        "poisson_ratio": "that of the threads, but at least 0, for the isotropic sheet, and at most .5",
+        "bending_stiffness": f"{_WANG_IS}: {_OF_WARP_AND_WEFT}",
+    }
+    fabric = Fabric(
+        name=name,
+        density=density,
+        thickness=thickness,
+        youngs_modulus=sqrt(warp * weft) / thickness,
+        poisson_ratio=min(max(nu, 0.0), 0.5),
+        bending_stiffness=sqrt(along * across) / 4,
+        warp_stiffness=warp,
+        weft_stiffness=weft,
+        shear_stiffness=c33 / 2,
+        thread_poisson_ratio=nu,
+        bending_warp=along / 4,
+        bending_weft=across / 4,
+        bending_bias=bias / 4,
+        source=_WANG_LONG,
+    )
+    return NamedFabric(fabric, made_of, _WANG_IS, sources)
+
+
+def _of_penava(name: str, row: tuple[str, float, float, float, float]) -> NamedFabric:
+    made_of, density, thickness, youngs_modulus, nu = row
+    sources = dict.fromkeys(("density", "thickness", "youngs_modulus", "poisson_ratio"), _PENAVA_IS)
+    if name == "cotton":
+        bending = 5e-6
+        rule = "estimated: typical of light plain cotton in KES tests, .05 gf cm2/cm = 4.9e-6 N m"
+    else:
+        bending = density * 9.80665 * BENDING_LENGTH**3
+        rule = "estimated: density g c^3 with the bending length c = 15 mm of a plain woven wool in a SiroFAST test"
+    sources |= {"bending_stiffness": rule}
+    fabric = Fabric(density, thickness, youngs_modulus, nu, bending, name=name, source=_PENAVA_LONG)
+    return NamedFabric(fabric, made_of, _PENAVA_IS, sources)
+
+
+FRICTION: Mapping[str, tuple[float, str]] = {
+    "denim": (
+        0.28,
+        "Friction dynamics of denim fabrics with washing or polishing treatment, preprint rs-7719155/v1: of another "
+        "denim, unwashed, under a moving probe",
+    ),
+}
+"""Coefficients of friction, where one is published."""
+
+
+def _completed(name: str, named: NamedFabric) -> NamedFabric:
+    """The fabric with its extensions, and what other sources than its row have."""
+    warp, weft, source = EXTENSIONS[name]
+    values = {"warp_extension": (warp, source), "weft_extension": (weft, source)}
+    if name in FRICTION:
+        values["friction"] = FRICTION[name]
+    if name == "denim":
+        values["shear_stiffness"] = (2.180 * SHEAR_UNIT, f"{DENIMS}: 2.18 gf/(cm degree)")
+    numbers: dict[str, Any] = {key: value for key, (value, _) in values.items()}
+    fabric = replace(named.fabric, **numbers)
+    return replace(named, fabric=fabric, sources={**named.sources, **{key: text for key, (_, text) in values.items()}})
+
+
+_MEASURED = {name: _of_penava(name, row) for name, row in PENAVA.items()} | {
+    name: _of_wang(name, row) for name, row in WANG.items()
+}
+TABLE: Mapping[str, NamedFabric] = {name: _completed(name, named) for name, named in _MEASURED.items()}

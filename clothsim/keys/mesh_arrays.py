@@ -1,0 +1,137 @@
+"""A mesh in memory as the value of a scene's key `mesh`: checked, locked, and written into the text of a scene."""
+
+import base64
+import io
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.base.arrays import Floats, Ints, as_finite, as_points, as_triangles
+from clothsim.base.errors import InputError
+from clothsim.keys.panel_groups import PANELS, checked_groups, groups_of, panel_arrays
+
+TEXT = "arrays"
+"""The key under which the text of a scene holds the arrays of a mesh."""
+
+
+@dataclass(frozen=True, eq=False)
+class MeshArrays:
+    """Vertices and triangles, and the rest shape of a cloth or the frames of a body; all read-only copies.
+
+    Parameters
+    ----------
+    vertices : (n, 3) ndarray [m]
+        Positions before the scene places them.
+    triangles : (m, 3) ndarray
+        Vertex numbers.
+    rest : (n, 3) or (m, 3, 2) ndarray [m], optional
+        Rest positions, or the material coordinates of each triangle's corners; None: the vertices.
+    frames : (k, n, 3) ndarray [m], optional
+        Positions of an animated body in each frame.
+    groups : mapping of str to (k,) ndarray
+        Triangles of each named panel; none is in two.
+    """
+
+    vertices: Floats
+    triangles: Ints
+    rest: Floats | None = None
+    frames: Floats | None = None
+    groups: Mapping[str, Ints] = field(default_factory=dict)
+
+    @classmethod
+    def checked(
+        cls,
+        where: str,
+        vertices: Any,
+        triangles: Any,
+        rest: ArrayLike | None = None,
+        frames: ArrayLike | None = None,
+        groups: Mapping[str, ArrayLike] | None = None,
+    ) -> Self:
+        """The mesh of arrays.
+
+        Raises
+        ------
+        InputError
+            For another shape, a number that is not finite or an index out of range: it names array and index.
+        """
+        name = f"{where}.vertices"
+        points = _locked(as_points(name, vertices))
+        if not len(points):
+            raise InputError(f"{name} is empty.", "Give at least three vertices and one triangle.")
+        faces = _locked(as_triangles(f"{where}.triangles", triangles, len(points)))
+        if not len(faces):
+            raise InputError(f"{where}.triangles is empty.", "Give at least one triangle.")
+        material = None if rest is None else _rest(f"{where}.rest", rest, faces, len(points))
+        moving = None if frames is None else _frames(f"{where}.frames", frames, len(points))
+        return cls(points, faces, material, moving, checked_groups(f"{where}.groups", groups or {}, len(faces)))
+
+    @property
+    def is_flat(self) -> bool:
+        """True where the rest shape is material coordinates in the plane."""
+        return self.rest is not None and self.rest.ndim == 3
+
+    @cached_property
+    def text(self) -> str:
+        """The arrays as text, to the last bit: a NumPy archive in base 64."""
+        packed = io.BytesIO()
+        given = {"rest": self.rest, "frames": self.frames}
+        others = {name: array for name, array in given.items() if array is not None}
+        if self.groups:
+            others |= panel_arrays(self.groups, len(self.triangles))
+        np.savez(packed, vertices=self.vertices, triangles=self.triangles, **others)  # type: ignore[arg-type]
+        return base64.b64encode(packed.getvalue()).decode("ascii")
+
+    @classmethod
+    def from_text(cls, where: str, text: Any) -> Self:
+        """The mesh that `text` holds. InputError where it holds none."""
+        try:
+            packed = io.BytesIO(base64.b64decode(text, validate=True))
+            with zipfile.ZipFile(packed) as archive:
+                if sum(entry.file_size for entry in archive.infolist()) > len(packed.getvalue()):
+                    raise ValueError("they would unpack to more than they hold")  # NumPy writes them uncompressed
+            with np.load(packed, allow_pickle=False) as arrays:
+                given = {name: arrays[name] for name in ("vertices", "triangles", "rest", "frames") if name in arrays}
+                groups = groups_of(arrays) if PANELS in arrays else None
+                return cls.checked(where, given.pop("vertices"), given.pop("triangles"), groups=groups, **given)
+        except InputError:
+            raise
+        except Exception as error:  # zipfile and the headers of NumPy raise a dozen types of errors
+            raise InputError(
+                f"{where}.{TEXT} is no mesh ({error}).", "It is what a run writes of a mesh in memory; name a file."
+            ) from error
+
+    def __repr__(self) -> str:
+        return f"MeshArrays({len(self.vertices)} vertices, {len(self.triangles)} triangles)"
+
+
+def _rest(name: str, rest: ArrayLike, triangles: Ints, n_vertices: int) -> Floats:
+    """Rest positions (n, 3) or material coordinates (m, 3, 2), of coordinates by vertex or by corner."""
+    values = as_finite(name, rest)
+    if values.shape == (n_vertices, 2):
+        return _locked(values[triangles])
+    if values.shape not in ((n_vertices, 3), (len(triangles), 3, 2)):
+        raise InputError(
+            f"{name} has shape {values.shape}.",
+            f"Give ({n_vertices}, 2) or ({n_vertices}, 3) by vertex, or ({len(triangles)}, 3, 2) by corner.",
+        )
+    return _locked(values)
+
+
+def _frames(name: str, frames: ArrayLike, n_vertices: int) -> Floats:
+    values = as_finite(name, frames)
+    if values.ndim != 3 or values.shape[1:] != (n_vertices, 3) or not len(values):
+        raise InputError(f"{name} has shape {values.shape}.", f"Give (frames, {n_vertices}, 3).")
+    return _locked(values)
+
+
+def _locked(values: Any) -> Any:
+    """A read-only copy in C order."""
+    copy = np.array(values, order="C")
+    copy.setflags(write=False)
+    return copy

@@ -1,0 +1,44 @@
+"""Remedies for keys that stand in the wrong section of a scene."""
+
+from collections.abc import Sequence
+
+from clothsim.keys.generator_keys import GENERATOR_KEYS
+from clothsim.keys.keys import nearest
+from clothsim.keys.mesh_keys import BodyTable, ClothTable, FilePart
+from clothsim.keys.rigid_keys import RigidTable
+from clothsim.keys.schema import keys_of
+from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
+from clothsim.keys.typed_effects import TYPED_EFFECTS
+from clothsim.keys.value_checks import as_toml
+
+MOST = 3
+"""Sections that a remedy lists."""
+
+
+def section_remedy(name: str, sections: Sequence[str]) -> str:
+    """The section to which a name at the top of a scene belongs, or the nearest section."""
+    return home_of(name) or nearest(name, sections) or f"Known: {', '.join(sections)}."
+
+
+def home_of(name: str) -> str:
+    """Remedy that names the sections that have a key of this name; empty where none has."""
+    if name in TYPED_EFFECTS:
+        return effect_remedy(name)
+    settings = [f"[{kind.section}]" for kind in (Solver, RunSettings, Seed, Contact) if name in keys_of(kind)]
+    meshes = [f"[{kind.section}]" for kind in (ClothTable, BodyTable, RigidTable) if name in keys_of(kind)]
+    files = ["a mesh file"] if name in keys_of(FilePart) else []
+    generators = [f"mesh = {mesh!r}" for mesh, kind in GENERATOR_KEYS.items() if name in keys_of(kind)]
+    effects = [f"[effects.{effect}]" for effect, kind in TYPED_EFFECTS.items() if name in keys_of(kind)]
+    homes = [*settings, *meshes, *files, *generators, *effects]
+    if not homes:
+        return ""
+    listed = ", ".join(homes[:MOST]).replace("'", '"')
+    return f"{name} is a key of {listed}{' and others' if len(homes) > MOST else ''}."
+
+
+def effect_remedy(name: str) -> str:
+    """The form in which a scene file names an effect, with its first key."""
+    declared = keys_of(TYPED_EFFECTS[name]).values() if name in TYPED_EFFECTS else ()
+    keys = [key for key in declared if key.default not in ((), None)]
+    example = f", with {keys[0].name} = {as_toml(keys[0].default)} under it" if keys else ""
+    return f"{name} is an effect: write [effects.{name}]{example}."

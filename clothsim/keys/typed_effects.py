@@ -1,0 +1,297 @@
+"""Effects as frozen dataclasses: the keys of each effect with default, unit, range and meaning.
+
+`effects=[clothsim.Gravity(), clothsim.Bending(model="midedge")]` is the same as
+`effects={"gravity": {}, "bending": {"model": "midedge"}}`. Importing this module imports no effect: the fields repeat
+the keywords and defaults of the builders in `scene.effects`, and a test compares them.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
+
+from clothsim.base.errors import InputError
+from clothsim.keys.effect_tables import SELECT, Crease, Gust, Motion, PatternSeams, PinGroup, Seam, Spring, Vortex
+from clothsim.keys.key_table import KeyTable, as_tables
+from clothsim.keys.keys import shown
+from clothsim.keys.schema import Curve, Key, OverCloth, OverTime, OverTimeByCloth, Selection, Vector
+
+AUTO = Literal["auto"]
+WARP_ANGLE = Key("Angle of the warp from the cloth's first axis", "degrees")
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffectKeys(KeyTable):
+    """The keys of one effect."""
+
+    @property
+    def name(self) -> str:
+        """The name of the effect in the table."""
+        return self.section.removeprefix("effects.")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pins(EffectKeys):
+    """Dirichlet conditions: vertices that are fixed or follow a rigid motion."""
+
+    section: ClassVar[str] = "effects.pins"
+
+    select: Annotated[Selection, SELECT] = ()
+    clamp: Annotated[bool, Key("Hold the rest direction of the cloth at the pinned edge too")] = False
+    motion: Annotated[
+        Motion | Mapping[str, Any] | None, Key("Rigid motion of the pinned vertices", tables=(Motion,), shown="none")
+    ] = None
+    group: Annotated[
+        Sequence[PinGroup | Mapping[str, Any]],
+        Key("Groups of pins, each with select, clamp and motion", tables=(PinGroup,)),
+    ] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inertia(EffectKeys):
+    """Mass times acceleration; without it a run is quasi-static."""
+
+    section: ClassVar[str] = "effects.inertia"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Membrane(EffectKeys):
+    """Stretch and shear of the cloth in its plane."""
+
+    section: ClassVar[str] = "effects.membrane"
+
+    material: Annotated[
+        Literal["auto", "neo_hookean", "orthotropic", "measured"],
+        Key("By auto orthotropic where a fabric has its own warp, weft or shear stiffness, else isotropic"),
+    ] = "auto"
+    angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
+    warp: Annotated[Curve, Key("Measured curve along the warp: rows of strain and stress", "1, N/m")] = ()
+    weft: Annotated[Curve, Key("Measured curve along the weft: rows of strain and stress", "1, N/m")] = ()
+    shear: Annotated[Curve, Key("Measured curve in shear: rows of the sine of the angle and stress", "1, N/m")] = ()
+    elements: Annotated[
+        Literal["triangles", "pairs"], Key("Constant strain per triangle, or per pair of them, which lock less")
+    ] = "triangles"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fibres(EffectKeys):
+    """Stiffness of warp and weft beside the membrane."""
+
+    section: ClassVar[str] = "effects.fibres"
+
+    warp: Annotated[OverCloth, Key("Stiffness along the warp", "N/m", least=0)] = 0.0
+    weft: Annotated[OverCloth, Key("Stiffness along the weft", "N/m", least=0)] = 0.0
+    shear: Annotated[OverCloth, Key("Stiffness in shear", "N/m", least=0)] = 0.0
+    angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class StrainLimit(EffectKeys):
+    """A barrier that keeps stretches below a limit."""
+
+    section: ClassVar[str] = "effects.strain_limit"
+
+    limit: Annotated[
+        OverCloth,
+        Key(
+            "Largest principal stretch, 1.1 being 10 %; 0 is none; fabric: the extension of the fabric along warp and"
+            " weft under 490 N/m, 1.1 where it has none",
+            "1",
+            least=0,
+        ),
+    ] = "fabric"
+    limit_warp: Annotated[OverCloth, Key("Largest stretch along the warp; 0 is none", "1", least=0)] = 0.0
+    limit_weft: Annotated[OverCloth, Key("Largest stretch along the weft; 0 is none", "1", least=0)] = 0.0
+    begins: Annotated[float, Key("Fraction of the range from 1 to the limit at which the barrier starts", "1")] = 0.5
+    stiffness: Annotated[OverCloth, Key("Stiffness of the barrier; 0 takes the fabric's", "N/m", least=0)] = 0.0
+    angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Bending(EffectKeys):
+    """Resistance of the cloth to curvature."""
+
+    section: ClassVar[str] = "effects.bending"
+
+    model: Annotated[
+        Literal["midedge", "hinge", "quadratic"],
+        Key("Curvature by triangle, which converges on any mesh; hinge angles; or a constant Hessian"),
+    ] = "midedge"
+    angle_degrees: Annotated[OverCloth, WARP_ANGLE] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RestAngle(EffectKeys):
+    """Creases and pleats: lines along which the cloth is folded at rest."""
+
+    section: ClassVar[str] = "effects.rest_angle"
+
+    crease: Annotated[Sequence[Crease | Mapping[str, Any]], Key("Lines with a rest angle", tables=(Crease,))] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gravity(EffectKeys):
+    """Weight of the cloth."""
+
+    section: ClassVar[str] = "effects.gravity"
+
+    acceleration: Annotated[Vector, Key("Acceleration of gravity", "m/s2", length=3)] = (0.0, 0.0, -9.81)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Springs(EffectKeys):
+    """Springs, tethers and soft pins from vertices to points."""
+
+    section: ClassVar[str] = "effects.springs"
+
+    spring: Annotated[Sequence[Spring | Mapping[str, Any]], Key("Springs of several vertices", tables=(Spring,))] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pressure(EffectKeys):
+    """Pressure of a fluid along the normals."""
+
+    section: ClassVar[str] = "effects.pressure"
+
+    value: Annotated[OverTimeByCloth, Key("Pressure along the outward normals", "Pa")] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Air(EffectKeys):
+    """Drag and lift in still air or wind."""
+
+    section: ClassVar[str] = "effects.air"
+
+    density: Annotated[float, Key("Density of the air", "kg/m3", least=0)] = 1.2
+    drag: Annotated[OverCloth, Key("Drag coefficient of a triangle that faces the wind", "1", least=0)] = 1.0
+    lift: Annotated[OverCloth, Key("Fraction of the drag that acts along the normal alone", "1", least=0, most=1)] = 0.9
+    wind: Annotated[
+        Vector | Gust | Vortex | Mapping[str, Any] | Callable[..., Any],
+        Key("Velocity of the air; a table with a kind; or in Python a function of points and time", "m/s", length=3,
+            tables=(Gust, Vortex)),
+    ] = (0.0, 0.0, 0.0)  # fmt: skip
+    strength: Annotated[OverTime, Key("Factor of the wind over time", "1")] = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Damping(EffectKeys):
+    """Drag on velocity, on the rate of strain and on the rate of bending."""
+
+    section: ClassVar[str] = "effects.damping"
+
+    rate: Annotated[OverCloth, Key("Mass-proportional damping; it slows a free fall too", "1/s", least=0)] = 1.0
+    stiffness: Annotated[float, Key("Stiffness-proportional damping, Rayleigh's beta", "s", least=0)] = 0.0
+    strain_rate: Annotated[OverCloth, Key("Viscosity of the sheet in its plane", "N s/m", least=0)] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _ContactKeys(EffectKeys):
+    """The keys of both contacts."""
+
+    d_hat: Annotated[
+        float | AUTO, Key("Activation distance of the barrier; auto: from the median cloth edge", "m", above=0)
+    ] = "auto"  # fmt: skip
+    offset: Annotated[float, Key("Gap that is kept beside it, a thickness of contact", "m", least=0)] = 0.0
+    stiffness: Annotated[float | AUTO, Key("Stiffness of the barrier; auto: from the loads", "Pa", above=0)] = "auto"
+    exclude: Annotated[Sequence[Sequence[str]], Key("Pairs of names of cloths and bodies without contact")] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class BodyContact(_ContactKeys):
+    """Contact of cloth and bodies."""
+
+    section: ClassVar[str] = "effects.body_contact"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SelfContact(_ContactKeys):
+    """Contact of cloth and cloth."""
+
+    section: ClassVar[str] = "effects.self_contact"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seams(EffectKeys):
+    """Seams: borders that are drawn together over time and then joined."""
+
+    section: ClassVar[str] = "effects.seams"
+
+    seam: Annotated[Sequence[Seam | Mapping[str, Any]], Key("Seams between two borders", tables=(Seam,))] = ()
+    pattern: Annotated[
+        PatternSeams | Mapping[str, Any] | bool,
+        Key("All seams of sewing patterns that are open as placed: true, or a table", tables=(PatternSeams,)),
+    ] = False  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlasticBending(EffectKeys):
+    """Folds beyond a yield angle or curvature that stay."""
+
+    section: ClassVar[str] = "effects.plastic_bending"
+
+    yield_angle_degrees: Annotated[float, Key("Yield angle of a hinge; 0 is none", "degrees", least=0)] = 0.0
+    yield_curvature: Annotated[float, Key("Yield curvature, in place of the angle; 0 is none", "1/m", least=0)] = 0.0
+    hardening: Annotated[float, Key("Kinematic hardening as fraction of the bending stiffness", "1", least=0)] = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Friction(EffectKeys):
+    """Coulomb friction of every contact."""
+
+    section: ClassVar[str] = "effects.friction"
+
+    coefficient: Annotated[float, Key("Coefficient of friction of all other pairs", "1", least=0)] = 0.3
+    mu_static: Annotated[float | AUTO, Key("Coefficient of contacts that hold; auto: coefficient", "1", least=0)] = (
+        "auto"
+    )
+    mu_kinetic: Annotated[
+        float | AUTO, Key("Coefficient of contacts that slide; auto: coefficient, at most mu_static", "1", least=0)
+    ] = "auto"  # fmt: skip
+    pairs: Annotated[
+        Sequence[Sequence[object]],
+        Key("Coefficients [[name, name, mu], ...] or [[name, name, mu_static, mu_kinetic], ...] by pair", "1"),
+    ] = ()
+    elastic_slip: Annotated[
+        float | AUTO, Key("Displacement after which a contact slides; auto: 1e-5 of the cloth's size", "m", above=0)
+    ] = "auto"  # fmt: skip
+    eps_v: Annotated[
+        float | AUTO, Key("Speed below which a contact creeps; auto: none, it holds its place", "m/s", above=0)
+    ] = "auto"  # fmt: skip
+    iterations: Annotated[int, Key("Solves of a step, each with the contact forces of the last", "1", least=1)] = 1
+
+
+TYPED_EFFECTS: dict[str, type[EffectKeys]] = {
+    kind.section.removeprefix("effects."): kind
+    for kind in (
+        Pins, Inertia, Membrane, Fibres, StrainLimit, Bending, RestAngle, Gravity, Springs, Pressure, Air, Damping,
+        BodyContact, SelfContact, Seams, PlasticBending, Friction,
+    )
+}  # fmt: skip
+
+
+def effect_tables(effects: Any) -> Any:
+    """The tables of effects by name, of a list of typed effects or of such tables; anything else as it is.
+
+    Raises
+    ------
+    InputError
+        For an entry of the list that is no effect, and for an effect that is given twice.
+    """
+    if isinstance(effects, EffectKeys):
+        effects = [effects]
+    if isinstance(effects, str) or not isinstance(effects, Iterable):
+        return effects
+    if isinstance(effects, Mapping):
+        return {name: as_tables(keys) for name, keys in effects.items()}
+    tables: dict[str, Any] = {}
+    for number, effect in enumerate(effects):  # an iterable of typed effects
+        if isinstance(effect, type) and issubclass(effect, EffectKeys):
+            raise InputError(f"effects[{number}] is the class {effect.__name__}.", f"Write {effect.__name__}().")
+        if not isinstance(effect, EffectKeys):
+            raise InputError(
+                f"effects[{number}] is {shown(effect)}, which is no effect.",
+                'Write effects=[clothsim.Gravity(), ...] or effects={"gravity": {}, ...}.',
+            )
+        if effect.name in tables:
+            raise InputError(f"effects[{number}] gives {effect.name} again.", "Give each effect once.")
+        tables[effect.name] = effect.as_table()
+    return tables

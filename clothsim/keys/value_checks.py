@@ -1,0 +1,220 @@
+"""Checks of a scene's values against the schema: type, range, choices, and the keys of nested tables."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, get_args, get_origin
+
+import numpy as np
+
+from clothsim.base.errors import InputError
+from clothsim.keys.keys import nearest, refuse_unknown, shown, table
+from clothsim.keys.schema import FUNCTION, SceneKey, choices, keys_of, members, type_in_words
+
+MOST = 10**6
+"""The largest count that a setting may have."""
+
+
+def check_table(where: str, given: Any, section: type) -> Mapping[str, Any]:
+    """A table whose keys and values are those of a section.
+
+    Parameters
+    ----------
+    where : str
+        Dotted name of the table, for messages.
+    given : Any
+        Value in the scene.
+    section : type
+        A section of the schema.
+
+    Returns
+    -------
+    Mapping
+        `given`.
+
+    Raises
+    ------
+    InputError
+        For an unknown key, a missing one, or a value of another type or out of range.
+    """
+    keys = table(where, given)
+    known = keys_of(section)
+    refuse_unknown(where, keys, known)
+    for name, value in keys.items():
+        check_value(f"{where}.{name}", value, known[name])
+    return keys
+
+
+def refuse_missing(where: str, keys: Mapping[str, Any], section: type) -> None:
+    """InputError for the first key that a section needs and a table does not have."""
+    for name, known in keys_of(section).items():
+        if known.required and name not in keys:
+            raise InputError(f"{where} has no {name}.", f"{name}: {known.key.meaning}; give {_a_type(known)}.")
+
+
+def check_value(where: str, value: Any, known: SceneKey) -> Any:
+    """A value of a key: numbers as float or int, everything else as it is. InputError names `where`."""
+    parts, key = members(known.annotation), known.key
+    if isinstance(value, bool | np.bool_):
+        if bool in parts:
+            return bool(value)
+    elif _is_number(value):
+        if float in parts or int in parts:
+            return _in_range(where, value, known, whole=float not in parts)
+    elif isinstance(value, str):
+        return _word(where, value, known)
+    elif key.tables and not (isinstance(value, Mapping) and set(value) == {FUNCTION}):
+        return _nested(where, value, known)
+    elif isinstance(value, list | tuple | np.ndarray) and (entries := _entries(parts)) is not None:
+        _each(where, value, known, entries)
+        return value
+    elif any(_accepts(part, value) for part in parts):
+        return value  # of {function = "name"}, from the text of a run, the effect reports that the function is lost
+    raise _wrong_type(where, value, known)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.integer | np.floating)
+
+
+def _in_range(where: str, value: Any, known: SceneKey, whole: bool) -> float | int:
+    """The number as a float, or as an int where it must be whole."""
+    key = known.key
+    if whole:
+        least, most = int(key.least or 0), MOST if key.most is None else int(key.most)
+        if not (least <= value <= most and value == int(value)):
+            span = f"a whole number from {least:,} to {most:,}"
+            raise InputError(f"{where} must be {span}, not {shown(value)}.", _example(where, known))
+        return int(value)
+    try:
+        number = float(value)
+    except OverflowError as error:
+        raise InputError(f"{where} must be a number that a float can hold.", _example(where, known)) from error
+    if not (math.isfinite(number) and key.contains(number)):
+        unit = "" if key.unit in ("-", "1") else f" [{key.unit}]"
+        raise InputError(f"{where} must be {key.range or 'finite'}{unit}, not {shown(value)}.", _example(where, known))
+    return number
+
+
+def _word(where: str, value: str, known: SceneKey) -> str:
+    """A text: one of the choices, or any that can be printed."""
+    words = choices(known.annotation)
+    if value in words:
+        return value
+    if str in members(known.annotation):
+        if not value.isprintable():
+            raise InputError(f"{where} is {value!r}, which cannot be printed.", "Give a text of printable letters.")
+        return value
+    if not words:
+        raise _wrong_type(where, value, known)
+    raise _unknown_word(where, value, words, type_in_words(known.annotation, known.key))
+
+
+def _unknown_word(where: str, value: Any, words: Sequence[str], listed: str) -> InputError:
+    """The error for a value that is none of the choices, with the nearest of them."""
+    return InputError(f"{where} is {shown(value)}.", f"{nearest(value, words)} Known: {listed}.".strip())
+
+
+def _nested(where: str, value: Any, known: SceneKey) -> Any:
+    """A table, or a list of tables, of the sections that the key names."""
+    several = any(get_origin(part) is Sequence for part in members(known.annotation))
+    sections = known.key.tables
+    if len(sections) > 1 or not several:
+        if isinstance(value, Mapping):
+            return _checked_kind(where, value, sections)
+        if any(_accepts(part, value) for part in members(known.annotation)):
+            return value
+        raise _wrong_type(where, value, known)
+    if isinstance(value, Mapping) or not isinstance(value, list | tuple):
+        raise _wrong_type(where, value, known)
+    for number, entry in enumerate(value):
+        refuse_missing(f"{where}[{number}]", check_table(f"{where}[{number}]", entry, sections[0]), sections[0])
+    return value
+
+
+def _checked_kind(where: str, value: Mapping[str, Any], sections: tuple[type, ...]) -> Mapping[str, Any]:
+    """A table of the only section, or of the one of its `kind`; the effect refuses an unknown kind."""
+    if len(sections) == 1:
+        return check_table(where, value, sections[0])
+    for section in sections:
+        if keys_of(section)["kind"].default == value.get("kind"):
+            refuse_missing(where, check_table(where, value, section), section)
+    return value
+
+
+def _entries(parts: tuple[Any, ...]) -> type | None:
+    """The type of the entries of a list of numbers or words; None where the list may be something else too."""
+    lists = [get_args(part)[0] for part in parts if get_origin(part) is Sequence]
+    return lists[0] if len(lists) == 1 and (lists[0] in (int, float) or choices(lists[0])) else None
+
+
+def _each(where: str, values: Any, known: SceneKey, entry: type) -> None:
+    """InputError unless a list has its length, and each entry its type and range."""
+    words = choices(entry)
+    for index, word in enumerate(values if words else ()):
+        if word not in words:
+            raise _unknown_word(f"{where}[{index}]", word, words, " | ".join(words))
+    length, numbers = known.key.length, np.ndim(np.asarray(values, object))
+    if length is None:
+        return
+    if numbers != 1 or len(values) != length:
+        raise _wrong_type(where, values, known)
+    for index, value in enumerate(values):
+        if not _is_number(value) or isinstance(value, bool):
+            kind = "a whole number" if entry is int else "a number"
+            raise InputError(f"{where}[{index}] must be {kind}, not {shown(value)}.", _example(where, known))
+        _in_range(f"{where}[{index}]", value, known, whole=entry is int)
+
+
+def _accepts(part: Any, value: Any) -> bool:
+    """True where a value that is neither a number nor a text may be of the type."""
+    origin = get_origin(part) or part
+    if isinstance(value, Mapping) and set(value) == {FUNCTION}:
+        return origin is Callable
+    if origin is Sequence or origin is np.ndarray:
+        return isinstance(value, list | tuple | np.ndarray | range)
+    if origin is Mapping:
+        return isinstance(value, Mapping)
+    if origin is Callable:
+        return callable(value)
+    return part is Any
+
+
+def _wrong_type(where: str, value: Any, known: SceneKey) -> InputError:
+    """The error for a value of another type, with an example of a right one."""
+    kind = _a_type(known)
+    unit = "" if known.key.unit in ("-", "1") else f" [{known.key.unit}]"
+    return InputError(f"{where} must be {kind}{unit}, not {shown(value)}.", _example(where, known))
+
+
+def _example(where: str, known: SceneKey) -> str:
+    """A remedy that shows how the key is written."""
+    if known.key.tables:
+        names = "; or ".join(", ".join(keys_of(section)) for section in known.key.tables)
+        several = any(
+            get_origin(part) is Sequence and get_args(part)[0] is not float for part in members(known.annotation)
+        )
+        return f"Write [[{where}]], each a table with {names}." if several else f"Its keys are {names}."
+    if known.key.shown:
+        none, _, instead = known.key.shown.partition(": ")
+        without = f"without it {instead or 'there is none'}" if none == "none" else f"the default is {known.key.shown}"
+        return f"{known.name}: {known.key.meaning}; {without}."
+    if known.required or known.default == ():
+        return f"{known.name}: {known.key.meaning}."
+    return f"{known.name}: {known.key.meaning}; the default is {as_toml(known.default)}."
+
+
+def _a_type(known: SceneKey) -> str:
+    """The type of a key with its article."""
+    kind = type_in_words(known.annotation, known.key)
+    return kind if kind[:1].isdigit() or kind.startswith(("true", '"', "rows")) else f"a {kind}"
+
+
+def as_toml(value: Any) -> str:
+    """A default as a scene file writes it."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, list | tuple | np.ndarray):
+        return f"[{', '.join(as_toml(entry) for entry in value)}]"
+    return f"{value:g}" if isinstance(value, float) else str(value)

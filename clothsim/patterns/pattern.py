@@ -1,0 +1,200 @@
+"""Sewing pattern: flat panels with edges, their placement in space, and the stitches that join edges."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.patterns.curves import Curve
+from clothsim.patterns.limits import refuse_unreal
+
+SHORTEST = 1e-8
+"""Distance of the ends of an edge below which it has no length [m]: rounding of coordinates far from the origin."""
+
+
+@dataclass(frozen=True)
+class PatternEdge:
+    """Edge of a panel.
+
+    Attributes
+    ----------
+    start, end : int
+        Numbers of two vertices of the panel.
+    curve : Curve
+        Curve between them.
+    label : str
+        Name of an attachment such as "lower_interface" or "left_collar"; empty for none.
+    """
+
+    start: int
+    end: int
+    curve: Curve
+    label: str = ""
+
+
+@dataclass(frozen=True)
+class Panel:
+    """Flat piece of fabric inside a closed loop of edges.
+
+    Attributes
+    ----------
+    name : str
+        Name.
+    vertices : (k, 2) array
+        Corners in the plane of the panel [m]; y runs along the warp.
+    edges : tuple of PatternEdge
+        The loop in order: each edge starts where the one before it ends.
+    translation : (3,) array
+        Placement in space: p = R (x, y, 0) + translation [m].
+    rotation : (3,) array
+        Angles about x, y and z [rad]: R = Rz Ry Rx.
+    label : str
+        Part of the body ("body", "leg", "arm"); empty for none.
+    """
+
+    name: str
+    vertices: Floats
+    edges: tuple[PatternEdge, ...]
+    translation: Floats
+    rotation: Floats
+    label: str = ""
+
+    @property
+    def matrix(self) -> Floats:
+        """Rotation R = Rz Ry Rx of the placement, (3, 3)."""
+        (sx, sy, sz), (cx, cy, cz) = np.sin(self.rotation), np.cos(self.rotation)
+        about_x = np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
+        about_y = np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
+        about_z = np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
+        return np.asarray(about_z @ about_y @ about_x, np.float64)
+
+    def placed(self, points: Floats) -> Floats:
+        """Points (k, 2) of the plane in space, (k, 3) [m]."""
+        return np.asarray(points @ self.matrix[:, :2].T + self.translation, np.float64)
+
+    def edge_points(self, number: int, share: Floats) -> Floats:
+        """Points (k, 2) [m] of an edge at the fractions `share (k,)` of its arc length."""
+        edge = self.edges[number]
+        return edge.curve.by_length(self.vertices[edge.start], self.vertices[edge.end], share)
+
+    def edge_length(self, number: int) -> float:
+        """Arc length of an edge [m]."""
+        edge = self.edges[number]
+        return edge.curve.length(self.vertices[edge.start], self.vertices[edge.end])
+
+
+@dataclass(frozen=True)
+class Side:
+    """One edge of one panel, as a side of a seam."""
+
+    panel: str
+    edge: int
+
+    def __str__(self) -> str:
+        return f"edge {self.edge} of {self.panel}"
+
+
+@dataclass(frozen=True)
+class Stitch:
+    """Two edges that are sewn together.
+
+    Attributes
+    ----------
+    first, second : Side
+        The edges: the start of the first meets the end of the second.
+    right_wrong : bool
+        True where start meets start: the right side of the one fabric lies on the wrong side of the other.
+    """
+
+    first: Side
+    second: Side
+    right_wrong: bool = False
+
+    @property
+    def sides(self) -> tuple[Side, Side]:
+        """Both edges."""
+        return self.first, self.second
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Panels and stitches of a garment.
+
+    Attributes
+    ----------
+    panels : mapping of str to Panel
+        Panels by name, in order.
+    stitches : tuple of Stitch
+        Seams.
+    notes : tuple of str
+        Assumptions made in reading.
+    source : mapping
+        Entries of the file that are not read, written back as they are.
+
+    Raises
+    ------
+    InputError
+        An open loop, an edge of no length, a stitch to a missing edge, an edge in two stitches.
+    """
+
+    panels: Mapping[str, Panel]
+    stitches: tuple[Stitch, ...]
+    notes: tuple[str, ...] = ()
+    source: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if not self.panels:
+            raise InputError("The pattern has no panel.", "Give it one or more.")
+        for panel in self.panels.values():
+            _check_loop(panel)
+            refuse_unreal(panel)
+        _check_stitches(self)
+
+
+def _check_loop(panel: Panel) -> None:
+    """InputError for edges that form no closed loop of edges with a length."""
+    name, count = panel.name, len(panel.vertices)
+    if not panel.edges:
+        raise InputError(f"Panel {name} has no edge.", "A panel is a closed loop of edges.")
+    for number, edge in enumerate(panel.edges):
+        following = (number + 1) % len(panel.edges)
+        for end in (edge.start, edge.end):
+            if not 0 <= end < count:
+                raise InputError(
+                    f"Edge {number} of panel {name} names vertex {end} of {count}.", "Vertices count from 0."
+                )
+        if edge.end != panel.edges[following].start:
+            raise InputError(
+                f"The loop of panel {name} is open: edge {number} ends at vertex {edge.end}, "
+                f"edge {following} starts at vertex {panel.edges[following].start}.",
+                "Give the edges in the order of the loop, each in its direction.",
+            )
+        if np.abs(panel.vertices[edge.start] - panel.vertices[edge.end]).max() < SHORTEST:
+            raise InputError(
+                f"Edge {number} of panel {name} has no length: both ends are at "
+                f"{panel.vertices[edge.start].tolist()} m.",
+                "Remove it, or split a closed curve in two.",
+            )
+
+
+def _check_stitches(pattern: Pattern) -> None:
+    """InputError for a stitch of an edge that is not there, or of an edge that is sewn already."""
+    sewn: dict[Side, int] = {}
+    for number, stitch in enumerate(pattern.stitches):
+        for side in stitch.sides:
+            if side.panel not in pattern.panels:
+                raise InputError(
+                    f"Stitch {number} names the panel {side.panel!r}.", f"Known: {', '.join(pattern.panels)}."
+                )
+            edges = len(pattern.panels[side.panel].edges)
+            if not 0 <= side.edge < edges:
+                raise InputError(f"Stitch {number} names the {side}, which has {edges} edges.", "Edges count from 0.")
+            if side in sewn:
+                raise InputError(
+                    f"The {side} is in two stitches, {sewn[side]} and {number}.",
+                    "Split the edge where one seam ends and the other begins.",
+                )
+            sewn[side] = number

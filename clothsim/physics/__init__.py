@@ -1,0 +1,1 @@
+"""Physics: energies of cloth, and contact."""

@@ -1,0 +1,81 @@
+"""The effect `body_contact`: intersection-free contact of cloths with bodies."""
+
+from collections.abc import Sequence
+
+from clothsim.mesh.world import World
+from clothsim.physics.contact.excluded_pairs import excluded_pairs
+from clothsim.physics.contact.surface import cloth_body_surface
+from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.example import Example, Idle
+
+
+def body_contact(
+    world: World,
+    *,
+    d_hat: float | str = "auto",
+    offset: float = 0.0,
+    stiffness: float | str = "auto",
+    exclude: Sequence[Sequence[str]] = (),
+    backend: str = "auto",
+) -> Energy | Off:
+    """Log-barrier contact between every cloth and every body, and of rigid bodies with bodies and each other.
+
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies.
+    d_hat : float or "auto"
+        Gap below which contact forces act [m]; "auto": a tenth of the median cloth edge.
+    offset : float
+        Distance that is kept free in addition [m] (a contact thickness, independent of the fabric's own).
+    stiffness : float or "auto"
+        Barrier stiffness [Pa]; "auto": adapted to the loads at each step.
+    exclude : sequence of [name, name]
+        Pairs of objects that do not touch.
+    backend : {"auto", "numba", "ipctk"}
+        Implementation.
+
+    Returns
+    -------
+    Energy or Off
+        Off where there is no body or every pair is excluded.
+
+    Raises
+    ------
+    InputError
+        A key is out of range, or a cloth starts in contact with a body.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> from clothsim.scene.assembly.scene_world import build
+    >>> cloth, ball = {"mesh": "rectangle", "position": [0, 0, 0.5]}, {"mesh": "sphere", "radius": 0.3}
+    >>> scene = clothsim.Scene(cloth=cloth, body=ball, effects={"body_contact": {"d_hat": 0.01, "offset": 0.002}})
+    >>> contact = build(scene).energies["body_contact"]
+    >>> contact.d_hat, contact.offset
+    (0.01, 0.002)
+    """
+    if not world.bodies:
+        return Off("the scene has no body")
+    surface = cloth_body_surface(world, excluded_pairs("body_contact", world, exclude))
+    if not surface.allowed.any():
+        return Off("every pair is excluded")
+    from clothsim.physics.contact.setup import (
+        contact_energy,  # after the last Off: no kernel is imported without a pair
+    )
+
+    return contact_energy("body_contact", world, surface, d_hat, offset, stiffness, backend)
+
+
+EXAMPLE = Example(
+    keys={"d_hat": 0.5, "stiffness": 2.0},
+    in_scene={},
+    zero={},
+    zero_scene={"body": ()},
+    with_bodies=True,
+    idle=Idle(
+        scene={"body": {"position": [0.0, 0.0, -50.0]}},
+        searches=True,
+        kernels=("clothsim.physics.contact.barrier_kernels",),
+    ),
+)

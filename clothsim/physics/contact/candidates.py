@@ -1,0 +1,243 @@
+"""Contact candidates: a Verlet list of pairs with a skin, extended to linear paths.
+
+The list belongs to reference positions of all vertices and, since the last search, to a linear path of some of them: it
+holds every pair that is closer than activation_distance + 4 skin on it. For positions no further than m from the
+reference, or from the point of the path at one common fraction, it therefore holds every pair closer than
+activation_distance + 4 skin - 2 m. Beyond that the list is updated: where most vertices have left the skin, all pairs
+are searched; where few have (a growing buckle), only the pairs incident to them. Those are removed from the list, the
+new path of the vertices is searched against the reference positions of all others, and the pairs found are merged. So
+the reference is no configuration that ever occurred, only one for which the list is complete.
+"""
+
+from time import perf_counter
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.indexing import equal
+from clothsim.physics.contact.barrier_kernels import pairs_within
+from clothsim.physics.contact.ccd import TOLERANCE, edge_edge_limit, point_triangle_limit
+from clothsim.physics.contact.filter import (
+    active_among,
+    displacement_norms,
+    follows_path,
+    pairs_possibly_within,
+    path_fraction,
+    point_on_path,
+    retained_pairs,
+)
+from clothsim.physics.contact.pair_list import NO_PAIRS, Pairs, merged
+from clothsim.physics.contact.search import Search
+from clothsim.physics.contact.surface import ContactSurface
+
+MAX_FRACTION_OUTSIDE = 0.25
+"""Fraction of the vertices outside the skin up to which only theirs are searched: two such searches cost one of all."""
+
+PATH_TOLERANCE = 1e-3
+"""Fraction of the skin within which positions lie on a path: x + t dx is rounded."""
+
+SLACK = 0.9
+"""Fraction of a distance that one step may use up (the conservative rescaling of additive CCD, Li et al. 2021)."""
+
+
+class Candidates:
+    """Cache of contact candidates of one surface; the results do not depend on its content.
+
+    Parameters
+    ----------
+    surface : ContactSurface
+        The primitives that may touch.
+    activation_distance : float
+        offset + d_hat: the active set holds the pairs closer than this [m].
+    skin : float
+        The list holds pairs closer than activation_distance + 4 skin; a vertex further than the skin from its reference
+        position may be searched again [m].
+    offset : float
+        Distance that no pair goes below [m].
+    """
+
+    def __init__(self, surface: ContactSurface, activation_distance: float, skin: float, offset: float = 0.0) -> None:
+        self.surface = surface
+        self.activation_distance = activation_distance
+        self.skin = skin
+        self.offset = offset
+        self.seconds = {"candidates": 0.0, "CCD": 0.0}
+        self.ccd_calls = 0
+        self.builds = 0
+        self.searched_vertices = 0
+        self.pairs = 0
+        self.search = Search(surface)
+        self.clear()
+
+    @property
+    def d_hat(self) -> float:
+        """Range of the barrier beyond the offset [m]."""
+        return self.activation_distance - self.offset
+
+    def clear(self) -> None:
+        """Search again at the next call."""
+        self._path: tuple[Floats, Floats] | None = None
+        self._pairs = NO_PAIRS
+        self._distances = np.zeros(0)
+        self._active_at: Floats | None = None
+        self._active = NO_PAIRS
+        self._gap: float | None = None
+
+    def active(self, x: Floats) -> Pairs:
+        """Active set at x: the pairs closer than the activation distance."""
+        if self._active_at is not None and equal(x, self._active_at):
+            return self._active
+        start = perf_counter()
+        self._active, self._active_at, self._gap = self.within(x, self.activation_distance), x.copy(), None
+        self.pairs = len(self._active)
+        self.seconds["candidates"] += perf_counter() - start
+        return self._active
+
+    def within(self, x: Floats, distance: float) -> Pairs:
+        """Pairs closer than `distance` [m] at x, at most activation_distance + skin."""
+        displacement = self._ensure_covers(x, x, distance)
+        pairs = self._pairs
+        return pairs.subset(active_among(x, pairs.elements, pairs.n_points, self._distances, displacement, distance))
+
+    def minimum_gap(self, x: Floats) -> float:
+        """Smallest distance of an active pair less the offset [m]; inf where no pair is active."""
+        active = self.active(x)
+        if self._gap is None:
+            _, distances_squared = pairs_within(x, active.elements, active.n_points, np.inf)
+            self._gap = float(np.sqrt(distances_squared.min(initial=np.inf))) - self.offset
+        return self._gap
+
+    def gap_change(self, x: Floats, dx: Floats, within: float = np.inf) -> float:
+        """Largest |g(x + dx) - g(x)| / g(x) of the pairs active before or after; g: the distance less the offset.
+
+        Pairs with g(x) >= `within` [m] do not count.
+        """
+        change = 0.0
+        for positions in (x + dx, x):
+            active = self.active(positions)
+            before, after = (
+                np.sqrt(pairs_within(at, active.elements, active.n_points, np.inf)[1]) for at in (x, x + dx)
+            )
+            gap = before - self.offset
+            change = max(change, float((np.abs(after - before) / gap)[gap < within].max(initial=0.0)))
+        return change
+
+    def closest_pair(self, x: Floats) -> Ints:
+        """Rows (4,) of the closest active pair; empty where there is none."""
+        active = self.active(x)
+        if not len(active):
+            return np.zeros(0, np.int64)
+        _, distances_squared = pairs_within(x, active.elements, active.n_points, np.inf)
+        return active.elements[int(distances_squared.argmin())]
+
+    def step_limit(self, x: Floats, dx: Floats, most: float = 1.0) -> float:
+        """Collision-free fraction of dx, at most `most`, by additive CCD over linear paths.
+
+        The listed pairs bound the path that is searched for the others. 0 where x + dx is not finite.
+        """
+        start, ccd_seconds = perf_counter(), self.seconds["CCD"]
+        listed, displacement, after, requested = self._pairs, None, x + most * dx, most
+        if not np.isfinite(after).all():
+            return 0.0
+        if self._path is not None:
+            displacement = self._displacements(x, after)
+            most = self._limit_of_listed(displacement, x, dx, most)
+        if most < requested:
+            displacement, after = None, x + most * dx
+        displacement = self._ensure_covers(x, after, self.activation_distance, displacement)
+        if self._pairs is not listed:
+            most = self._limit_of_listed(displacement, x, dx, most)
+        self.seconds["candidates"] += perf_counter() - start - (self.seconds["CCD"] - ccd_seconds)
+        return most
+
+    def _limit_of_listed(self, displacement: Floats, x: Floats, dx: Floats, most: float) -> float:
+        """Collision-free fraction over the listed pairs."""
+        return self.collision_free_fraction(self._pairs.subset(self._may_reach_floor(displacement)), x, dx, most)
+
+    def collision_free_fraction(self, pairs: Pairs, x: Floats, dx: Floats, most: float = 1.0) -> float:
+        """Fraction of dx, at most `most`, on which none of these pairs collides."""
+        start = perf_counter()
+        points, edges = pairs.elements[: pairs.n_points], pairs.elements[pairs.n_points :]
+        ccd_settings = self.offset, SLACK, self.d_hat
+        fraction = point_triangle_limit(x, dx, points, *ccd_settings, most)
+        fraction = edge_edge_limit(x, dx, edges, *ccd_settings, fraction)
+        self.ccd_calls += 1
+        self.seconds["CCD"] += perf_counter() - start
+        return float(fraction)
+
+    def _may_reach_floor(self, displacement: Floats) -> Ints:
+        """Indices of the pairs that the CCD may stop, if no row of x moves further than `displacement`.
+
+        With d the distance at the reference, such a pair is at most d + displacement apart at the start of the path,
+        and descends to its floor or TOLERANCE above: d - displacement <= offset + remainder (d + displacement -
+        offset).
+        """
+        remainder = 1.0 - SLACK * (1.0 - 2.0 * TOLERANCE)
+        factor = (1.0 + remainder) / (1.0 - remainder)
+        pairs = self._pairs
+        return pairs_possibly_within(pairs.elements, pairs.n_points, self._distances, displacement, self.offset, factor)
+
+    def _ensure_covers(
+        self, before: Floats, after: Floats, distance: float, displacement: Floats | None = None
+    ) -> Floats:
+        """Update the list unless it holds all pairs closer than `distance` <= activation_distance + skin on a path.
+
+        Returns the displacement of each row of x from the reference (N,) [m]; displacement: the same for the present
+        reference.
+        """
+        margin = 0.5 * (self.activation_distance + 4.0 * self.skin - distance)
+        if self._path is not None:
+            displacement = self._displacements(before, after) if displacement is None else displacement
+            if displacement.max(initial=0.0) <= margin or self._follows_path(before, after, margin):
+                return displacement
+        self._update_list(before, after)
+        return self._displacements(before, after)
+
+    def _displacements(self, before: Floats, after: Floats) -> Floats:
+        """Largest distance of each row of x from the reference on a path (N,) [m]."""
+        assert self._path is not None
+        return displacement_norms(before, after, self._path[0], self.surface.rows)
+
+    def _follows_path(self, before: Floats, after: Floats, margin: float) -> bool:
+        """True where all rows stay within `margin` [m] of the listed path at one common fraction."""
+        assert self._path is not None
+        positions = (before,) if after is before else (after, before)
+        return all(follows_path(x, *self._path, self.surface.rows, margin) for x in positions)
+
+    def _update_list(self, before: Floats, after: Floats) -> None:
+        """Search the pairs incident to rows that leave the skin on a path, or all pairs; the rest is cached."""
+        self.builds += 1
+        distance = self.activation_distance + (4.0 + 2.0 * PATH_TOLERANCE) * self.skin
+        moved = self._move_reference(before)
+        outside = self._outside_skin(before, after)
+        if outside is None:
+            self._path = before.copy(), after.copy()
+            self._pairs, self._distances = self.search.pairs(*self._path, distance)
+            self.searched_vertices += len(self.surface.rows)
+            return
+        assert self._path is not None
+        self.searched_vertices += int(outside.sum())
+        indices, distances = retained_pairs(
+            self._path[0], self._pairs.elements, self._pairs.n_points, self._distances, moved, outside, distance
+        )
+        start = np.where(outside[:, None], before, self._path[0])
+        self._path = start, np.where(outside[:, None], after, start)
+        found, found_distances = self.search.pairs(*self._path, distance, outside)
+        self._pairs, self._distances = merged(self._pairs, indices, distances, found, found_distances)
+
+    def _move_reference(self, x: Floats) -> np.ndarray:
+        """Move the reference along its path to the point closest to x; returns the rows that moved (N,)."""
+        if self._path is None:
+            return np.zeros(len(x), bool)
+        positions, moved = point_on_path(*self._path, path_fraction(x, *self._path, self.surface.rows))
+        self._path = positions, positions
+        return moved
+
+    def _outside_skin(self, before: Floats, after: Floats) -> np.ndarray | None:
+        """Rows of x that leave the skin on a path, (N,); None where all pairs are to be searched."""
+        if self._path is None:
+            return None
+        outside = ~(self._displacements(before, after) <= self.skin)
+        few = outside.sum() <= MAX_FRACTION_OUTSIDE * len(self.surface.first.points)
+        second_still = self.surface.is_self_contact or not outside[self.surface.second.points].any()
+        return outside if few and second_still else None

@@ -1,0 +1,91 @@
+"""The effect `self_contact`: intersection-free contact of cloth with itself and other cloth."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from clothsim.mesh.world import World
+from clothsim.physics.contact.excluded_pairs import excluded_pairs
+from clothsim.physics.contact.stiffness import default_d_hat
+from clothsim.physics.contact.surface import ContactSurface, cloth_surface
+from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.example import Example, Idle
+
+
+def self_contact(
+    world: World,
+    *,
+    d_hat: float | str = "auto",
+    offset: float = 0.0,
+    stiffness: float | str = "auto",
+    exclude: Sequence[Sequence[str]] = (),
+    backend: str = "auto",
+) -> Energy | Off:
+    """Log-barrier contact of every cloth with itself and with every other cloth.
+
+    Parameters
+    ----------
+    world : World
+        Cloths and bodies.
+    d_hat : float or "auto"
+        Gap below which contact forces act [m]; "auto": a tenth of the median cloth edge, but at most half of the
+        smallest rest gap of parts of a cloth without a common vertex, down to a tenth of that: slivers would else repel
+        one another.
+    offset, stiffness, backend
+        As for `body_contact`.
+    exclude : sequence of [name, name]
+        Pairs of objects that do not touch; a pair of one and the same name lets that cloth pass through itself.
+
+    Returns
+    -------
+    Energy or Off
+        Off where every pair is excluded.
+
+    Raises
+    ------
+    InputError
+        A key is out of range, or cloth starts in contact with cloth.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> from clothsim.scene.assembly.scene_world import build
+    >>> sheet = {"mesh": "rectangle", "size": [1.0, 1.0], "cells": [10, 10]}
+    >>> scene = clothsim.Scene(cloth=sheet, effects={"self_contact": {}})
+    >>> build(scene).energies["self_contact"].d_hat
+    0.01
+    """
+    surface = cloth_surface(world, excluded_pairs("self_contact", world, exclude))
+    if not surface.allowed.any():
+        return Off("every pair is excluded")
+    from clothsim.physics.contact.setup import (
+        contact_energy,  # after the last Off: no kernel is imported without a pair
+    )
+
+    if d_hat == "auto":
+        d_hat = _below_rest_gaps(world, surface)
+    return contact_energy("self_contact", world, surface, d_hat, offset, stiffness, backend)
+
+
+def _below_rest_gaps(world: World, surface: ContactSurface) -> float:
+    """A tenth of the median edge, or half of the smallest rest gap of parts of one cloth where that is less [m]."""
+    from clothsim.physics.contact.candidates import Candidates
+    from clothsim.physics.contact.setup import edge_lengths
+
+    default = default_d_hat(edge_lengths(world))
+    within_one_cloth = replace(surface, allowed=surface.allowed & np.eye(len(surface.allowed), dtype=bool))
+    gap = Candidates(within_one_cloth, default, skin=0.0).minimum_gap(surface.rest_positions)
+    return default if gap > default else max(0.5 * gap, 0.1 * default)
+
+
+EXAMPLE = Example(
+    keys={"d_hat": 0.4, "stiffness": 2.0},
+    in_scene={},
+    zero={"exclude": [["cloth", "cloth"]]},
+    idle=Idle(
+        scene={"body": {"position": [0.0, 0.0, -50.0]}},
+        searches=True,
+        kernels=("clothsim.physics.contact.barrier_kernels",),
+    ),
+)

@@ -1,0 +1,172 @@
+"""Setup of the contact effects: scales, and the refusal of a start in contact."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.errors import InputError, MissingPackageError
+from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
+from clothsim.mesh.world import World
+from clothsim.physics.contact.barrier import Barrier
+from clothsim.physics.contact.candidates import Candidates
+from clothsim.physics.contact.stiffness import HeavyBody, default_d_hat
+from clothsim.physics.contact.surface import ContactSurface, triangle_areas
+from clothsim.physics.energies.base import Energy
+
+CONTACT_ROUND_OFF = 64 * float(np.finfo(float).eps)
+"""Fraction of the largest coordinate below which a gap at the start is round-off."""
+
+LEAST_D_HAT = 2.0**24 * float(np.finfo(float).eps)
+"""Smallest d_hat as fraction of the largest coordinate. Impacts close a gap to a thousandth of d_hat, whose changes are
+then known to four digits; at 1e-9 m on a cloth of .5 m Newton's method did not converge, or a body went through."""
+
+BACKENDS = ("auto", "numba", "ipctk")
+
+
+def contact_energy(
+    name: str,
+    world: World,
+    surface: ContactSurface,
+    d_hat: float | str,
+    offset: float,
+    stiffness: float | str,
+    backend: str,
+) -> Energy:
+    """Barrier of the effect `name` on `surface`.
+
+    Parameters
+    ----------
+    name : str
+        Effect, for messages.
+    world : World
+        Cloths and bodies at the start.
+    surface : ContactSurface
+        Primitives that may touch.
+    d_hat, offset, stiffness, backend
+        Keys of the effect, unchecked.
+
+    Returns
+    -------
+    Barrier
+        With the chosen backend.
+
+    Raises
+    ------
+    InputError
+        A key is out of range, or surfaces intersect or touch at the start.
+    MissingPackageError
+        The ipctk backend without ipctk.
+    """
+    d_hat = _resolved_d_hat(name, world, d_hat)
+    offset = as_positive(f"effects.{name}.offset", offset, zero=True)
+    adaptive = stiffness == "auto"
+    kappa = 1.0 if adaptive else as_positive(f"effects.{name}.stiffness", stiffness)  # type: ignore[arg-type]
+    if backend not in BACKENDS:
+        raise InputError(f"contact.backend is {backend!r}.", f"Known: {', '.join(BACKENDS)}.")
+    start = world.start()
+    _refuse_intersections(world, surface, start)
+    candidates = Candidates(surface, d_hat + offset, skin=0.7 * d_hat, offset=offset)
+    _refuse_initial_contact(world, candidates, start, offset)
+    if backend == "ipctk":
+        try:
+            from clothsim.physics.contact.ipctk_barrier import IpctkBarrier, IpctkCandidates
+        except ImportError as error:
+            raise MissingPackageError(
+                'contact.backend = "ipctk" needs ipctk, which is not installed.',
+                "Run: pip install 'clothsim[oracle]', or take contact.backend = \"numba\".",
+            ) from error
+        if world.rigid:
+            raise InputError("Rigid bodies do not work with ipctk.", 'Use contact.backend = "numba".')
+        if offset or not surface.complete:
+            key = "offset" if offset else "exclude"
+            raise InputError(f"effects.{name}.{key} does not work with ipctk.", 'Use contact.backend = "numba".')
+        candidates = IpctkCandidates(surface, d_hat, skin=d_hat)
+        return IpctkBarrier(candidates, d_hat, 0.0, world.vertex_areas, world.masses, kappa, adaptive, name)
+    heavy = _heavy_bodies(world) if surface.n_shared else ()
+    return Barrier(candidates, d_hat, offset, world.vertex_areas, world.masses, kappa, adaptive, name, heavy)
+
+
+def _heavy_bodies(world: World) -> tuple[HeavyBody, ...]:
+    """The rigid bodies as loads on contact."""
+    found = []
+    for body, rows in zip(world.rigid, world.coordinate_slices, strict=True):
+        shadow = 0.25 * float(triangle_areas(body.positions[body.triangles]).sum())
+        found.append(HeavyBody(rows, body.masses, shadow))
+    return tuple(found)
+
+
+def _resolved_d_hat(name: str, world: World, d_hat: float | str) -> float:
+    """d_hat [m]: "auto" from the mesh, else as given. InputError for one as large as the cloth."""
+    default = default_d_hat(edge_lengths(world))
+    if d_hat == "auto":
+        return default
+    value = as_positive(f"effects.{name}.d_hat", d_hat)  # type: ignore[arg-type]
+    coordinate = float(np.abs(world.start()).max())
+    if value < LEAST_D_HAT * coordinate:
+        raise InputError(
+            f"effects.{name}.d_hat is {value:g} m, below {LEAST_D_HAT * coordinate:.2g} m: at coordinates of "
+            f"{coordinate:.3g} m double precision does not carry the changes of such gaps.",
+            f"d_hat is the gap below which contact forces act: {default:g} m suits the mesh.",
+        )
+    size = float(np.ptp(world.start()[: world.n_cloth], axis=0).max())
+    if value >= size:
+        raise InputError(
+            f"effects.{name}.d_hat is {value:g} m, and the whole cloth is {size:.3g} m long.",
+            f"d_hat is the gap below which contact forces act: {default:g} m suits the mesh.",
+        )
+    return value
+
+
+def edge_lengths(world: World) -> Floats:
+    """Lengths of the cloths' edges at the start, (e,) [m]."""
+    return np.asarray(np.linalg.norm(np.diff(world.start()[world.edges], axis=1)[:, 0], axis=1), np.float64)
+
+
+def _refuse_intersections(world: World, surface: ContactSurface, start: Floats) -> None:
+    """InputError where surfaces that may touch intersect at the start: names the first pair of objects and a point."""
+    for first, second in _checked_groups(surface):
+        pairs = intersecting_pairs(start, first, None if surface.is_self_contact else second)
+        labels = surface.labels[first[pairs[:, 0], 0]], surface.labels[second[pairs[:, 1], 0]]
+        pairs = pairs[surface.allowed[labels]]
+        if len(pairs):
+            raise _intersecting(world, surface, start, first, second, pairs)
+
+
+def _checked_groups(surface: ContactSurface) -> Iterator[tuple[Ints, Ints]]:
+    """Groups of triangles to check: cloths against the second group, and each rigid body against the others."""
+    first, second = surface.first.triangles, surface.second.triangles
+    own = len(first) - surface.n_shared
+    yield first[:own], second
+    owners = surface.labels[first[own:, 0]]
+    for label in np.unique(owners):
+        yield first[own:][owners == label], second[surface.labels[second[:, 0]] != label]
+
+
+def _intersecting(
+    world: World, surface: ContactSurface, start: Floats, first: Ints, second: Ints, pairs: Ints
+) -> InputError:
+    a, b = first[pairs[0, 0]], second[pairs[0, 1]]
+    one, other = world.names[surface.labels[a[0]]], world.names[surface.labels[b[0]]]
+    at = ", ".join(f"{c:.4g}" for c in intersection_points(start, first, second, pairs[:1])[0] + world.origin)
+    statement = f"{one} intersects itself" if one == other else f"{one} intersects {other}"
+    return InputError(
+        f"{statement} at the start, in {len(pairs):,} pairs of triangles; the first is at ({at}) m.",
+        f"Move {'the cloth out' if a[0] < world.n_cloth else 'them apart'} (position, rotation_degrees), "
+        "or exclude the pair (exclude).",
+    )
+
+
+def _refuse_initial_contact(world: World, candidates: Candidates, start: Floats, offset: float) -> None:
+    """InputError where the gap at the start is round-off, or below the offset: names the pair."""
+    gap = candidates.minimum_gap(start)
+    if gap > CONTACT_ROUND_OFF * float(np.abs(start).max(initial=0.0)):
+        return
+    rows = candidates.closest_pair(start)
+    one, other = (world.names[candidates.surface.labels[row]] for row in (rows[0], rows[-1]))
+    at = ", ".join(f"{c:.4g}" for c in start[rows[0]] + world.origin)
+    less = f", less than the offset of {offset:g} m" if offset else ", which is contact to round-off"
+    raise InputError(
+        f"{one} starts {gap + offset:.3g} m from {other} at ({at}) m{less}.",
+        "Move it further away." if not offset else "Move it further away, or choose a smaller offset.",
+    )

@@ -1,0 +1,222 @@
+"""Contact surface: points, edges and triangles of two groups, and the pairs of objects that may touch."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.mesh.motion import FrameMotion, PosedMotion
+from clothsim.mesh.topology import unique_edges
+from clothsim.mesh.world import World
+from clothsim.physics.contact.flat_features import NO_FLAT_FEATURES, FlatFeatures, flat_features
+
+
+@dataclass(frozen=True)
+class Primitives:
+    """Points (p,), edges (e, 2) and triangles (m, 3) as rows of x."""
+
+    points: Ints
+    edges: Ints
+    triangles: Ints
+
+
+@dataclass(frozen=True)
+class ContactSurface:
+    """Two groups of primitives; for self-contact both are the same object (`second is first`).
+
+    Attributes
+    ----------
+    first, second : Primitives
+        The groups.
+    rest_positions : (N, 3) array
+        Rest positions [m].
+    rest_corners : (m, 3, 3) array
+        Corners of each of `triangles` at rest [m], from which areas and lengths of pairs are computed: of a cloth
+        with a flat pattern in the pattern's plane, else rest positions.
+    labels : (N,) int array
+        Object of each row of x.
+    allowed : (L, L) bool array
+        Pairs of objects that may touch.
+    flat : FlatFeatures
+        Points and edges of the second group inside flat faces: their pairs stop a motion, but push nothing.
+    n_shared : int
+        Last triangles of the first group that are in the second too (those of rigid bodies).
+    """
+
+    first: Primitives
+    second: Primitives
+    rest_positions: Floats
+    rest_corners: Floats
+    labels: Ints
+    allowed: np.ndarray
+    flat: FlatFeatures = NO_FLAT_FEATURES
+    n_shared: int = 0
+
+    @property
+    def is_self_contact(self) -> bool:
+        """True where the two groups are one."""
+        return self.second is self.first
+
+    @property
+    def complete(self) -> bool:
+        """True where no pair of objects of the two groups is excluded."""
+        first, second = np.unique(self.labels[self.first.points]), np.unique(self.labels[self.second.points])
+        return bool(self.allowed[np.ix_(first, second)].all())
+
+    @cached_property
+    def triangles(self) -> Ints:
+        """All triangles, (m, 3)."""
+        if self.is_self_contact:
+            return self.first.triangles
+        return np.concatenate(
+            [self.first.triangles[: len(self.first.triangles) - self.n_shared], self.second.triangles]
+        )
+
+    @cached_property
+    def rows(self) -> Ints:
+        """The rows of x that collide."""
+        if self.is_self_contact:
+            return self.first.points
+        both = np.concatenate([self.first.points, self.second.points])
+        return np.unique(both) if self.n_shared else both
+
+    @cached_property
+    def vertex_areas(self) -> Floats:
+        """A third of the incident rest triangles of each row of x, (N,) [m2]."""
+        thirds, count = np.repeat(self._areas / 3, 3), len(self.rest_positions)
+        return np.bincount(self.triangles.ravel(), weights=thirds, minlength=count).astype(np.float64)
+
+    def edge_areas(self, edges: Ints) -> Floats:
+        """A third of the incident rest triangles of each of `edges (e, 2)`, (e,) [m2]."""
+        keys, of_side = self._sides
+        totals = np.bincount(of_side, weights=np.repeat(self._areas / 3, 3)).astype(np.float64)
+        return totals[np.searchsorted(keys, self._edge_keys(edges))]
+
+    def are_flat(self, edges: Ints) -> np.ndarray:
+        """Mask (e,) of `edges (e, 2)` that lie inside a flat face."""
+        return np.isin(self._edge_keys(edges), self._edge_keys(self.flat.edges))
+
+    def rest_lengths(self, edges: Ints) -> Floats:
+        """Rest lengths of `edges (e, 2)`, (e,) [m]; beside a seam of two lengths their mean."""
+        keys, of_side = self._sides
+        sides = self.rest_corners[:, [1, 2, 0]] - self.rest_corners
+        totals = np.bincount(of_side, weights=np.linalg.norm(sides, axis=2).ravel()).astype(np.float64)
+        return (totals / np.bincount(of_side))[np.searchsorted(keys, self._edge_keys(edges))]
+
+    @cached_property
+    def _sides(self) -> tuple[Ints, Ints]:
+        """Keys of all edges, ascending, and the number there of each side of each triangle, (3 m,)."""
+        sides = np.sort(self.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+        keys, of_side = np.unique(self._edge_keys(sides), return_inverse=True)
+        return keys, of_side.ravel()
+
+    def _edge_keys(self, edges: Ints) -> Ints:
+        return edges[:, 0] * len(self.rest_positions) + edges[:, 1]
+
+    @cached_property
+    def _areas(self) -> Floats:
+        return triangle_areas(self.rest_corners)
+
+
+def cloth_body_surface(world: World, excluded: np.ndarray | None = None) -> ContactSurface:
+    """Surface of cloths and rigid bodies against bodies; no other pairs of bodies touch, and no body touches itself.
+
+    A rigid body is in both groups: `allowed` has each pair of two of them once, so that no pair is found twice.
+
+    excluded (L, L): pairs of objects that never touch. The weight of a pair is the rest area incident to its vertices
+    and edges. A body much coarser than the cloth (a slab of two triangles) would weigh a contact by its own square
+    metres; so each such body is scaled down at rest until its mean triangle is no larger than the cloth's.
+    """
+    n = len(world.cloths)
+    allowed = np.zeros((n + len(world.bodies),) * 2, bool)
+    allowed[:n, n:] = allowed[n:, :n] = True
+    fixed = n + len(world.prescribed_bodies)
+    allowed[fixed:, n:fixed] = True
+    allowed[fixed:, fixed:] = np.triu(np.ones((len(world.rigid),) * 2, bool), 1)
+    rest = _rest_positions(world)
+    cloth_area = world.rest_areas.mean()
+    for body, rows in zip(world.bodies, world.body_slices, strict=True):
+        area = triangle_areas(body.positions[body.triangles])
+        rest[rows] = body.positions * np.sqrt(min(1.0, cloth_area / area.mean()))
+    corners = np.concatenate([_cloth_corners(world), rest[world.body_triangles]])
+    bodies = Primitives(
+        np.arange(world.n_unknowns, world.n_vertices - len(world.ghosts)),
+        unique_edges(world.body_triangles),
+        world.body_triangles,
+    )
+    movers, n_shared = _movers(world), sum(len(body.triangles) for body in world.rigid)
+    allowed = _excluding(allowed, excluded)
+    return ContactSurface(movers, bodies, rest, corners, world.labels, allowed, _flat(world), n_shared)
+
+
+def cloth_surface(world: World, excluded: np.ndarray | None = None) -> ContactSurface:
+    """Surface of all cloths against themselves and each other. excluded (L, L): pairs of objects that never touch."""
+    n = len(world.cloths)
+    allowed = np.zeros((n + len(world.bodies),) * 2, bool)
+    allowed[:n, :n] = True
+    cloths = _cloths(world)
+    rest, corners = _rest_positions(world), _cloth_corners(world)
+    return ContactSurface(cloths, cloths, rest, corners, world.labels, _excluding(allowed, excluded))
+
+
+def triangle_areas(corners: Floats) -> Floats:
+    """Area of each triangle with the corners (m, 3, 3), (m,) [m2]."""
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    return np.asarray(0.5 * np.linalg.norm(normals, axis=1), np.float64)
+
+
+def _cloths(world: World) -> Primitives:
+    return Primitives(np.arange(world.n_cloth), world.edges, world.triangles)
+
+
+def _movers(world: World) -> Primitives:
+    """Cloths, and rigid bodies that forces move."""
+    cloths = _cloths(world)
+    if not world.rigid:
+        return cloths
+    starts = [rows.start for rows in world.rigid_slices]
+    triangles = np.concatenate([body.triangles + start for body, start in zip(world.rigid, starts, strict=True)])
+    points = np.arange(starts[0], world.rigid_slices[-1].stop)
+    return Primitives(
+        np.concatenate([cloths.points, points]),
+        np.concatenate([cloths.edges, unique_edges(triangles)]),
+        np.concatenate([cloths.triangles, triangles]),
+    )
+
+
+def _flat(world: World) -> FlatFeatures:
+    """Flat features of the bodies that stay rigid."""
+    found = [
+        flat_features(body.positions, body.triangles).shifted(rows.start)
+        for body, rows in zip(world.bodies, world.body_slices, strict=True)
+        if body.motion.still or not isinstance(body.motion, FrameMotion | PosedMotion)
+    ]
+    if not found:
+        return NO_FLAT_FEATURES
+    return FlatFeatures(*(np.concatenate([getattr(each, name) for each in found]) for name in ("points", "edges")))
+
+
+def _rest_positions(world: World) -> Floats:
+    rest = world.start()
+    for cloth, rows in zip(world.cloths, world.cloth_slices, strict=True):
+        rest[rows] = cloth.rest_positions
+    return rest
+
+
+def _cloth_corners(world: World) -> Floats:
+    """Corners of the cloth triangles at rest, (m, 3, 3) [m].
+
+    A sewn pattern has no flat or curved shape in space in which all of its triangles are at rest: only their own plane
+    tells their areas.
+    """
+    corners = []
+    for cloth in world.cloths:
+        in_plane = np.zeros((len(cloth.triangles), 3, 3))
+        in_plane[:, :, :2] = cloth.material_coordinates
+        corners.append(in_plane if cloth.flat else cloth.rest_positions[cloth.triangles])
+    return np.concatenate(corners)
+
+
+def _excluding(allowed: np.ndarray, excluded: np.ndarray | None) -> np.ndarray:
+    return allowed if excluded is None else allowed & ~excluded

@@ -1,0 +1,176 @@
+"""Aerodynamic drag and lift: the effect `air`.
+
+The force on a triangle of area A and normal n that moves with v through air of velocity w, v_rel = v - w, is
+
+    F = -(rho / 2) A |v_rel| (C_n n n' + C_t (1 - n n')) v_rel,    C_n = drag, C_t = (1 - lift) drag
+
+(normal and tangential parts as in Wejchert & Haumann 1991, "Animation aerodynamics", with the square of the speed).
+Face on, that is rho/2 A drag v^2; at an angle b between plate and wind the component across the wind, the lift, is
+rho/2 A drag lift v^2 sin b cos b. lift = 1 is a thin plate without skin friction, lift = 0 pure drag along the wind.
+
+|v_rel|, A and n are lagged: taken at the start of the step and constant within it. Then the force is linear in v_rel
+and has the potential v_rel.T v_rel h / 2 with a positive semi-definite tensor T: the step is implicit in the velocity,
+its derivatives are exact and the cloth cannot overshoot the wind, whatever dt is. The lag is an error of first order in
+dt, also with BDF2.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.base.arrays import Floats, Ints, as_positive
+from clothsim.base.errors import InputError
+from clothsim.mesh.world import World
+from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.example import Example, Idle
+from clothsim.physics.energies.hessians import ElementHessian
+from clothsim.physics.energies.protocols import Driven, Idling
+from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.varying_values import Schedule, over_cloth, schedule
+from clothsim.physics.energies.wind import Wind, wind_of
+
+
+@dataclass(frozen=True)
+class Air(Energy, Driven, Idling):
+    """E = sum d.T d / (2 h), d = y - y_n - h w, y the centroid of a triangle, so that d / h = v_rel.
+
+    With BDF2 x^ and b h replace x_n and h (docs/theory.md#time-integration).
+
+    Parameters
+    ----------
+    triangles : (m, 3) int array
+        Rows of x.
+    across, along : (m,) arrays
+        rho C_n / 2 and rho C_t / 2 [kg/m3].
+    wind, strength : Wind, Schedule
+        Velocity field of the air and a factor over time.
+    origin : (3,) array
+        Origin of x in the scene's coordinates [m].
+    tensors : (m, 3, 3) array
+        T of the step [N s/m].
+    drifted : (m, 3) array
+        y_n + h w: the centroids displaced with the air [m].
+    dt : float
+        h [s].
+    """
+
+    triangles: Ints
+    across: Floats
+    along: Floats
+    wind: Wind
+    strength: Schedule
+    origin: Floats
+    tensors: Floats
+    drifted: Floats
+    dt: float
+
+    incremental = True
+
+    @property
+    def drives(self) -> bool:
+        """True where there is wind."""
+        return not (self.wind.still or self.strength.is_zero)
+
+    @property
+    def idle(self) -> bool:
+        """True where no triangle moves relative to the air."""
+        return not self.tensors.any()
+
+    def begin(self, step: Step) -> Self:
+        """A copy with |v_rel|, areas and normals of the start of the step, and the wind of its end.
+
+        A quasi-static ramp scales a wind of constant strength; a strength that varies over time is a ramp of its own.
+        """
+        past, corners = step.past, step.positions[self.triangles]
+        now = step.time + step.dt
+        factor = self.strength.at(now) * (step.load if self.strength.is_constant else 1.0)
+        wind = factor * self.wind.at(corners.mean(axis=1) + self.origin, now)
+        twice = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        areas = np.linalg.norm(twice, axis=1) / 2
+        normals = twice / np.maximum(2 * areas, np.finfo(float).tiny)[:, None]
+        speeds = np.linalg.norm(step.velocities[self.triangles].mean(axis=1) - wind, axis=1)
+        projector = normals[:, :, None] * normals[:, None, :]
+        shape = self.along[:, None, None] * np.eye(3) + (self.across - self.along)[:, None, None] * projector
+        drifted = past.positions[self.triangles].mean(axis=1) + past.dt * wind
+        return replace(self, tensors=(areas * speeds)[:, None, None] * shape, drifted=drifted, dt=past.dt)
+
+    def value(self, x: Floats) -> float:
+        """Incremental dissipation [J]."""
+        d = self._relative(x)
+        return float(np.einsum("ti,tij,tj->", d, self.tensors, d)) / (2 * self.dt)
+
+    def gradient(self, x: Floats) -> Floats:
+        """T d / (3 h) on each corner, (N, 3) [N]."""
+        forces = np.einsum("tij,tj->ti", self.tensors, self._relative(x)) / (3 * self.dt)
+        corners = self.triangles.ravel()
+        thirds = np.repeat(forces, 3, axis=0)
+        return np.stack([np.bincount(corners, thirds[:, k], len(x)) for k in range(3)], axis=1)
+
+    def hessian(self, x: Floats, project: bool = True) -> ElementHessian:
+        """T / (9 h) for each pair of corners [N/m]: constant, positive semi-definite and exact."""
+        return ElementHessian(self.triangles, np.tile(self.tensors / (9 * self.dt), (1, 3, 3)))
+
+    def _relative(self, x: Floats) -> Floats:
+        return x[self.triangles].mean(axis=1) - self.drifted
+
+
+def air(
+    world: World,
+    *,
+    density: float = 1.2,
+    drag: Any = 1.0,
+    lift: Any = 0.9,
+    wind: ArrayLike | Any = (0.0, 0.0, 0.0),
+    strength: Any = 1.0,
+) -> Energy | Off:
+    """Drag and lift of all triangles in still air or wind.
+
+    Parameters
+    ----------
+    density : float
+        Density of the air [kg/m3].
+    drag : number or values over the cloth
+        Drag coefficient of a triangle face on (`energies.varying_values`).
+    lift : number or values over the cloth
+        From 0, drag along the wind alone, to 1, force along the normal alone.
+    wind : (3,) vector, table or function
+        Velocity of the air [m/s] (`energies.wind`).
+    strength : number, key frames or function
+        Factor on the wind over time.
+
+    Returns
+    -------
+    Air, or Off where the density or every drag is 0.
+
+    Raises
+    ------
+    InputError
+        For a value out of its range; names the key and the triangle.
+    """
+    rho = as_positive("effects.air.density", density, zero=True)
+    across = over_cloth("effects.air.drag", drag, world, least=0.0)
+    lifts = over_cloth("effects.air.lift", lift, world, least=0.0)
+    if (lifts > 1).any():
+        raise InputError(f"effects.air.lift is {lifts.max():g} on triangle {lifts.argmax()}.", "Give it from 0 to 1.")
+    field, pace = wind_of("effects.air.wind", wind), schedule("effects.air.strength", strength)
+    if rho == 0:
+        return Off("the density of the air is 0")
+    selected = np.flatnonzero(across)
+    if not len(selected):
+        return Off("drag is 0")
+    across, along = rho / 2 * across[selected], rho / 2 * (across * (1 - lifts))[selected]
+    none = np.zeros((len(selected), 3))
+    tensors = np.zeros((len(selected), 3, 3))
+    return Air(world.triangles[selected], across, along, field, pace, world.origin, tensors, none, 1.0)
+
+
+EXAMPLE = Example(
+    keys={"wind": {"kind": "vortex", "circulation": 9.0, "core": 0.5, "velocity": (1.0, 2.0, 0.5)}, "lift": 0.7},
+    in_scene={},
+    zero={"drag": 0, "wind": [5, 0, 0]},
+    external=True,
+    # idle only at rest: without a load in still air, or in the first step of a fall
+    idle=Idle(scene={"body": (), "effects": {"inertia": {}, "damping": {}}}),
+)

@@ -1,0 +1,78 @@
+"""Element loops over hinges: angles, and gradient and Hessian of moments about them.
+
+vertices (h, 4): a, b, c, d of `kinematics.hinge`; moments M (h,) [N m], 0 where a hinge has no angle.
+"""
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.indexing import four_points
+from clothsim.base.jit import LANES, inlined, kernel, natural
+from clothsim.geometry.kinematics.hinge_angle import hinge_angle_gradient, hinge_blocks, hinge_direction
+from clothsim.physics.energies.lanes import point, write
+
+
+@kernel
+def angles(vertices: Ints, x: Floats) -> Floats:
+    """The angle of each hinge, (h,) [rad]; +inf where a triangle has no area."""
+    hinge_angles, points, turned = np.empty(len(vertices)), np.zeros(12 * LANES), np.zeros(3 * LANES)
+    for first in range(0, len(vertices), LANES):
+        _gather(points, vertices, x, first)
+        for lane in range(LANES):
+            a, b, c, d = point(points, 0, lane), point(points, 3, lane), point(points, 6, lane), point(points, 9, lane)
+            sine, cosine, whole = hinge_direction(a, b, c, d)
+            turned[lane], turned[LANES + lane], turned[2 * LANES + lane] = sine, cosine, 1.0 if whole else 0.0
+        for lane in range(min(LANES, len(vertices) - first)):
+            angle = np.arctan2(turned[lane], turned[LANES + lane])
+            hinge_angles[first + lane] = angle if turned[2 * LANES + lane] > 0.0 else np.inf
+    return hinge_angles
+
+
+@kernel
+def gradient(vertices: Ints, moments: Floats, x: Floats) -> Floats:
+    """sum M dtheta/dx, (N, 3) [N]."""
+    out = np.zeros_like(x)
+    for h in range(len(vertices)):
+        if moments[h] != 0.0:  # skips most hinges of a flat sheet
+            a, b, c, d = four_points(x, vertices, h)
+            g = hinge_angle_gradient(a, b, c, d)
+            for k in range(4):
+                row = natural(vertices[h, k])
+                for i in range(3):
+                    out[row, i] += moments[h] * g[k][i]
+    return out
+
+
+@kernel
+def fill(lanes: Floats, first: int, vertices: Ints, moments: Floats, stiffnesses: Floats, x: Floats) -> None:
+    """`LanesHessian.fill` of sum M d2theta/dx2 + k g g', g = dtheta/dx."""
+    points, factors = np.zeros(12 * LANES), np.zeros(2 * LANES)
+    for group in range(len(lanes)):
+        begin = first + group * LANES
+        _gather(points, vertices, x, begin)
+        for lane in range(min(LANES, len(vertices) - begin)):
+            factors[lane], factors[LANES + lane] = moments[begin + lane], stiffnesses[begin + lane]
+        out = lanes[group]
+        for lane in range(LANES):
+            a, b, c, d = point(points, 0, lane), point(points, 3, lane), point(points, 6, lane), point(points, 9, lane)
+            aa, ab, ac, ad, bb, bc, bd, cc, cd, dd = hinge_blocks(a, b, c, d, factors[lane], factors[LANES + lane])
+            write(out, 0, lane, aa)
+            write(out, 1, lane, ab)
+            write(out, 2, lane, ac)
+            write(out, 3, lane, ad)
+            write(out, 4, lane, bb)
+            write(out, 5, lane, bc)
+            write(out, 6, lane, bd)
+            write(out, 7, lane, cc)
+            write(out, 8, lane, cd)
+            write(out, 9, lane, dd)
+
+
+@inlined
+def _gather(points, vertices, x, first):
+    """Gather the points of a group of hinges into lanes; a lane without a hinge is left as it is."""
+    for lane in range(min(LANES, len(vertices) - first)):
+        a, b, c, d = four_points(x, vertices, first + lane)
+        for k in range(3):
+            points[k * LANES + lane], points[(3 + k) * LANES + lane] = a[k], b[k]
+            points[(6 + k) * LANES + lane], points[(9 + k) * LANES + lane] = c[k], d[k]

@@ -1,0 +1,125 @@
+"""In-plane elasticity, stretch and shear: the effect `membrane`, with a choice of materials."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from clothsim.base.errors import InputError
+from clothsim.mesh.world import World
+from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.example import Example
+from clothsim.physics.energies.varying_values import over_cloth
+
+MATERIALS: Mapping[str, tuple[str, ...]] = {
+    "neo_hookean": ("elements",),
+    "orthotropic": ("angle_degrees",),
+    "measured": ("angle_degrees", "warp", "weft", "shear"),
+}
+"""Materials, and the keys that each of them takes."""
+
+AUTO = "auto"
+"""Each cloth by its fabric: orthotropic where that has stiffnesses of its own along warp and weft or in shear, else
+isotropic. The isotropic sheet of the same Young's modulus has 210 times the shear stiffness of a woven table cloth.
+"""
+STIFFNESSES: Mapping[str, tuple[str, ...]] = {
+    "neo_hookean": ("shear_modulus", "lame_modulus"),
+    "orthotropic": ("stiffness_along_warp", "stiffness_along_weft", "stiffness_in_shear"),
+}
+"""Stiffnesses of a fabric that a material takes: a membrane without any of them is off."""
+
+ELEMENTS = ("triangles", "pairs")
+SLACK = "Young's modulus is 0"
+
+
+def membrane(
+    world: World,
+    *,
+    material: str = AUTO,
+    angle_degrees: Any = 0.0,
+    warp: ArrayLike = (),
+    weft: ArrayLike = (),
+    shear: ArrayLike = (),
+    elements: str = "triangles",
+) -> Energy | Off:
+    """The membrane energy of all cloths.
+
+    Parameters
+    ----------
+    material : str
+        "neo_hookean" (isotropic), "orthotropic" (the fabric's stiffness along warp and weft and in shear), "measured"
+        (tables of strain and stress) or "auto" (each cloth by its fabric: orthotropic where that has such stiffnesses,
+        else isotropic).
+    angle_degrees : number or values over the cloth
+        Angle of the warp from the cloth's first axis (`kinematics.warp_weft`).
+    warp, weft, shear : (k, 2) tables
+        Rows [strain, stress in N/m] of a measured material (`measured_membrane`).
+    elements : str
+        "triangles", or "pairs" of them, which lock less where folds are as fine as the mesh (`paired_membrane`).
+
+    Returns
+    -------
+    Energy, or Off where no fabric has a stiffness.
+
+    Raises
+    ------
+    InputError
+        For an unknown material, or a key that the material does not take.
+    """
+    if not isinstance(material, str) or material not in (AUTO, *MATERIALS):
+        raise InputError(f"effects.membrane.material is {material!r}.", f"Known: {', '.join((AUTO, *MATERIALS))}.")
+    if not isinstance(elements, str) or elements not in ELEMENTS:
+        raise InputError(f"effects.membrane.elements is {elements!r}.", f"Known: {', '.join(ELEMENTS)}.")
+    by_fabric = material == AUTO
+    if by_fabric:
+        material = "orthotropic" if world.per_triangle("has_threads").any() else "neo_hookean"
+    tables = {"warp": warp, "weft": weft, "shear": shear}
+    turned = not (isinstance(angle_degrees, float | int) and angle_degrees == 0)
+    given = {"angle_degrees": turned, "elements": elements != "triangles"}
+    _refuse_others(material, given | {key: np.size(table) > 0 for key, table in tables.items()})
+    angles = np.radians(over_cloth("effects.membrane.angle_degrees", angle_degrees, world))
+    own = STIFFNESSES.get(material)
+    if own and not any(world.per_triangle(name).any() for name in own):
+        return Off(SLACK)
+    if elements == "pairs":  # each imported after the last Off: no kernel is imported for a zero
+        from clothsim.physics.energies.paired_membrane import paired_membrane
+
+        return paired_membrane(world)
+    if material == "neo_hookean":
+        _refuse_negative(world)
+        from clothsim.physics.energies.neo_hookean_membrane import NeoHookeanMembrane
+
+        return NeoHookeanMembrane.of(world)
+    if material == "orthotropic":
+        from clothsim.physics.energies.orthotropic import orthotropic
+
+        return orthotropic(world, angles, by_fabric)
+    from clothsim.physics.energies.measured_membrane import measured
+
+    return measured(world, angles, **tables)
+
+
+def _refuse_negative(world: World) -> None:
+    """InputError for a cloth of negative Poisson ratio, whose isotropic energy falls without bound as it collapses."""
+    for cloth in world.cloths:
+        for name, fabric in ((cloth.name, cloth.fabric), *cloth.fabrics.items()):
+            if fabric is not None and fabric.poisson_ratio < 0:
+                raise InputError(
+                    f'effects.membrane.material = "neo_hookean" does not take the poisson_ratio '
+                    f"{fabric.poisson_ratio:g} of {name!r}.",
+                    'Take material = "orthotropic", or leave it out.',
+                )
+
+
+def _refuse_others(material: str, given: Mapping[str, bool]) -> None:
+    """InputError for a given key that the material does not take."""
+    for key, is_given in given.items():
+        if is_given and key not in MATERIALS[material]:
+            others = " or ".join(f'"{name}"' for name, keys in MATERIALS.items() if key in keys)
+            raise InputError(
+                f'effects.membrane.{key} has no effect with material = "{material}".', f"It is for {others}."
+            )
+
+
+EXAMPLE = Example(zero={}, zero_scene={"cloth": {"youngs_modulus": 0}})

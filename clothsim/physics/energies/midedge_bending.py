@@ -1,0 +1,186 @@
+"""Mid-edge bending: Kirchhoff plate energy of the curvature of each triangle, convergent on any mesh.
+
+    E = sum A D/2 [(1 - nu) |S|^2 + nu tr(S)^2] = |G (theta - theta0)|^2/2
+
+with S the mid-edge curvature less that at rest and G its constant matrix over the angles of the hinges
+(`kinematics.curvature`). D and nu are the material's; a fabric with its own bending stiffness along warp and weft has
+the orthotropic law of `kinematics.plate_law` instead, which changes G alone. Where the hinge model has a spring on each
+angle, this one couples the angles in and around each triangle: the moments are M (theta - theta0) with M = G'G.
+
+As in the hinge model angles are not wrapped and all lengths are those at rest. A free strip bends with D (1 - nu^2), a
+wide plate with D: D is the plate's stiffness, E t^3/(12 (1 - nu^2)).
+
+Its Hessian couples all vertices around a triangle, 8 on regular and 12 on other meshes: a matrix with it takes twice
+as long to factorise as one with hinges. So Newton's matrix has springs on the angles instead, stiff enough that their
+energy bounds this one (|c' K c| <= sum_i c_i^2 sum_j |K_ij|), and the exact Hessian acts on vectors only
+(`ImplicitHessian`): Lanczos' method needs no more.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.memo import Memo
+from clothsim.geometry.kinematics.curvature import bending_strains
+from clothsim.mesh.hinges import Hinges
+from clothsim.mesh.world import World
+from clothsim.physics.energies import hinge_kernels, midedge_kernels
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.hessians import ImplicitHessian, LanesHessian, LowRankHessian, SumHessian
+from clothsim.physics.energies.protocols import DividedForce, Restrictable
+
+
+@dataclass(frozen=True)
+class MidedgeBending(DividedForce, Energy, Restrictable):
+    """E = |G (theta - theta0)|^2/2; +inf where a triangle beside a hinge has no area.
+
+    Such a hinge adds nothing to gradient and Hessian. An element is a triangle with the hinges of its three rows of G.
+    Short rows of an element are padded with their first entry, at weight 0. Angles and factors of the last positions
+    are memoised: value, gradient and both Hessians are evaluated at the same x.
+
+    Parameters
+    ----------
+    vertices : (h, 4) int array
+        Rows of x of the hinges.
+    rest_angles : (h,) array
+        theta0 [rad].
+    bounds : (h,) array
+        k [N m] of a spring on each angle whose energy bounds the change of E: the sums of |G'G| over its rows.
+    stiffnesses : (m,) array
+        A D of the elements [J m2].
+    stencils, weights : (m, j) int array, (m, 3, j) array
+        The hinges of each element and their entries in G [sqrt(J)].
+    elements : (m, k) int array
+        Rows of x of each element.
+    slots : (m, j, 4) int8 array
+        Positions of the hinges' vertices in `elements`.
+    """
+
+    vertices: Ints
+    rest_angles: Floats
+    bounds: Floats
+    stiffnesses: Floats
+    stencils: Ints
+    weights: Floats
+    elements: Ints
+    slots: NDArray[np.int8]
+
+    _bent: Memo[Floats] = field(default_factory=Memo, init=False, repr=False, compare=False)
+
+    def value(self, x: Floats) -> float:
+        """E(x) [J]."""
+        change = self._change(x)
+        return midedge_kernels.value(self.stencils, self.weights, change) if np.isfinite(change).all() else np.inf
+
+    def gradient(self, x: Floats) -> Floats:
+        """dE/dx, (N, 3) [N]."""
+        return hinge_kernels.gradient(self.vertices, self._moments(x), x)
+
+    def hessian(self, x: Floats, project: bool = True) -> LanesHessian | SumHessian:
+        """Exact: J' G'G J + moments d2theta/dx2, J = dtheta/dx [N/m]; projected: J' k J with the bounds k, by hinge."""
+        moments = np.zeros(len(self.vertices)) if project else self._moments(x)
+        hinges = self.vertices, moments, self.bounds if project else np.zeros(len(self.vertices))
+        by_hinge = LanesHessian(self.vertices, lambda lanes, first: hinge_kernels.fill(lanes, first, *hinges, x))
+        return by_hinge if project else SumHessian((by_hinge, self._squares(x)))
+
+    def by_element(self, x: Floats) -> tuple[Ints, Floats]:
+        """The force of each hinge's moment, (h, 4, 3)."""
+        apart = np.arange(self.vertices.size).reshape(self.vertices.shape)
+        forces = hinge_kernels.gradient(apart, self._moments(x), x[self.vertices].reshape(-1, 3))
+        return self.vertices, np.asarray(forces).reshape(-1, 4, 3)
+
+    def _squares(self, x: Floats) -> ImplicitHessian:
+        """J' G'G J: the Gauss-Newton Hessian."""
+        slopes = midedge_kernels.angle_gradients(self.vertices, x)
+        elementwise = self.vertices, self.stencils, self.weights
+
+        def by_element() -> LowRankHessian:
+            factors = midedge_kernels.factors(*elementwise, self.slots, self.elements.shape[1], slopes)
+            three = np.full(len(self.elements), 3)
+            return LowRankHessian(self.elements, np.arange(0, len(factors), 3), three, factors)
+
+        return ImplicitHessian(self.elements, lambda v: midedge_kernels.product(*elementwise, slopes, v), by_element)
+
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
+        """The elements with a moving vertex, and their hinges."""
+        chosen = np.flatnonzero(moving[self.elements].any(axis=1))
+        used = np.zeros(len(self.vertices), bool)
+        used[self.stencils[chosen]] = True
+        hinges = np.flatnonzero(used)
+        return replace(
+            self,
+            vertices=self.vertices[hinges],
+            rest_angles=self.rest_angles[hinges],
+            bounds=self.bounds[hinges],
+            stiffnesses=self.stiffnesses[chosen],
+            stencils=(np.cumsum(used) - 1)[self.stencils[chosen]],
+            weights=self.weights[chosen],
+            elements=self.elements[chosen],
+            slots=self.slots[chosen],
+        )
+
+    def strains_of_angles(self) -> tuple[sparse.csr_array, Floats]:
+        """B (3m, h) [1/m] and w (m,) [J m2] of E = sum w |B (theta - theta0)|^2/2: three strains a triangle."""
+        m, _, j = self.weights.shape
+        entries = self.weights / np.sqrt(self.stiffnesses)[:, None, None]
+        columns = np.broadcast_to(self.stencils[:, None, :], entries.shape)
+        rows = np.repeat(np.arange(3 * m), j)
+        shape = (3 * m, len(self.vertices))
+        return sparse.coo_array((entries.ravel(), (rows, columns.ravel())), shape=shape).tocsr(), self.stiffnesses
+
+    def widths(self, of_hinges: Floats) -> Floats:
+        """The mean over each element's hinges of their widths (h,), (m,) [m]."""
+        acting = (self.weights != 0).any(axis=1)
+        return np.asarray((of_hinges[self.stencils] * acting).sum(axis=1) / acting.sum(axis=1), np.float64)
+
+    def _change(self, x: Floats) -> Floats:
+        """theta - theta0, (h,) [rad]; +inf where a triangle has no area."""
+        return self._bent.at(x, lambda x: hinge_kernels.angles(self.vertices, x)) - self.rest_angles
+
+    def _moments(self, x: Floats) -> Floats:
+        """dE/dtheta, (h,) [N m]."""
+        change = self._change(x)
+        return midedge_kernels.moments(self.stencils, self.weights, np.where(np.isinf(change), 0.0, change))
+
+
+def midedge_bending(hinges: Hinges, world: World, angles: Floats | None = None) -> MidedgeBending:
+    """The bending energy of hinges, all or some of a world's; angles (m,) of the warp [rad], 0 if not given."""
+    strains = bending_strains(world, hinges, angles)
+    triangles, stencils, weights = _rows_in_threes(strains)
+    bounds = np.asarray(abs(strains.T @ strains).sum(axis=1), np.float64).ravel()
+    stiffnesses = (world.per_triangle("bending_stiffness") * world.rest_areas)[triangles]
+    elements, slots = _distinct(hinges.vertices[stencils])
+    return MidedgeBending(hinges.vertices, hinges.rest_angles, bounds, stiffnesses, stencils, weights, elements, slots)
+
+
+def _rows_in_threes(matrix: sparse.csr_array) -> tuple[Ints, Ints, Floats]:
+    """The threes (m,) of rows of a matrix (3m, h) that are not zero, their columns (m, j) and entries (m, 3, j)."""
+    m = matrix.shape[0] // 3
+    threes = (sparse.kron(sparse.eye_array(m), np.ones((1, 3))) @ abs(matrix)).tocsr()
+    threes.sort_indices()
+    counts = np.diff(threes.indptr)
+    selected = np.flatnonzero(counts)
+    j = np.arange(counts.max(initial=1))
+    filled = j < counts[selected, None]
+    columns = threes.indices[threes.indptr[selected, None] + np.where(filled, j, 0)].astype(np.int64)
+    rows = 3 * selected[:, None] + np.arange(3)
+    entries = matrix[np.repeat(rows.ravel(), len(j)), np.repeat(columns, 3, axis=0).ravel()].reshape(-1, 3, len(j))
+    return selected, columns, np.where(filled[:, None, :], np.asarray(entries), 0.0)
+
+
+def _distinct(vertices: Ints) -> tuple[Ints, NDArray[np.int8]]:
+    """The distinct numbers (m, k) in each block of `vertices` (m, j, 4), and the position of each entry in them."""
+    flat = vertices.reshape(len(vertices), -1)
+    order = np.argsort(flat, axis=1, kind="stable")
+    ordered = np.take_along_axis(flat, order, axis=1)
+    rank = np.zeros_like(flat)
+    rank[:, 1:] = np.cumsum(ordered[:, 1:] != ordered[:, :-1], axis=1)
+    slots = np.empty(flat.shape, np.int8)
+    np.put_along_axis(slots, order, rank.astype(np.int8), axis=1)
+    distinct = np.repeat(ordered[:, :1], rank.max(initial=0) + 1, axis=1)
+    np.put_along_axis(distinct, rank, ordered, axis=1)
+    return distinct, slots.reshape(vertices.shape)

@@ -1,0 +1,231 @@
+"""Optional protocols of energies, and the neutral values for energies without them.
+
+An energy takes part by deriving from a class of this file; callers ask by `isinstance` or by the function below it.
+"""
+
+import abc
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Self, TypeVar
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.step import Step
+
+
+class Idling(abc.ABC):
+    """An energy that may vanish for a whole step."""
+
+    @property
+    @abc.abstractmethod
+    def idle(self) -> bool:
+        """True where, bound to this step, E and its derivatives are 0 at every x: the step leaves the energy out."""
+
+
+def is_idle(energy: Energy) -> bool:
+    """True where a bound energy is left out of its step."""
+    return isinstance(energy, Idling) and energy.idle
+
+
+class Storing(abc.ABC):
+    """An energy of the step, part of which is stored and may come back (the springs of static friction)."""
+
+    @abc.abstractmethod
+    def stored(self, x: Floats) -> float:
+        """The stored part at x [J]."""
+
+
+class Driven(abc.ABC):
+    """An energy that may do external work, as wind does: a rise of the total energy is then no error."""
+
+    @property
+    @abc.abstractmethod
+    def drives(self) -> bool:
+        """True where it may do external work on the cloth."""
+
+
+def is_driven(energy: Energy) -> bool:
+    """True where an energy may do external work on the cloth."""
+    return isinstance(energy, Driven) and energy.drives
+
+
+class Nonconservative(abc.ABC):
+    """An energy whose force has no potential at some rows, as a pressure on a free border.
+
+    Its Hessian there is not the derivative of the force, and tells nothing of stability.
+    """
+
+    @property
+    @abc.abstractmethod
+    def rows_without_potential(self) -> Ints:
+        """The rows of x, (k,); it has a potential where all of them are fixed."""
+
+
+class Anchored(abc.ABC):
+    """An energy that ties vertices to fixed or moving places, so that a load on them has an equilibrium."""
+
+    @property
+    @abc.abstractmethod
+    def anchored_rows(self) -> Ints:
+        """The tied rows of x, (k,)."""
+
+
+class BarrierGap(abc.ABC):
+    """A barrier: an energy that becomes infinite where a gap closes."""
+
+    @abc.abstractmethod
+    def gap_change(self, x: Floats, dx: Floats, within: float = np.inf) -> float:
+        """The largest relative change of a gap by the displacement dx, 0 where no gap is small enough to push.
+
+        Only gaps below `within` count, a fraction of the range of the barrier.
+        """
+
+
+class ContactGap(BarrierGap):
+    """A barrier on the distances of pairs of simplices."""
+
+    d_hat: float
+    """Distance beyond the offset at which the barrier begins [m]."""
+
+    offset: float
+    """Distance that is kept free (the thickness of contact) [m]."""
+
+    @property
+    def activation_distance(self) -> float:
+        """The distance below which the barrier pushes, offset + d_hat [m]."""
+        return self.offset + self.d_hat
+
+    @abc.abstractmethod
+    def minimum_gap(self, x: Floats) -> float:
+        """The smallest distance of a pair less the offset [m] where it is below d_hat, else inf."""
+
+
+class Coupling(abc.ABC):
+    """An energy with pairs beyond the stencils of the mesh."""
+
+    @abc.abstractmethod
+    def couplings(self, x: Floats, dx: Floats) -> Ints:
+        """Rows (m, k) that the Hessian is expected to couple on the path x -> x + dx.
+
+        A guess to size the sparsity pattern: the assembly extends the pattern where pairs are missing.
+        """
+
+
+class Lagged(abc.ABC):
+    """An energy with quantities that are lagged over the solves of a step (friction: normal forces)."""
+
+    @property
+    @abc.abstractmethod
+    def lag_iterations(self) -> int:
+        """Number of solves of a step."""
+
+    @abc.abstractmethod
+    def relag(self, x: Floats) -> Self:
+        """A copy for the next solve of the same step, lagged quantities taken at x."""
+
+
+def lag_iterations(energies: Iterable[Energy]) -> int:
+    """The number of solves of a step: the most that any energy asks for."""
+    return max((energy.lag_iterations for energy in energies if isinstance(energy, Lagged)), default=1)
+
+
+class History(abc.ABC):
+    """An energy whose binding to a step depends on the step before."""
+
+    @property
+    @abc.abstractmethod
+    def carry_over(self) -> float | Floats:
+        """The number or array that the next step finds in `Step.memory` (contact: stiffness; plasticity: angles)."""
+
+
+class AdaptiveStiffness(History):
+    """An energy with a stiffness for each step: what it stores at the same positions changes from step to step."""
+
+    @abc.abstractmethod
+    def stiffness_energy(self, x: Floats, before: float) -> float:
+        """E(x) less that with the stiffness `before` [J]."""
+
+
+class Restrictable(abc.ABC):
+    """An energy that can leave out its terms at vertices that stand."""
+
+    @abc.abstractmethod
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
+        """A copy, equal up to a constant, for solves from x in which only `moving` vertices ((N,) booleans) move."""
+
+
+AnyEnergy = TypeVar("AnyEnergy", bound=Energy)
+
+
+def restricted(energy: AnyEnergy, moving: np.ndarray, x: Floats) -> AnyEnergy:
+    """The energy restricted to moving vertices; the energy itself, as correct and more expensive, if it cannot be."""
+    return energy.restricted_to(moving, x) if isinstance(energy, Restrictable) else energy
+
+
+@dataclass(frozen=True)
+class PastSensitivity:
+    """Derivatives of a.(gradient of a bound energy) by the start of its step, (N, 3) each; None for zero.
+
+    Parameters
+    ----------
+    positions : array
+        By `Step.positions` [N/m times the unit of a].
+    velocities : array
+        By `Step.velocities`.
+    past_positions, past_velocities : array
+        By those of `Step.past`.
+    """
+
+    positions: Floats | None = None
+    velocities: Floats | None = None
+    past_positions: Floats | None = None
+    past_velocities: Floats | None = None
+
+
+class SeesPast(abc.ABC):
+    """An energy with a closed form of its derivative by the start of the step, for differentiable runs.
+
+    For others that differ from step to step it is found by differences (`adjoint.past_differences`).
+    """
+
+    @abc.abstractmethod
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+        """d(adjoint . gradient(x)) by the start of the `step` that the energy is bound to; adjoint (N, 3) [m]."""
+
+
+class DividedForce(abc.ABC):
+    """An energy of elements that are not rows of its arrays, with the gradient of each."""
+
+    @abc.abstractmethod
+    def by_element(self, x: Floats) -> tuple[Ints, Floats]:
+        """Rows (m, k) of the elements and their parts (m, k, 3) of dE/dx at x [N]."""
+
+
+class Report:
+    """The report of an energy to the user; each part is empty where a subclass does not give it."""
+
+    def defaults_used(self) -> tuple[str, ...]:
+        """Values chosen where the scene gives none."""
+        return ()
+
+    def final_notes(self, x: Floats) -> tuple[str, ...]:
+        """Remarks on the end of a run, with the cloth at x."""
+        return ()
+
+    def tightest(self, x: Floats) -> str:
+        """Name of a limit that is nearly active at x, for the message of a failed step; empty where none is."""
+        return ""
+
+    def counts(self) -> dict[str, float]:
+        """Work that only the energy can count: `pairs`, `ccd_calls`, and the seconds of its phases by name."""
+        return {}
+
+
+NO_REPORT = Report()
+
+
+def report_of(energy: Energy) -> Report:
+    """The report of an energy, an empty one if it has none."""
+    return energy if isinstance(energy, Report) else NO_REPORT

@@ -1,0 +1,151 @@
+"""Creases and pleats, lines with a rest angle: the effect `rest_angle`.
+
+The hinges along a crease have the rest angle that the scene gives, constant or over time; their stiffness remains that
+of the bending model, so that a crease resists loads no more than the cloth resists bending. Two flat panels joined by
+one crease are at rest at exactly its angle, whatever the stiffness is. Angle 0 is flat; a positive angle folds the
+cloth towards its back.
+
+A line is snapped to the edges of the mesh (`mesh.edge_paths`): along rows of a grid it is exact; across a mesh it
+zigzags, and hinges off one line cannot all rotate by the angle without stretch: draw creases along edges.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clothsim.base.arrays import Ints, as_points
+from clothsim.base.errors import InputError
+from clothsim.mesh.edge_paths import path_along
+from clothsim.mesh.topology import unique_edges
+from clothsim.mesh.world import World
+from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.example import Example, Idle
+from clothsim.physics.energies.selection import check_tables, cloth_number, of_pattern, vertex_numbers
+from clothsim.physics.energies.varying_values import schedule
+
+if TYPE_CHECKING:
+    from clothsim.physics.energies.hinge_moments import BendingModel
+
+KEYS = ("angle_degrees", "through", "vertices", "panel", "edge", "label", "cloth")
+LINES = ("through", "vertices", "panel", "label")
+"""Keys of which a crease has one."""
+
+
+def rest_angle(
+    world: World, *, crease: Sequence[Mapping[str, Any]] = (), built: Mapping[str, Energy] | None = None
+) -> Energy | Off:
+    """Creases from a list of tables.
+
+    Parameters
+    ----------
+    crease : sequence of tables
+        Each has `angle_degrees`, a number or key frames, and its line: `through`, points [[x, y, z], ...] in the
+        coordinates of the mesh before its placement [m], or `vertices`, numbers: every interior edge with both ends
+        among them; or names of a sewing pattern, `panel` with `edge`, or `label`: their edges that are welded to
+        another one; `cloth`, its name, if there are several.
+    built : mapping, optional
+        The energies built so far, with the bending whose angles are shifted.
+
+    Returns
+    -------
+    RestAngle, or Off without creases or bending, or where all is flat.
+
+    Raises
+    ------
+    InputError
+        For a crease on no edge, at a border, on another crease's edge, or of 180 degrees and more.
+    """
+    check_tables("effects.rest_angle.crease", crease, KEYS, ("angle_degrees",))
+    if not crease:
+        return Off("there is no crease")
+    bending = (built or {}).get("bending")
+    if bending is None:
+        return Off("the scene has no bending")
+    from clothsim.physics.energies.creases import radians, rest_angles  # as late as the kernels of bending
+    from clothsim.physics.energies.hinge_moments import hinges_of_bending
+
+    hinges = hinges_of_bending("rest_angle", bending)
+    names = [f"effects.rest_angle.crease[{k}]" for k in range(len(crease))]
+    rows = [_hinges_along(name, world, keys, hinges) for name, keys in zip(names, crease, strict=True)]
+    schedules = tuple(
+        schedule(f"{name}.angle_degrees", keys["angle_degrees"]) for name, keys in zip(names, crease, strict=True)
+    )
+    for angle in schedules:
+        for time in angle.times:
+            radians(angle, time)
+    chosen = np.concatenate(rows)
+    _refuse_twice(hinges, chosen)
+    if not hinges.rest_angles[chosen].any() and all(angle.is_zero for angle in schedules):
+        return Off("every crease is flat, as is the cloth at rest")
+    return rest_angles(hinges, chosen, schedules, tuple(map(len, rows)))
+
+
+def _hinges_along(name: str, world: World, keys: Mapping[str, Any], hinges: "BendingModel") -> Ints:
+    """The numbers of the hinges along a crease."""
+    if sum(key in keys for key in LINES) != 1 or ("panel" in keys) != ("edge" in keys):
+        raise InputError(
+            f"{name} needs either through, vertices, panel with edge, or label.",
+            "Such as through = [[x, y, z], [x, y, z]].",
+        )
+    if "through" not in keys and "vertices" not in keys:
+        return _hinges_of_pattern(name, world, keys, hinges)
+    number = cloth_number(name, world, keys.get("cloth"))
+    cloth, first = world.cloths[number], world.cloth_slices[number].start
+    edges = unique_edges(cloth.triangles)
+    bent = np.sort(hinges.vertices[:, :2], axis=1)
+    if "vertices" in keys:
+        group = vertex_numbers(f"{name}.vertices", keys["vertices"], len(cloth.positions)) + first
+        selected = np.flatnonzero(np.isin(bent, group).all(axis=1))
+        if not len(selected):
+            raise InputError(f"{name} has no interior edge.", "Give neighbouring vertices inside the cloth.")
+        return selected
+    points = as_points(f"{name}.through", keys["through"])
+    path = path_along(f"{name}.through", cloth.rest_positions, edges, points)
+    if len(path) < 2:
+        raise InputError(f"{name}.through begins and ends at the vertex {path[0]}.", "Give a longer line.")
+    along = np.sort(np.column_stack([path[:-1], path[1:]]), axis=1)
+    numbers, wanted = ((pairs * [world.n_vertices, 1]).sum(axis=1) for pairs in (bent, along + first))
+    order = np.argsort(numbers)
+    selected = order[np.minimum(np.searchsorted(numbers, wanted, sorter=order), len(order) - 1)]
+    for a, b in along[numbers[selected] != wanted][:1]:
+        raise InputError(f"{name}: the edge {a}-{b} has no hinge.", "Draw the crease along interior edges.")
+    return selected
+
+
+def _hinges_of_pattern(name: str, world: World, keys: Mapping[str, Any], hinges: "BendingModel") -> Ints:
+    """The numbers of the hinges along welded edges of a sewing pattern."""
+    select = {key: keys[key] for key in ("panel", "edge", "label") if key in keys}
+    of_pattern(name, world, select)  # refuses names that no cloth has
+    pairs = []
+    for number, (cloth, rows) in enumerate(zip(world.cloths, world.cloth_slices, strict=True)):
+        if "cloth" not in keys or number == cloth_number(name, world, keys["cloth"]):
+            edges = cloth.lines.labels.get(keys["label"], ()) if "label" in keys else [(keys["panel"], keys["edge"])]
+            pairs.append(cloth.lines.segments(edge for edge in edges if edge in cloth.lines.edges) + rows.start)
+    along = np.sort(np.concatenate(pairs), axis=1) @ [world.n_vertices, 1]
+    found = np.flatnonzero(np.isin(np.sort(hinges.vertices[:, :2], axis=1) @ [world.n_vertices, 1], along))
+    if not len(found):
+        raise InputError(
+            f"{name}: no hinge lies along {select}.",
+            "An edge bends where it is welded to another one: place both so that they touch.",
+        )
+    return found
+
+
+def _refuse_twice(hinges: "BendingModel", chosen: Ints) -> None:
+    twice = np.flatnonzero(np.bincount(chosen) > 1)
+    if twice.size:
+        a, b = hinges.vertices[twice[0], :2]
+        raise InputError(f"effects.rest_angle creases the edge {a}-{b} twice.", "Give each edge one angle.")
+
+
+_LINE = {"through": [[0.0, -0.5, 0.0], [0.0, 0.5, 0.0]]}
+EXAMPLE = Example(
+    keys={"crease": [{"vertices": [1, 4, 7, 10], "angle_degrees": [[0.0, 10.0], [2.0, 70.0]]}]},
+    in_scene={"crease": [{**_LINE, "angle_degrees": 20.0}]},
+    zero={"crease": [{**_LINE, "angle_degrees": 0}]},
+    idle=Idle(
+        always={"crease": [{**_LINE, "angle_degrees": [[0.0, 0.0], [10.0, 0.0], [11.0, 30.0]]}]},
+        sometimes={"crease": [{**_LINE, "angle_degrees": [[0.0, 0.0], [0.05, 0.0], [0.06, 20.0]]}]},
+    ),
+)

@@ -1,0 +1,168 @@
+"""Springs, tethers and soft pins between vertices and positions in space: the effect `springs`.
+
+E = k/2 (|x - c| - L)^2 for each vertex (`links`), k [N/m] a vertex, c constant or moving. With L = 0 a spring is a soft
+pin: the force k |x - c| draws its vertex to c, where a pin prescribes it. A tether (slack = true) acts where it is
+longer than L; elsewhere it contributes exactly nothing.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints, as_points, as_positive, as_vector
+from clothsim.base.errors import InputError
+from clothsim.mesh.motion import RigidMotion, motion_of
+from clothsim.mesh.world import World
+from clothsim.physics.energies.base import Energy, Off
+from clothsim.physics.energies.example import Example, Idle
+from clothsim.physics.energies.links import Links
+from clothsim.physics.energies.protocols import Anchored, Driven, PastSensitivity, SeesPast
+from clothsim.physics.energies.selection import as_flag, check_tables, selected_vertices
+from clothsim.physics.energies.step import Step
+from clothsim.physics.energies.varying_values import Schedule, schedule
+
+KEYS = ("select", "stiffness", "to", "offset", "rest_length", "slack", "motion", "path")
+
+
+@dataclass(frozen=True)
+class Anchors:
+    """End positions c of the springs of one table over time: a rigid motion of `start`, then a translation.
+
+    Parameters
+    ----------
+    start : (k, 3) array
+        Positions at time 0 [m].
+    motion : RigidMotion
+        Prescribed motion.
+    times, shifts : (f,) and (f, 3) arrays
+        Key frames of the translation [s], [m], linear between them.
+    stiffness : Schedule
+        [N/m].
+    """
+
+    start: Floats
+    motion: RigidMotion
+    times: Floats
+    shifts: Floats
+    stiffness: Schedule
+
+    @property
+    def still(self) -> bool:
+        """True where nothing changes."""
+        return self.motion.still and not self.shifts.any() and self.stiffness.is_constant
+
+    def at(self, time: float) -> Floats:
+        """The positions at `time` [s], (k, 3) [m]."""
+        shift = [np.interp(time, self.times, self.shifts[:, axis]) for axis in range(3)]
+        return self.motion.apply(self.start, time) + np.array(shift)
+
+
+@dataclass(frozen=True)
+class Springs(Links, Anchored, Driven, SeesPast):
+    """Links of single vertices; `anchors`: the end positions of each table's springs over time."""
+
+    anchors: tuple[Anchors, ...]
+
+    @property
+    def drives(self) -> bool:
+        """True where an anchor moves or a stiffness changes."""
+        return not all(anchors.still for anchors in self.anchors)
+
+    @property
+    def anchored_rows(self) -> Ints:
+        """The tied vertices, (m,)."""
+        return self.rows[:, 0]
+
+    def begin(self, step: Step) -> Self:
+        """A copy with the anchors and stiffnesses of the end of the step."""
+        now = step.time + step.dt
+        levels = [np.full(len(anchors.start), anchors.stiffness.at(now)) for anchors in self.anchors]
+        return replace(
+            self,
+            targets=np.concatenate([anchors.at(now) for anchors in self.anchors]),
+            stiffnesses=np.concatenate(levels),
+        )
+
+    def past_sensitivity(self, step: Step, x: Floats, adjoint: Floats) -> PastSensitivity:
+        """Zero: anchors and stiffnesses are functions of time."""
+        return PastSensitivity()
+
+
+def springs(world: World, *, spring: Sequence[Mapping[str, Any]] = ()) -> Energy | Off:
+    """Springs from a list of tables.
+
+    Parameters
+    ----------
+    spring : sequence of tables
+        Each has `select` (as pins), `stiffness` [N/m] a vertex, a number or key frames, and optionally `to`, one
+        position [m] for all, or `offset` [m] from each vertex's start to its own anchor (default 0, a soft pin);
+        `rest_length` [m] (default: the length at the start); `slack` = true for a tether; `motion` of the anchors, with
+        the keys of pins; `path`, key frames [[time, dx, dy, dz], ...] of a translation.
+
+    Returns
+    -------
+    Springs, or Off where every stiffness is 0.
+
+    Raises
+    ------
+    InputError
+        Names the table and key.
+    """
+    check_tables("effects.springs.spring", spring, KEYS, ("select", "stiffness"))
+    tables = [(f"effects.springs.spring[{k}]", keys) for k, keys in enumerate(spring)]
+    stiffnesses = [schedule(f"{name}.stiffness", keys["stiffness"], 0.0) for name, keys in tables]
+    selected = [(*table, k) for table, k in zip(tables, stiffnesses, strict=True) if not k.is_zero]
+    if not selected:
+        return Off("every stiffness is 0" if spring else "there is no spring")
+    start = world.start()
+    rows, ends, lengths, slack = [], [], [], []
+    for name, keys, stiffness in selected:
+        vertices = selected_vertices(f"{name}.select", world, keys["select"])
+        if not len(vertices):
+            raise InputError(f"{name} selects no vertex.")
+        anchors = _anchors(name, keys, world, start[vertices], stiffness)
+        distances = np.linalg.norm(start[vertices] - anchors.start, axis=1)
+        given = as_positive(f"{name}.rest_length", keys.get("rest_length", 0.0), zero=True)
+        lengths.append(np.full(len(vertices), given) if "rest_length" in keys else distances)
+        slack.append(np.full(len(vertices), as_flag(f"{name}.slack", keys.get("slack", False))))
+        rows.append(vertices)
+        ends.append(anchors)
+    tied = np.concatenate(rows)
+    first = np.concatenate([anchors.start for anchors in ends])
+    levels = np.concatenate([np.full(len(each.start), each.stiffness.at(0.0)) for each in ends])
+    ones = np.ones((len(tied), 1))
+    return Springs(tied[:, None], ones, first, np.concatenate(lengths), levels, np.concatenate(slack), tuple(ends))
+
+
+def _anchors(name: str, keys: Mapping[str, Any], world: World, start: Floats, stiffness: Schedule) -> Anchors:
+    """The anchors of a table; start (k, 3): positions of its vertices [m]."""
+    if "to" in keys and "offset" in keys:
+        raise InputError(f"{name} has both to and offset.", "Give one of them.")
+    if "to" in keys:
+        ends = np.tile(as_vector(f"{name}.to", keys["to"]) - world.origin, (len(start), 1))
+    else:
+        ends = start + as_vector(f"{name}.offset", keys.get("offset", (0, 0, 0)))
+    frames = as_points(f"{name}.path", keys.get("path", [[0.0, 0.0, 0.0, 0.0]]), 4)
+    late = np.flatnonzero(np.diff(frames[:, 0]) <= 0)
+    if late.size:
+        raise InputError(f"{name}.path[{late[0] + 1}] is not after the key frame before it.", "Sort them by time.")
+    motion = keys.get("motion", {})
+    if not isinstance(motion, Mapping):
+        raise InputError(f"{name}.motion must be a table of keys, not {motion!r}.")
+    centred = {"centre": ends.mean(axis=0) + world.origin, **motion}
+    return Anchors(ends, motion_of(f"{name}.motion", centred, world.origin), frames[:, 0], frames[:, 1:], stiffness)
+
+
+_CORNERS = {"select": "corners"}
+EXAMPLE = Example(
+    keys={"spring": [{"select": "left", "stiffness": 2.0, "to": [0.0, 0.0, 1.0], "rest_length": 0.6}]},
+    in_scene={"spring": [{**_CORNERS, "stiffness": 5.0}]},
+    zero={"spring": [{**_CORNERS, "stiffness": 0}]},
+    external=True,
+    idle=Idle(
+        always={"spring": [{**_CORNERS, "stiffness": [[0.0, 0.0], [10.0, 0.0], [11.0, 30.0]]}]},
+        sometimes={"spring": [{**_CORNERS, "stiffness": [[0.0, 0.0], [0.05, 0.0], [0.06, 20.0]]}]},
+    ),
+)

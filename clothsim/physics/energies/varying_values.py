@@ -1,0 +1,179 @@
+"""Values that vary over the cloth and over time.
+
+Over the cloth a scene gives a number; an array with one number for each triangle or for each vertex (averaged over the
+corners; if there are as many triangles as vertices, for the triangles); a table of these by the name of a cloth, or of
+numbers by the name of a panel (a group of the cloth's file), with "other" for the rest. Over time it gives a number;
+key frames [[t0, v0], [t1, v1]], linear between them and constant outside; in Python a function of time. A table by
+cloth may contain key frames.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, as_number
+from clothsim.base.errors import InputError
+from clothsim.mesh.world import World
+
+FUNCTION = "function"
+"""Key that stands for a Python function in the scene file of a run: {function = "its name"}."""
+OTHER = "other"
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """A number over time, by key frames or a function.
+
+    Parameters
+    ----------
+    name : str
+        The scene's key, for messages.
+    times, values : (k,) arrays
+        Key frames [s], k >= 1; empty for a function.
+    least : float
+        Lower bound of the values.
+    function : function of time, optional
+        In place of key frames.
+    """
+
+    name: str
+    times: Floats
+    values: Floats
+    least: float = -math.inf
+    function: Callable[[float], float] | None = None
+
+    def at(self, time: float) -> float:
+        """The value at `time` [s]. InputError where the function returns no finite number or one below `least`."""
+        if self.function is None:
+            return float(np.interp(time, self.times, self.values))
+        return _bounded(f"{self.name} at {time:g} s", self.function(time), self.least)
+
+    @property
+    def is_constant(self) -> bool:
+        """True where the value is the same at all times."""
+        return self.function is None and bool((self.values == self.values[0]).all())
+
+    @property
+    def is_zero(self) -> bool:
+        """True where the value is 0 at all times."""
+        return self.is_constant and float(self.values[0]) == 0.0
+
+
+def schedule(name: str, value: Any, least: float = -math.inf) -> Schedule:
+    """The schedule of a scene's value: a number, key frames or a function. InputError names a bad key frame."""
+    if callable(value):
+        return Schedule(name, np.zeros(0), np.zeros(0), least, value)
+    if isinstance(value, Mapping):
+        if set(value) == {FUNCTION}:
+            raise lost_function(name, value)
+        raise InputError(f"{name} must be a number or key frames.")
+    if not isinstance(value, list | tuple | np.ndarray) or np.ndim(np.asarray(value, object)) == 0:
+        return Schedule(name, np.zeros(1), np.array([_bounded(name, value, least)]), least)
+    if not len(value):
+        raise InputError(f"{name} has no key frame.", "Give a number, or [[time, value], ...].")
+    times, values = np.empty(len(value)), np.empty(len(value))
+    for k, frame in enumerate(value):
+        if not isinstance(frame, list | tuple | np.ndarray) or len(frame) != 2:
+            raise InputError(f"{name}[{k}] is {frame!r}, no key frame.", "Give [[time, value], ...].")
+        times[k] = _bounded(f"{name}[{k}][0]", frame[0], -math.inf)
+        values[k] = _bounded(f"{name}[{k}][1]", frame[1], least)
+        if k and times[k] <= times[k - 1]:
+            raise InputError(f"{name}[{k}] is at {times[k]:g} s, not after {times[k - 1]:g} s.", "Sort them by time.")
+    return Schedule(name, times, values, least)
+
+
+def by_cloth(name: str, value: Any, world: World, least: float = -math.inf) -> tuple[Schedule, ...]:
+    """A schedule for each cloth, from one value for all or a table by name. InputError names the invalid key."""
+    if isinstance(value, Mapping) and set(value) != {FUNCTION}:
+        named = _of_each_cloth(name, value, world)
+        return tuple(
+            schedule(f"{name}.{cloth.name}", one, least) for cloth, one in zip(world.cloths, named, strict=True)
+        )
+    return (schedule(name, value, least),) * len(world.cloths)
+
+
+def over_cloth(name: str, value: Any, world: World, least: float = -math.inf) -> Floats:
+    """A number for each triangle of all cloths, (m,). InputError names the cloth and index of an invalid one."""
+    if not isinstance(value, Mapping):
+        return _over(name, value, world.triangles, world.n_cloth, least)
+    panels = {key: one for key, one in value.items() if any(key in cloth.groups for cloth in world.cloths)}
+    whole = {key: one for key, one in value.items() if key not in panels}
+    if panels and OTHER not in whole and not any(cloth.name in whole for cloth in world.cloths):
+        _refuse_uncovered(name, panels, world)
+        whole[OTHER] = next(iter(panels.values()))
+    named = _of_each_cloth(name, whole, world)
+    parts = []
+    for cloth, one in zip(world.cloths, named, strict=True):
+        numbers = _over(f"{name}.{cloth.name}", one, cloth.triangles, len(cloth.positions), least)
+        for panel in panels.keys() & cloth.groups.keys():
+            numbers[cloth.groups[panel]] = _bounded(f"{name}.{panel}", panels[panel], least)
+        parts.append(numbers)
+    return np.concatenate(parts)
+
+
+def _refuse_uncovered(name: str, panels: Mapping[str, Any], world: World) -> None:
+    """InputError where the panels do not cover all triangles of a cloth."""
+    for cloth in world.cloths:
+        covered = [cloth.groups[panel] for panel in panels if panel in cloth.groups]
+        left = np.setdiff1d(np.arange(len(cloth.triangles)), np.concatenate([np.zeros(0, np.int64), *covered]))
+        if len(left):
+            sentence = f"{name} has no value for {len(left)} triangles of the cloth {cloth.name!r}, such as {left[0]}."
+            raise InputError(sentence, "Add a value for `other`.")
+
+
+def lost_function(name: str, value: Mapping[str, Any]) -> InputError:
+    """The error for a run's scene that has the name of a Python function only."""
+    return InputError(
+        f"{name} was the Python function {value[FUNCTION]!r}, which is not in the scene of the run.",
+        "Simulate from the Python program, or give key frames.",
+    )
+
+
+def _of_each_cloth(name: str, table: Mapping[str, Any], world: World) -> list[Any]:
+    """The value of each cloth in a table."""
+    if set(table) == {FUNCTION}:
+        raise lost_function(name, table)
+    names = [cloth.name for cloth in world.cloths]
+    unknown = next((key for key in table if key not in (*names, OTHER)), None)
+    if unknown is not None:
+        panels = sorted({panel for cloth in world.cloths for panel in cloth.groups})
+        has = f"Cloths: {', '.join(names)}; or other."
+        raise InputError(
+            f"{name} names {unknown!r}, which is no cloth.", f"{has} Panels: {', '.join(panels)}." if panels else has
+        )
+    silent = next((cloth for cloth in names if cloth not in table and OTHER not in table), None)
+    if silent is not None:
+        raise InputError(f"{name} has no value for the cloth {silent!r}.", "Add one, or a value for `other`.")
+    return [table.get(cloth, table.get(OTHER)) for cloth in names]
+
+
+def _over(name: str, value: Any, triangles: np.ndarray, n_vertices: int, least: float) -> Floats:
+    """Values (m,) from a number, an array by triangle or an array by vertex."""
+    if callable(value) or isinstance(value, Mapping):
+        raise InputError(f"{name} must be a number or an array over the cloth.")
+    if not isinstance(value, list | tuple | np.ndarray) or np.ndim(np.asarray(value, object)) == 0:
+        return np.full(len(triangles), _bounded(name, value, least))
+    try:
+        numbers = np.asarray(value, np.float64)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{name} must be numbers: {error}.") from error
+    if numbers.shape not in ((len(triangles),), (n_vertices,)):
+        shape = f"{len(numbers)} numbers" if numbers.ndim == 1 else f"the shape {numbers.shape}"
+        has = f"Give one for each of the {len(triangles)} triangles or of the {n_vertices} vertices."
+        raise InputError(f"{name} has {shape}.", has)
+    for index in np.flatnonzero(~(np.isfinite(numbers) & (numbers >= least)))[:1]:
+        _bounded(f"{name}[{index}]", numbers[index], least)
+    return numbers.copy() if len(numbers) == len(triangles) else numbers[triangles].mean(axis=1)
+
+
+def _bounded(name: str, value: Any, least: float) -> float:
+    """`value` as a finite number of at least `least`."""
+    number = as_number(name, value)
+    if not math.isfinite(number):
+        raise InputError(f"{name} is {number}, not a finite number.")
+    if number < least:
+        raise InputError(f"{name} must be at least {least:g}, not {number:g}.")
+    return number

@@ -1,0 +1,1 @@
+"""Certificate of a run: intersections, residuals, energies and errors."""

@@ -1,0 +1,220 @@
+"""Certificate of a run: intersections, gap, stretches, residual and energy, accumulated step by step."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
+from clothsim.geometry.kinematics.stretch import principal_stretches
+from clothsim.mesh.world import World
+from clothsim.run.certificate.error_estimate import ErrorEstimate
+from clothsim.run.certificate.intersection_history import IntersectionHistory, history_from
+from clothsim.run.certificate.pinching import Pinches
+from clothsim.run.certificate.stiffness_changes import StiffnessChanges
+from clothsim.solve.stepping.mechanical_energy import mechanical_energy
+from clothsim.solve.stepping.state import State
+from clothsim.solve.stepping.stepping import StepReport
+
+if TYPE_CHECKING:
+    from clothsim.solve.pinch.pinch_record import PinchRecord
+
+
+@dataclass(frozen=True)
+class UnstableEquilibria:
+    """Unstable equilibria so far.
+
+    Parameters
+    ----------
+    left, kept : int
+        Number of those that were left, and of steps that ended in one that was kept.
+    first_at : float or None
+        Time of the first [s].
+    growth_rate : float
+        Largest growth rate of a lowest mode [1/s].
+    """
+
+    left: int = 0
+    kept: int = 0
+    first_at: float | None = None
+    growth_rate: float = 0.0
+
+    def after(self, report: StepReport) -> Self:
+        """Return the record after one more step."""
+        if not report.switches:
+            return self
+        left = sum(switch.left for switch in report.switches)
+        return replace(
+            self,
+            left=self.left + left,
+            kept=self.kept + (not report.switches[-1].left),
+            first_at=report.state.time if self.first_at is None else self.first_at,
+            growth_rate=max(self.growth_rate, *(switch.growth_rate for switch in report.switches)),
+        )
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Extremes over all steps so far.
+
+    E(x) falls in every step. In backward Euler that is |v(n+1) - v(n)|^2_M/2 + Psi(n+1) <= |v(n)|^2_M/2 + Psi(n), and
+    the energy itself falls where Psi is convex: a sheet that buckles within a large step may gain some. BDF2 has no
+    such law: its energy may rise within its order, by a hundredth of the kinetic energy (`sim.mechanical_energy`).
+
+    Parameters
+    ----------
+    intersections : IntersectionHistory
+        Intersections by the exact check.
+    gap : float
+        Smallest distance of cloth and body below d_hat [m], else inf.
+    stretch_min, stretch_max : float
+        Extremes of the principal stretches.
+    residual : float
+        Largest force that the last step left on a free vertex [N].
+    relative_residual : float
+        Largest residual of a step over its force scale (`ForceBalance`).
+    energy : float
+        Kinetic and potential energy now [J].
+    energy_rise, step_rise : float
+        Largest rise in one step of the energy and of the incremental potential E(x) [J].
+    energy_scale : float
+        Largest part of the energy so far [J].
+    moved_by_script : bool
+        True where bodies, pins or wind do work on the cloth, so that a rise is no error.
+    estimate : ErrorEstimate
+        Estimated error of the result.
+    asked : float
+        Error requested by the user [m]; 0 where a dt was given.
+    fastest_speed : float
+        Largest speed of a cloth vertex in the last step [m/s]; nan without inertia.
+    at_rest : bool
+        True where the cloth was at rest at the last frame (see `sim.rest`), and slow since then.
+    unstable : UnstableEquilibria
+        Those that were found (see `sim.branch_switching`).
+    carried : PinchRecord or None
+        Vertices that were carried through a pinch; None without that policy.
+    pinched : Pinches
+        Vertices that bodies pressed from opposite sides, in the frames so far.
+    stiffness : StiffnessChanges
+        Energy of the changes of the contact stiffness.
+    """
+
+    intersections: IntersectionHistory = field(default_factory=IntersectionHistory)
+    gap: float = np.inf
+    stretch_min: float = np.inf
+    stretch_max: float = 0.0
+    residual: float = 0.0
+    relative_residual: float = 0.0
+    energy: float = np.nan
+    energy_rise: float = 0.0
+    step_rise: float = 0.0
+    energy_scale: float = 0.0
+    moved_by_script: bool = False
+    estimate: ErrorEstimate = field(default_factory=ErrorEstimate)
+    asked: float = 0.0
+    fastest_speed: float = np.nan
+    at_rest: bool = False
+    unstable: UnstableEquilibria = field(default_factory=UnstableEquilibria)
+    carried: "PinchRecord | None" = None
+    pinched: Pinches = field(default_factory=Pinches)
+    stiffness: StiffnessChanges = field(default_factory=StiffnessChanges)
+
+    def after(self, world: World, report: StepReport, before: State) -> Self:
+        """Return the certificate after one more step, which started at `before`.
+
+        Both energies are of the potential of this step: what a barrier made stiffer between two steps adds is no rise,
+        but stands in `stiffness`.
+        """
+        x = report.state.positions
+        stretches = world_stretches(world, x)
+        end = mechanical_energy(world, report.potential, report.state)
+        incremental = end.incremental
+        if report.switches:  # of the solve; the displacement after it is none of its steps
+            solved = replace(report.state, positions=report.result.x)
+            incremental = mechanical_energy(world, report.potential, solved).incremental
+        start = mechanical_energy(world, report.potential, before)
+        return replace(
+            self,
+            gap=min(self.gap, report.minimum_gap),
+            stretch_min=min(self.stretch_min, float(stretches[:, 1].min())),
+            stretch_max=max(self.stretch_max, float(stretches[:, 0].max())),
+            residual=report.result.residual,
+            relative_residual=max(self.relative_residual, report.result.relative_residual),
+            energy=end.total,
+            energy_rise=max(self.energy_rise, end.total - start.total),
+            step_rise=max(self.step_rise, incremental - start.incremental),
+            energy_scale=max(self.energy_scale, end.scale),
+            estimate=self.estimate.after(report),
+            fastest_speed=np.nan if report.error is None else report.fastest,
+            at_rest=report.state.at_rest,
+            unstable=self.unstable.after(report),
+            stiffness=self.stiffness.after(report.potential, before),
+        )
+
+    def as_dict(self, coverage: Mapping[str, str], completed: bool = True) -> dict[str, Any]:
+        """Return the entry of the summary. coverage: see `IntersectionCheck.coverage`; completed: the whole run."""
+        scale, scripted = self.energy_scale or 1.0, "bodies, pins or wind do work"
+        return {
+            "intersection_free": self.intersections.intersection_free,
+            **coverage,
+            **({} if self.carried is None else {"carried": self.carried.as_dict()}),
+            "intersections": self.intersections.as_dict(),
+            "intersecting_frames": list(self.intersections.frames),
+            "minimum_gap": self.gap,
+            "stretch_min": self.stretch_min,
+            "stretch_max": self.stretch_max,
+            "residual": self.residual,
+            "relative_residual": self.relative_residual,
+            "at_rest": self.at_rest,
+            "fastest_speed": self.fastest_speed,
+            "unstable_equilibria": asdict(self.unstable),
+            "pinched": asdict(self.pinched),
+            "energy_drift": scripted if self.moved_by_script else self.energy_rise / scale,
+            "step_energy_rise": scripted if self.moved_by_script else self.step_rise / scale,
+            "stiffness_changes": {"added": self.stiffness.added, "removed": self.stiffness.removed},
+            "error_estimate": self.estimate.as_dict(self.asked, completed),
+        }
+
+    def as_json(self) -> dict[str, Any]:
+        """Return every field, for the checkpoint."""
+        parts = {
+            "estimate": asdict(self.estimate),
+            "intersections": self.intersections.as_json(),
+            "unstable": asdict(self.unstable),
+            **({} if self.carried is None else {"carried": asdict(self.carried)}),
+            "pinched": asdict(self.pinched),
+            "stiffness": asdict(self.stiffness),
+        }
+        return {**{name: getattr(self, name) for name in self.__dataclass_fields__}, **parts}
+
+
+def certificate_from(fields: dict[str, Any]) -> Certificate:
+    """Return the certificate that `as_json` wrote; older ones did not check all pairs."""
+    older = {**asdict(IntersectionHistory(complete=False)), "frames": fields.get("intersecting_frames", ())}
+    parts = {
+        "estimate": ErrorEstimate(**fields.get("estimate", {})),
+        "intersections": history_from(fields.get("intersections", older)),
+        "unstable": UnstableEquilibria(**fields.get("unstable", {})),
+        "carried": _carried_from(fields.get("carried")),
+        "pinched": Pinches(**fields.get("pinched", {})),
+        "stiffness": StiffnessChanges(**fields.get("stiffness", {})),
+    }
+    return Certificate(
+        **{**{name: fields[name] for name in fields if name in Certificate.__dataclass_fields__}, **parts}
+    )
+
+
+def _carried_from(fields: Mapping[str, Any] | None) -> "PinchRecord | None":
+    if fields is None:
+        return None
+    from clothsim.solve.pinch.pinch_record import record_from  # runs without the policy do not import it
+
+    return record_from(fields)
+
+
+def world_stretches(world: World, x: Floats) -> Floats:
+    """Return the principal stretches of all cloth triangles, (m, 2), the larger first."""
+    F = deformation_gradients(x[: world.n_cloth], world.triangles, world.rest_shape_inverses)
+    return np.asarray(principal_stretches(F), np.float64)

@@ -1,0 +1,145 @@
+"""Learned models of drapes at rest: positions of a garment as a function of the varied keys of its scene.
+
+A model is affine in the standardised inputs, which are clipped to the box of its training drapes: principal components
+of the drapes, and a ridge regression to their coefficients, folded into one matrix. `clothsim learn` makes it.
+"""
+
+import hashlib
+import json
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.scene.content import by_content
+from clothsim.scene.scene import Scene
+
+FAMILY = ("cloth", "body", "rigid")
+"""Sections that say what the garment and the body are."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrapeModel:
+    """Affine model of drapes.
+
+    Attributes
+    ----------
+    family : str
+        sha256 of garment and body without the varied keys.
+    inputs : (p,) array of str
+        Varied keys that are numbers.
+    same, same_as : (s,) arrays of str
+        Keys that have the value of another one, and that other.
+    low, high, centre, scale : (p,) ndarray
+        Box, mean and standard deviation of the inputs.
+    weights : (1 + p, k) ndarray
+        Coefficients of 1 and of the standardised inputs.
+    mean : (3n,) ndarray [m]
+    basis : (3n, k) ndarray
+    """
+
+    family: str
+    inputs: NDArray[np.str_]
+    same: NDArray[np.str_]
+    same_as: NDArray[np.str_]
+    low: Floats
+    high: Floats
+    centre: Floats
+    scale: Floats
+    weights: Floats
+    mean: Floats
+    basis: Floats
+
+    def positions(self, inputs: Sequence[float] | Floats) -> Floats:
+        """Predicted positions (n, 3) [m]; inputs outside of the box are clipped to it."""
+        clipped = np.clip(np.asarray(inputs, np.float64), self.low, self.high)
+        features = np.concatenate([[1.0], (clipped - self.centre) / self.scale])
+        return (self.mean + self.basis @ (features @ self.weights)).reshape(-1, 3)
+
+
+def predicted(model: DrapeModel, scene: Scene) -> Floats:
+    """The positions (n, 3) that a model predicts for a scene [m].
+
+    Raises
+    ------
+    InputError
+        For another garment or body family than the model's, or without one of its inputs.
+    """
+    sections = _sections(scene)
+    varied = [*model.inputs, *model.same]
+    if family(scene, varied) != model.family:
+        raise InputError(
+            f"seed.file {scene.seed_settings.file} is a model of another garment or body: they differ in more than "
+            f"{', '.join(varied)}.",
+            "Use the cloth and body of the farm's recipe, or learn a model of these.",
+        )
+    for key, other in zip(model.same, model.same_as, strict=True):
+        if _at(sections, key) != _at(sections, other):
+            raise InputError(f"{key} differs from {other}, which the model's drapes have alike.", f"Set {key} too.")
+    return model.positions([_number(key, _at(sections, key)) for key in model.inputs])
+
+
+def family(scene: Scene, varied: Sequence[str]) -> str:
+    """sha256 of garment and body without the varied keys, files by their content."""
+    sections = {name: table for name, table in _sections(scene).items() if name in FAMILY}
+    for key in varied:
+        *path, last = key.split(".")
+        inner: Any = sections
+        for part in path:
+            inner = _first(inner).get(part, {})
+        _first(inner).pop(last, None)
+    text = json.dumps(by_content(sections, scene.directory), sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def write_model(path: Path, model: DrapeModel) -> Path:
+    """Write a model as .npz."""
+    from clothsim.base.safe_files.atomic import replacing
+
+    arrays: dict[str, Any] = {name: np.asarray(value) for name, value in asdict(model).items()}
+    with replacing(path) as beside, beside.open("wb") as target:
+        np.savez_compressed(target, **arrays)
+    return path
+
+
+def read_model(path: Path) -> DrapeModel:
+    """The model in a file of `write_model`. InputError for another file."""
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            content = {name: arrays[name] for name in DrapeModel.__dataclass_fields__}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path} is no model of drapes.", "Make one: `clothsim learn DIR -o model.npz`.") from error
+    return DrapeModel(**{**content, "family": str(content["family"])})
+
+
+def _sections(scene: Scene) -> dict[str, Any]:
+    return dict(json.loads(scene.to_text()))
+
+
+def _at(sections: Mapping[str, Any], key: str) -> Any:
+    """The value of "body.chest", of the first body where there are several; None where the scene has it not."""
+    inner: Any = sections
+    for part in key.split("."):
+        inner = _first(inner).get(part)
+        if inner is None:
+            return None
+    return inner
+
+
+def _first(table: Any) -> Any:
+    """A table, or the first of an array of tables, as keys of recipes mean it."""
+    if isinstance(table, list):
+        table = table[0] if table else {}
+    return table if isinstance(table, dict) else {}
+
+
+def _number(key: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"The model needs {key}, which the scene has not as a number.", f"Write {key} in the scene.")
+    return float(value)

@@ -1,0 +1,183 @@
+"""Meshes of a scene's tables: generated, read or in memory; checked, sewn, scaled and placed."""
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, as_number, as_positive, as_vector
+from clothsim.base.errors import InputError
+from clothsim.keys.fabric import BENDINGS, Fabric
+from clothsim.keys.fabrics import fabric_named, fabrics_of
+from clothsim.keys.keys import table
+from clothsim.keys.mesh_arrays import MeshArrays
+from clothsim.mesh.body import Body, make_body
+from clothsim.mesh.cloth import Cloth, make_cloth
+from clothsim.mesh.generators.table import GENERATORS
+from clothsim.mesh.motion import rigid_motion
+from clothsim.scene.assembly.animated_body import body_of_files, body_of_frames
+from clothsim.scene.assembly.placement import PART, Shape, examined, existing_file, name_of, placed
+from clothsim.scene.assembly.welding import sewn
+from clothsim.scene.assembly.winding import wound_alike
+
+THREADS = ("warp_stiffness", "weft_stiffness", "shear_stiffness", "thread_poisson_ratio")
+EXTENSIONS = ("warp_extension", "weft_extension")
+ISOTROPIC = ("density", "thickness", "youngs_modulus", "poisson_ratio", "bending_stiffness")
+FABRIC = (*ISOTROPIC, *THREADS, *BENDINGS, *EXTENSIONS)
+
+
+def cloth_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
+    """The mesh of a [cloth] table as generated, in memory or in its file: neither checked, sewn nor placed."""
+    mesh = keys["mesh"]
+    if isinstance(mesh, str) and mesh not in GENERATORS and Path(mesh).suffix.lower() == ".json":
+        from clothsim.scene.assembly.pattern_file import shape_of_pattern
+
+        return shape_of_pattern(existing_file(f"{where}.mesh", directory, mesh), keys, where)
+    return mesh_shape(keys, where, directory)
+
+
+def cloth_of(
+    shape: Shape, keys: Mapping[str, Any], where: str, start: Floats | None = None
+) -> tuple[Cloth, tuple[str, ...]]:
+    """The cloth of a [cloth] table.
+
+    Parameters
+    ----------
+    shape : Shape
+        The table's `cloth_shape`.
+    keys : dict
+        The table.
+    where : str
+        Dotted name of the table, for messages.
+    start : (n, 3) ndarray [m], optional
+        Initial positions of the vertices of the shape, in place of those of the table.
+
+    Returns
+    -------
+    cloth : Cloth
+    notes : tuple of str
+        Notes for the user.
+
+    Notes
+    -----
+    Panels are sewn where their borders meet: in the mesh; with rest = "vt" and a start, in the start, for such files
+    hold the panels apart. A file with sewn = true is one mesh already, in which seams of three layers are no fault.
+    """
+    label = name_of(keys, where)
+    fabric, fabric_note = fabric_of(keys, where)
+    own = fabrics_of(f"{where}.fabric_of", shape.groups, keys.get("fabric_of") or {})
+    rest = keys.get("rest", "file")
+    if not isinstance(rest, str) or rest not in ("file", "vt"):
+        raise InputError(f"{where}.rest is {rest!r}.", 'Known: "file", "vt".')
+    if rest == "vt" and not len(shape.texture):
+        raise InputError(f'{where}.rest is "vt", but the mesh has no texture coordinates.', 'Use rest = "file".')
+    in_plane = rest == "vt" or shape.flat
+    if start is None and shape.start is not None:
+        start = placed(keys, where, shape.start)
+    gap = as_positive(f"{where}.weld", keys.get("weld", 0.0), zero=True)
+    shape = wound_alike(shape)
+    if gap:
+        shape, start = sewn(label, shape, start, gap, at_start=in_plane)
+        shape = wound_alike(shape)  # panels wound the other way than their neighbours
+    layers = _flag(f"{where}.sewn", keys.get("sewn", False))
+    warnings = examined(label, shape, "sewn cloth" if gap or layers else "cloth")
+    cloth = make_cloth(
+        label,
+        shape.positions,
+        shape.triangles,
+        fabric,
+        positions=placed(keys, where, shape.positions) if start is None else start,
+        material_coordinates=shape.texture if in_plane else None,
+        velocity=as_vector(f"{where}.velocity", keys.get("velocity", (0, 0, 0))),
+        groups=shape.groups,
+        texture=shape.texture,
+        fabrics={panel: own[panel] for panel in shape.groups if panel in own},
+        lines=shape.lines,
+    )
+    of_panels = tuple(f"{label}: fabric {own[panel].name} of {panel}." for panel in cloth.fabrics)
+    return cloth, (*warnings, fabric_note, *of_panels)
+
+
+def body_of(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
+    """The body of a [[body]] table, and notes for the user."""
+    if "model" in keys:
+        from clothsim.scene.assembly.model_body import body_of_model
+
+        return body_of_model(keys, where, directory)
+    if "frames" in keys:
+        return body_of_files(keys, where, directory)
+    shape = mesh_shape(keys, where, directory)
+    if isinstance(keys["mesh"], MeshArrays) and keys["mesh"].frames is not None:
+        return body_of_frames(keys, where, shape)
+    notes = examined(name_of(keys, where), shape, "body")
+    positions = placed(keys, where, shape.positions)
+    motion = dict(table(f"{where}.motion", keys.get("motion", {})))
+    motion.setdefault("centre", as_vector(f"{where}.position", keys.get("position", (0, 0, 0))))
+    return make_body(name_of(keys, where), positions, shape.triangles, rigid_motion(**motion)), notes
+
+
+def _flag(name: str, value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise InputError(f"{name} is {value!r}.", "Give true or false.")
+    return value
+
+
+def mesh_shape(keys: Mapping[str, Any], where: str, directory: Path) -> Shape:
+    """The mesh that the key `mesh` names or holds."""
+    mesh = keys["mesh"]
+    if isinstance(mesh, MeshArrays):
+        return _from_arrays(mesh, keys, where)
+    if mesh in GENERATORS:
+        return _generated(mesh, keys, where)
+    return _from_file(existing_file(f"{where}.mesh", directory, mesh), keys)
+
+
+def _generated(name: str, keys: Mapping[str, Any], where: str) -> Shape:
+    generator = GENERATORS[name]
+    own = list(inspect.signature(generator).parameters)
+    try:
+        positions, triangles = generator(**{key: keys[key] for key in own if key in keys})
+    except InputError as error:
+        raise InputError(f"{where} ({name}): {error.sentence}", error.remedy) from error
+    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
+    return Shape(scale * positions, triangles, np.zeros((0, 3, 2)), ())
+
+
+def _from_file(path: Path, keys: Mapping[str, Any]) -> Shape:
+    from clothsim.files.meshes.mesh_file import read_mesh
+
+    mesh = read_mesh(path, **{key: keys[key] for key in PART if key in keys})
+    return Shape(mesh.positions, mesh.triangles, mesh.texture, mesh.messages, mesh.groups)
+
+
+def _from_arrays(mesh: MeshArrays, keys: Mapping[str, Any], where: str) -> Shape:
+    """A mesh in memory; its arrays are copied, for kernels are compiled for writable ones."""
+    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
+    vertices, triangles = scale * mesh.vertices, mesh.triangles.copy()
+    none = np.zeros((0, 3, 2))
+    if mesh.rest is None:
+        return Shape(vertices, triangles, none, (), mesh.groups)
+    if mesh.is_flat:
+        return Shape(vertices, triangles, scale * mesh.rest, (), mesh.groups, flat=True)
+    return Shape(scale * mesh.rest, triangles, none, (), mesh.groups, start=vertices)
+
+
+def fabric_of(keys: Mapping[str, Any], where: str) -> tuple[Fabric, str]:
+    """The named fabric with the keys that override it.
+
+    A Young's modulus replaces the stiffnesses of the threads, a bending stiffness those along warp, weft and bias.
+    """
+    name = keys.get("fabric", "cotton")
+    named = fabric_named(f"{where}.fabric", name)
+    own = {key: as_number(f"{where}.{key}", keys[key]) for key in FABRIC if key in keys}
+    ruled = dict.fromkeys((*THREADS, *EXTENSIONS)) if "youngs_modulus" in own else {}
+    ruled |= dict.fromkeys(BENDINGS) if "bending_stiffness" in own else {}
+    try:
+        fabric = replace(named, **(ruled | own))  # type: ignore[arg-type]
+    except InputError as error:
+        raise InputError(f"{where}.{error.sentence}", error.remedy) from error
+    changed = f" with its own {', '.join(own)}" if own else ""
+    return fabric, f"{name_of(keys, where)}: fabric {name}{changed}."

@@ -1,0 +1,172 @@
+"""Bodies of body models: the mannequin, rigged glTF files and SMPL-family files, posed and in skeletal motion."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, as_positive, as_vector
+from clothsim.base.errors import InputError
+from clothsim.files.characters.character import Character
+from clothsim.files.characters.skeleton import Pose
+from clothsim.files.characters.timeline import Timeline
+from clothsim.keys.keys import table
+from clothsim.mesh.body import Body, make_body
+from clothsim.mesh.motion import PosedMotion
+from clothsim.scene.assembly.model_motion import motion_of_model
+from clothsim.scene.assembly.placement import Shape, examined, existing_file, name_of, placed
+
+MANNEQUIN = "mannequin"
+RIGS, MODELS = (".glb", ".gltf"), (".npz",)
+"""Endings of rigged meshes, and of body models."""
+
+
+@dataclass(frozen=True, eq=False)
+class PosedDisplacement:
+    """Displacement of the vertices of a character since time 0.
+
+    Attributes
+    ----------
+    character : Character
+    timeline : Timeline
+    first : (n, 3) ndarray [m]
+        Vertices at time 0 in the space of the character.
+    linear : (3, 3) ndarray
+        From that space to that of the scene.
+    """
+
+    character: Character
+    timeline: Timeline
+    first: Floats
+    linear: Floats
+
+    def __call__(self, time: float) -> Floats:
+        """Displacements at `time` [s], (n, 3) [m]."""
+        return (self.character.vertices(self.timeline.pose(time)) - self.first) @ self.linear.T
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedCharacter:
+    """A character in a scene: x = linear v + shift of its posed vertices v.
+
+    Attributes
+    ----------
+    character : Character
+    first : Pose
+        Pose at time 0.
+    timeline : Timeline or None
+        None: it keeps its first pose.
+    linear : (3, 3) ndarray
+    shift : (3,) ndarray [m]
+    notes : tuple of str
+    """
+
+    character: Character
+    first: Pose
+    timeline: Timeline | None
+    linear: Floats
+    shift: Floats
+    notes: tuple[str, ...]
+
+    def pose(self, time: float) -> Pose:
+        """Pose at `time` [s]."""
+        return self.first if self.timeline is None else self.timeline.pose(time)
+
+
+def body_of_model(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
+    """The body of a table with a `model`, and notes for the user.
+
+    Raises
+    ------
+    InputError
+        For a bad file, shape, pose or motion, in one sentence.
+    """
+    label = name_of(keys, where)
+    made = placed_character(keys, where, directory)
+    first = made.character.vertices(made.first)
+    positions = first @ made.linear.T + made.shift
+    notes = examined(label, Shape(positions, made.character.triangles, np.zeros((0, 3, 2)), ()), "body")
+    if made.timeline is None:
+        return make_body(label, positions, made.character.triangles), notes
+    displacement = PosedDisplacement(made.character, made.timeline, first, made.linear)
+    motion = PosedMotion(displacement, made.timeline.duration)
+    notes = (*notes, *(f"{label}: {note}" for note in made.notes))
+    return make_body(label, positions, made.character.triangles, motion), notes
+
+
+def placed_character(keys: Mapping[str, Any], where: str, directory: Path) -> PlacedCharacter:
+    """The character of a table with a `model`, its place in the scene and its motion; errors as `body_of_model`."""
+    character = character_of(keys, where, directory)
+    pose = first_pose(keys, where, character)
+    scale = as_positive(f"{where}.scale", keys.get("scale", 1.0))
+    turned = {**keys, "up": keys.get("up", character.up)}
+    linear = scale * placed({**turned, "position": (0, 0, 0)}, where, np.eye(3)).T
+    ground = np.zeros(3)
+    if keys["model"] == MANNEQUIN:
+        ground[2] = character.vertices(pose)[:, 2].min()
+    shift = placed(turned, where, np.zeros(3)) - linear @ ground
+    if not keys.get("motion"):
+        return PlacedCharacter(character, pose, None, linear, shift, ())
+    made, notes = motion_of_model(keys, where, directory, character, pose)
+    return PlacedCharacter(character, pose, made, linear, shift, notes)
+
+
+def character_of(keys: Mapping[str, Any], where: str, directory: Path) -> Character:
+    """The character of the keys `model`, `shape` and `group`. InputError names a bad file or shape."""
+    name, shape = keys["model"], keys.get("shape")
+    ending = Path(name).suffix.lower()
+    if name == MANNEQUIN:
+        from clothsim.files.characters.known_bodies import mannequin_character
+
+        return mannequin_character(**_by_name(f"{where}.shape", shape))
+    if ending in RIGS:
+        from clothsim.files.characters.gltf_character import read_character
+
+        path = existing_file(f"{where}.model", directory, name)
+        return read_character(path, _by_name(f"{where}.shape", shape), keys.get("group"))
+    if ending in MODELS:
+        from clothsim.files.characters.known_bodies import smpl_character
+
+        if isinstance(shape, Mapping):
+            raise InputError(f"{where}.shape is a table.", "Give the shape parameters (betas) as a list of numbers.")
+        return smpl_character(existing_file(f"{where}.model", directory, name), [] if shape is None else shape)
+    if ending == ".pkl":
+        raise InputError(
+            f"{where}.model is {name}: a pickled file may run code, and is not read.",
+            "Save its arrays with numpy.savez as .npz.",
+        )
+    raise InputError(f"{where}.model is {name!r}.", 'Give "mannequin", a rigged .glb or .gltf, or an .npz of SMPL.')
+
+
+def first_pose(keys: Mapping[str, Any], where: str, character: Character) -> Pose:
+    """The pose of the key `pose`: named, of the mannequin, or rotation vectors from rest by joint [degrees]."""
+    pose, skeleton = keys.get("pose"), character.skeleton
+    if pose is None:
+        return skeleton.rest
+    if isinstance(pose, str):
+        if keys["model"] != MANNEQUIN:
+            raise InputError(f"{where}.pose is {pose!r}.", "Give a table of joints with rotation vectors [degrees].")
+        from clothsim.mesh.generators.mannequin.pose import turns_of
+
+        return skeleton.turned(dict(turns_of(pose, None)))
+    turns = {
+        name: np.radians(as_vector(f"{where}.pose.{name}", turn)) for name, turn in table(f"{where}.pose", pose).items()
+    }
+    try:
+        return skeleton.turned(turns)
+    except InputError as error:
+        raise InputError(f"{where}.pose: {error.sentence}", error.remedy) from error
+
+
+def _by_name(where: str, shape: Any) -> dict[str, float]:
+    """A shape as numbers by name."""
+    if shape is None:
+        return {}
+    if not isinstance(shape, Mapping):
+        raise InputError(f"{where} is a list.", 'Give numbers by name: { height = 1.8 } or { "morph target" = 1.0 }.')
+    for name, value in shape.items():
+        if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+            raise InputError(f"{where}.{name} is {value!r}.", "Give a number.")
+    return {str(name): float(value) for name, value in shape.items()}

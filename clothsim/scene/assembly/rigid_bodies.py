@@ -1,0 +1,95 @@
+"""Rigid bodies of a scene's [[rigid]] tables, and the energies that come with them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, as_positive, as_vector
+from clothsim.base.errors import InputError
+from clothsim.keys.rigid_keys import RigidTable
+from clothsim.mesh.rigid_body import Joint, RigidBody, rigid_body
+from clothsim.mesh.world import World
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.rigid_ties import Tied, rigid_ties
+from clothsim.physics.energies.rigidity import rigidity
+from clothsim.physics.energies.seams import STIFFER
+from clothsim.physics.energies.selection import selected_vertices
+from clothsim.scene.assembly.meshes import mesh_shape
+from clothsim.scene.assembly.placement import examined, name_of, placed
+from clothsim.scene.scene import Scene
+
+DEFAULTS = RigidTable(mesh="")
+
+
+def rigid_body_of(keys: Mapping[str, Any], where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
+    """The rigid body of a [[rigid]] table, and notes for the user. InputError for a mesh that is no solid."""
+    shape = mesh_shape(keys, where, scene.directory)
+    label = name_of(keys, where)
+    notes = examined(label, shape, "body")
+    spin = as_vector(f"{where}.spin_degrees_per_second", keys.get("spin_degrees_per_second", (0, 0, 0)))
+    body = rigid_body(
+        label,
+        placed(keys, where, shape.positions),
+        shape.triangles,
+        as_positive(f"{where}.density", keys.get("density", DEFAULTS.density)),
+        as_vector(f"{where}.velocity", keys.get("velocity", (0, 0, 0))),
+        np.radians(spin),
+        as_positive(f"{where}.stiffness", keys.get("stiffness", DEFAULTS.stiffness)),
+        _joint(keys.get("joint"), where),
+    )
+    return body, (*notes, f"{label}: rigid, {body.mass:.4g} kg.")
+
+
+def rigid_energies(scene: Scene, world: World, energies: Mapping[str, Energy]) -> dict[str, Energy]:
+    """The rigidity of a world's rigid bodies, and their ties.
+
+    Raises
+    ------
+    InputError
+        The scene has no inertia, a backend or policy that does not know rigid bodies, or a tie without a stiffness.
+    """
+    if not world.rigid:
+        return {}
+    if "inertia" not in energies:
+        raise InputError("Rigid bodies need effects.inertia.", "Write [effects.inertia], or make the body a [[body]].")
+    if scene.contact_settings.pinch != "stop":
+        raise InputError('contact.pinch = "carry" does not work with rigid bodies.', "Leave the key out.")
+    tied = [each for number, keys in enumerate(scene.rigid_bodies) for each in _tied(scene, world, number, keys)]
+    made: dict[str, Energy] = {"rigidity": rigidity(world)}
+    return made | ({"rigid_ties": rigid_ties(world, tied)} if tied else {})
+
+
+def _joint(keys: Mapping[str, Any] | None, where: str) -> Joint | None:
+    if keys is None:
+        return None
+    if "point" not in keys:
+        raise InputError(f"{where}.joint has no point.", "Write point = [x, y, z], in metres.")
+    axis = keys.get("axis")
+    direction = np.zeros(3) if axis is None else as_vector(f"{where}.joint.axis", axis)
+    if axis is not None and not direction.any():
+        raise InputError(f"{where}.joint.axis is zero.", "Give a direction, or leave it out for a ball joint.")
+    return Joint(as_vector(f"{where}.joint.point", keys["point"]), direction)
+
+
+def _tied(scene: Scene, world: World, number: int, keys: Mapping[str, Any]) -> Sequence[Tied]:
+    """The ties of one table."""
+    found = []
+    several = len(scene.rigid_bodies) > 1
+    for k, tie in enumerate(keys.get("tie", ())):
+        where = f"rigid[{number}].tie[{k}]" if several else f"rigid.tie[{k}]"
+        if not isinstance(tie, Mapping) or "select" not in tie:
+            raise InputError(f"{where} has no select.", 'Write select = "corners", vertex numbers or a box.')
+        vertices = selected_vertices(f"{where}.select", world, tie["select"])
+        stiffness = tie.get("stiffness")
+        if stiffness is None:
+            stiffness = STIFFER * _fabric_stiffness(where, world)
+        found.append(Tied(number, vertices, as_positive(f"{where}.stiffness", stiffness)))
+    return found
+
+
+def _fabric_stiffness(where: str, world: World) -> float:
+    along: Floats = np.sqrt(world.per_triangle("stiffness_along_warp") * world.per_triangle("stiffness_along_weft"))
+    if not along.max() > 0:
+        raise InputError(f"{where} has no stiffness: the fabric has none.", "Give it a stiffness in N/m.")
+    return float(along.max())

@@ -1,0 +1,1 @@
+"""Sparse linear systems of a Newton iteration."""

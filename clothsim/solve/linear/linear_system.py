@@ -1,0 +1,204 @@
+"""Newton matrix and its solver: one sparsity pattern for many steps, extended where contact couples vertices."""
+
+from collections.abc import Callable
+from operator import is_
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.indexing import Rows
+from clothsim.base.parallel import together
+from clothsim.physics.energies.hessians import ByElement, Hessian, explicit
+from clothsim.solve.linear.assembly import OUTSIDE
+from clothsim.solve.linear.dependent_rows import NO_DEPENDENT_ROWS, DependentRows
+from clothsim.solve.linear.direct_solver import LinearSolver
+from clothsim.solve.linear.linear_solvers import make_solver
+from clothsim.solve.linear.sparsity import Explicit, Pattern, couplings, extended
+from clothsim.solve.linear.threads import solver_threads
+from clothsim.solve.newton.nonlinear_elimination import Patch
+
+NEW_BLOCKS = 0.02
+"""Fraction of blocks that may be missing from the last symbolic analysis for a preconditioner to do without them: a
+crumpling sheet would otherwise be reanalysed at every second iteration.
+"""
+
+SPARE_BLOCKS = 0.1
+"""Fraction of blocks beyond those of a matrix that `System.cover` keeps, as the next matrix may need them again."""
+
+
+MIN_TOGETHER = 1000
+"""Vertices from which on two assemblies, of a millisecond each at this size, are worth a thread each."""
+
+Offsets: TypeAlias = dict[int, tuple[Ints, NDArray[np.int32]]]
+"""Lists of elements and their block offsets, by the lists' ids."""
+
+
+class System:
+    """Cached sparsity pattern, its symbolic analysis and its solver.
+
+    Each step starts with what contact is expected to couple (`begin`), so that the elimination order, and with it every
+    bit, depends on the step's own start; inside a step the pattern only grows.
+
+    Parameters
+    ----------
+    base : Pattern
+        Couplings of the mesh.
+    linear : str
+        Name of the solver, see `linear_solvers.SOLVERS`.
+    threads : int
+        0: by size (`threads.solver_threads`).
+    patch : Patch, optional
+        Vertices that the matrix is restricted to; None: all unknowns.
+    dependent : DependentRows
+        Rows of x that follow unknowns (vertices of rigid bodies).
+    repeatable : bool
+        True: take a factor in domains on one thread too, so that the bits are those of several.
+
+    Attributes
+    ----------
+    rows : slice or (k,) int64
+        Rows of x that the matrix is about.
+    threads : int
+        Threads that a step may take.
+    name : str
+        Name of the solver once one was made; a summary reads it without an analysis.
+    """
+
+    def __init__(
+        self,
+        base: Pattern,
+        linear: str = "auto",
+        threads: int = 0,
+        patch: Patch | None = None,
+        dependent: DependentRows = NO_DEPENDENT_ROWS,
+        repeatable: bool = False,
+    ) -> None:
+        self.base = base
+        self.dependent = dependent
+        self.patch = patch
+        self.rows: Rows = slice(0, base.n_vertices) if patch is None else patch.rows
+        self.analyses, self.name = 0, linear
+        self._linear, self._threads = linear, threads
+        self.threads = solver_threads(base.n_vertices, threads)
+        self._dissected = repeatable or self.threads > 1
+        self.pattern = self._analysed = base
+        self._offsets: Offsets = {}
+        self._solver: LinearSolver | None = None
+        self._wider: tuple[list[Ints], System] | None = None
+
+    @property
+    def solver(self) -> LinearSolver:
+        """Solver of the current pattern; the symbolic analysis runs when it is first requested."""
+        if self._solver is None or self._analysed is not self.pattern:
+            self.analyses += 1
+            self._solver = None  # its factor is freed before the next one takes its memory
+            self._solver = make_solver(self._linear, self.pattern, self._threads, self._dissected)
+            self._analysed, self.name = self.pattern, self._solver.name
+        return self._solver
+
+    def preconditioner(self, data: Floats) -> tuple[LinearSolver, Floats]:
+        """Return a solver, and data for it, of a matrix that equals `data` but for at most a few missing blocks.
+
+        The missing blocks are those gained since the last analysis; they couple the two sides of contact pairs. Without
+        them each side is held as if the other stood still, which is at most twice as stiff. Where only some blocks of a
+        pair are missing, the rest may be indefinite (up to one in ten such matrices); NotPositiveDefiniteError then.
+        """
+        known, few = self._analysed, len(self.pattern.columns) <= (1.0 + NEW_BLOCKS) * len(self._analysed.columns)
+        if self._solver is None or known is self.pattern or not few:
+            return self.solver, data
+        return self._solver, known.restricted(data, self.pattern)
+
+    def begin(self, couplings: list[Ints]) -> None:
+        """Set the pattern to the base and `couplings`, lists of rows (m, k) that act on one another."""
+        self._set_pattern(extended(self.base, self.dependent.coupled(couplings) if self.dependent else couplings))
+        if self._analysed.same_as(self.pattern):
+            self.pattern = self._analysed
+        else:
+            self._solver = None
+        if self._solver is not None:
+            self._solver.restart()
+
+    def cover(self, couplings: list[Ints]) -> None:
+        """Extend the pattern to `couplings`, and leave out what only earlier matrices coupled where that is much."""
+        wider = extended(self.pattern, couplings)
+        if wider is not self.pattern:
+            least = extended(self.base, couplings)
+            self._set_pattern(least if len(wider.columns) > (1.0 + SPARE_BLOCKS) * len(least.columns) else wider)
+
+    def widened(self, elements: list[Ints]) -> "System":
+        """Return a system whose base has the couplings of `elements` too, (m, k) each; the last one is cached."""
+        lists, system = self._wider or ([], self)
+        if self._wider is not None and len(lists) == len(elements) and all(map(is_, lists, elements)):
+            return system
+        base = extended(self.base, elements)
+        if self._wider is None or not system.base.same_as(base):
+            system = System(base, self._linear, self._threads, dependent=self.dependent, repeatable=self._dissected)
+        self._wider = elements, system
+        return system
+
+    def subsystem(self, patch: Patch) -> "System":
+        """Return a system of the vertices of a patch, with the same kind of solver."""
+        return System(
+            self.pattern.subpattern(patch.rows), self._linear, self._threads, patch, repeatable=self._dissected
+        )
+
+    def assemble(self, given: list[Hessian]) -> Floats:
+        """Sum the Hessians as data of the pattern, which is extended first where a block is outside of it."""
+        return self.assemble_two(given)[0]
+
+    def assemble_two(
+        self, given: list[Hessian], others: Callable[[], list[Hessian]] | None = None
+    ) -> tuple[Floats, Floats | None]:
+        """Assemble beside one another the Hessians, as `assemble`, and others: None where these need more blocks."""
+        hessians = self._own(given)
+        offsets = self._known_offsets(hessians)
+        if any((at == OUTSIDE).any() for _, at in offsets.values()):
+            offsets = self._extended(hessians)
+        pattern = self.pattern
+
+        def first() -> tuple[Floats, int]:
+            return pattern.assemble(hessians, lambda elements: _of(elements, offsets, pattern))
+
+        def second() -> tuple[Floats, int]:
+            own = self._own(others()) if others is not None else []
+            return pattern.assemble(own, lambda elements: _of(elements, offsets, pattern))
+
+        tasks = (first,) if others is None else (first, second)
+        (data, outside), *more = together(*tasks, long=pattern.n_vertices >= MIN_TOGETHER)
+        if outside:  # of a sparse matrix, which has no offsets
+            offsets = self._extended(hessians)
+            return self.pattern.assemble(hessians, lambda elements: _of(elements, offsets, self.pattern))[0], None
+        return data, (more[0][0] if more and not more[0][1] else None)
+
+    def _extended(self, hessians: list[Explicit]) -> Offsets:
+        """Extend the pattern to all blocks of Hessians; return their block offsets in it."""
+        self._set_pattern(extended(self.pattern, [couplings(hessian) for hessian in hessians]))
+        return self._known_offsets(hessians)
+
+    def _own(self, given: list[Hessian]) -> list[Explicit]:
+        """The Hessians by the rows of this system's matrix."""
+        hessians = self.dependent.hessians(explicit(given))
+        return hessians if self.patch is None else [self.patch.hessian(hessian) for hessian in hessians]
+
+    def _known_offsets(self, hessians: list[Explicit]) -> Offsets:
+        """Block offsets, by the lists' ids; cached for lists that are the same objects as before: most are."""
+        lists = [each.elements for each in hessians if isinstance(each, ByElement) and len(each.elements)]
+        known = self._offsets
+        self._offsets = {  # a list in the cache keeps its id
+            id(elements): known.get(id(elements)) or (elements, self.pattern.block_offsets(elements))
+            for elements in lists
+        }
+        return self._offsets
+
+    def _set_pattern(self, pattern: Pattern) -> None:
+        if not pattern.same_as(self.pattern):
+            self.pattern = pattern
+            self._offsets = {}
+
+
+def _of(elements: Ints, known: Offsets, pattern: Pattern) -> NDArray[np.int32]:
+    """Block offsets of a list, the known ones where it is known."""
+    found = known.get(id(elements))
+    return pattern.block_offsets(elements) if found is None else found[1]

@@ -1,0 +1,380 @@
+"""Newton's method on the sum of energies; Dirichlet positions first, then monotone decrease of E.
+
+Every loop is bounded and every end has a name (`outcome.Ending`).
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.base.linalg import dot
+from clothsim.physics.energies.constraint import Prescribed
+from clothsim.solve.linear.linear_system import System
+from clothsim.solve.newton.convergence import ErrorBalance
+from clothsim.solve.newton.curved_step import longer_step
+from clothsim.solve.newton.direction import NO_FACTOR, Direction, QuadraticModel
+from clothsim.solve.newton.force_balance import BALANCED, MOST_UNBALANCED, NO_FORCE_LEFT, ForceBalance, force_balance
+from clothsim.solve.newton.line_search import RESOLVED, armijo, round_off
+from clothsim.solve.newton.nonlinear_elimination import Patch, unconverged
+from clothsim.solve.newton.observer import Iterate, Observer, unobserved
+from clothsim.solve.newton.outcome import Ending, Outcome, outcome
+from clothsim.solve.newton.potential import Potential
+from clothsim.solve.newton.trust_region import PROJECTED, TRUSTED, Trust
+
+SMALLEST_FRACTION = 1e-12
+BLOCKED_FRACTION = 1e-8
+"""A prescribed displacement of which less than this fraction is admissible is blocked; closer still, additive CCD may
+miss a collision.
+"""
+SMALLEST_REMAINDER = 1e-6
+"""Fraction of a prescribed displacement that may remain while contact still clips it: a target in contact is only
+approached.
+"""
+LAST_PIECE = 1e-3
+"""Fraction of a prescribed displacement that may be applied at once, the free vertices at rest, where it is free of
+collision.
+"""
+FARTHEST = 3.0
+"""Displacement of a free vertex that follows prescribed ones, over theirs, from which on its energy is compared."""
+FRACTION_OF_GAP = 0.1
+"""The last piece of a prescribed displacement may not be longer than this fraction of the smallest gap."""
+CHANGE_OF_GAP = 0.3
+"""A step that changes a gap by more than this fraction of it is not converged. Close to contact Newton's step on the
+logarithm is about as long as the gap, however large the force F: d -> 2 d - F d^2, a change by 1 - F d. Where the
+change is .3, one more step leaves its square, 9 %.
+"""
+NEAR_LIMIT = 0.1
+"""Gap, over d_hat, from which on CHANGE_OF_GAP does not bound a step that the time error allows: the logarithm is mild
+there, and the change of the gap is one of position like any other.
+"""
+TOLERANCE_ALONE = ErrorBalance()
+"""Stop at the tolerance, whatever the time error."""
+LAST_DIGITS = float(np.finfo(float).eps)
+MAX_PATCH_ITERATIONS = 10
+"""Newton iterations on a patch before the next global one."""
+
+
+@dataclass(frozen=True)
+class NewtonSettings:
+    """Settings of Newton's method.
+
+    Parameters
+    ----------
+    tolerance : float
+        Convergence tolerance on |dx|_inf / dt [m/s].
+    max_iterations : int
+        Bound on the iterations with the Dirichlet vertices fixed.
+    max_prescribed_iterations : int
+        Bound on the iterations that move the Dirichlet vertices to their positions.
+    error_fraction : float
+        Fraction of the time error of a step at which a solve may stop before the tolerance; 0: it may not.
+    """
+
+    tolerance: float = 1e-3
+    max_iterations: int = 100
+    max_prescribed_iterations: int = 60
+    error_fraction: float = 0.0
+
+
+@dataclass(frozen=True)
+class NewtonResult:
+    """Result of a solve.
+
+    Parameters
+    ----------
+    x : (N, 3) float64
+        Last positions [m].
+    outcome : Outcome
+        How the solve ended.
+    iterations : int
+        Iterations that moved vertices.
+    speed : float
+        |dx|_inf / dt of the last step [m/s].
+    residual : float
+        Largest component of the force that is left on a free vertex [N]; of a solve that failed, at its last step.
+    relative_residual : float
+        It over the force scale (`ForceBalance`); inf for a solve that failed.
+    remaining : float
+        Estimated distance from the minimiser [m]: the last step times the observed rate of convergence.
+    elimination_iterations : int
+        Further iterations on patches (nonlinear elimination).
+    """
+
+    x: Floats
+    outcome: Outcome
+    iterations: int
+    speed: float
+    residual: float
+    remaining: float = np.inf
+    elimination_iterations: int = 0
+    relative_residual: float = np.inf
+
+
+@dataclass(frozen=True)
+class Newton:
+    """One minimisation of a bound potential.
+
+    Parameters
+    ----------
+    potential : Potential
+        Potential bound to the step.
+    system : System
+        Stores the Hessian and solves with it.
+    settings : NewtonSettings
+        Tolerance and bounds.
+    dt : float
+        Length of the step [s].
+    observe : callable
+        Observer of the iterates.
+    balance : ErrorBalance
+        Balance against the time error of the step.
+    least_force : float
+        Force that is no imbalance [N]; inf: the force balance is not checked.
+    """
+
+    potential: Potential
+    system: System
+    settings: NewtonSettings
+    dt: float
+    observe: Observer = unobserved
+    balance: ErrorBalance = TOLERANCE_ALONE
+    least_force: float = np.inf
+
+    def minimise(self, x: Floats, target: Prescribed) -> NewtonResult:
+        """Minimise E from x, with the target's vertices at their positions (Dirichlet).
+
+        First the prescribed vertices are displaced as far as contact allows at each iteration, while the free ones
+        follow; then E decreases monotonically with the prescribed ones fixed.
+
+        Parameters
+        ----------
+        x : (N, 3) float64
+            Start [m], free of intersections.
+        target : Prescribed
+            Rows of x and the positions that they take [m].
+
+        Returns
+        -------
+        NewtonResult
+            Its outcome names the end; nothing is raised where the solve fails.
+        """
+        fixed = np.zeros(self.system.pattern.n_vertices, bool)
+        fixed[target.vertices[target.vertices < self.system.pattern.n_vertices]] = True
+        self.observe(Iterate(x))
+        model = QuadraticModel(self.potential, self.system, fixed)
+        x, moved, iterations = self._move_prescribed(x.copy(), target, model)
+        if not moved.converged:
+            return NewtonResult(x, moved, iterations, np.inf, np.inf)
+        return self._descend(x, model, PROJECTED, iterations)
+
+    def _move_prescribed(self, x: Floats, target: Prescribed, model: QuadraticModel) -> tuple[Floats, Outcome, int]:
+        """Move the prescribed vertices to their positions; return x, the outcome, the iterations taken."""
+        distance = float(np.abs(target.positions - x[target.vertices]).max(initial=0.0))
+        for iteration in range(self.settings.max_prescribed_iterations):
+            displacement = np.zeros_like(x)
+            displacement[target.vertices] = target.positions - x[target.vertices]
+            if not displacement.any() or self._last_piece_is_free(x, displacement, distance):
+                x[target.vertices] = target.positions
+                return x, outcome(Ending.CONVERGED), iteration
+            direction = model.direction(x, displacement)
+            if direction.end is not None:
+                return x, direction.end, iteration
+            dx, fraction = self._following(x, direction.dx, displacement)
+            if fraction < BLOCKED_FRACTION:
+                return x, _blocked(x, target), iteration
+            x = x + fraction * dx
+            if fraction == 1.0:
+                x[target.vertices] = target.positions
+            self.observe(Iterate(x, fraction, self._speed(dx)))
+            if fraction < 1.0 and np.abs(target.positions - x[target.vertices]).max() < SMALLEST_REMAINDER * distance:
+                return x, _blocked(x, target), iteration
+        return x, _blocked(x, target), self.settings.max_prescribed_iterations
+
+    def _following(self, x: Floats, dx: Floats, displacement: Floats) -> tuple[Floats, float]:
+        """Step with the prescribed `displacement`, and its admissible fraction.
+
+        No line search bounds it, as E may rise. Where the projected Hessian is nearly singular, as in a slack sheet
+        without inertia, dx throws free vertices out by kilometres: one that follows to FARTHEST times the prescribed
+        displacement is taken in its place where its energy is lower. What contact clips is left alone: a blocked motion
+        would creep on.
+        """
+        fraction = self._finite_fraction(x, dx, self._limit(x, dx))
+        farthest, follows = FARTHEST * np.abs(displacement).max(), np.abs(dx - displacement).max()
+        if follows <= farthest or fraction < 1.0:
+            return dx, fraction
+        shorter = displacement + farthest / follows * (dx - displacement)
+        admissible = self._finite_fraction(x, shorter, self._limit(x, shorter))
+        if self.potential.value(x + admissible * shorter) < self.potential.value(x + fraction * dx):
+            return shorter, admissible
+        return dx, fraction
+
+    def _last_piece_is_free(self, x: Floats, displacement: Floats, distance: float) -> bool:
+        """True where the rest of a prescribed displacement is shorter than every gap, and free of collision."""
+        remaining = float(np.abs(displacement).max())
+        if remaining > LAST_PIECE * distance or remaining > FRACTION_OF_GAP * self.potential.minimum_gap(x):
+            return False
+        return self._limit(x, displacement) == 1.0 and bool(np.isfinite(self.potential.value(x + displacement)))
+
+    def _eliminated(self, x: Floats, dx: Floats, model: QuadraticModel) -> NewtonResult | None:
+        """Nonlinear elimination of the vertices that the step dx moved; None where they are not few.
+
+        A vertex counts as moved by more than every vertex may without ending the solve.
+        """
+        if self.system.patch is not None:
+            return None
+        moved = np.abs(dx[self.system.rows].T.copy()).max(axis=0, initial=0.0)
+        least = self.settings.tolerance * self.dt
+        if self.balance.fraction:
+            least = max(least, min(self.balance.allowed(x)[0], self.balance.most(self.dt)))
+        rows = unconverged(moved, least, self.system.base, model.fixed)
+        if not len(rows) or self.system.dependent.any_of(rows):
+            return None
+        with self.potential.timers.patch():
+            return self._solve_patch(x, Patch(rows, len(x)))
+
+    def _solve_patch(self, x: Floats, patch: Patch) -> NewtonResult:
+        """Minimise over a patch, all other vertices fixed, in at most MAX_PATCH_ITERATIONS iterations."""
+        timers = self.potential.timers
+        with timers.phase("assembly"):
+            potential = self.potential.restricted_to(patch.moving, x)
+            system = self.system.subsystem(patch)
+        settings = replace(self.settings, max_iterations=MAX_PATCH_ITERATIONS)
+        part = Newton(potential, system, settings, self.dt, balance=self.balance)
+        return part._descend(x, QuadraticModel(potential, system, np.zeros(len(patch.rows), bool)), TRUSTED, 0)
+
+    def _descend(self, x: Floats, model: QuadraticModel, trust: Trust, iterations: int) -> NewtonResult:
+        """Newton with the prescribed vertices fixed, until forces balance after an unclipped step that may be last."""
+        settings = self.settings
+        still = previous = np.zeros_like(x)
+        speed, length, residual = np.inf, np.inf, np.inf
+        cached, elimination_iterations, unbalanced = NO_FACTOR, 0, 0
+
+        def ended(how: Outcome, count: int, remaining: float = np.inf, relative: float = np.inf) -> NewtonResult:
+            return NewtonResult(x, how, count, speed, residual, remaining, elimination_iterations, relative)
+
+        for count in range(iterations, iterations + settings.max_iterations):
+            direction = model.direction(x, still, trust, cached)
+            dx, gradient, cached = direction.dx, direction.gradient, direction.cached
+            residual = model.residual(gradient)
+            if direction.end is not None:
+                return ended(direction.end, count)
+            before, speed = speed, self._speed(dx)
+            length_before, length = length, self.balance.rms(dx) if trust.exact else np.inf
+            if speed == 0.0:
+                forces = self._force_balance(x, model)
+                return ended(_balanced_or_not(forces, x), count, 0.0, forces.relative)
+            limit = self._limit(x, dx)
+            if limit < SMALLEST_FRACTION and not cached.age:
+                return ended(_at_fastest(Ending.NO_ROOM, x, dx, fraction=limit), count)
+            with self.potential.timers.phase("line search"):
+                slope = dot(gradient, dx)
+                fraction = (
+                    armijo(self.potential, x, dx, slope, limit) if slope < 0.0 and limit >= SMALLEST_FRACTION else 0.0
+                )
+                done = limit == 1.0 and self._may_be_last(x, direction, speed, (length, length_before), fraction)
+            if cached.age and (done or fraction == 0.0):  # the cached factor is of an earlier x
+                done, cached = False, NO_FACTOR
+                if fraction == 0.0:
+                    continue
+            step = fraction * dx
+            if direction.negative_curvature and fraction > 0.0 and not done:
+                step, fraction = longer_step(self.potential, x, model, direction, previous, fraction, limit == 1.0)
+            previous = dx
+            if done or fraction > 0.0:
+                x = x + step
+                self.observe(Iterate(x, fraction, speed, residual))
+            if done:
+                forces = self._force_balance(x, model)
+                residual, unbalanced = forces.residual, unbalanced + 1
+                demanded = self.balance.force_fraction(count == iterations, BALANCED)
+                if forces.within(demanded) or fraction == 0.0 or unbalanced == MOST_UNBALANCED:
+                    rate = min(1.0, speed / before) if np.isfinite(before) else 1.0
+                    return ended(_balanced_or_not(forces, x), count + 1, rate * speed * self.dt, forces.relative)
+            if fraction == 0.0 and not trust.exact:
+                end = _at_fastest(Ending.LINE_SEARCH, x, dx, speed=speed)
+                return ended(self._named(end, x, speed, model), count)
+            noise = fraction == 0.0 or (
+                direction.negative_curvature and -slope < RESOLVED * round_off(self.potential.values(x))
+            )
+            trust, cached = trust.after(fraction, direction.negative_curvature, noise), cached.after(fraction)
+            last = count + 1 == iterations + settings.max_iterations
+            eliminated = self._eliminated(x, dx, model) if trust.exact and not noise and not last else None
+            if eliminated is not None:
+                x, cached, speed = eliminated.x, NO_FACTOR, np.inf
+                elimination_iterations += eliminated.iterations
+                self.observe(Iterate(x, np.nan))
+        numbers = {"tolerance": settings.tolerance, "limit": settings.max_iterations, "speed": speed}
+        end = self._named(_at_fastest(Ending.ITERATION_LIMIT, x, dx, **numbers), x, speed, model)
+        return ended(end, iterations + settings.max_iterations)
+
+    def _named(self, end: Outcome, x: Floats, speed: float, model: QuadraticModel) -> Outcome:
+        """Outcome of a solve that fails: UNBALANCED where its steps are short enough and only forces are left."""
+        forces = self._force_balance(x, model) if speed < self.settings.tolerance else None
+        return end if forces is None or forces.within(NO_FORCE_LEFT) else _unbalanced(forces, x)
+
+    def _may_be_last(
+        self, x: Floats, direction: Direction, speed: float, lengths: tuple[float, float], fraction: float
+    ) -> bool:
+        """True where an unclipped step may end the solve: it is below the tolerance, or the time error allows it.
+
+        lengths: root mean squares of this step and of the one before [m], inf for one of the projected Hessian, which
+        predicts nothing; fraction: of the step that the line search took.
+        """
+        dx = direction.dx
+        if speed < self.settings.tolerance:
+            if self.potential.gap_change(x, dx) > CHANGE_OF_GAP:
+                return False
+            return fraction == 1.0 or self._below_noise(x, dx, direction.gradient, speed)
+        if fraction < 1.0 or not self.balance.reached(x, dx, lengths, self.dt):
+            return False
+        return self.potential.gap_change(x, dx, NEAR_LIMIT) <= CHANGE_OF_GAP
+
+    def _force_balance(self, x: Floats, model: QuadraticModel) -> ForceBalance:
+        """Force balance at the free vertices of the system."""
+        rows = np.arange(len(x))[self.system.rows]
+        return force_balance(self.potential, x, rows[~model.fixed], self.least_force, self.system.dependent)
+
+    def _below_noise(self, x: Floats, dx: Floats, gradient: Floats, speed: float) -> bool:
+        """True where the full step was rejected for the round-off of E alone.
+
+        Near the minimum E cannot distinguish x from x + dx, but its derivative can: along a good Newton step it falls
+        to near zero (Hager & Zhang 2005, approximate Wolfe conditions). A step of a millionth of the tolerance is
+        round-off, and so is one that promises less than the last digits of the coordinates change E.
+        """
+        slope = dot(gradient, dx)
+        if speed < 1e-6 * self.settings.tolerance or -slope <= LAST_DIGITS * dot(np.abs(gradient), np.abs(x)):
+            return True
+        return abs(dot(self.potential.gradient(x + dx), dx)) <= -0.5 * slope
+
+    def _speed(self, dx: Floats) -> float:
+        return float(np.abs(dx).max(initial=0.0)) / self.dt
+
+    def _limit(self, x: Floats, dx: Floats) -> float:
+        return self.potential.step_limit(x, dx)
+
+    def _finite_fraction(self, x: Floats, dx: Floats, fraction: float) -> float:
+        """`fraction`, halved until the energy is finite: a prescribed displacement may raise E, but not to infinity."""
+        while fraction >= SMALLEST_FRACTION and not np.isfinite(self.potential.value(x + fraction * dx)):
+            fraction *= 0.5
+        return fraction
+
+
+def _balanced_or_not(forces: ForceBalance, x: Floats) -> Outcome:
+    """Outcome of a solve whose last step was short enough: CONVERGED only where forces balance."""
+    return outcome(Ending.CONVERGED) if forces.within(BALANCED) else _unbalanced(forces, x)
+
+
+def _unbalanced(forces: ForceBalance, x: Floats) -> Outcome:
+    return outcome(Ending.UNBALANCED, x, forces.row, force=forces.residual, percent=100 * forces.relative)
+
+
+def _at_fastest(ending: Ending, x: Floats, dx: Floats, **numbers: float) -> Outcome:
+    """Outcome located at the vertex with the largest displacement in dx."""
+    return outcome(ending, x, int(np.abs(dx).max(axis=1).argmax()), **numbers)
+
+
+def _blocked(x: Floats, target: Prescribed) -> Outcome:
+    """Outcome located at the prescribed vertex with the longest remaining displacement."""
+    remaining = np.linalg.norm(target.positions - x[target.vertices], axis=1)
+    return outcome(Ending.BLOCKED, x, int(target.vertices[remaining.argmax()]))

@@ -1,0 +1,231 @@
+"""Incremental potential E(x): the sum of the energies, bound to a step."""
+
+# mypy: disable-error-code="type-abstract"
+# (an abstract protocol is asked for by isinstance, never made)
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
+from typing import Any, Self, TypeVar
+
+import numpy as np
+from scipy import sparse
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.memo import Memo
+from clothsim.physics.energies.base import Energy
+from clothsim.physics.energies.hessians import Hessian, ImplicitHessian, LanesHessian, SumHessian
+from clothsim.physics.energies.protocols import (
+    BarrierGap,
+    ContactGap,
+    Coupling,
+    History,
+    Lagged,
+    is_idle,
+    lag_iterations,
+    report_of,
+    restricted,
+)
+from clothsim.physics.energies.step import Step
+from clothsim.solve.timers import Timers
+
+P = TypeVar("P")
+
+
+@dataclass(frozen=True)
+class Potential:
+    """Sum of named energies, timed call by call.
+
+    Energies that are idle in a step keep their position in the sum but are not called; the sum of the others has the
+    same bits.
+
+    Parameters
+    ----------
+    energies : mapping
+        Energies by name, in the order of summation.
+    timers : Timers
+        Timers and counters of their calls.
+    """
+
+    energies: Mapping[str, Energy]
+    timers: Timers
+    _values: Memo[tuple[float, ...]] = field(default_factory=Memo, init=False, repr=False, compare=False)
+    _gradients: Memo[tuple[Floats, float]] = field(default_factory=Memo, init=False, repr=False, compare=False)
+
+    def begin(self, step: Step) -> Self:
+        """Bind to a step: first the energies that stand alone, then those that need the others' gradient."""
+        bound: dict[str, Energy] = {}
+        gradient = np.zeros_like(step.positions)
+        slower = 1.0 if step.contact_time_scale is None else step.past.dt / step.contact_time_scale
+        for name, energy in self.energies.items():
+            if not energy.begins_last:
+                with self.timers.effect(name, ""):
+                    bound[name] = energy.begin(step)
+                    if is_idle(bound[name]):
+                        continue
+                    part = bound[name].gradient(step.positions)
+                    gradient += slower * part if energy.incremental else part  # momentum over contact's time scale
+        for name, energy in self.energies.items():
+            if energy.begins_last:
+                with self.timers.effect(name, ""):
+                    bound[name] = energy.begin(replace(step, gradient=gradient, bound=dict(bound)))
+        for name, energy in bound.items():
+            counters = self.timers.effects[name]
+            counters.steps += 1
+            counters.idle_steps += is_idle(energy)
+            counters.pairs = int(report_of(energy).counts().get("pairs", 0))
+        return replace(self, energies={name: bound[name] for name in self.energies})
+
+    @cached_property
+    def acting(self) -> Mapping[str, Energy]:
+        """Energies that are not idle in this step."""
+        return {name: energy for name, energy in self.energies.items() if not is_idle(energy)}
+
+    @property
+    def lagging(self) -> Mapping[str, Energy]:
+        """Acting energies for which a step is solved more than once (lagged friction)."""
+        return {name: energy for name, energy in self.acting.items() if lag_iterations([energy]) > 1}
+
+    @property
+    def lag_iterations(self) -> int:
+        """Number of solves of a step, the largest that an energy needs."""
+        return lag_iterations(self.energies.values())
+
+    def relag(self, x: Floats) -> Self:
+        """Bind for another solve of the same step, lagged data taken at x."""
+        bound = {}
+        for name, energy in self.energies.items():
+            with self.timers.effect(name, ""):
+                bound[name] = energy.relag(x) if isinstance(energy, Lagged) else energy
+        return replace(self, energies=bound)
+
+    def restricted_to(self, moving: np.ndarray, x: Floats) -> Self:
+        """Restrict to `moving` vertices ((N,) bool), all others fixed at x; E changes by a constant only."""
+        return replace(self, energies={name: restricted(energy, moving, x) for name, energy in self.energies.items()})
+
+    def value(self, x: Floats) -> float:
+        """Return E(x) [J]; +inf where an energy is not defined at x."""
+        return sum(self.values(x))
+
+    def values(self, x: Floats) -> tuple[float, ...]:
+        """Return the energies one by one [J]; they end at the first that is not defined at x, with +inf."""
+        return self._values.at(x, self._evaluated)
+
+    def _evaluated(self, x: Floats) -> tuple[float, ...]:
+        values = []
+        for name, energy in self.acting.items():
+            with self.timers.effect(name, "evaluations"):
+                values.append(energy.value(x))
+            if not np.isfinite(values[-1]):
+                return (*values[:-1], np.inf)
+        return tuple(values)
+
+    def gradient(self, x: Floats) -> Floats:
+        """Return dE/dx, (N, 3) [N]."""
+        return self._gradients.at(x, self._derived)[0].copy()
+
+    def largest_force(self, x: Floats) -> float:
+        """Return the largest component of the gradient of one energy at x [N]."""
+        return self._gradients.at(x, self._derived)[1]
+
+    def _derived(self, x: Floats) -> tuple[Floats, float]:
+        total, largest = np.zeros_like(x), 0.0
+        for name, energy in self.acting.items():
+            with self.timers.effect(name, "gradients"):
+                part = energy.gradient(x)
+                total += part
+                largest = max(largest, float(part.max(initial=0.0)), -float(part.min(initial=0.0)))
+        return total, largest
+
+    def hessians(self, x: Floats) -> list[Hessian]:
+        """Return the projected Hessian of each acting energy [N/m], in their order."""
+        return [self._hessian(name, x, True) for name in self.acting]
+
+    def exact_hessians(self, x: Floats, projected: list[Hessian] | None = None) -> list[Hessian]:
+        """Return the exact Hessian of each acting energy [N/m], or the projected one for Newton (friction).
+
+        projected: the result of `hessians` at x, if it is known.
+        """
+        known = projected or [None] * len(self.acting)
+        return [
+            self._hessian(name, x, not energy.exact_in_newton) if energy.exact_in_newton or one is None else one
+            for (name, energy), one in zip(self.acting.items(), known, strict=True)
+        ]
+
+    def _hessian(self, name: str, x: Floats, project: bool) -> Hessian:
+        with self.timers.effect(name, "hessians") as counters:
+            hessian = self.energies[name].hessian(x, project)
+            counters.hessian_nonzeros = int(hessian.nnz)
+        if isinstance(hessian, SumHessian):
+            return SumHessian(tuple(self._timed_part(name, part) for part in hessian.parts))
+        return hessian if isinstance(hessian, sparse.csr_array) else self._timed_part(name, hessian)
+
+    def _timed_part(self, name: str, part: Any) -> Any:
+        """A part of a Hessian whose later work is timed as its energy's."""
+        if isinstance(part, LanesHessian):
+            return replace(part, fill=self._timed(name, part.fill))
+        return replace(part, apply=self._timed(name, part.apply)) if isinstance(part, ImplicitHessian) else part
+
+    def _timed(self, name: str, work: Callable[..., Any]) -> Callable[..., Any]:
+        """A function of a Hessian, timed as work of its energy."""
+
+        def timed(*arguments: Any) -> Any:
+            with self.timers.effect(name, ""):
+                return work(*arguments)
+
+        return timed
+
+    def couplings(self, x: Floats, dx: Floats) -> list[Ints]:
+        """Rows (m, k) that energies are expected to couple on the path x -> x + dx, energy by energy.
+
+        Contact predicts pairs only where one is active at x: the order of elimination depends on the pattern, so that a
+        predicted pair that never becomes active would change every bit of a run without contact.
+        """
+        return [energy.couplings(x, dx) for energy in self._acting_as(Coupling) if _is_active(energy, x)]
+
+    def step_limit(self, x: Floats, dx: Floats) -> float:
+        """Return the smallest step limit of the energies, in [0, 1]; each starts from the limit of those before it."""
+        limit = 1.0
+        for name, energy in self.acting.items():
+            if type(energy).step_limit is not Energy.step_limit:  # an account for those alone that limit
+                with self.timers.effect(name, ""):
+                    limit = energy.step_limit(x, dx, limit)
+        return limit
+
+    def minimum_gap(self, x: Floats) -> float:
+        """Return the smallest gap of all contact energies [m], inf without contact."""
+        return min((energy.minimum_gap(x) for energy in self._acting_as(ContactGap)), default=np.inf)
+
+    def gap_change(self, x: Floats, dx: Floats, within: float = np.inf) -> float:
+        """Return the largest relative change by the step dx of a gap below `within`, a fraction of d_hat."""
+        return max((energy.gap_change(x, dx, within) for energy in self._acting_as(BarrierGap)), default=0.0)
+
+    def _acting_as(self, protocol: type[P]) -> Iterator[P]:
+        """The acting energies with an optional protocol, each timed in turn."""
+        for name, energy in self.acting.items():
+            if isinstance(energy, protocol):
+                with self.timers.effect(name, ""):
+                    yield energy
+
+    def memory(self) -> dict[str, float | Floats]:
+        """Return the history data of the energies that pass any to the next step."""
+        return {name: energy.carry_over for name, energy in self.energies.items() if isinstance(energy, History)}
+
+    def effect_counters(self) -> dict[str, dict[str, Any]]:
+        """Return the counters of each effect: {name: fields of `EffectCounters`}."""
+        effect_counters = {}
+        for name, energy in self.energies.items():
+            counters = asdict(self.timers.effects[name])
+            for key, count in report_of(energy).counts().items():
+                if key == "pairs":
+                    counters[key] = count or counters[key]  # only the bound energy knows its lagged pairs
+                elif key in counters:
+                    counters[key] += count
+                else:
+                    counters["parts"][key] = counters["parts"].get(key, 0.0) + count
+            effect_counters[name] = counters
+        return effect_counters
+
+
+def _is_active(energy: Coupling, x: Floats) -> bool:
+    return not isinstance(energy, ContactGap) or energy.minimum_gap(x) < np.inf

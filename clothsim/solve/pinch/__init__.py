@@ -1,0 +1,1 @@
+"""Cloth between bodies that overlap."""

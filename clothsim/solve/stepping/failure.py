@@ -1,0 +1,259 @@
+"""Failure of a step: its cause, the mesh element, the position, and a remedy."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.mesh.world import World
+from clothsim.physics.energies.constraint import Constraint, Prescribed
+from clothsim.physics.energies.protocols import report_of
+from clothsim.solve.newton.newton import NewtonResult
+from clothsim.solve.newton.outcome import Ending, Outcome
+from clothsim.solve.newton.potential import Potential
+from clothsim.solve.stepping.closest_contact import ContactPair, closest_contact_pair
+from clothsim.solve.stepping.state import State
+from clothsim.solve.stepping.vertex_names import simplex_name, vertex_name
+
+if TYPE_CHECKING:
+    from clothsim.geometry.intersection.crossings import Crossing
+
+
+class Cause(StrEnum):
+    """Causes of a failure: the ends of a Newton solve but convergence, and an intersection in a frame."""
+
+    ITERATION_LIMIT = "iteration limit"
+    LINE_SEARCH = "line search"
+    UNBALANCED = "force balance"
+    NO_ROOM = "no room"
+    BLOCKED = "blocked"
+    NOT_FINITE = "not finite"
+    SINGULAR = "singular"
+    INTERSECTION = "intersection"
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Failure that stopped a run.
+
+    Parameters
+    ----------
+    cause : Cause
+        Cause, as the summary keeps it.
+    sentence : str
+        Message with numbers and names.
+    element : str
+        Mesh elements by name, such as "vertex 17 of cloth"; empty where there is none.
+    position : (3,) float64 or None
+        Position of the failure in the coordinates of the scene [m].
+    remedy : str
+        Changes of the scene that may help.
+    step : int
+        Number of the step, from 1.
+    time : float
+        Time at its start [s].
+    dt : float
+        Length of its last try [s].
+    tries : str
+        Message about its tries.
+    """
+
+    cause: Cause
+    sentence: str
+    element: str
+    position: Floats | None
+    remedy: str
+    step: int
+    time: float
+    dt: float
+    tries: str = ""
+
+    @property
+    def reason(self) -> str:
+        """Time, message and tries, for the user."""
+        return f"At {self.time:.4g} s: {self.sentence} {self.tries}".strip()
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the entry of the summary."""
+        names = ("cause", "sentence", "element", "position", "remedy", "step", "time", "dt")
+        return {name: getattr(self, name) for name in names}
+
+
+def failure_of(
+    world: World,
+    constraints: Collection[Constraint],
+    potential: Potential,
+    state: State,
+    result: NewtonResult,
+    target: Prescribed,
+    dts: Sequence[float],
+    infeasible: bool,
+) -> Failure:
+    """Describe the failure of a step from `state`.
+
+    Parameters
+    ----------
+    world, constraints, potential
+        Meshes, Dirichlet constraints, and the potential bound to the last try.
+    state : State
+        Start of the step.
+    result : NewtonResult
+        Last solve.
+    target : Prescribed
+        Positions of its prescribed vertices at the end of the step.
+    dts : sequence of float
+        Lengths of the tries [s].
+    infeasible : bool
+        True where the prescribed motion was blocked repeatedly at the same point.
+    """
+    end = result.outcome
+    pair = None
+    if end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
+        pair = closest_contact_pair(world, potential.energies.values(), result.x)
+    sentence = _sentence(world, constraints, end, pair)
+    if pair is None and end.ending in (Ending.BLOCKED, Ending.NO_ROOM):
+        tight = (report_of(energy).tightest(result.x) for energy in potential.energies.values())
+        sentence = "; ".join([sentence.removesuffix("."), *filter(None, tight)]) + "."
+    tries = f"dt was halved down to {dts[-1]:.2g} s."
+    if infeasible:
+        tries = f"{state.blocked} tries with dt down to {dts[-1]:.2g} s ended there: the motion is infeasible."
+    if pair is not None:
+        element = " and ".join(_names(world, constraints, pair))
+    else:
+        element = "" if end.row is None else vertex_name(world, constraints, end.row)
+    position = end.position if pair is None else pair.position
+    position = None if position is None else position + world.origin
+    if end.ending is Ending.BLOCKED:
+        remedy = _unblock(world, _movers(world, constraints, result.x, target), pair)
+    else:
+        remedy = _remedy(world, end, pair, potential, constraints)
+    return Failure(
+        Cause[end.ending.name], sentence, element, position, remedy, state.step + 1, state.time, dts[-1], tries
+    )
+
+
+def crossing_failure(crossing: "Crossing", state: State, dt: float) -> Failure:
+    """Describe the failure of a run in whose step surfaces intersect in spite of contact."""
+    i, j = crossing.pairs[0]
+    element = f"triangle {i} of {crossing.first} and triangle {j} of {crossing.second}"
+    remedy = "Contact should have prevented it: please report it with the archive that `clothsim bundle` makes."
+    sentence = f"{crossing.sentence}."
+    return Failure(Cause.INTERSECTION, sentence, element, crossing.position, remedy, state.step, state.time, dt)
+
+
+def end_sentence(world: World, constraints: Collection[Constraint], end: Outcome) -> str:
+    """Return the message of an outcome, its vertex by name and its position in the coordinates of the scene."""
+    if end.row is None or end.position is None:
+        return end.sentence
+    return end.describe(vertex_name(world, constraints, end.row), end.position + world.origin)
+
+
+def _sentence(world: World, constraints: Collection[Constraint], end: Outcome, pair: ContactPair | None) -> str:
+    """Message of the outcome, and the contact pair or the pinch there."""
+    if pair is None:
+        return end_sentence(world, constraints, end)
+    one, other, third = _objects(world, pair)
+    if third:
+        clause = f"{one} is pinched between {other} and {third}"
+    else:
+        first, second = _names(world, constraints, pair)
+        clause = f"{first} and {second} are {pair.gap:.2g} m apart"
+    row = -1 if end.row is None else end.row
+    if end.ending is Ending.BLOCKED and row >= world.n_cloth and world.labels[row] >= 0:
+        start = end.describe(
+            _driver(world, constraints, row), pair.position + world.origin
+        )  # all vertices of a body are equally blocked
+    else:
+        start = end_sentence(world, constraints, end)
+    return f"{start.removesuffix('.')}; {clause}."
+
+
+def _remedy(
+    world: World,
+    end: Outcome,
+    pair: ContactPair | None,
+    potential: Potential,
+    constraints: Collection[Constraint],
+) -> str:
+    """Remedy where no prescribed motion is the cause; it names no effect that the scene has."""
+    if end.ending is Ending.NO_ROOM and pair is not None:
+        one, other, third = _objects(world, pair)
+        return f"Leave a larger gap for {one} between {other} and {third or one}, or let them approach more slowly."
+    inertia = _resisted(potential)
+    if end.ending is Ending.SINGULAR:
+        return _resist(potential, constraints, inertia)
+    held = "" if inertia else " Without effects.inertia every cloth must be held, by pins or by a body under it."
+    return f"{_REMEDIES[end.ending]}{held}"
+
+
+def _resist(potential: Potential, constraints: Collection[Constraint], inertia: bool) -> str:
+    """Remedy for a singular Newton matrix: what the scene lacks; where it lacks nothing, its numbers are the cause."""
+    if inertia:
+        return (
+            "Look for a load or a stiffness that is many powers of ten from the others; else set a smaller solver.dt."
+        )
+    lacking = [] if constraints else ["pins"]
+    lacking += [] if "membrane" in potential.energies else ["membrane"]
+    alternative = f", or {' and '.join(f'effects.{name}' for name in lacking)}" if lacking else ""
+    return f"Add an effect that resists every motion of the cloth: effects.inertia{alternative}."
+
+
+_REMEDIES = {
+    Ending.UNBALANCED: (
+        "Set a larger d_hat of the contacts or a smaller stiffness of the cloth: the forces there are beyond what "
+        "positions in double precision can balance. Else set a smaller solver.dt."
+    ),
+    Ending.NO_ROOM: "Set a smaller solver.dt, or start the scene with larger gaps there.",
+    Ending.LINE_SEARCH: "Set a larger solver.tolerance or a smaller solver.dt: the decrease of E is below round-off.",
+    Ending.NOT_FINITE: "Run `clothsim check` on the scene to find degenerate triangles; else set a smaller solver.dt.",
+    Ending.ITERATION_LIMIT: "Set a smaller solver.dt, a larger solver.tolerance or a larger solver.max_iterations.",
+}
+
+
+def _unblock(world: World, movers: Sequence[str], pair: ContactPair | None) -> str:
+    """Remedy for a blocked prescribed motion."""
+    who = " and ".join(movers)
+    if pair is None:
+        return f"Shorten or slow the motion of {who}: the cloth cannot follow it."
+    one, other, third = _objects(world, pair)
+    if third:
+        return f"Let {other} and {third} approach less, or move {one} out from between them first."
+    obstacle = one if other in movers else other
+    if one == other or len(movers) > 1:
+        return f"Shorten the motion of {who}: {one} has no admissible displacement left."
+    return f"Shorten the motion of {who}, or move {obstacle} out of its path."
+
+
+def _movers(world: World, constraints: Collection[Constraint], x: Floats, target: Prescribed) -> list[str]:
+    """Groups of pins and bodies whose prescribed displacement is blocked."""
+    left = np.linalg.norm(target.positions - x[target.vertices], axis=1)
+    rows = target.vertices[left > 0.5 * left.max()]
+    bodies = rows[(rows >= world.n_cloth) & (world.labels[rows] >= 0)]
+    names = [world.names[label] for label in np.unique(world.labels[bodies])]
+    return [*dict.fromkeys(_driver(world, constraints, int(row)) for row in np.setdiff1d(rows, bodies)), *names]
+
+
+def _driver(world: World, constraints: Collection[Constraint], row: int) -> str:
+    """Name of the group of pins, or of the body, that prescribes a row of x."""
+    holders = (constraint.holder(row) for constraint in constraints)
+    return next(filter(None, holders), world.names[world.labels[row]])
+
+
+def _objects(world: World, pair: ContactPair) -> tuple[str, str, str]:
+    """Names of both objects of a contact pair, a cloth first, and of the third in a pinch (else empty)."""
+    labels = sorted(int(world.labels[rows[0]]) for rows in (pair.first, pair.second))
+    return world.names[labels[0]], world.names[labels[1]], "" if pair.pinch is None else world.names[pair.pinch]
+
+
+def _names(world: World, constraints: Collection[Constraint], pair: ContactPair) -> tuple[str, str]:
+    """Names of both simplices, the cloth's first."""
+    sides = sorted((pair.first, pair.second), key=lambda rows: int(world.labels[rows[0]]))
+    return simplex_name(world, constraints, sides[0]), simplex_name(world, constraints, sides[1])
+
+
+def _resisted(potential: Potential) -> bool:
+    """True where inertia or damping resists every motion (friction, which begins last, only that of contacts)."""
+    return any(energy.incremental and not energy.begins_last for energy in potential.energies.values())

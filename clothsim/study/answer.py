@@ -1,0 +1,164 @@
+"""Statement of a study in sentences: the error, what is missing, and what half of the error would cost."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from clothsim.study.headline import KNOWN, MM, PARTIAL, RANGE, UNFINISHED
+from clothsim.study.points import written
+
+SAME = 0.5
+"""What the knobs add only together, over the error, from which the report says that they do not add up."""
+
+
+def answer(result: Mapping[str, Any]) -> list[str]:
+    """What is known of the error of the scene as it is, and the cost of half of it, as sentences."""
+    headline = result["headline"]
+    if headline["status"] == UNFINISHED:
+        return [*_unfinished(result), *_so_far(headline), *_chaos(result), *_searched(result)]
+    lines = [_statement(result), *_half(result), *_sources(result), *_chaos(result), *_searched(result)]
+    if headline["status"] == RANGE:
+        lines += _more(headline)
+    reference = result["reference"]
+    if not reference["valid"]:
+        own, smallest = reference["own_error"], reference["smallest_error"]
+        lines.append(
+            f"The reference itself is uncertain by {in_mm(own)}, more than a tenth of the smallest error "
+            f"({in_mm(smallest)}): errors below {in_mm(10 * own)} are known only to that."
+        )
+    return lines
+
+
+def _statement(result: Mapping[str, Any]) -> str:
+    headline, seconds = result["headline"], in_seconds(result["base"]["seconds"])
+    between = f"between {in_mm(headline['low'])} and {in_mm(headline['high'])}"
+    if not headline["low"]:
+        between = f"at most {in_mm(headline['high'])}"
+    if headline["status"] == KNOWN:
+        fraction = f"{100 * headline['error'] * MM / result['size']:.2g} % of its size"
+        return f"As it is, this scene is {in_mm(headline['error'])} wrong ({fraction}; {between}) and takes {seconds}."
+    if headline["status"] == PARTIAL:
+        missing = " and ".join(headline["missing"])
+        reasons = "; ".join(result["missing_knobs"].get(name, "not asked for") for name in headline["missing"])
+        return (
+            f"How wrong this scene is, is not known: {missing} cannot be refined ({reasons}). Without what that adds "
+            f"it is {between} wrong. It takes {seconds}."
+        )
+    return (
+        f"How wrong this scene is, is not known to a factor of two: {between}; the certificate of the run estimates "
+        f"{in_mm(headline['certificate'])} for its time steps. It takes {seconds}."
+    )
+
+
+def _unfinished(result: Mapping[str, Any]) -> list[str]:
+    """What is missing, and the seconds that it needs."""
+    headline = result["headline"]
+    words = {
+        "base": "the scene itself did not come to its end",
+        "integrator": "the other difference formula did not bound the error of the time steps",
+        "twins": "whether its folds are chaotic was not tested",
+        "seeds": "its folds are chaotic, and there are too few runs with other starts to compare",
+    }
+    failed = [name for name in headline["missing"] if f"{name} +1" in {entry["label"] for entry in result["failed"]}]
+    knobs = [name for name in headline["missing"] if name not in (*words, *failed)]
+    missing = [f"{' and '.join(knobs)} {'was' if len(knobs) == 1 else 'were'} not refined"] if knobs else []
+    missing += [f"the finer run of {name} is no data point" for name in failed]
+    missing += [words[name] for name in headline["missing"] if name in words]
+    why = "before the study was stopped" if result["stopped"] else f"within {_budget(result['budget'])}"
+    return [f"How wrong this scene is, is not known {why}: {'; '.join(missing)}.", *_more(headline)]
+
+
+def _searched(result: Mapping[str, Any]) -> list[str]:
+    """What the search of solver.error stated, whose settings are the scene of the study."""
+    searched = result.get("searched")
+    if searched is None:
+        return []
+    estimate = in_mm(searched["total"] / MM) if searched["known"] else "an unknown error"
+    asked, seconds = in_mm(searched["asked"] / MM), in_seconds(searched["seconds"])
+    return [f"Its settings are those that solver.error took for {asked}, with {estimate} estimated, in {seconds}."]
+
+
+def _more(headline: Mapping[str, Any]) -> list[str]:
+    if headline["needed_seconds"] is None:
+        return []
+    seconds = _budget(headline["needed_seconds"])
+    if headline["missing"] == ["base"]:
+        return [f"At least {seconds} are needed: --budget {seconds.replace(' ', '')}."]
+    return [f"At least {seconds} more are needed: --budget {seconds.replace(' ', '')} goes on from the runs so far."]
+
+
+def _so_far(headline: Mapping[str, Any]) -> list[str]:
+    parts = [f"{name} adds {in_mm(adds)}" for name, adds in headline["so_far"].items()]
+    if headline["certificate"] is not None:
+        parts.append(f"the certificate of the run estimates {in_mm(headline['certificate'])} for its time steps")
+    return [f"So far: {', '.join(parts)}."] if parts else []
+
+
+def _half(result: Mapping[str, Any]) -> list[str]:
+    better, base = result["half_the_error"], result["base"]
+    if better is None:
+        return ["What half of that error would cost is not known: the runs inside the budget do not resolve it."]
+    times = better["seconds"] / max(base["seconds"], 1e-9)
+    source = "" if better["measured_error"] is not None else ", predicted, not run"
+    return [
+        f"Half of that error: {settings_text(better['settings'])}, {in_seconds(better['seconds'])} ({times:.2g} times"
+        f"{source})."
+    ]
+
+
+def _sources(result: Mapping[str, Any]) -> list[str]:
+    """The largest source, what is not in the error, and what the knobs show together."""
+    adds = {name: knob["adds"] for name, knob in result["knobs"].items() if knob["adds"] is not None}
+    lines = []
+    if adds:
+        worst = max(adds, key=lambda name: adds[name])
+        lines.append(f"Most of it comes from {worst}: {in_mm(adds[worst])}.")
+    unknown = [name for name in result["knobs"] if name not in adds]
+    if unknown:
+        lines.append(f"What {' and '.join(unknown)} add is not in that: no finer run of them is a data point.")
+    names, distance = result["together"], result["reference"]["distance_of_base"]
+    if names and result["remainder"] > SAME * distance:
+        lines.append(
+            f"{', '.join(names[:-1])} and {names[-1]} do not add up: refined together they show {in_mm(distance)}, and "
+            "what several of them show alone is counted once."
+        )
+    model = result["bending_model"]
+    if model is not None:
+        lines.append(
+            f"What its bending model adds is not in that: {model['model']}, which tends to the fabric's own stiffness, "
+            f"moves the result by {in_mm(model['moves'])} and takes {in_seconds(model['seconds'])}."
+        )
+    return lines
+
+
+def _chaos(result: Mapping[str, Any]) -> list[str]:
+    if not result["chaotic"]:
+        return []
+    return [
+        f"The folds of this scene are chaotic: twins that differ by a millionth of the size at the start end "
+        f"{in_mm(result['twins_differ'])} apart, so its positions are known to that at best. Histograms of heights are "
+        "compared, over seeds."
+    ]
+
+
+def settings_text(settings: Mapping[str, Any]) -> str:
+    """Settings as text, "dt 1/60 s, cells 40x40"."""
+    return ", ".join(written(name, value) for name, value in settings.items())
+
+
+def _budget(seconds: float) -> str:
+    """Seconds of a budget with two digits, rounded up."""
+    unit = 10.0 ** max(0, math.floor(math.log10(max(seconds, 1.0))) - 1)
+    return f"{math.ceil(seconds / unit - 1e-9) * unit:.0f} s"
+
+
+def in_mm(value: float | None) -> str:
+    """A length in millimetres with two digits."""
+    if value is None or not math.isfinite(value):
+        return "an unknown length"
+    return f"{value:.2g} mm" if value < 99.5 else f"{value:.0f} mm"
+
+
+def in_seconds(seconds: float) -> str:
+    """Seconds with two digits."""
+    return f"{seconds:.2g} s" if seconds < 99.5 else f"{seconds:.0f} s"

@@ -1,0 +1,32 @@
+"""Cost model: predicted seconds of a run from completed ones."""
+
+from collections.abc import Mapping
+
+from clothsim.study.knobs import Knob, any_knob
+from clothsim.study.points import BASE, Point, point
+
+
+def predicted_seconds(where: Point, done: Mapping[Point, float], knobs: Mapping[str, Knob]) -> float:
+    """Seconds of a point: those of the base times a factor for each knob (the knobs' costs multiply).
+
+    A knob's factor is measured where a run has it alone at that level; else the growth between its two nearest levels
+    goes on, or the knob's own first guess where none is measured. The base must be done.
+    """
+    seconds = done[BASE]
+    for name, level in where.levels:
+        seconds *= _factor(knobs.get(name) or any_knob(name), level, done)
+    return seconds
+
+
+def _factor(knob: Knob, level: int, done: Mapping[Point, float]) -> float:
+    measured = {0: done[BASE]}
+    measured.update((each, done[point({knob.name: each})]) for each in range(-4, 5) if point({knob.name: each}) in done)
+    if level in measured:
+        return measured[level] / measured[0]
+    nearest = min(measured, key=lambda each: abs(each - level))
+    towards = 1 if level > nearest else -1
+    inner = nearest - towards
+    growth = knob.growth
+    if inner in measured:
+        growth = max(1.0, (measured[nearest] / measured[inner]) ** towards)
+    return measured[nearest] / measured[0] * growth ** (level - nearest)

@@ -1,0 +1,132 @@
+"""Error estimate of a run with given settings: pilot runs with all of them coarser by two and by four."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from time import process_time
+from typing import Any
+
+from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
+from clothsim.run.results import Run, open_run
+from clothsim.run.session import Session
+from clothsim.scene.assembly.explicit_lengths import steps_per_frame
+from clothsim.scene.scene import Scene
+from clothsim.study.error_control.knob_errors import root_sum
+from clothsim.study.error_control.requested import Message, Runs
+from clothsim.study.error_control.resolution import (
+    CELLS,
+    D_HAT,
+    TIME,
+    Resolution,
+    Resolvable,
+    has_cells_for,
+    resolvable,
+)
+from clothsim.study.error_control.three_runs import from_three
+from clothsim.study.error_control.trial import Trial, another_shape, distance_at, material, pilot
+
+COARSER = (2, 4)
+"""Factors by which the pilot runs are coarser."""
+
+
+@dataclass(frozen=True)
+class Coarsened:
+    """Resolutions of the pilot runs, what is coarser in them, and the reason for each knob that is not."""
+
+    resolutions: tuple[Resolution, ...]
+    knobs: tuple[str, ...]
+    fixed: Mapping[str, str]
+
+
+def simulate_with_estimate(scene: Scene, runs: Runs, message: Message) -> Run:
+    """Simulate a scene, then with dt x 2, half the cells and d_hat x 2, and once more with all of them by four.
+
+    Parameters
+    ----------
+    scene : Scene
+        With solver.estimate.
+    runs : callable
+        Runs a scene with fixed settings into the output directory.
+    message : callable
+        Called with a line before each pilot run.
+
+    Returns
+    -------
+    Run
+        Its summary has the estimate; what could not be coarser is named there, and its error is not known.
+    """
+    sessions: list[Session] = []
+    started = process_time()
+    run = runs(scene, sessions)
+    if run.status != "completed":
+        return run
+    ladder = resolvable(replace(scene, solver={"integrator": scene.solver_settings.integrator, **scene.solver}))
+    coarser = coarsened(ladder)
+    own = Trial(
+        Resolution(steps_per_frame(ladder.scene)[0]),
+        material(sessions[0].built.world),
+        run.positions(-1),
+        process_time() - started,
+    )
+    trials = [own]
+    for resolution in coarser.resolutions if coarser.knobs else ():
+        message(f"pilot run for the error: {ladder.text(resolution)}")
+        trials.append(pilot(ladder.at(resolution, scene.solver_settings.newton_error_fraction), resolution))
+        if trials[-1].reason:
+            break
+    return _annotated(run, trials, coarser)
+
+
+def coarsened(ladder: Resolvable) -> Coarsened:
+    """Return the resolutions coarser by COARSER; a knob that cannot be coarser by all of them stays as it is."""
+    steps, fixed = steps_per_frame(ladder.scene)[0], dict(ladder.fixed)
+    if steps < COARSER[-1]:
+        fixed[TIME] = f"a frame has {steps} step{'s' * (steps > 1)}, and {COARSER[-1]} are needed"
+    if CELLS in ladder.knobs and not has_cells_for(ladder.scene, COARSER[-1], fewest=1):
+        fixed[CELLS] = "the cells cannot be quartered"
+    knobs = tuple(name for name in ladder.knobs if name not in fixed)
+    resolutions = tuple(
+        Resolution(
+            steps // factor if TIME in knobs else steps,
+            Fraction(1, factor if CELLS in knobs else 1),
+            Fraction(factor if D_HAT in knobs else 1),
+        )
+        for factor in COARSER
+    )
+    return Coarsened(resolutions, knobs, fixed)
+
+
+def _annotated(run: Run, trials: list[Trial], coarser: Coarsened) -> Run:
+    """The run with its estimate."""
+    summary = dict(run.summary)
+    certificate = dict(summary["certificate"])
+    estimate = dict(certificate["error_estimate"])
+    seconds = sum(trial.seconds for trial in trials)
+    estimate |= {**_estimate(trials, coarser, estimate["newton"]), "seconds": seconds}
+    summary["certificate"] = {**certificate, "error_estimate": estimate}
+    write_summary(Path(run.directory) / SUMMARY_NAME, summary)
+    return open_run(run.directory)
+
+
+def _estimate(trials: list[Trial], coarser: Coarsened, newton: Any) -> dict[str, Any]:
+    """Entries of the estimate; fixed: what could not be coarser, and why else the error is not known."""
+    fixed = dict(coarser.fixed)
+    if not coarser.knobs:
+        return {"total": "not estimated (nothing can be coarser)", "known": False, "fixed": fixed}
+    if trials[-1].reason:
+        return {"total": f"not estimated (a coarser run failed: {trials[-1].reason})", "known": False, "fixed": fixed}
+    distance = distance_at(trials[-1].material)
+    moved, further = (distance(one, other) for one, other in zip(trials[:-1], trials[1:], strict=True))
+    found = from_three(moved, further, coarser.knobs)
+    reason = found.reason
+    if another_shape(trials[0], max(moved, further)):
+        reason = f"a coarser run ends in another shape, {max(moved, further):.2g} m away"
+    parts = {"all": found.error, "newton": newton if isinstance(newton, float) else 0.0}
+    entries: dict[str, Any] = {"total": root_sum(parts.values()), "parts": parts, "coarser_run_moved": moved}
+    entries |= {"coarsest_run_moved": further, "known": not fixed and not reason}
+    if reason:
+        fixed["coarser runs"] = reason
+    if fixed:
+        entries["of_refined"] = {"known": not reason}
+    return {**entries, "fixed": fixed}

@@ -1,0 +1,243 @@
+"""Search for the resolution that meets a requested error, and the run with it.
+
+A coarse pilot run and a run with every knob refined by two give a first estimate; where the two end in different
+shapes, both start again with half the step. Where the estimate is too large, a path of pilot runs between the two gives
+the error of each knob, the cheapest resolution that is expected to be accurate enough is run, and the distance to the
+run before corrects the expectation. A resolution that is expected to miss the request is run as a pilot. Every loop is
+bounded.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from clothsim.base.errors import InputError
+from clothsim.run.results import Run
+from clothsim.scene.scene import Scene
+from clothsim.study.error_control.choice import chosen, work
+from clothsim.study.error_control.knob_errors import KnobErrors, from_joint, from_path, root_sum
+from clothsim.study.error_control.resolution import CELLS, D_HAT, TIME, Resolution, Resolvable, resolvable
+from clothsim.study.error_control.trial import Distance, Trial, another_shape, distance_at, pilot
+
+NEWTON_PART = 0.2
+"""Fraction of the requested error above which Newton's method stops at FINER times a smaller one."""
+FINER = 0.25
+SLACK = 1.05
+"""The request is met up to this factor."""
+PILOT_FROM = 1.5
+"""Expected error over the requested one from which a resolution is run as a pilot."""
+MOST_ROUNDS = 5
+STALLED, MOST_STALLED = 0.8, 2
+"""The search ends where so many refinements in a row leave more than that fraction of the estimate."""
+MOST_RETRIES = 3
+"""Failures of the coarsest pilot run, each followed by one with half the step."""
+PATH = (D_HAT, CELLS, TIME)
+"""Order in which the path of pilot runs refines the knobs: cells at the longer steps, where they cost least."""
+
+Candidate = Callable[[Scene, Resolution], tuple[Run, Trial]]
+"""Runs a scene into the output directory."""
+Message = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Found:
+    """Last run of a search and the estimate of its error.
+
+    Parameters
+    ----------
+    run : Run
+        The run; its directory is the output.
+    trial : Trial
+        Its last positions.
+    parts : mapping
+        RMS error of each knob and of Newton's method [m].
+    known : bool
+        False where the last refinement moved the result by far more than expected, or nothing was compared.
+    """
+
+    run: Run
+    trial: Trial
+    parts: dict[str, float]
+    known: bool
+
+    @property
+    def total(self) -> float:
+        """RMS error [m]."""
+        return root_sum(self.parts.values())
+
+    def met(self, asked: float) -> bool:
+        """True where the request [m] is met."""
+        return self.run.status == "completed" and self.known and self.total <= SLACK * asked
+
+
+@dataclass
+class Search:
+    """State of a search: the runs so far, and newton_error_fraction; `message` receives a line before each run."""
+
+    resolvable: Resolvable
+    asked: float
+    budget: float
+    candidate: Candidate
+    message: Message
+    newton_error_fraction: float
+    trials: list[Trial] = field(default_factory=list)
+
+    @property
+    def spent(self) -> float:
+        """Processor seconds of all runs."""
+        return sum(trial.seconds for trial in self.trials)
+
+    def halve_step(self) -> None:
+        """Let the coarsest pilot run have half the step."""
+        coarsest = self.resolvable.coarsest
+        self.resolvable = replace(self.resolvable, coarsest=replace(coarsest, steps=2 * coarsest.steps))
+
+    def pilot(self, resolution: Resolution) -> Trial:
+        """Run a pilot, or take the one that was run."""
+        for trial in self.trials:
+            if trial.resolution == resolution and not trial.reason:
+                return trial
+        self.message(f"pilot run: {self.resolvable.text(resolution)}")
+        self.trials.append(pilot(self.resolvable.at(resolution, self.newton_error_fraction), resolution))
+        return self.trials[-1]
+
+    def run(self, resolution: Resolution, expected: float | None = None) -> tuple[Run, Trial]:
+        """Run a candidate into the output directory."""
+        about = "" if expected is None else f", about {1e3 * expected:.2g} mm expected"
+        self.message(f"run: {self.resolvable.text(resolution)}{about}")
+        run, trial = self.candidate(self.resolvable.at(resolution, self.newton_error_fraction), resolution)
+        self.trials.append(trial)
+        return run, trial
+
+
+def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Search, Found]:
+    """Find the resolution for solver.error and run it.
+
+    Parameters
+    ----------
+    scene : Scene
+        With solver.error.
+    candidate : callable
+        Runs a scene into the output directory.
+    message : callable
+        Called with a line before each run.
+
+    Returns
+    -------
+    search : Search
+        All runs.
+    found : Found
+        The last one.
+    """
+    settings = scene.solver_settings
+    fraction = settings.newton_error_fraction
+    search = Search(resolvable(scene), settings.error, settings.budget, candidate, message, fraction)
+    earlier: Found | None = None
+    for _ in range(MOST_RETRIES):
+        coarsest, run, first = _first_pair(search)
+        distance = distance_at(coarsest.material)
+        if run.status != "completed":
+            failed = Found(run, first, _parts(run, {"all": 0.0}), False)
+            return search, failed if earlier is None else _repeated(search, earlier)
+        moved = distance(coarsest, first)
+        same = not another_shape(first, moved)
+        left = from_joint(moved, 2.0, search.resolvable.knobs, search.resolvable.dt(coarsest.resolution))
+        found = Found(run, first, _parts(run, {"all": left}), same)
+        if same or search.spent > search.budget / 2:
+            break
+        earlier = found
+        search.halve_step()
+    if not found.known or found.met(search.asked):
+        return search, found
+    errors = _by_knob(search, coarsest, first, distance).not_below(found.parts["all"])
+    found = Found(run, first, _parts(run, errors.errors), True)
+    return search, _refined(search, found, errors, distance)
+
+
+def _first_pair(search: Search) -> tuple[Trial, Run, Trial]:
+    """The coarsest pilot run, and the run with every knob refined by two."""
+    coarsest = _coarsest(search)
+    return coarsest, *search.run(search.resolvable.refined(coarsest.resolution, search.resolvable.knobs))
+
+
+def _coarsest(search: Search) -> Trial:
+    """The first pilot run; where it fails, with shorter steps."""
+    for _ in range(MOST_RETRIES):
+        trial = search.pilot(search.resolvable.coarsest)
+        if not trial.reason:
+            return trial
+        search.halve_step()
+    raise InputError(f"No pilot run for solver.error came to its end: {trial.reason}", "Give solver.dt, and run it.")
+
+
+def _by_knob(search: Search, coarsest: Trial, first: Trial, distance: Distance) -> KnobErrors:
+    """Errors of the first run by knob, from a path of pilot runs that refines one knob after the other."""
+    names = [name for name in PATH if name in search.resolvable.knobs]
+    path = [coarsest]
+    for name in names[:-1]:
+        trial = search.pilot(search.resolvable.refined(path[-1].resolution, [name]))
+        path.append(path[-1] if trial.reason else trial)
+    path.append(first)
+    moved = {name: distance(path[k], path[k + 1]) for k, name in enumerate(names)}
+    return from_path(search.resolvable.sizes(first.resolution), moved, dict.fromkeys(names, 2.0))
+
+
+def _refined(search: Search, found: Found, errors: KnobErrors, distance: Distance) -> Found:
+    """Run finer resolutions until the request is met, the budget is spent or nothing finer is within the bounds.
+
+    Where the last of them was a pilot, it is run into the output directory at the end.
+    """
+    stalled, last, ladder = 0, found.trial, search.resolvable
+    for left in reversed(range(MOST_ROUNDS)):
+        if found.met(search.asked) or stalled == MOST_STALLED:
+            break
+        following = _following(search, found, errors, last)
+        if following is None:
+            break
+        sizes = ladder.sizes(following)
+        expected, run = errors.at(sizes).total, None
+        if expected > PILOT_FROM * search.asked and left and _leaves_room(search, following, last):
+            trial = search.pilot(following)
+        else:
+            run, trial = search.run(following, expected)
+        if trial.reason or (run is not None and run.status != "completed"):
+            return replace(found if run is None else _repeated(search, found), known=False)
+        before, errors = errors.total, errors.after(sizes, distance(last, trial))
+        stalled, last = stalled + 1 if errors.total > STALLED * before else 0, trial
+        if run is not None:
+            found = Found(run, trial, _parts(run, errors.errors), errors.understood)
+    if last is not found.trial:
+        run, trial = search.run(last.resolution, errors.total)
+        if run.status != "completed":
+            return replace(_repeated(search, found), known=False)
+        found = Found(run, trial, _parts(run, errors.errors), errors.understood)
+    return found if found.met(search.asked) or stalled < MOST_STALLED else replace(found, known=False)
+
+
+def _leaves_room(search: Search, following: Resolution, last: Trial) -> bool:
+    """True where a pilot run leaves enough of the budget to run that resolution into the output directory."""
+    vertices = sum(len(rest) for rest in search.trials[0].material.rest)
+    more = work(search.resolvable, following, vertices) / work(search.resolvable, last.resolution, vertices)
+    return search.spent + 2 * more * last.seconds <= search.budget
+
+
+def _repeated(search: Search, found: Found) -> Found:
+    """The last run that came to its end, once more: a failed one has taken its place in the output directory."""
+    run, trial = search.run(found.trial.resolution)
+    return Found(run, trial, _parts(run, {key: part for key, part in found.parts.items() if key != "newton"}), False)
+
+
+def _following(search: Search, found: Found, errors: KnobErrors, last: Trial) -> Resolution | None:
+    """The next resolution within the bounds of the search; None where there is none."""
+    if found.parts["newton"] > NEWTON_PART * search.asked:
+        search.newton_error_fraction *= FINER
+    vertices = sum(len(rest) for rest in search.trials[0].material.rest)
+    done = [trial.resolution for trial in search.trials]
+    unit = last.seconds / work(search.resolvable, last.resolution, vertices)
+    most = (search.budget - search.spent) / max(unit, 1e-9)
+    return chosen(search.resolvable, errors, done, search.asked, vertices, most)
+
+
+def _parts(run: Run, errors: dict[str, float] | Any) -> dict[str, float]:
+    newton = run.summary["certificate"]["error_estimate"]["newton"]
+    return {**errors, "newton": newton if isinstance(newton, float) else 0.0}

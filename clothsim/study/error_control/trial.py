@@ -1,0 +1,84 @@
+"""Runs of a scene at a resolution: pilot runs, of which only the last positions are kept, and their distances."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from time import process_time
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.mesh.world import World
+from clothsim.run.session import prepare
+from clothsim.scene.assembly.scene_world import build
+from clothsim.scene.scene import Scene
+from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.time_loop import steps
+from clothsim.study.error_control.resolution import Resolution
+from clothsim.study.resample import Material, at_points_of, material_of, point_areas
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A run.
+
+    Parameters
+    ----------
+    resolution : Resolution
+        Its resolution.
+    material : Material
+        Its mesh at rest.
+    positions : (n, 3) float64
+        Cloth vertices at the last frame [m].
+    seconds : float
+        Processor seconds.
+    reason : str
+        Why it came to no end; empty where it did.
+    """
+
+    resolution: Resolution
+    material: Material
+    positions: Floats
+    seconds: float
+    reason: str = ""
+
+
+Distance = Callable[[Trial, Trial], float]
+ANOTHER_SHAPE = 0.1
+"""Distance of two runs over the size of the cloth from which no order of convergence holds between them."""
+
+
+def pilot(scene: Scene, resolution: Resolution) -> Trial:
+    """Run a scene at a resolution without writing anything."""
+    started = process_time()
+    session = prepare(scene, build(scene))
+    world, run = session.built.world, scene.run_settings
+    state, reason = first_state(world, session.integrator.dt), ""
+    for report in steps(session.integrator, state, run.duration, run.frames_per_second, run.until):
+        if report.failure is not None:
+            reason = report.failure.reason
+            break
+        state = report.state
+    x = state.positions[: world.n_cloth] + world.origin
+    return Trial(resolution, material(world), x, process_time() - started, reason)
+
+
+def another_shape(finer: Trial, moved: float) -> bool:
+    """True where a coarser run ends so far away [m] that it is another solution rather than a less accurate one."""
+    return moved > ANOTHER_SHAPE * float(np.linalg.norm(np.ptp(finer.positions, axis=0)))
+
+
+def material(world: World) -> Material:
+    """The cloths of a world at rest."""
+    return material_of([each.rest_positions for each in world.cloths], [each.triangles for each in world.cloths])
+
+
+def distance_at(points: Material) -> Distance:
+    """RMS distance of two runs [m] over these material points, weighted by their areas."""
+    areas = point_areas(points)
+    weights = areas / areas.sum()
+
+    def distance(one: Trial, other: Trial) -> float:
+        here, there = (at_points_of(points, each.material, each.positions) for each in (one, other))
+        return float(np.sqrt(weights @ ((here - there) ** 2).sum(axis=1)))
+
+    return distance

@@ -1,0 +1,212 @@
+"""Evaluation of study points within a budget, with stored results reused."""
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.base.safe_files.record import read_summary, to_json
+from clothsim.study.cost_model import predicted_seconds
+from clothsim.study.points import BASE, Bench, Outcome, Point
+from clothsim.study.pool import Answer, Job, Runner
+from clothsim.study.resample import Material, at_points_of, material_of
+from clothsim.study.worker import SHORT, TIMES
+
+STUDY_NAME, FOLDER = "study.json", "points"
+FIRST_GUESS = {"draft": 0.2, "fine": 12.0}
+"""First guess of a preset's cost relative to the base."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Progress at the start or end of a run: runs done and known, elapsed seconds, budget [s], label of the run."""
+
+    done: int
+    known: int
+    seconds: float
+    budget: float
+    label: str
+
+
+@dataclass
+class Gatherer:
+    """The points known so far: outcomes (data points and failures), and {point: why it was left out}.
+
+    stored: {key: entry of study.json} of an earlier study of the same scene; left: seconds of the budget that are left,
+    none once the study is asked to end.
+    """
+
+    bench: Bench
+    material: Material
+    warm: str
+    directory: Path
+    fingerprint: str
+    runner: Runner
+    started: float
+    budget: float
+    left: Callable[[], float]
+    cores: int
+    on_progress: Callable[[Progress], None]
+    stored: dict[str, dict[str, Any]]
+    outcomes: dict[Point, Outcome] = field(default_factory=dict)
+    left_out: dict[Point, str] = field(default_factory=dict)
+    slowness: float = 1.0
+    reused: int = 0
+
+    def gather(self, points: Sequence[Point], fraction: float = 1.0) -> None:
+        """Run the points, the cheapest first, where each fits into `fraction` of what is left of the budget."""
+        jobs: dict[str, tuple[Point, Job]] = {}
+        for where in sorted((p for p in dict.fromkeys(points) if p not in self.outcomes), key=self._guess):
+            try:
+                key, scene = self.bench.key(where), self.bench.scene(where)
+            except InputError as error:
+                self.left_out[where] = error.sentence.rstrip(".")
+                continue
+            job = Job(scene.to_text(), self.warm, self._file(key), where.seed)
+            if key in self.stored and self._reuse(where, key):
+                continue
+            jobs[str(job.target)] = (where, job)
+        self._run(jobs, fraction)
+
+    def field_seconds(self) -> dict[Point, float]:
+        """Seconds of the data points."""
+        return {where: each.seconds for where, each in self.outcomes.items() if not each.failed}
+
+    def good(self, where: Point) -> bool:
+        """True for a point that is a data point."""
+        return where in self.outcomes and not self.outcomes[where].failed
+
+    def own_positions(self, where: Point) -> Floats:
+        """Positions of the vertices of a data point's own mesh at its end, (k, 3) [m]."""
+        with np.load(self._file(self.bench.key(where))) as arrays:
+            return np.asarray(arrays["positions"], np.float64)
+
+    def missing_seconds(self, points: Iterable[Point]) -> float:
+        """Wall-clock seconds that those of the points would take that are not known yet.
+
+        A base that did not come to its end takes at least the time that was spent.
+        """
+        done = self.field_seconds() or {BASE: monotonic() - self.started}
+        guesses = [
+            predicted_seconds(where, done, self.bench.knobs) * self.slowness
+            for where in points
+            if where not in self.outcomes
+        ]
+        each = [guess * (TIMES if guess < SHORT else 1) for guess in guesses]
+        return max(sum(each) / self.cores, max(each, default=0.0))
+
+    def _wall_seconds(self, where: Point) -> float:
+        """Guess of the wall-clock seconds of a point: a short run is timed several times."""
+        guess = self._guess(where) * self.slowness
+        return guess * (TIMES if guess < SHORT else 1)
+
+    def _run(self, jobs: dict[str, tuple[Point, Job]], fraction: float) -> None:
+        def fits(job: Job) -> bool:
+            where = jobs[str(job.target)][0]
+            left, guess = self.left(), self._wall_seconds(where)
+            if guess > left * (1.0 if fraction == 1.0 else fraction * self.cores):
+                self.left_out[where] = f"it would take about {guess:.0f} s, and {max(left, 0):.0f} s were left"
+                return False
+            self._tell(where.label(), len(jobs))
+            return True
+
+        done = 0
+        for job, answer in self.runner([job for _, job in jobs.values()], fits, self.left):
+            where = jobs[str(job.target)][0]
+            done += 1
+            if answer is None:
+                self.left_out.setdefault(where, "the budget was spent before its end")
+                continue
+            self._keep(where, answer, job)
+            self._tell(where.label(), len(jobs) - done)
+
+    def _keep(self, where: Point, answer: Answer, job: Job) -> None:
+        key = self.bench.key(where)
+        self.stored[key] = {"key": key, "label": where.label(), "settings": self._settings(where), **answer}
+        self._reuse(where, key)
+        self.reused -= 1
+        if answer.get("wall_seconds"):
+            self.slowness = max(1.0, 0.5 * (self.slowness + answer["wall_seconds"] / max(answer["seconds"], 1e-9)))
+        write_points(self.directory, self.fingerprint, list(self.stored.values()))
+
+    def _reuse(self, where: Point, key: str) -> bool:
+        """Read a stored point; False where its arrays are missing."""
+        entry, file = self.stored[key], self._file(key)
+        failed = entry.get("failed", "")
+        if not failed and not file.is_file():
+            return False
+        none = np.zeros((0, 3))
+        positions = none if failed else self._positions(file)
+        counts = {"warmup_seconds": entry.get("warmup_seconds", 0.0), **entry.get("counts", {})}
+        times = entry.get("seconds") or 0.0, entry.get("wall_seconds") or 0.0
+        energy = np.nan if entry.get("energy") is None else entry["energy"]
+        estimate = sum(each or 0.0 for each in entry.get("estimate", {}).values())
+        self.outcomes[where] = Outcome(where, positions, *times, counts, energy, estimate, failed)
+        self.left_out.pop(where, None)
+        self.reused += 1
+        return True
+
+    def _positions(self, file: Path) -> Floats:
+        with np.load(file) as arrays:
+            count = sum(name.startswith("rest_") for name in arrays.files)
+            run = material_of(
+                [arrays[f"rest_{k}"] for k in range(count)], [arrays[f"triangles_{k}"] for k in range(count)]
+            )
+            return at_points_of(self.material, run, arrays["positions"])
+
+    def _settings(self, where: Point) -> dict[str, Any]:
+        return {**self.bench.settings(where), **({"seed": where.seed} if where.seed else {})}
+
+    def _file(self, key: str) -> Path:
+        return (self.directory / FOLDER / f"{key}.npz").resolve()
+
+    def _guess(self, where: Point) -> float:
+        """Seconds that a point will take: nothing is known before the base, nor of a preset."""
+        done = self.field_seconds()
+        if BASE not in done or where.variant:
+            return done.get(BASE, 0.0) * FIRST_GUESS.get(where.variant, 1.2)
+        return predicted_seconds(where, done, self.bench.knobs)
+
+    def _tell(self, label: str, left: int) -> None:
+        self.on_progress(
+            Progress(len(self.outcomes), len(self.outcomes) + left, monotonic() - self.started, self.budget, label)
+        )
+
+
+def write_points(directory: Path, fingerprint: str, points: list[dict[str, Any]], **rest: Any) -> dict[str, Any]:
+    """Write study.json whole, and return what it holds. `points` may hold failures: they are listed apart."""
+    result = {
+        "scene": fingerprint,
+        "points": [entry for entry in points if not entry.get("failed")],
+        "front": [],
+        "recommended": [],
+        **rest,
+        "failed": [entry for entry in points if entry.get("failed")],
+    }
+    text = to_json(result, indent=1)
+    write_atomically(directory / STUDY_NAME, f"{text}\n".encode())
+    plain: dict[str, Any] = json.loads(text)
+    return plain
+
+
+def stored_points(directory: Path, fingerprint: str) -> dict[str, dict[str, Any]]:
+    """The points of an earlier study in `directory` by key; none of one of another scene, or of none."""
+    file = directory / STUDY_NAME
+    if not file.is_file():
+        return {}
+    result = read_summary(file)
+    if result.get("scene") != fingerprint:
+        return {}
+    entries = [entry for part in ("points", "others", "failed") for entry in result.get(part) or []]
+    return {
+        entry["key"]: entry
+        for entry in entries
+        if isinstance(entry, dict) and "key" in entry and ("estimate" in entry or entry.get("failed"))
+    }

@@ -1,0 +1,166 @@
+"""Data sets of a farm: one HDF5 file, or WebDataset shards (plain tar); with a manifest and a data card."""
+
+import io
+import json
+import tarfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.atomic import replacing, write_atomically
+from clothsim.study.farm.card import card
+from clothsim.study.farm.identity import array_hash
+from clothsim.study.farm.plan import Farm
+from clothsim.study.farm.publication import CLOTH, PARAMETERS, SUMMARY
+from clothsim.study.farm.status import manifest
+
+SHARD = 1000
+"""Drapes of a shard."""
+
+
+@dataclass(frozen=True)
+class Packed:
+    """A data set: its files, its drapes, and those that were left out as they are not usable."""
+
+    files: tuple[Path, ...]
+    drapes: int
+    left_out: int
+
+
+def pack(farm: Farm, target: str | Path, shard: int = SHARD) -> Packed:
+    """Write the usable drapes of a farm for other programs.
+
+    Parameters
+    ----------
+    farm : Farm
+    target : path
+        "data.h5": one file; any other name: a folder of shards.
+    shard : int
+        Drapes of a shard.
+
+    Returns
+    -------
+    Packed
+
+    Raises
+    ------
+    InputError
+        Where no drape is usable.
+
+    Notes
+    -----
+    HDF5: `manifest` (a line of JSON for each drape, failed ones too), `meshes/HASH/{start, rest, triangles, material,
+    uv}`, and for each topology `garments/K/{positions (N, n, 3) or (N, frames, n, 3), ids, meshes}`. Shards:
+    ID.cloth.npy, ID.summary.json, ID.params.json, and the meshes in meshes.tar; the same bytes whenever they are made
+    of the same drapes.
+    """
+    rows = manifest(farm)
+    used = [row for row in rows if row["usable"]]
+    if not used:
+        raise InputError(f"{farm.directory} has no usable drape.", "`clothsim farm status DIR` names the causes.")
+    path = Path(target)
+    if path.suffix in (".h5", ".hdf5"):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        files = [_hdf5(farm, path, rows, used)]
+        beside = path.parent / path.stem
+    else:
+        path.mkdir(parents=True, exist_ok=True)
+        files = list(_shards(farm, path, used, shard))
+        beside = path / "data"
+    lines = "".join(f"{json.dumps(row)}\n" for row in rows)
+    texts = {".jsonl": lines, ".md": card(farm, rows)}
+    for ending, text in texts.items():
+        write_atomically(beside.with_suffix(ending), text.encode())
+        files.append(beside.with_suffix(ending))
+    files += _parquet(rows, beside.with_suffix(".parquet"))
+    return Packed(tuple(files), len(used), len(rows) - len(used))
+
+
+def _positions(farm: Farm, row: Mapping[str, Any]) -> NDArray[np.float32]:
+    return np.asarray(np.load(farm.directory / "drapes" / row["id"] / CLOTH))
+
+
+def _mesh_names(row: Mapping[str, Any], kind: str) -> list[str]:
+    return list(row["meshes"].get(kind, {}).values())
+
+
+def _mesh(farm: Farm, name: str) -> dict[str, NDArray[Any]]:
+    with np.load(farm.directory / "meshes" / f"{name}.npz") as arrays:
+        return {key: arrays[key] for key in arrays.files}
+
+
+def _hdf5(farm: Farm, path: Path, rows: Sequence[Mapping[str, Any]], used: Sequence[Mapping[str, Any]]) -> Path:
+    import h5py
+
+    with replacing(path) as beside, h5py.File(beside, "w") as file:
+        file.attrs["licence"] = farm.settings["licence"]
+        file.attrs["package"] = farm.settings["package"]
+        file["manifest"] = [json.dumps(row) for row in rows]
+        topologies: dict[str, list[Mapping[str, Any]]] = {}
+        names: dict[str, None] = {}
+        for row in used:
+            own = [_mesh(farm, name)["triangles"] for name in _mesh_names(row, "cloth")]
+            topology = "|".join([array_hash(*own), str(_positions(farm, row).shape)])
+            topologies.setdefault(topology, []).append(row)
+            names |= dict.fromkeys([*_mesh_names(row, "cloth"), *_mesh_names(row, "body")])
+        for name in names:
+            for key, array in _mesh(farm, name).items():
+                file[f"meshes/{name}/{key}"] = array
+        for number, group in enumerate(topologies.values()):
+            whole = (len(group), *_positions(farm, group[0]).shape)
+            positions = file.create_dataset(f"garments/{number}/positions", whole, "f4")
+            for k, row in enumerate(group):
+                positions[k] = _positions(farm, row)
+            file[f"garments/{number}/ids"] = [row["id"] for row in group]
+            file[f"garments/{number}/meshes"] = [json.dumps(row["meshes"]) for row in group]
+    return path
+
+
+def _shards(farm: Farm, folder: Path, used: Sequence[Mapping[str, Any]], size: int) -> Iterator[Path]:
+    for first in range(0, len(used), size):
+        files = (
+            (f"{row['id']}.{file}", (farm.directory / "drapes" / row["id"] / file).read_bytes())
+            for row in used[first : first + size]
+            for file in (CLOTH, SUMMARY, PARAMETERS)
+        )
+        yield _tar(folder / f"shard-{first // size:06d}.tar", files)
+    names = sorted({name for row in used for kind in ("cloth", "body") for name in _mesh_names(row, kind)})
+    yield _tar(
+        folder / "meshes.tar", ((f"{n}.npz", (farm.directory / "meshes" / f"{n}.npz").read_bytes()) for n in names)
+    )
+
+
+def _tar(path: Path, files: "Iterator[tuple[str, bytes]]") -> Path:
+    """Write a tar whose bytes depend on its content alone: no times and no owners."""
+    with replacing(path) as beside, tarfile.open(beside, "w", format=tarfile.USTAR_FORMAT) as archive:
+        for name, content in files:
+            entry = tarfile.TarInfo(name)
+            entry.size = len(content)
+            archive.addfile(entry, io.BytesIO(content))
+    return path
+
+
+def _parquet(rows: Sequence[Mapping[str, Any]], path: Path) -> list[Path]:
+    """The manifest as a table with a column for each varied key, where pyarrow is installed."""
+    try:
+        import pyarrow as arrow
+        from pyarrow import parquet
+    except ImportError:
+        return []
+    flat = [
+        {
+            **{key: value for key, value in row.items() if key not in ("parameters", "meshes")},
+            "meshes": json.dumps(row["meshes"]),
+            **{
+                key: json.dumps(value) if isinstance(value, list) else value for key, value in row["parameters"].items()
+            },
+        }
+        for row in rows
+    ]
+    parquet.write_table(arrow.Table.from_pylist(flat), path)
+    return [path]

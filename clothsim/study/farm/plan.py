@@ -1,0 +1,174 @@
+"""Plan of a farm: the scene and the drawn values of every drape, on disk before the first one is made."""
+
+import json
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.scene.scene import Scene, scene_from_text
+from clothsim.study.farm.identity import content_id
+from clothsim.study.farm.recipe import Recipe, changed
+
+FARM_NAME, JOBS_NAME = "farm.json", "jobs.jsonl"
+FOLDERS = ("drapes", "claims", "attempts", "tmp", "meshes")
+TRIED = 3
+"""Drapes of a recipe that are built before it is planned, until one can be."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One drape to be made: its number, id, and the values of the varied keys."""
+
+    index: int
+    id: str
+    values: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Farm:
+    """The folder of a farm.
+
+    Attributes
+    ----------
+    directory : Path
+        Its folder.
+    settings : dict
+        Content of farm.json: recipe, boxes of the varied numbers, package version.
+    """
+
+    directory: Path
+    settings: Mapping[str, Any]
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The base scene."""
+        return scene_from_text(json.dumps(self.settings["scene"]), self.directory)
+
+    @cached_property
+    def jobs(self) -> tuple[Job, ...]:
+        """All drapes of the plan."""
+        with (self.directory / JOBS_NAME).open(encoding="utf-8") as lines:
+            return tuple(Job(**json.loads(line)) for line in lines)
+
+    def scene_of(self, job: Job) -> Scene:
+        """The scene of a drape. InputError where it is no longer the one that was planned."""
+        scene = changed(self.scene, job.values)
+        if content_id(scene, self.settings["version"]) != job.id:
+            raise InputError(
+                f"The scene of drape {job.id} is not the one that was planned: the package or a file has changed.",
+                "Plan the recipe again in another folder.",
+            )
+        return scene
+
+    def published(self) -> set[str]:
+        """The ids of the drapes that are done, failed ones too."""
+        return {entry.name for entry in (self.directory / "drapes").iterdir()}
+
+
+def plan(recipe: Recipe, directory: str | Path) -> Farm:
+    """Write the plan of a recipe; a folder that has the same plan goes on with it.
+
+    Parameters
+    ----------
+    recipe : Recipe
+        From `load_recipe`.
+    directory : path
+        Folder of the farm.
+
+    Returns
+    -------
+    Farm
+
+    Raises
+    ------
+    InputError
+        Where two drapes are the same, a value is out of range, or the folder has another plan.
+
+    Notes
+    -----
+    Every scene is made once, so that a bad key or value is reported here and not by a worker.
+    """
+    from clothsim import __version__
+
+    folder = Path(directory)
+    settings = {
+        "package": __version__,
+        "version": recipe.version,
+        "count": recipe.count,
+        "seed": recipe.seed,
+        "frames": recipe.frames,
+        "licence": recipe.licence,
+        "boxes": {key: list(box) for key, box in recipe.boxes.items()},
+        "varied": [*recipe.draws, *recipe.same],
+        "same": dict(recipe.same),
+        "scene": json.loads(recipe.scene.to_text()),
+    }
+    lines = "".join(f"{json.dumps(entry)}\n" for entry in _entries(recipe))
+    if (folder / FARM_NAME).is_file():
+        if (folder / JOBS_NAME).read_text(encoding="utf-8") != lines:
+            raise InputError(f"{folder} has another plan.", "Choose another folder with -o.")
+        return open_farm(folder)
+    try:
+        for name in FOLDERS:
+            (folder / name).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be made a folder: {error.strerror}.", "Choose another with -o.") from error
+    write_atomically(folder / JOBS_NAME, lines.encode())
+    write_atomically(folder / FARM_NAME, json.dumps(settings, indent=1).encode())  # last: a plan that has it is whole
+    return open_farm(folder)
+
+
+def refuse_unbuildable(recipe: Recipe) -> None:
+    """Build the first drapes of a recipe, until one can be built.
+
+    A drape that cannot be built is published as refused; where all are, the recipe is wrong.
+
+    Raises
+    ------
+    InputError
+        None of the first TRIED can be built: with the sentence of the first one.
+    """
+    from clothsim.scene.assembly.scene_world import build
+
+    refusals: list[InputError] = []
+    for index in range(min(TRIED, recipe.count)):
+        try:
+            build(changed(recipe.scene, recipe.values(index)))
+            return
+        except InputError as error:
+            refusals.append(error)
+    which = "The drape" if len(refusals) == 1 else f"None of the first {len(refusals)} drapes"
+    raise InputError(
+        f"{which} can{'not' if len(refusals) == 1 else ''} be built: {refusals[0].sentence}", refusals[0].remedy
+    )
+
+
+def open_farm(directory: str | Path) -> Farm:
+    """The farm in a folder. InputError where there is none."""
+    folder = Path(directory)
+    try:
+        settings = json.loads((folder / FARM_NAME).read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"{folder} is no farm.", "Make one: `clothsim farm plan RECIPE -o DIR`.") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"{folder / FARM_NAME} cannot be read: {error}.", "Plan the recipe again.") from error
+    return Farm(folder, settings)
+
+
+def _entries(recipe: Recipe) -> Iterator[dict[str, Any]]:
+    """The lines of the plan. InputError where two drapes have one id."""
+    first: dict[str, int] = {}
+    for index in range(recipe.count):
+        values = recipe.values(index)
+        own = content_id(changed(recipe.scene, values), recipe.version)
+        if own in first:
+            raise InputError(
+                f"Drapes {first[own]} and {index} of the recipe are the same.",
+                "Vary a number, or give a count not above that of the combinations.",
+            )
+        first[own] = index
+        yield {"index": index, "id": own, "values": values}

@@ -1,0 +1,171 @@
+"""Recipes: a base scene, and what varies from drape to drape."""
+
+import json
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from clothsim.base.errors import InputError
+from clothsim.base.safe_files.regular_file import read_regular_file
+from clothsim.keys.keys import refuse_unknown, shown, table
+from clothsim.scene.overrides import override
+from clothsim.scene.scene import Scene
+from clothsim.scene.toml_file import load_scene
+from clothsim.study.farm.draws import Choice, Draw, draw_of, stream_of
+
+FARM_KEYS = ("scene", "count", "seed", "version", "until", "frames", "licence")
+MOST = 10_000_000
+"""Largest number of drapes."""
+
+
+@dataclass(frozen=True)
+class Recipe:
+    """A base scene, and what varies.
+
+    Attributes
+    ----------
+    scene : Scene
+        The base scene, with the changes of [set], one thread, and the end that the recipe names.
+    count : int
+        Number of drapes.
+    seed : int
+        Of all draws.
+    version : int
+        Part of the ids: another version makes every drape again.
+    draws : dict of str to Draw
+        By the name of the key.
+    same : dict of str to str
+        Keys that take the value of another one.
+    frames : {"last", "all"}
+        What is kept of a drape.
+    licence : str
+        Of the data set.
+    """
+
+    scene: Scene
+    count: int
+    seed: int = 0
+    version: int = 1
+    draws: Mapping[str, Draw] = field(default_factory=dict)
+    same: Mapping[str, str] = field(default_factory=dict)
+    frames: str = "last"
+    licence: str = "unspecified"
+
+    def values(self, index: int) -> dict[str, Any]:
+        """The values of the varied keys of a drape, from 0."""
+        values, rest = {}, index
+        for key, draw in self.draws.items():
+            if isinstance(draw, Choice) and draw.in_order:
+                rest, number = divmod(rest, len(draw.values))
+                values[key] = draw.values[number]
+            else:
+                values[key] = draw.value(stream_of(self.seed, index, key))
+        return values | {key: values[other] for key, other in self.same.items()}
+
+    @property
+    def boxes(self) -> dict[str, tuple[float, float]]:
+        """Least and largest value of each varied key that is a number."""
+        boxes = {key: draw.box for key, draw in self.draws.items()}
+        return {key: box for key, box in boxes.items() if box is not None}
+
+
+def load_recipe(path: str | Path) -> Recipe:
+    """The recipe in a TOML file.
+
+    Parameters
+    ----------
+    path : path
+        The file; names of files in it start at its own folder.
+
+    Raises
+    ------
+    InputError
+        For a file that is no recipe, with the key.
+    """
+    from clothsim.run.example_scenes import scene_file
+
+    file = Path(path)
+    try:
+        data = tomllib.loads(read_regular_file(file, 1 << 24).decode("utf-8"))
+    except FileNotFoundError as error:
+        raise InputError(f"There is no recipe {file}.", "Name a TOML file with [farm] and [vary].") from error
+    except ValueError as error:
+        raise InputError(f"{file} is not a TOML file: {error}.", "Write key = value, as in toml.io.") from error
+    refuse_unknown("The recipe", data, ("farm", "set", "vary"))
+    farm = table("farm", data.get("farm", {}))
+    refuse_unknown("farm", farm, FARM_KEYS)
+    named = farm.get("scene")
+    if not isinstance(named, str):
+        raise InputError("farm.scene is missing.", 'Write scene = "shirt.toml", a file or the name of an example.')
+    beside = file.parent / named
+    scene = load_scene(beside if beside.is_file() else scene_file(Path(named)))
+    return make_recipe(scene, farm, table("set", data.get("set", {})), table("vary", data.get("vary", {})), file.parent)
+
+
+def make_recipe(
+    scene: Scene,
+    farm: Mapping[str, Any],
+    fixed: Mapping[str, Any],
+    vary: Mapping[str, Any],
+    folder: Path = Path(),
+) -> Recipe:
+    """A recipe from its tables; folder: where the names of files start. InputError names a bad key."""
+    until = farm.get("until", "rest")
+    frames = farm.get("frames", "last")
+    for name, value, known in (("until", until, ("rest", "time")), ("frames", frames, ("last", "all"))):
+        if value not in known:
+            raise InputError(f"farm.{name} is {shown(value)}.", f"Known: {', '.join(known)}.")
+    same = {key: text[1:].strip() for key, text in vary.items() if isinstance(text, str) and text.startswith("=")}
+    draws = {key: draw_of(key, _resolved(given, folder)) for key, given in vary.items() if key not in same}
+    for key, other in same.items():
+        if other not in draws:
+            raise InputError(f"vary.{key!r} takes the value of {other!r}, which does not vary.", "Name a varied key.")
+    grids = math.prod(len(draw.values) for draw in draws.values() if isinstance(draw, Choice) and draw.in_order)
+    whole = {
+        name: _whole(name, farm.get(name, usual)) for name, usual in (("count", grids), ("seed", 0), ("version", 1))
+    }
+    if not 1 <= whole["count"] <= MOST:
+        raise InputError(f"farm.count is {whole['count']}.", f"Give a number from 1 to {MOST}.")
+    base = changed(scene, {**{k: _resolved(v, folder) for k, v in _flat(fixed).items()}, "run.until": until})
+    base = changed(base, {"solver.threads": 1})
+    licence = str(farm.get("licence", "unspecified"))
+    return Recipe(base, whole["count"], whole["seed"], whole["version"], draws, same, frames, licence)
+
+
+def changed(scene: Scene, values: Mapping[str, Any]) -> Scene:
+    """The scene with keys changed: {"body.chest": 1.02}. InputError names a bad one."""
+    for key, value in values.items():
+        try:
+            scene = override(scene, f"{key}={json.dumps(value, allow_nan=False)}")
+        except (TypeError, ValueError) as error:
+            raise InputError(f"{key} cannot be {shown(value)}.", "Give a number, a text or a list.") from error
+    return scene
+
+
+def _flat(given: Mapping[str, Any], path: str = "") -> dict[str, Any]:
+    """Nested tables as {"solver.dt": .05}; both ways of writing a key mean the same."""
+    flat: dict[str, Any] = {}
+    for key, value in given.items():
+        name = f"{path}.{key}" if path else key
+        flat |= _flat(value, name) if isinstance(value, Mapping) else {name: value}
+    return flat
+
+
+def _resolved(given: Any, folder: Path) -> Any:
+    """Texts that name a file beside the recipe as its full path."""
+    if isinstance(given, Mapping):
+        return {key: _resolved(value, folder) for key, value in given.items()}
+    if isinstance(given, list | tuple):
+        return [_resolved(value, folder) for value in given]
+    if isinstance(given, str) and "." in given and (folder / given).is_file():
+        return str((folder / given).resolve())
+    return given
+
+
+def _whole(name: str, value: Any) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or value < 0:
+        raise InputError(f"farm.{name} is {shown(value)}.", "Give a whole number from 0.")
+    return value

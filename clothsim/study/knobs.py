@@ -1,0 +1,158 @@
+"""Knobs of a study: refinable settings and their expected orders of convergence.
+
+A level is a number of refinements: 0 is the base, +1 one finer, -1 one coarser. A new knob is one line of KNOBS.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from clothsim.base.errors import InputError
+from clothsim.scene.assembly.explicit_lengths import steps_per_frame
+from clothsim.scene.assembly.refinement import cells_of, with_cells
+from clothsim.scene.effects import CONTACTS
+from clothsim.scene.overrides import set_key
+from clothsim.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Knob:
+    """name; unit of its value; ratio: by what a level divides its value; order: expected slope of the error in it.
+
+    at: the value at a level and the scene with it, from the base scene and the scene to change; InputError, whose
+    sentence is the reason, where the scene has no such knob or level. order None: the error falls faster than any power
+    of the value, or is no smooth function of it: nothing is extrapolated. growth: first guess of what a level costs.
+    """
+
+    name: str
+    unit: str
+    ratio: float
+    order: Callable[[Scene], float | None]
+    at: Callable[[Scene, Scene, int], tuple[Any, Scene]]
+    growth: float
+
+    def put(self, base: Scene, scene: Scene, level: int) -> Scene:
+        """`scene` with this knob at a level of `base`."""
+        return self.at(base, scene, level)[1] if level else scene
+
+    def value(self, base: Scene, level: int) -> Any:
+        """The knob's value at a level of `base`."""
+        return self.at(base, base, level)[0]
+
+
+def _dt(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    pieces, frame = steps_per_frame(base)
+    steps = pieces * Fraction(2) ** level
+    if steps.denominator != 1:
+        raise InputError(f"a frame of {frame:g} s has {pieces} steps at the base, and each frame ends a step")
+    return frame / int(steps), set_key(scene, "solver.dt", frame / int(steps))
+
+
+def _cells(base: Scene, scene: Scene, level: int) -> tuple[Any, Scene]:
+    factor = Fraction(2) ** level
+    value = cells_of(with_cells(base, factor).cloths[0])
+    return value, with_cells(scene, factor) if level else scene
+
+
+def _tolerance(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    if base.solver_settings.balanced:
+        raise InputError("Newton's method stops by solver.newton_error_fraction")
+    value = base.solver_settings.tolerance / 4.0**level
+    return value, set_key(scene, "solver.tolerance", value)
+
+
+def _newton_error_fraction(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    if not base.solver_settings.balanced:
+        raise InputError("the scene gives solver.tolerance, not newton_error_fraction")
+    value = base.solver_settings.newton_error_fraction / 4.0**level
+    return value, set_key(scene, "solver.newton_error_fraction", value)
+
+
+def newton_knob(base: Scene) -> str:
+    """Name of the knob of Newton's stop that a scene has."""
+    return "newton_error_fraction" if base.solver_settings.balanced else "tolerance"
+
+
+def _d_hat(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    values = {name: base.effects[name].get("d_hat", "auto") for name in CONTACTS if name in base.effects}
+    values = {name: value / 2.0**level for name, value in values.items() if not isinstance(value, str)}
+    if not values:
+        raise InputError("the scene has no contact")
+    for name, value in values.items():
+        scene = set_key(scene, f"effects.{name}.d_hat", value)
+    return next(iter(values.values())), scene
+
+
+def _eps_v(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
+    value = base.effects.get("friction", {}).get("eps_v", "auto")
+    if isinstance(value, str):
+        raise InputError("the scene has no friction that creeps")
+    return value / 2.0**level, set_key(scene, "effects.friction.eps_v", value / 2.0**level)
+
+
+def _iterations(base: Scene, scene: Scene, level: int) -> tuple[int, Scene]:
+    if "friction" not in base.effects:
+        raise InputError("the scene has no friction")
+    iterations = base.effects["friction"].get("iterations", 1) * Fraction(2) ** level
+    if iterations.denominator != 1:
+        raise InputError("friction is lagged once already")
+    return int(iterations), set_key(scene, "effects.friction.iterations", int(iterations))
+
+
+def _in_time(scene: Scene) -> float:
+    return 2.0 if scene.solver_settings.integrator == "bdf2" else 1.0
+
+
+KNOBS = {
+    knob.name: knob
+    for knob in (
+        Knob("dt", "s", 2, _in_time, _dt, 1.8),
+        Knob("cells", "", 2, lambda scene: 2.0, _cells, 6.0),
+        Knob("tolerance", "m/s", 4, lambda scene: None, _tolerance, 1.1),
+        Knob("newton_error_fraction", "", 4, lambda scene: None, _newton_error_fraction, 1.2),
+        Knob("d_hat", "m", 2, lambda scene: 1.0, _d_hat, 1.3),
+        Knob("eps_v", "m/s", 2, lambda scene: 1.0, _eps_v, 1.1),
+        Knob("iterations", "", 2, lambda scene: None, _iterations, 1.9),
+    )
+}
+
+
+def _integrator(base: Scene, scene: Scene, level: int) -> tuple[str, Scene]:
+    own = base.solver_settings.integrator
+    if not level:
+        return own, scene
+    if level != 1 or "inertia" not in base.effects:
+        raise InputError("there is no other difference formula")
+    other = "backward_euler" if own == "bdf2" else "bdf2"
+    return other, set_key(scene, "solver.integrator", other)
+
+
+INTEGRATOR = "integrator"
+SWITCH = Knob(INTEGRATOR, "", 1, lambda scene: None, _integrator, 1.2)
+"""The other difference formula, level 1: not finer, but another path to the same limit in dt."""
+IN_TIME = "dt"
+"""The knob that refines the time steps."""
+
+
+def any_knob(name: str) -> Knob:
+    """A knob of KNOBS, or the switch of the integrator."""
+    return SWITCH if name == INTEGRATOR else KNOBS[name]
+
+
+def usable(base: Scene, names: list[str] | None) -> tuple[dict[str, Knob], dict[str, str]]:
+    """Knobs of a scene, and the reason for each missing one. InputError for an unknown name."""
+    from clothsim.keys.keys import refuse_unknown
+
+    refuse_unknown("--knobs", names or [], KNOBS)
+    available, missing = {}, {}
+    for name in names or KNOBS:
+        try:
+            KNOBS[name].value(base, 0)
+            KNOBS[name].value(base, 1)
+            available[name] = KNOBS[name]
+        except InputError as error:
+            missing[name] = error.sentence.rstrip(".")
+    if not available:
+        raise InputError(f"There is nothing to refine: {'; '.join(missing.values())}.", "Name other knobs.")
+    return available, missing

@@ -1,0 +1,1 @@
+"""Drapes learned from a data set."""

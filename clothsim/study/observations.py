@@ -1,0 +1,168 @@
+"""Compared data of a study: positions of material points, or the heights of a cloth whose folds are chaotic.
+
+Runs that differ by a hair at the start are compared first. Their folds are chaotic where the two end far apart against
+what a finer dt and finer cells change: without those runs nothing is known of it, and positions stay compared.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.arrays import Floats
+from clothsim.study.analysis import Compared
+from clothsim.study.evaluation import Gatherer
+from clothsim.study.invariants import drape_coefficient, height_quantiles
+from clothsim.study.points import BASE, CONVERGENT, Point, point
+from clothsim.study.reference_solution import Norm
+from clothsim.study.resample import point_areas
+from clothsim.study.worker import JITTER
+
+TIGHT = 2
+"""Level of the tolerance at which a run and its jittered twin are compared."""
+CHAOTIC = 0.25
+"""Difference of twin runs, over the effect of the larger refinement, above which the solution is not unique."""
+GROWN = 100.0
+"""Least growth of the difference of twins from their start, below which they are the same solution."""
+SEEDS = 4
+ENOUGH = {"base": 3, "finer": 2}
+"""Least number of seeds of the base and of each finer run from which histograms of heights are compared."""
+
+
+@dataclass(frozen=True)
+class Observations:
+    """The runs of a study and how they are compared.
+
+    Parameters
+    ----------
+    gatherer : Gatherer
+    areas : (n,) array
+        Area of each material point [m2].
+    up : (3,) array
+        Direction of the heights.
+    chaotic : bool or None
+        None where it is not known.
+    twins : float
+        How far apart runs end that start a hair apart, in positions [m]; nan where they were not run.
+    noise : float
+        The same in what is compared [m].
+    """
+
+    gatherer: Gatherer
+    areas: Floats
+    up: Floats
+    chaotic: bool | None = None
+    twins: float = np.nan
+    noise: float = 0.0
+
+    @property
+    def norm(self) -> Norm:
+        """RMS over what is compared."""
+        if self.chaotic:
+            count = len(height_quantiles(self.gatherer.outcomes[BASE].positions, self.areas, self.up))
+            return Norm(np.full(count, 1 / count))
+        return Norm(self.areas / self.areas.sum())
+
+    def fields(self) -> dict[Point, Floats]:
+        """Compared data of each data point: with chaotic folds the mean over its seeds.
+
+        A variant with another bending model is none: it tends to something else.
+        """
+        outcomes = [
+            each for each in self.gatherer.outcomes.values() if not each.failed and each.point.variant != CONVERGENT
+        ]
+        if not self.chaotic:
+            return {each.point: each.positions for each in outcomes if not each.point.seed}
+        several: dict[Point, list[Floats]] = {}
+        for each in outcomes:
+            quantiles = height_quantiles(each.positions, self.areas, self.up)
+            several.setdefault(replace(each.point, seed=0), []).append(quantiles)
+        return {where: np.mean(each, axis=0) for where, each in several.items()}
+
+    def compared(self) -> Compared:
+        """The data to analyse; the base must be known."""
+        gatherer, bench, fields = self.gatherer, self.gatherer.bench, self.fields()
+        estimate = gatherer.outcomes[BASE].estimate
+        knobs, seconds = bench.knobs, self._seconds(fields)
+        return Compared(fields, seconds, knobs, bench.base, self.norm, self.noise, estimate, bench.in_time)
+
+    def _seconds(self, fields: dict[Point, Floats]) -> dict[Point, float]:
+        """Seconds of each point of `fields`; the median of its seeds."""
+        done = self.gatherer.field_seconds()
+        if not self.chaotic:
+            return {where: done[where] for where in fields}
+        alike = {
+            where: [s for p, s in done.items() if (p.levels, p.variant) == (where.levels, where.variant)]
+            for where in fields
+        }
+        return {where: float(np.median(each)) for where, each in alike.items()}
+
+    def seeds(self, where: Point) -> int:
+        """Number of runs of a point that differ by their seed."""
+        return sum(not each.failed and replace(each.point, seed=0) == where for each in self.gatherer.outcomes.values())
+
+    def spread(self) -> float:
+        """With chaotic folds: RMS distance of the base's seeds to their mean, over the root of their number [m]."""
+        seeds = [height_quantiles(each.positions, self.areas, self.up) for each in self._of_base()]
+        mean = np.mean(seeds, axis=0)
+        return float(np.sqrt(np.mean([self.norm(each - mean) ** 2 for each in seeds]) / max(1, len(seeds) - 1)))
+
+    def invariants(self) -> dict[str, Any]:
+        """Drape coefficient and energy of the base over its seeds: mean, spread, number."""
+        triangles, first = [], 0
+        material = self.gatherer.material
+        for rest, faces in zip(material.rest, material.triangles, strict=True):
+            triangles.append(faces + first)
+            first += len(rest)
+        runs, area = self._of_base(), float(self.areas.sum())
+        drapes = [drape_coefficient(each.positions, np.concatenate(triangles), area, self.up) for each in runs]
+        energies = [each.energy for each in runs]
+        return {
+            name: {"mean": float(np.mean(values)), "spread": float(np.std(values)), "seeds": len(values)}
+            for name, values in (("drape_coefficient", drapes), ("energy", energies))
+        }
+
+    def _of_base(self) -> list[Any]:
+        outcomes = self.gatherer.outcomes.values()
+        return [each for each in outcomes if not each.failed and replace(each.point, seed=0) == BASE]
+
+
+def observations(gatherer: Gatherer) -> Observations:
+    """The runs so far, compared by positions."""
+    acceleration = gatherer.bench.base.effects.get("gravity", {}).get("acceleration", (0.0, 0.0, -9.81))
+    down = np.asarray(acceleration, float)
+    length = float(np.linalg.norm(down))
+    up = -down / length if "gravity" in gatherer.bench.base.effects and length else np.array([0.0, 0.0, 1.0])
+    return Observations(gatherer, point_areas(gatherer.material), up)
+
+
+def with_twins(seen: Observations, needed: Sequence[Point]) -> Observations:
+    """The observations with the verdict on chaos, from the twins and from all runs of `needed`: dt and cells finer."""
+    gatherer, outcomes, norm = seen.gatherer, seen.gatherer.outcomes, seen.norm
+    one, other = gatherer.bench.tight(TIGHT)
+    if not (gatherer.good(one) and gatherer.good(other)):
+        return seen
+    twins = norm(outcomes[one].positions - outcomes[other].positions)
+    seen = replace(seen, twins=twins, noise=twins)
+    if not needed or not all(gatherer.good(each) for each in needed):
+        return seen
+    changes = [norm(outcomes[BASE].positions - outcomes[each].positions) for each in needed]
+    start = JITTER * float(np.linalg.norm(np.ptp(np.concatenate(gatherer.material.rest), axis=0)))
+    return replace(seen, chaotic=twins > CHAOTIC * max(changes) and twins > GROWN * start)
+
+
+def enough_seeds(seen: Observations, needed: Sequence[Point]) -> bool:
+    """True where heights are compared over enough seeds."""
+    counts = [(BASE, ENOUGH["base"]), *((each, ENOUGH["finer"]) for each in needed)]
+    return all(seen.seeds(where) >= least for where, least in counts)
+
+
+def seeded(points: Sequence[Point]) -> list[Point]:
+    """The points with each seed."""
+    return [replace(where, seed=seed) for seed in range(1, SEEDS + 1) for where in points]
+
+
+def one_knob(names: Sequence[str], level: int) -> list[Point]:
+    """The points with one of the knobs at a level."""
+    return [point({name: level}) for name in names]

@@ -1,0 +1,71 @@
+"""Linear interpolation of material points between meshes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from clothsim.base.arrays import Floats, Ints
+
+
+@dataclass(frozen=True)
+class Material:
+    """The cloths of a run: rest positions (n, 3) [m] and triangles (m, 3) of each, in the order of its vertices."""
+
+    rest: tuple[Floats, ...]
+    triangles: tuple[Ints, ...]
+
+    def same_as(self, other: "Material") -> bool:
+        """True where the vertices are the same points of the material."""
+        pairs = zip(self.rest, other.rest, strict=True)
+        return all(one.shape == another.shape and np.array_equal(one, another) for one, another in pairs)
+
+
+def material_of(rest: Sequence[Floats], triangles: Sequence[Ints]) -> Material:
+    """A material of several cloths."""
+    return Material(tuple(rest), tuple(triangles))
+
+
+def barycentric(points: Floats, rest: Floats, triangles: Ints) -> tuple[Ints, Floats]:
+    """For each of `points (k, 3)` [m] the nearest triangle (k,) of a mesh at rest, and its weights (k, 3).
+
+    The weights are those of the point's foot on the plane of the triangle, and may be negative at a border that is
+    coarser than the point's own: a linear function of the material is interpolated exactly.
+    """
+    import igl
+
+    _, nearest, _ = igl.point_mesh_squared_distance(points, rest, triangles)
+    corners = rest[triangles[nearest]]
+    e1, e2 = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    offset = points - corners[:, 0]
+    gram = np.stack([np.stack([_dot(e1, e1), _dot(e1, e2)], -1), np.stack([_dot(e1, e2), _dot(e2, e2)], -1)], -1)
+    right = np.stack([_dot(e1, offset), _dot(e2, offset)], -1)
+    inner = np.linalg.solve(gram, right[..., None])[..., 0]
+    return nearest, np.column_stack([1.0 - inner.sum(axis=1), inner])
+
+
+def at_points_of(base: Material, run: Material, positions: Floats) -> Floats:
+    """Positions of the vertices of `base` in a run whose vertices are at `positions (n, 3)` [m]."""
+    if run.same_as(base):
+        return positions
+    starts = np.cumsum([0, *(len(rest) for rest in run.rest)])
+    parts = []
+    for points, rest, triangles, first in zip(base.rest, run.rest, run.triangles, starts[:-1], strict=True):
+        nearest, weights = barycentric(points, rest, triangles)
+        parts.append(np.einsum("ij,ijk->ik", weights, positions[first + triangles[nearest]]))
+    return np.concatenate(parts)
+
+
+def point_areas(material: Material) -> Floats:
+    """The area that each vertex stands for: a third of that of its triangles at rest, (n,) [m2]."""
+    areas = []
+    for rest, triangles in zip(material.rest, material.triangles, strict=True):
+        corners = rest[triangles]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        thirds = np.repeat(np.linalg.norm(normals, axis=1) / 6, 3)
+        areas.append(np.bincount(triangles.ravel(), weights=thirds, minlength=len(rest)))
+    return np.concatenate(areas)
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray(np.einsum("ij,ij->i", a, b), np.float64)

@@ -1,0 +1,239 @@
+"""Accuracy study of a scene: sweeps, reference, Pareto front, error contributions and reports."""
+
+import tempfile
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from hashlib import sha256
+from pathlib import Path
+from time import monotonic
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from clothsim.base.arrays import as_positive
+from clothsim.base.errors import InputError
+from clothsim.mesh.world import World
+from clothsim.scene.assembly.explicit_lengths import fixed
+from clothsim.scene.assembly.scene_world import build
+from clothsim.scene.scene import Scene
+from clothsim.solve.linear.threads import available_cores
+from clothsim.study.analysis import findings
+from clothsim.study.evaluation import FOLDER, Gatherer, Progress, stored_points, write_points
+from clothsim.study.headline import UNFINISHED, headline, needed_seconds
+from clothsim.study.knobs import usable
+from clothsim.study.plan import gathered
+from clothsim.study.points import BASE, Bench, Point, point
+from clothsim.study.pool import Runner, worker_processes
+from clothsim.study.report import StudyData, document
+from clothsim.study.report_text import markdown
+from clothsim.study.resample import material_of
+from clothsim.study.searched_settings import searched_settings
+
+if TYPE_CHECKING:
+    from clothsim.study.goal_report import NamedGoal
+
+FOR_FILES = 0.15, 8.0
+"""Reserve of the budget for picture and tables: fraction of the budget, and most seconds."""
+COMPUTES = ("mesh", "kinematics", "energies", "contact", "solve", "sim")
+"""The folders of the package on which a result depends: a study made with other code is repeated."""
+REPORT_NAME, PICTURE_NAME = "study.md", "study.png"
+
+
+@dataclass(frozen=True)
+class Study:
+    """Result of `study_accuracy`; `str(study)` is the text of study.md.
+
+    Attributes
+    ----------
+    directory : Path
+        Directory of study.json, study.md and study.png.
+    result : dict
+        Content of study.json; errors in millimetres.
+
+    Examples
+    --------
+    >>> study = clothsim.study_accuracy(scene, budget=60)  # doctest: +SKIP
+    >>> headline = study.result["headline"]  # doctest: +SKIP
+    >>> headline["known"], headline["error"], headline["low"], headline["high"]  # doctest: +SKIP
+    (True, 1.9, 1.7, 2.1)
+    """
+
+    directory: Path
+    result: dict[str, Any]
+
+    def __str__(self) -> str:
+        """Text of study.md."""
+        return (self.directory / REPORT_NAME).read_text(encoding="utf-8")
+
+
+def study_accuracy(
+    scene: Scene,
+    output: str | Path | None = None,
+    knobs: Sequence[str] | None = None,
+    budget: float = 120.0,
+    workers: int | None = None,
+    on_progress: Callable[[Progress], None] = lambda progress: None,
+    runners: Callable[[int], AbstractContextManager[Runner]] = worker_processes,
+    name: str = "the scene",
+    stopped: Callable[[], bool] = lambda: False,
+    goal: "NamedGoal | None" = None,
+) -> Study:
+    """Estimate the error of a scene's last frame, its sources, and the cost of a smaller one.
+
+    A scene with solver.error is searched once; its settings are then the base.
+
+    The error is the area-weighted RMS distance of the base mesh's material points at the last frame to the reference;
+    for a chaotic scene that of its histogram of heights.
+
+    Parameters
+    ----------
+    scene : Scene
+    output : str or Path, optional
+        Directory of the results; points of an earlier study of the same scene there are reused. None: a new temporary
+        directory.
+    knobs : sequence of str, optional
+        Names of `knobs.KNOBS`; None: all that the scene has.
+    budget : float
+        Wall-clock time of the whole study [s].
+    workers : int, optional
+        Number of processes; None: one a core.
+    on_progress : callable
+        Called with a `Progress` at the start and the end of each run.
+    runners : callable
+        Context manager of a runner of jobs, given the number of processes.
+    name : str
+        Name of the scene in the reports.
+    stopped : callable
+        Asked while the study runs; once it returns True the workers end, and the study with what it has.
+    goal : NamedGoal, optional
+        A number of the drape, whose difference to the finest cells is attributed to triangles; quasi-static scenes.
+
+    Returns
+    -------
+    Study
+        `result["headline"]` has the error, or its range, or what is missing and the seconds that it needs.
+
+    Raises
+    ------
+    InputError
+        Invalid input, or a scene that fails itself.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> scene = clothsim.load_scene("scenes/study_strip.toml")  # doctest: +SKIP
+    >>> study = clothsim.study_accuracy(scene, budget=60, knobs=["dt", "cells"])  # doctest: +SKIP
+    >>> [row["label"] for row in study.result["front"]]  # doctest: +SKIP
+    ['cells -1', 'base', 'dt +1']
+    """
+    started = monotonic()
+    seconds = as_positive("budget", budget)
+    deadline = started + seconds - min(FOR_FILES[0] * seconds, FOR_FILES[1])
+    directory = Path(tempfile.mkdtemp(prefix="clothsim-study-") if output is None else output)
+    built = build(scene)
+    _make_folder(directory / FOLDER)
+    scene, found = searched_settings(scene, directory, seconds)
+    if found is not None:
+        built = build(scene)
+    base = fixed(scene, built)
+    knobs_used, missing = usable(base, None if knobs is None else list(knobs))
+    bench = Bench(scene, base, knobs_used)
+    if goal is not None:
+        from clothsim.study.goal_report import refuse_goal
+
+        refuse_goal(built, bench)
+    count = workers or available_cores()
+    material = material_of([c.rest_positions for c in built.world.cloths], [c.triangles for c in built.world.cloths])
+    fingerprint = _fingerprint(base, built.world)
+
+    def left() -> float:
+        return 0.0 if stopped() else deadline - monotonic()
+
+    with runners(count) as runner:
+        gatherer = Gatherer(
+            bench,
+            material,
+            bench.scene(_coarsest(bench)).to_text(),
+            directory,
+            fingerprint,
+            runner,
+            started,
+            seconds,
+            left,
+            count,
+            on_progress,
+            stored_points(directory, fingerprint),
+        )
+        seen = gathered(gatherer)
+    _refuse_failed_base(gatherer)
+    spent: dict[str, Any] = {
+        "budget": seconds,
+        "seconds": monotonic() - started,
+        "workers": count,
+        "stopped": stopped(),
+    }
+    if goal is not None:
+        from clothsim.study.goal_report import goal_report
+
+        spent["goal"] = goal_report(gatherer, goal)
+    return _written(StudyData(name, bench, gatherer, seen, missing), {**spent, "searched": found})
+
+
+def _coarsest(bench: Bench) -> Point:
+    """Every knob one level coarser, as far as it goes."""
+    levels: dict[str, int] = {}
+    for name, knob in bench.knobs.items():
+        try:
+            knob.value(bench.base, -1)
+        except InputError:
+            continue
+        levels[name] = -1
+    return point(levels)
+
+
+def _make_folder(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{folder} cannot be made a directory: {error.strerror}.", "Choose another output.") from error
+
+
+def _refuse_failed_base(gatherer: Gatherer) -> None:
+    if BASE in gatherer.outcomes and not gatherer.good(BASE):
+        raise InputError(
+            f"The scene itself is no data point: {gatherer.outcomes[BASE].failed}",
+            "Run it, and change what fails; a shorter dt often helps.",
+        )
+
+
+def _fingerprint(base: Scene, world: World) -> str:
+    """Identity of a scene: hash of its settings, its meshes and the code that computes them."""
+    import clothsim
+
+    digest = sha256(f"{clothsim.__version__} {base.to_text()}".encode())
+    for array in (world.start(), world.triangles, world.body_triangles, world.rest_shapes):
+        digest.update(np.ascontiguousarray(array).tobytes())
+    home = Path(clothsim.__file__).parent
+    for folder in COMPUTES:
+        for file in sorted((home / folder).rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _written(study_data: StudyData, spent: dict[str, Any]) -> Study:
+    """Write the files: the picture only where errors are known."""
+    directory, compared = study_data.gatherer.directory, study_data.compared
+    known = findings(compared) if compared is not None and study_data.complete else None
+    statement = headline(study_data.seen, known, needed_seconds(study_data.seen, FOR_FILES))
+    if statement.status == UNFINISHED:
+        known = None
+    rest = document(study_data, known, statement, spent)
+    result = write_points(directory, study_data.gatherer.fingerprint, **rest)
+    (directory / REPORT_NAME).write_text(markdown(study_data.name, result), encoding="utf-8")
+    (directory / PICTURE_NAME).unlink(missing_ok=True)
+    if known is not None:
+        from clothsim.study.plot import draw
+
+        draw(study_data, known, directory / PICTURE_NAME)
+    return Study(directory, result)

@@ -1,0 +1,122 @@
+import os
+import subprocess
+import sys
+
+import pytest
+from kernel_sources import SOURCE, module_of
+from numba import float32, njit, vectorize
+from numba.core.registry import cpu_target
+
+from clothsim.base.jit import kernel
+from clothsim.base.kernel_cache.descriptions import UnnameableError
+from clothsim.base.kernel_cache.digest import digest
+
+
+def digest_of(compiled):
+    return digest(compiled, cpu_target.target_context)
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        ("return x * x", "return 2.0 * x * x"),
+        ("return scaled(square(x))", "return scaled(square(x + 1.0))"),
+        ("FACTOR = 2.0", "FACTOR = 2"),
+        ("by=FACTOR", "by=3.0"),
+        ("np.array([1.0, 2.0])", "np.array([1.5, 2.0])"),
+        ("np.array([1.0, 2.0])", "np.array([1, 2])"),
+        ("@part\ndef square", "@inlined\ndef square"),
+        ("@inlined\ndef scaled", "@part\ndef scaled"),
+        ("return 1.0 / x", "return 1.0 / (x + 0.0)"),
+        ('@register_jitable(error_model="numpy")', "@register_jitable"),
+        ('@register_jitable(error_model="numpy")', '@register_jitable(error_model="numpy", inline="always")'),
+        ("math.sin", "math.cos"),
+    ],
+)
+def test_what_a_kernel_reaches_changes_its_digest(edit):
+    assert digest_of(module_of(SOURCE, edit).outer) != digest_of(module_of().outer)
+
+
+@pytest.mark.parametrize(
+    "edit",
+    [
+        ("The square.", "Its square."),
+        ("The energy.", "Its energy."),
+        ("    return x * x", "\n\n    # x^2\n    return x * x"),
+        ("UNUSED = 7", "UNUSED = 8"),
+        ("STIFF = 1", "STIFF = 3"),
+    ],
+)
+def test_what_it_does_not_use_does_not(edit):
+    assert digest_of(module_of(SOURCE, edit).outer) == digest_of(module_of(name="elsewhere").outer)
+
+
+def test_names_within_a_module_and_a_closure_and_an_enumeration_count():
+    module = module_of()
+    two, three = module.made_with(2), module.made_with(3)
+    assert digest_of(two) == digest_of(module_of().made_with(2))
+    assert digest_of(two) != digest_of(three)
+    assert digest_of(two) != digest_of(module_of(SOURCE, ("STIFF = 1", "STIFF = 3")).made_with(2))
+    through = "\n\n@kernel\ndef through(x):\n    return springs.square(x) * springs.FACTOR\n"
+    with_part, with_other, with_factor = module_of(), module_of(SOURCE, ("x * x", "x * x * x")), module_of()
+    with_factor.FACTOR = 5.0
+    digests = set()
+    for springs in (with_part, module_of(), with_other, with_factor):
+        namespace = {"springs": springs, "kernel": kernel}
+        exec(through, namespace)
+        digests.add(digest_of(namespace["through"]))
+    assert len(digests) == 3
+
+
+def test_a_docstring_that_is_also_read_counts():
+    one, other = (
+        module_of(f'from numba import njit\n@njit\ndef f(x):\n    "{word}"\n    return len("{word}")').f
+        for word in ("a", "b")
+    )
+    assert digest_of(one) != digest_of(other)
+
+
+def test_it_is_the_same_in_each_process(request):
+    code = (
+        "from numba.core.registry import cpu_target; from kernel_sources import module_of;"
+        "from clothsim.base.kernel_cache.digest import digest;"
+        "print(digest(module_of().outer, cpu_target.target_context))"
+    )
+    paths = os.pathsep.join([str(request.config.rootpath), str(request.config.rootpath / "tests" / "support")])
+    for seed in "12":
+        environment = os.environ | {"PYTHONPATH": paths, "PYTHONHASHSEED": seed}
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+        assert done.stdout.strip() == digest_of(module_of().outer)
+
+
+def test_the_compilers_options_count():
+    def f(x):
+        return x * x + 1.0
+
+    made = [kernel(f), njit(f), njit(fastmath=True)(f), njit(fastmath={"contract"})(f), njit(locals={"x": float32})(f)]
+    assert len({digest_of(compiled) for compiled in made}) == len(made)
+    assert digest_of(njit(f)) == digest_of(njit(f))
+
+
+def test_an_object_that_looks_like_a_function_of_numba_has_no_digest():
+    @vectorize
+    def cube(x):
+        return x * x * x
+
+    @njit
+    def cubes(x):
+        return cube(x)
+
+    with pytest.raises(UnnameableError):
+        digest_of(cubes)
+
+
+def test_a_value_without_a_lasting_description_has_no_digest():
+    thing = object()
+
+    @njit
+    def with_an_object(x):
+        return x if thing is None else 2 * x
+
+    with pytest.raises(UnnameableError):
+        digest_of(with_an_object)

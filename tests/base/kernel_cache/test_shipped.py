@@ -1,0 +1,83 @@
+"""Kernels shipped in a wheel: found for the compiler that made them, and for no other."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from numba.core import config
+from numba.core.registry import cpu_target
+
+from clothsim.base.kernel_cache import shipped, storage
+from clothsim.base.kernel_cache.compiler import identity
+
+needs_the_level = pytest.mark.skipif(not shipped.can_run(), reason=f"a processor below {shipped.LEVEL}")
+
+CODE = """
+import sys
+from pathlib import Path
+import numpy as np
+from clothsim.base.kernel_cache import shipped
+from clothsim.base.kernel_cache import is_cached
+shipped.FOLDER = Path(sys.argv[1])
+
+from clothsim.physics.energies.membrane_kernels import value
+x = np.array([[0.0, 0, 0], [1.2, 0, 0], [0, 1, 0.1]])
+one = np.ones(1)
+known = is_cached(value)
+energy = value(x, np.array([[0, 1, 2]]), np.eye(2)[None], one, one, one)
+print(known, sum(value.stats.cache_hits.values()), energy.hex())
+"""
+
+
+def value_with(root, folder, **environment):
+    """Whether the kernel was known and came from a file, and its value in hexadecimal digits."""
+    environment = os.environ | {"PYTHONPATH": str(root)} | environment
+    command = [sys.executable, "-c", CODE, str(folder)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    known, hits, energy = done.stdout.split()
+    return known == "True", int(hits), energy
+
+
+@needs_the_level
+def test_a_shipped_kernel_is_loaded_and_gives_the_same_bits(request, tmp_path):
+    root, built, absent = request.config.rootpath, tmp_path / "built", tmp_path / "absent"
+    *_, expected = value_with(root, absent, **shipped.environment(built))
+    kernels = built / "clothsim" / "kernels"
+    own = {"NUMBA_CACHE_DIR": str(tmp_path / "own")}
+    assert value_with(root, kernels, **own) == (True, 1, expected)
+    assert not list((tmp_path / "own").rglob("*" + storage.SUFFIX))  # nothing was compiled
+    for changed in ({"NUMBA_OPT": "1"}, {"NUMBA_CPU_NAME": "generic"}):
+        known, hits, energy = value_with(root, kernels, **own, **changed)
+        assert (known, hits) == (False, 0)
+        assert float.fromhex(energy) == pytest.approx(float.fromhex(expected), rel=1e-12)
+    (file,) = kernels.rglob("*" + storage.SUFFIX)
+    file.write_bytes(file.read_bytes()[:-1] + b"?")  # damaged: compiled instead
+    assert value_with(root, kernels, NUMBA_CACHE_DIR=str(tmp_path / "other"))[1:] == (0, expected)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder of shipped kernels for this compiler."""
+    codegen = cpu_target.target_context.codegen()
+    name = identity(codegen, (codegen.magic_tuple()[0], shipped.LEVEL, shipped.FEATURES))
+    (tmp_path / name).mkdir()
+    monkeypatch.setattr(shipped, "FOLDER", tmp_path)
+    shipped._folder.cache_clear()
+    yield tmp_path / name
+    shipped._folder.cache_clear()
+
+
+@needs_the_level
+@pytest.mark.skipif(config.CPU_NAME is not None, reason="NUMBA_CPU_NAME is set")
+@pytest.mark.parametrize("lacking", [None, *shipped.INSTRUCTIONS])
+def test_a_processor_that_lacks_an_instruction_takes_none(folder, monkeypatch, lacking):
+    present = {name: name != lacking for name in shipped.INSTRUCTIONS}
+    monkeypatch.setattr(shipped.llvm, "get_host_cpu_features", lambda: present)
+    found = shipped.folder_for(cpu_target.target_context.codegen())
+    assert found == (folder if lacking is None else None)
+
+
+def test_another_architecture_takes_none(monkeypatch):
+    monkeypatch.setattr(shipped.platform, "machine", lambda: "arm64")
+    assert not shipped.can_run()

@@ -1,0 +1,28 @@
+"""Memo of the last arguments: no repeated evaluation, no false hit."""
+
+import numpy as np
+
+from clothsim.base.memo import CAPACITY, Memo
+
+
+def test_the_last_places_are_known_by_their_numbers():
+    asked = []
+
+    def find(x):
+        asked.append(x[0, 0])
+        return 10.0 * x[0, 0]
+
+    lately, x = Memo(), np.zeros((1, 3))
+    for k in (0.0, 1.0, 0.0, 1.0, 2.0, 1.0, 0.0):
+        x[0, 0] = k  # the same array with other numbers is another place
+        assert lately.at(x, find) == 10.0 * k
+    assert CAPACITY == 2
+    assert asked == [0.0, 1.0, 2.0, 0.0]
+
+
+def test_what_is_not_finite_is_asked_again():
+    asked = []
+    lately = Memo()
+    for _ in range(2):
+        lately.at(np.full((1, 3), np.nan), asked.append)
+    assert len(asked) == 2

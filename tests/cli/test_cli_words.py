@@ -1,0 +1,176 @@
+"""Texts of the command line: help, version, progress lines, and --debug."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from clothsim import InputError
+from clothsim.cli import _short, main
+from clothsim.cli.progress import Lines, clock
+from clothsim.run.summary import Progress
+
+
+def test_debug_shows_the_traceback():
+    from clothsim.base.errors import InputError
+
+    with pytest.raises(InputError):
+        main(["run", "missing.toml", "--debug"])
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "run",
+        "fit",
+        "resume",
+        "bundle",
+        "render",
+        "export",
+        "view",
+        "check",
+        "explain",
+        "study",
+        "gradient",
+        "recover",
+        "scenes",
+        "farm",
+        "sweep",
+        "learn",
+        "preview",
+    ],
+)
+def test_help_is_short_and_has_an_example(capsys, command):
+    with pytest.raises(SystemExit) as end:
+        main([command, "--help"])
+    assert end.value.code == 0
+    out = capsys.readouterr().out
+    assert f"\n  clothsim {command} " in out
+    assert len(out.splitlines()) < 32
+
+
+def test_version_and_no_command(capsys):
+    from clothsim import __version__
+
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out == f"clothsim {__version__}\n"
+    assert main([]) == 2
+    assert "usage: clothsim" in capsys.readouterr().out
+
+
+def test_python_m_clothsim_loads_nothing_heavy_to_show_its_version():
+    code = (
+        "import sys, runpy; sys.argv = ['clothsim', '--version']\n"
+        "try: runpy.run_module('clothsim', run_name='__main__')\n"
+        "except SystemExit as end: assert end.code == 0\n"
+        "print([name for name in ('numpy', 'numba', 'h5py', 'ipctk') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[1] == "[]"
+
+
+def test_lines_come_at_the_first_step_the_last_and_seldom_between(capsys):
+    lines = Lines()
+    for step in range(1, 101):
+        lines(Progress(0.01 * step, 1.0, step, 4, 2e-3, 0.5, "moving", 0.1))
+    err = capsys.readouterr().err.splitlines()
+    assert err[0].startswith("0.010 of 1 s (0.1 s): 4 Newton, gap 2 mm, moving")
+    assert err[-1].startswith("1.000 of 1 s")
+    assert len(err) < 10
+
+
+@pytest.mark.parametrize(
+    ("estimate", "line"),
+    [
+        ({"temporal": 2e-3, "newton": 4e-6, "contact_gap": 0.53}, "2 mm, Newton 4 um, contact gap 0.53 d_hat"),
+        (
+            {"total": 9e-4, "known": True, "asked": 1e-3, "met": True},
+            "900 um in all (1 mm requested); Newton",
+        ),
+        ({"total": 9e-3, "known": True, "asked": 1e-3, "met": False}, "(MISSED: 1 mm requested); Newton 0 um"),
+        ({"total": 9e-3, "known": False}, "not known, about 9 mm"),
+        ({"total": "not estimated (failed)", "known": False}, "error not estimated (failed) in all; Newton"),
+        (
+            {"total": 9e-3, "known": False, "fixed": {"cells": ""}, "of_refined": {"known": True}},
+            "not known in all, as that of cells is not; others about 9 mm; Newton",
+        ),
+        (
+            {"total": 9e-4, "known": False, "met": False, "asked": 1e-3, "fixed": {"cells": ""}}
+            | {"of_refined": {"known": True, "met": True}},
+            "others about 900 um (met by these: 1 mm requested); Newton",
+        ),
+        ({"temporal": "not estimated (quasi-static)"}, "not estimated (quasi-static), Newton 0 um"),
+    ],
+)
+def test_the_error_of_a_run_is_one_line_of_its_verdict(tmp_path, estimate, line):
+    from small_scenes import small_scene
+
+    from clothsim import simulate
+    from clothsim.cli.run_report import verdict
+
+    run = simulate(small_scene(run={"duration": 0.02}), tmp_path)
+    nothing = {"newton": 0.0, "contact_gap": "not estimated (no contact)"}
+    run.summary["certificate"]["error_estimate"] = nothing | estimate
+    assert line in " ".join(verdict(run, []).split())
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(3.21, "3.2 s"), (245, "4:05 min"), (7390, "2:03:10 h")])
+def test_clock(seconds, text):
+    assert clock(seconds) == text
+
+
+def test_a_fault_of_the_program_is_two_lines_too(capsys, monkeypatch, tmp_path):
+    scene = tmp_path / "sheet.toml"
+    scene.write_text('[cloth]\nmesh = "rectangle"\n[effects.gravity]\n')
+    monkeypatch.chdir(tmp_path)
+
+    def fails(*arguments, **keywords):
+        raise ZeroDivisionError("a fault")
+
+    monkeypatch.setattr("clothsim.run.simulate.simulate", fails)
+    assert main(["run", "sheet.toml"]) == 1
+    assert capsys.readouterr().err.splitlines()[-2:] == [
+        "ZeroDivisionError: a fault",
+        "This is a fault of clothsim; --debug shows where.",
+    ]
+
+
+def test_scenes_are_listed_and_checked_by_name(capsys):
+    assert main(["scenes"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert any(line.split(maxsplit=1) == ["sphere", "A square metre of cotton falls on a ball"] for line in lines)
+    assert main(["scenes", "--json"]) == 0
+    assert set(json.loads(capsys.readouterr().out)["sphere"]) == {"file", "headline", "missing"}
+    assert main(["check", "sphere"]) == 0
+    assert "sphere.toml" in capsys.readouterr().out
+    assert main(["run", "spher"]) == 2
+    assert "'sphere'" in capsys.readouterr().err
+
+
+# --- remedies of mistaken targets -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("command", ["check", "render", "bundle", "resume"])
+def test_a_folder_without_a_run_is_answered_with_what_to_name(tmp_path, capsys, command):
+    assert main([command, str(tmp_path)]) == 2
+    sentence, remedy = capsys.readouterr().err.splitlines()
+    assert str(tmp_path) in sentence
+    assert "clothsim run SCENE -o DIR" in remedy
+
+
+@pytest.mark.parametrize(
+    ("sentence", "named"),
+    [
+        ("x holds no y, so it is not the output of a run.", ""),
+        ("run.duration must be a number.", "run"),
+        ("body[1].radius must be above 0.", "body"),
+        ("cloth: 3 faults.", "cloth"),
+        ("effects.air.drag is -1.", "effects.air"),
+        ("There is no cloth.", ""),
+    ],
+)
+def test_a_remedy_names_the_section_of_a_key_and_of_nothing_else(sentence, named):
+    remedy = _short(InputError(sentence), ["explain"])[1]
+    assert (f"clothsim keys {named}`" in remedy) is bool(named)
+    assert remedy

@@ -1,0 +1,278 @@
+"""Dressing: a skirt on a cylinder, sewn, welded and draped; and what cannot be dressed."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from capsule_bodies import person
+from sewing_patterns import panel, specification, stitch
+
+import clothsim
+from clothsim.base.errors import InputError
+from clothsim.garments.dress import pictures
+from clothsim.garments.dress.approaching import approached
+from clothsim.garments.dress.closing import worst_gap
+from clothsim.garments.dress.closing_rounds import BELOW, DART, ONTO, WITHIN, order_of, turns
+from clothsim.garments.dress.dress import _closed_seams
+from clothsim.garments.dress.garment_surfaces import seam_strokes
+from clothsim.garments.dress.lifting import lifted
+from clothsim.garments.dress.placing import placed_on
+from clothsim.garments.dress.separating import crossing_panels, separated
+from clothsim.garments.dress.sewing_movie import frames_of
+from clothsim.garments.dress.sewing_state import as_placed
+from clothsim.garments.dress.sleeves import turned_to_arms
+from clothsim.garments.dress.strings import strings_through
+from clothsim.garments.inputs import Figure
+from clothsim.garments.penetration import counted
+from clothsim.keys.fabrics import fabric_named
+from clothsim.mesh.cloth import make_cloth
+from clothsim.mesh.world import make_world
+from clothsim.patterns.pattern_mesh import mesh_pattern
+from clothsim.patterns.specification import pattern_of
+from transfer.signed_distance import body_surface
+
+WIDTH, HEIGHT, DISTANCE, SPACING = 44, 30, 20, 0.06
+"""Panels of the skirt, their distance from the axis [cm], and the size of the mesh [m]."""
+
+
+def skirt(distance: float = DISTANCE) -> dict:
+    """A skirt of two panels of 44 x 30 cm."""
+    front = [[-WIDTH / 2, 0], [WIDTH / 2, 0], [WIDTH / 2, HEIGHT], [-WIDTH / 2, HEIGHT]]
+    back = [[-x, y] for x, y in front]
+    panels = {
+        "front": panel(front, translation=[0, 80, distance]),
+        "back": panel(back, translation=[0, 80, -distance]),
+    }
+    return specification(panels, [stitch(("front", 1), ("back", 3)), stitch(("front", 3), ("back", 1))])
+
+
+def shirt() -> dict:
+    """Front and back of a torso with sleeves placed along x, for arms held out."""
+    torso = [[-25, 0], [25, 0], [25, 40], [10, 50], [-10, 50], [-25, 40]]
+    sleeve = [[0, 0], [20, 0], [20, 20], [0, 20]]
+    panels = {"front": panel(torso, translation=[0, 85, 22]), "back": panel(torso, translation=[0, 85, -22])}
+    for side, x in (("left", 30), ("right", -50)):
+        for name, z in (("f", 15), ("b", -15)):
+            panels[f"{side}_sleeve_{name}"] = panel(sleeve, translation=[x, 120, z], label="arm")
+    sewn = [stitch(("front", k), ("back", k), "right_wrong") for k in (1, 2, 4, 5)]
+    for side, cap in (("left", 3), ("right", 1)):
+        sewn += [stitch((f"{side}_sleeve_f", k), (f"{side}_sleeve_b", k), "right_wrong") for k in (0, 2)]
+        sewn.append(stitch((f"{side}_sleeve_f", cap), (f"{side}_sleeve_b", cap), "right_wrong"))
+    return specification(panels, sewn)
+
+
+@pytest.fixture(scope="module")
+def body() -> Figure:
+    """A person of capsules, 1.7 m tall, arms half raised."""
+    positions, triangles = person(0.05)
+    return Figure("person", positions, triangles, 1.0, ())
+
+
+@pytest.fixture(scope="module")
+def dressed(body, tmp_path_factory):
+    """The skirt on the person."""
+    worn = clothsim.Body(body.positions, body.triangles, name="person")
+    return clothsim.dress(pattern_of(skirt()), worn, tmp_path_factory.mktemp("worn"), size=SPACING)
+
+
+def test_a_skirt_is_sewn_and_rests_on_the_body(dressed, body):
+    assert dressed.status == "completed"
+    assert dressed.counts.clean
+    assert dressed.state.open_seams == ()
+    low, high = dressed.stretch
+    assert low > 0.9
+    assert high < 1.1
+    assert [stage.name for stage in dressed.stages] == ["place", "approach", "close", "weld", "drape"]
+    height = dressed.positions[:, 1]
+    assert 0.3 < height.min() < height.max() < 1.35
+
+
+def test_the_weight_of_a_sewn_garment_is_that_of_its_cloth(dressed):
+    assert np.isclose(
+        _masses(dressed).sum(), 2 * WIDTH * HEIGHT / 1e4 * fabric_named("fabric", "cotton").density, rtol=1e-12
+    )
+
+
+def _masses(dressed) -> np.ndarray:
+    cloth = make_cloth(
+        "garment",
+        dressed.positions,
+        dressed.state.triangles,
+        fabric_named("fabric", "cotton"),
+        material_coordinates=dressed.state.mesh.material_coordinates,
+    )
+    return make_world([cloth]).masses
+
+
+def test_files_of_a_dressed_garment(dressed):
+    names = {file.name for file in dressed.directory.iterdir()}
+    assert {"garment.obj", "pattern.json", "pattern.svg", "summary.json", "trajectory.vtkhdf"} <= names
+    summary = json.loads((dressed.directory / "summary.json").read_text())
+    assert summary["status"] == "completed"
+    assert [seam["welded"] for seam in summary["seams"]] == [True, True]
+    assert all(seam["gap"] == 0.0 for seam in summary["seams"])
+    assert np.isclose(summary["measurements"]["cloth_area"], 2 * WIDTH * HEIGHT / 1e4)
+    lines = (dressed.directory / "garment.obj").read_text().splitlines()
+    assert sum(line.startswith("vt ") for line in lines) == len(dressed.state.mesh.positions)
+    assert [line for line in lines if line.startswith("g ")] == ["g front", "g back"]
+
+
+def test_pictures_of_a_dressed_garment(dressed, monkeypatch):
+    monkeypatch.setattr(pictures, "SIZE", (100, 150))
+    monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")
+    files = pictures.draw_dress(dressed)
+    assert [file.name for file in files] == ["placed.png", "worn.png", "stretch.png"]
+    assert all(file.stat().st_size > 5_000 for file in files)
+
+
+def test_frames_of_the_sewing(dressed):
+    frames = frames_of(dressed)
+    assert len(frames) == 1 + sum(len(run) for run in dressed.closing) + len(dressed.run)
+    panels, welded = len(dressed.state.mesh.positions), len(dressed.positions)
+    assert [len(garment.positions) for garment, _ in frames[:: len(frames) - 1]] == [panels, welded]
+    assert np.array_equal(frames[-1][0].positions, dressed.positions)
+
+
+def test_seams_are_drawn_along_all_sewn_edges(dressed):
+    strokes = seam_strokes(dressed.state, dressed.positions)
+    lengths = np.linalg.norm(strokes[:, 0, 1] - strokes[:, 0, 0], axis=1)
+    assert np.isclose(lengths.sum(), 2 * HEIGHT / 100, rtol=0.05)
+    both = strokes[:, :, 1] - strokes[:, :, 0]
+    assert np.allclose((both[:, 0] * both[:, 1]).sum(axis=1), 0, atol=1e-12)
+
+
+def test_an_earlier_run_is_not_replaced_unasked(dressed, body):
+    worn = clothsim.Body(body.positions, body.triangles, name="person")
+    with pytest.raises(InputError):
+        clothsim.dress(pattern_of(skirt()), worn, dressed.directory, size=SPACING)
+
+
+def test_overlapping_panels_are_moved_apart(body):
+    entries = skirt()
+    entries["pattern"]["panels"]["front"]["translation"][2] = -DISTANCE  # in the plane of the back
+    state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
+    surface = body_surface(body.positions, body.triangles)
+    assert crossing_panels(state) == {"front", "back"}
+    moved, description = separated(state, body, surface)
+    assert counted(moved.positions, moved.triangles, surface).clean
+    assert "mm" in description
+
+
+def test_panels_inside_the_body_move_out(body):
+    state = as_placed(mesh_pattern(pattern_of(skirt(distance=8)), SPACING))
+    surface = body_surface(body.positions, body.triangles)
+    moved, _ = separated(state, body, surface)
+    assert not counted(state.positions, state.triangles, surface).clean
+    assert counted(moved.positions, moved.triangles, surface).clean
+
+
+def test_a_panel_with_no_way_out_fails_by_name(body, tmp_path):
+    entries = skirt()
+    entries["pattern"]["panels"]["front"]["translation"] = [0, 110, 0]  # the trunk stands through it
+    entries["pattern"]["panels"]["front"]["rotation"] = [90, 0, 0]
+    worn = clothsim.Body(body.positions, body.triangles, name="person")
+    done = clothsim.dress(pattern_of(entries), worn, tmp_path, size=SPACING)
+    assert done.status == "failed"
+    assert "front" in done.reason
+    assert done.run is None
+
+
+def test_the_reason_names_seams_that_strings_hold(dressed):
+    assert _closed_seams(dressed.state, "person") == dressed.reason
+    opened = dressed.placed
+    assert f"{len(opened.welded)} of {len(opened.mesh.seams)}" in _closed_seams(opened, "person")
+    assert worst_gap(opened)[1] in _closed_seams(opened, "person")
+
+
+def test_placement_by_axes_and_origin(body):
+    mesh = mesh_pattern(pattern_of(skirt()), SPACING)
+    placed, _ = placed_on(mesh, body)
+    assert np.allclose(placed.positions - mesh.positions, [0, body.positions[:, 1].min(), 0])
+    turned = Figure("z up", body.positions[:, [0, 2, 1]] * [1, -1, 1], body.triangles, 1.0, ())
+    upright, _ = placed_on(mesh, turned)
+    assert np.allclose(upright.positions[:, [0, 2, 1]] * [1, 1, -1], placed.positions)
+    with pytest.raises(InputError):
+        placed_on(mesh, body, origin="head")
+
+
+def test_a_pattern_round_its_origin_is_lifted_to_the_waist(body):
+    entries = skirt()
+    for each in entries["pattern"]["panels"].values():
+        each["translation"][1] -= 115
+    placed, notes = placed_on(mesh_pattern(pattern_of(entries), SPACING), body)
+    assert 0.75 < placed.positions[:, 1].min() < 0.9
+    assert len(notes) == 1
+
+
+def test_sleeves_turn_to_the_arms(body):
+    mesh = mesh_pattern(pattern_of(shirt()), SPACING)
+    turned, notes = turned_to_arms(mesh, body)
+    assert len(notes) in (0, 2)
+    for name, rows in mesh.vertices.items():
+        lengths = [np.linalg.norm(np.diff(each.positions[rows], axis=0), axis=1) for each in (mesh, turned)]
+        assert np.allclose(*lengths, atol=1e-12), name
+
+
+def test_order_of_seams():
+    state = as_placed(mesh_pattern(pattern_of(shirt()), SPACING))
+    assert {order_of(seam, state) for seam in state.mesh.seams} == {WITHIN}
+    entries = shirt()
+    entries["pattern"]["stitches"].append(stitch(("front", 0), ("left_sleeve_f", 1)))
+    state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
+    assert order_of(state.mesh.seams[-1], state) == ONTO
+    assert [len(turn.closing) for turn in turns(state)] == [len(state.mesh.seams) - 1, 1]
+    entries["pattern"]["panels"]["skirt"] = panel([[-25, -40], [25, -40], [25, 0], [-25, 0]], translation=[0, 80, 22])
+    entries["pattern"]["stitches"].append(stitch(("back", 0), ("skirt", 2)))
+    state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
+    assert order_of(state.mesh.seams[-1], state) == BELOW
+    assert [len(turn.closing) for turn in turns(state)] == [len(state.mesh.seams) - 2, 1, 1]
+    assert [turn.hold for turn in turns(state)] == [False, False, True]
+    dart = panel([[0, 0], [4, 0], [5, 8], [6, 0], [10, 0], [10, 20], [0, 20]])
+    state = as_placed(mesh_pattern(pattern_of(specification({"a": dart}, [stitch(("a", 1), ("a", 2))])), 0.02))
+    assert order_of(state.mesh.seams[0], state) == DART
+
+
+def test_panels_approach_the_body(body):
+    surface = body_surface(body.positions, body.triangles)
+    state = as_placed(placed_on(mesh_pattern(pattern_of(skirt(60)), SPACING), body)[0])
+    nearer, _ = approached(state, body, surface)
+    assert counted(nearer.positions, nearer.triangles, surface).clean
+    moved = nearer.positions - state.positions
+    rigid = [moved[rows] - moved[rows][0] for rows in state.mesh.vertices.values()]
+    assert max(np.abs(rows).max() for rows in rigid) < 1e-15
+    distance = surface.closest(nearer.positions).signed_distance
+    assert min(distance[rows].min() for rows in state.mesh.vertices.values()) > 0
+    for rows in state.mesh.vertices.values():
+        assert 0.01 < distance[rows].min() < 0.03
+    assert np.abs(moved).max() > 0.3
+
+
+def test_strings_through_the_body_wait_for_a_second_turn(body):
+    surface = body_surface(body.positions, body.triangles)
+    state = as_placed(placed_on(mesh_pattern(pattern_of(shirt()), SPACING), body)[0])
+    first = turns(state)[0]
+    through = sum(strings_through(state.positions[state.pairs(seam)], surface) for seam in first.closing)
+    drawn = sum(len(first.drawn(state, seam, surface)) for seam in first.closing)
+    assert through > 0
+    assert first.is_partial(state, surface)
+    every = sum(len(state.pairs(seam)) for seam in first.closing)
+    assert drawn == every - through
+    second = replace(first, patient=False)
+    assert not second.is_partial(state, surface)
+    assert sum(len(second.drawn(state, seam, surface)) for seam in first.closing) == every
+
+
+def test_low_shoulders_are_lifted(body):
+    surface = body_surface(body.positions, body.triangles)
+    entries = shirt()
+    for name in ("front", "back"):
+        entries["pattern"]["panels"][name]["translation"][1] = 80
+    state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
+    moved, note = lifted(state, body, surface)
+    before, after = (
+        sum(strings_through(each.positions[each.pairs(seam)], surface) for seam in each.mesh.seams[:4])
+        for each in (state, moved)
+    )
+    assert after < before
+    assert note

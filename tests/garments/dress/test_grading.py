@@ -1,0 +1,158 @@
+"""Grading: patterns between bodies that are similar, wider or longer, against closed forms; named factors."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from sewing_patterns import panel, specification, stitch
+
+import clothsim
+from clothsim.base.errors import InputError
+from clothsim.garments.dress.body_sizes import NAMES, sizes_between
+from clothsim.garments.dress.grading import graded
+from clothsim.garments.inputs import Figure
+from clothsim.mesh.generators.table import GENERATORS
+from clothsim.patterns.pattern import Pattern
+from clothsim.patterns.specification import pattern_of, read_specification
+
+
+def figure(name: str, **keys: float) -> Figure:
+    """The mannequin of the package, y upward."""
+    positions, triangles = GENERATORS["mannequin"](**keys)
+    return Figure(name, positions[:, [0, 2, 1]] * [1, 1, -1], triangles, 1.0, ())
+
+
+@pytest.fixture(scope="module")
+def own() -> Figure:
+    """The body that patterns are cut for."""
+    return figure("own")
+
+
+@pytest.fixture(scope="module")
+def wide() -> Figure:
+    """One whose trunk is thicker by a seventh, of the same height."""
+    return figure("wide", chest=1.15, waist=1.15, hips=1.15)
+
+
+def larger(body: Figure, factor: float) -> Figure:
+    return Figure("larger", factor * body.positions, body.triangles, 1.0, ())
+
+
+def garment(sewn_sleeves: bool = True) -> Pattern:
+    """A shirt with sleeves and a collar that lies flat, and trousers' front: every kind of panel."""
+    torso = [[-25, 0], [25, 0], [25, 35], [22, 50], [8, 52], [-8, 52], [-22, 50], [-25, 35]]
+    sleeve = [[0, 0], [25, 2], [25, 17], [0, 20]]
+    panels = {"front": panel(torso, translation=[0, 85, 22]), "back": panel(torso, translation=[0, 85, -22])}
+    panels["back"]["edges"][0]["curvature"] = {"type": "circle", "params": [80.0, 0, 1]}
+    for side, x, turn in (("left", 28, -25), ("right", -28, 205)):
+        panels[f"{side}_sleeve"] = panel(sleeve, translation=[x, 120, 10], rotation=[0, 0, turn])
+    panels["pant_f_l"] = panel([[0, 0], [20, 0], [22, 70], [-2, 70]], translation=[2, 12, 20])
+    panels["collar"] = panel([[-8, -4], [8, -4], [8, 4], [-8, 4]], translation=[0, 142, 0], rotation=[90, 0, 0])
+    sewn = [stitch(("front", k), ("back", k), "right_wrong") for k in (1, 3, 5, 7)]
+    if sewn_sleeves:
+        sewn += [stitch(("front", 2), ("left_sleeve", 3)), stitch(("front", 6), ("right_sleeve", 3))]
+    return pattern_of(specification(panels, sewn))
+
+
+def test_one_body_to_itself_changes_nothing(own):
+    pattern = garment()
+    same = graded(pattern, own, own)
+    for name, each in pattern.panels.items():
+        assert np.allclose(same.pattern.panels[name].vertices, each.vertices, atol=1e-14), name
+        assert np.allclose(same.pattern.panels[name].translation, each.translation, atol=1e-14), name
+    assert list(same.factors) == list(NAMES)
+    assert same.factors == pytest.approx(dict.fromkeys(NAMES, 1.0))
+    assert same.mismatch[0] < 1e-12
+
+
+def test_a_larger_body_of_one_shape_has_a_similar_pattern(own):
+    pattern = garment()
+    made = graded(pattern, own, larger(own, 1.15))
+    assert made.factors == pytest.approx(dict.fromkeys(NAMES, 1.15), rel=1e-9)
+    for name, each in pattern.panels.items():
+        after = made.pattern.panels[name]
+        assert np.allclose(np.ptp(after.vertices, axis=0), 1.15 * np.ptp(each.vertices, axis=0), rtol=1e-9), name
+        for k in range(len(each.edges)):
+            assert after.edge_length(k) == pytest.approx(1.15 * each.edge_length(k), rel=1e-8), (name, k)
+        assert np.allclose(after.placed(after.vertices), 1.15 * each.placed(each.vertices), atol=1e-8), name
+
+
+def test_a_wider_body_has_wider_panels_of_the_same_length(own, wide):
+    pattern = garment(sewn_sleeves=False)
+    made = graded(pattern, own, wide)
+    sizes = sizes_between(own, wide, {})
+    assert made.factors["waist"] > 1.1
+    front = made.pattern.panels["front"]
+    height = np.array([0.85])
+    assert np.ptp(front.vertices[:2, 0]) == pytest.approx(0.5 * sizes.trunk_girth(height)[0], rel=1e-9)
+    length = sizes.height(np.array([1.35])) - sizes.height(height)
+    assert front.vertices[3, 1] - front.vertices[0, 1] == pytest.approx(length[0], rel=1e-9)
+    assert np.allclose(front.vertices[:2].sum(axis=0), 0, atol=1e-12)  # it stays in the middle
+    assert made.moved < 1e-12
+
+
+def test_armholes_of_a_wider_body_get_one_factor(own, wide):
+    made = graded(garment(), own, wide)
+    assert made.before > 0.01
+    for first, second in made.seams.values():
+        assert first == pytest.approx(second, rel=1e-10)
+    assert 0 < made.moved < 0.03
+
+
+def test_both_sides_of_a_body_are_graded_alike(own, wide):
+    made = graded(garment(), own, wide).pattern
+    left, right = (made.panels[f"{side}_sleeve"] for side in ("left", "right"))
+    lengths = [[each.edge_length(k) for k in range(4)] for each in (left, right)]
+    assert np.allclose(lengths[0], lengths[1], rtol=1e-3)
+
+
+def test_named_factors_replace_those_of_the_bodies(own):
+    pattern = garment(sewn_sleeves=False)
+    made = graded(pattern, own, own, factors={"chest": 1.1, "trunk_length": 0.9, "arm_length": 1.2})
+    assert made.factors["chest"] == 1.1
+    assert made.factors["hips"] == pytest.approx(1.0)
+    front, before = made.pattern.panels["front"], pattern.panels["front"]
+    low, high = np.ptp(front.vertices[:2, 0]), np.ptp(front.vertices[[2, 7], 0])
+    assert 1.0 - 1e-9 < low / np.ptp(before.vertices[:2, 0]) < high / np.ptp(before.vertices[[2, 7], 0]) < 1.1 + 1e-9
+    assert np.ptp(front.vertices[:, 1]) == pytest.approx(0.9 * np.ptp(before.vertices[:, 1]), rel=1e-9)
+    sleeve, old = made.pattern.panels["left_sleeve"], pattern.panels["left_sleeve"]
+    assert np.ptp(sleeve.vertices[:, 0]) == pytest.approx(1.2 * np.ptp(old.vertices[:, 0]), rel=0.03)
+    assert np.array_equal(made.pattern.panels["pant_f_l"].rotation, pattern.panels["pant_f_l"].rotation)
+
+
+@pytest.mark.parametrize("factors", [{"bust": 1.0}, {"waist": 0.0}, {"waist": -1.0}, {"waist": "wide"}])
+def test_factors_that_are_none(own, factors):
+    with pytest.raises(InputError):
+        graded(garment(), own, own, factors=factors)
+
+
+def test_a_body_without_limbs_is_refused(own):
+    import trimesh
+
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=0.8)
+    round_ = Figure("ball", np.asarray(ball.vertices), np.asarray(ball.faces), 1.0, ())
+    with pytest.raises(InputError):
+        graded(garment(), own, round_)
+
+
+def test_the_graded_pattern_is_sewn_and_written(own, wide, tmp_path, monkeypatch):
+    """Stopped after the placement: the files are written all the same."""
+    monkeypatch.setattr(
+        "clothsim.garments.dress.dress._separated", lambda task, done: replace(done, failure="Stopped.")
+    )
+    shelf = [[-22, -22], [22, -22], [22, 22], [-22, 22]]
+    pattern = pattern_of(specification({"shelf": panel(shelf, translation=[0, 110, 0], rotation=[90, 0, 0])}))
+    bodies = [clothsim.Body(each.positions, each.triangles, name=each.name) for each in (own, wide)]
+    done = clothsim.dress(pattern, bodies[1], tmp_path, size=0.07, cut_for=bodies[0], grade={"arm": 1.25})
+    assert done.status == "failed"
+    written = read_specification(tmp_path / "graded_specification.json")
+    assert np.allclose(written.panels["shelf"].vertices, done.pattern.panels["shelf"].vertices, atol=1e-12)
+    assert done.pattern.panels["shelf"].edge_length(0) > 1.1 * 0.44
+    entries = json.loads((tmp_path / "summary.json").read_text())["grading"]
+    assert entries["cut_for"] == "own"
+    assert entries["factors"] == pytest.approx(dict(done.grading.factors))
+    assert entries["factors"]["arm"] == 1.25
+    as_cut = clothsim.dress(pattern, bodies[1], tmp_path, size=0.07, overwrite=True)
+    assert as_cut.grading is None
+    assert np.array_equal(as_cut.pattern.panels["shelf"].vertices, pattern.panels["shelf"].vertices)

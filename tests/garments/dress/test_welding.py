@@ -1,0 +1,77 @@
+"""Welding of closed pairs: those within a limit become one vertex, those whose weld would intersect do not."""
+
+import numpy as np
+import pytest
+from capsule_bodies import person
+from sewing_patterns import panel, specification, stitch
+
+from clothsim.garments.dress.sewing_state import SewingState, as_placed
+from clothsim.garments.dress.welding import welded_where_closed
+from clothsim.garments.penetration import counted
+from clothsim.patterns.pattern_mesh import mesh_pattern
+from clothsim.patterns.specification import pattern_of
+from transfer.signed_distance import body_surface
+
+SPACING, TILT = 0.05, 0.02
+"""Size of the mesh [m], and the gap at the far end of the seam [m]."""
+
+
+@pytest.fixture(scope="module")
+def surface():
+    return body_surface(*person(0.08))
+
+
+def side_by_side(distance: float = 5.0) -> SewingState:
+    """Two squares of 50 cm, `distance` metres from the body, sewn along one side."""
+    square = [[0, 0], [50, 0], [50, 50], [0, 50]]
+    panels = {"left": panel(square), "right": panel([[x + 50, y] for x, y in square])}
+    state = as_placed(mesh_pattern(pattern_of(specification(panels, [stitch(("left", 1), ("right", 3))])), SPACING))
+    return state.at(state.positions + np.array([distance, 0.0, 0.0]))
+
+
+def opened(state: SewingState) -> SewingState:
+    """The same with the right panel turned away: gaps from 0 to `TILT` along the seam."""
+    positions = state.positions.copy()
+    rows = state.mesh.vertices["right"]
+    positions[rows, 0] += TILT * positions[rows, 1] / 0.5
+    return state.at(positions)
+
+
+def test_pairs_within_the_limit_are_welded(surface):
+    state = opened(side_by_side())
+    seam = state.mesh.seams[0]
+    gaps = state.gaps(seam)
+    assert np.isclose(gaps.max(), TILT)
+    welded = welded_where_closed(state, TILT / 2.01, surface)
+    assert len(welded.pairs(seam)) == (gaps > TILT / 2.01).sum()
+    assert len(welded.positions) == len(state.positions) - (gaps <= TILT / 2.01).sum()
+    assert welded.open_seams == (0,)
+    assert welded.welded == ()
+    whole = welded_where_closed(welded, np.inf, surface)
+    assert whole.open_seams == ()
+    assert whole.welded == (0,)
+    assert welded_where_closed(whole, np.inf, surface) is whole
+
+
+def test_welding_in_two_parts_is_welding_at_once(surface):
+    state = opened(side_by_side())
+    parts = welded_where_closed(welded_where_closed(state, TILT / 3, surface), np.inf, surface)
+    whole = welded_where_closed(state, np.inf, surface)
+    assert np.array_equal(parts.triangles, whole.triangles)
+    assert np.allclose(parts.positions, whole.positions, atol=1e-15)
+
+
+def test_pairs_whose_weld_would_meet_the_body_stay_open(surface):
+    state = side_by_side(0.0)
+    positions = state.positions.copy()
+    positions[:, 0] -= 0.5
+    positions[:, 1] += 0.9
+    half = state.mesh.vertices["right"]
+    positions[:, 2] += 0.3
+    positions[half] += [0.0, 0.0, -0.6]
+    state = state.at(positions)
+    assert counted(state.positions, state.triangles, surface).clean
+    tried = welded_where_closed(state, np.inf, surface)
+    assert counted(tried.positions, tried.triangles, surface).clean
+    assert tried.open_seams == (0,)
+    assert len(tried.pairs(tried.mesh.seams[0])) >= 1

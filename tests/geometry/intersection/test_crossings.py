@@ -1,0 +1,85 @@
+"""Names, triangle numbers and positions of intersections, and the pairs of surfaces that are checked."""
+
+import numpy as np
+import pytest
+from meshes import cloth, grid
+
+from clothsim.geometry.intersection.crossings import crossings
+from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
+from clothsim.mesh.body import make_body
+from clothsim.mesh.world import make_world
+from clothsim.mesh.world_surfaces import world_surfaces
+
+FACES = np.array([[0, 1, 2], [3, 4, 5]])
+
+
+@pytest.fixture
+def scene():
+    """A sheet; a banner across it, folded onto itself; two pegs whose second triangle goes through the sheet."""
+    positions, triangles = grid(2, 2)
+    banner = [[0.1, 0.5, -1], [0.9, 0.5, -1], [0.5, 0.5, 1], [0.2, 0.5, 0.9], [0.8, 0.5, 0.9], [0.5, 0.5, -1.5]]
+    away, peg = [[9, 9, 9], [9, 9, 8], [9, 8, 9]], [[0.7, 0.2, -0.1], [0.7, 0.2, 0.2], [0.8, 0.2, -0.1]]
+    cloths = [cloth(positions, triangles, name="sheet"), cloth(np.array(banner), FACES, name="banner")]
+    bodies = [make_body(name, np.array([*away, *peg], float), FACES) for name in ("peg", "other peg")]
+    world = make_world(cloths, bodies)
+    return world_surfaces(world), world.start()
+
+
+def names_of(found):
+    return [(crossing.first, crossing.second, crossing.role) for crossing in found]
+
+
+def test_cloth_is_checked_against_everything_and_bodies_never_against_each_other(scene):
+    surfaces, x = scene
+    assert names_of(crossings(x, surfaces)) == [
+        ("sheet", "banner", "cloth"),
+        ("sheet", "peg", "body"),
+        ("sheet", "other peg", "body"),
+        ("banner", "banner", "cloth"),
+    ]
+
+
+def test_a_cloth_alone_and_bodies_alone(scene):
+    surfaces, x = scene
+    assert names_of(crossings(x, surfaces[1:2])) == [("banner", "banner", "cloth")]
+    assert crossings(x, surfaces[:1]) == ()
+    assert crossings(x, surfaces[2:]) == ()
+
+
+def test_triangles_are_counted_in_their_own_surface_and_the_position_is_near(scene):
+    surfaces, x = scene
+    peg = crossings(x, surfaces)[1]
+    assert [j for _, j in peg.pairs] == [1] * len(peg.pairs)
+    hit = [k for k, corners in enumerate(x[surfaces[0].triangles]) if inside([0.75, 0.2], corners)]
+    assert peg.pairs[0, 0] == hit[0]
+    assert np.allclose(peg.position, [0.75, 0.2, 0], atol=0.06)
+    assert (peg.first, peg.second) == ("sheet", "peg")
+    assert {"sheet", "peg", str(hit[0])} <= set(peg.sentence.split())
+    assert {"sheet", "peg"} <= set(peg.summary.split())
+
+
+def inside(point, corners):
+    matrix = np.vstack([corners[:, :2].T, np.ones(3)])
+    return (np.linalg.solve(matrix, [*point, 1]) > 0).all()
+
+
+def test_a_cloth_with_itself_is_named_once(scene):
+    surfaces, x = scene
+    found = [crossing for crossing in crossings(x, surfaces) if crossing.first == crossing.second]
+    assert found[0].summary.count("banner") == 1
+    assert found[0].sentence.count("banner") == 1
+
+
+def test_pairs_of_many_cloths_are_those_of_each_two(scene):
+    surfaces, x = scene
+    for found in crossings(x, surfaces):
+        one, other = (next(part for part in surfaces if part.name == name) for name in (found.first, found.second))
+        pairs = intersecting_pairs(x, one.triangles, None if other is one else other.triangles)
+        assert np.array_equal(found.pairs, pairs)
+
+
+def test_a_limit_holds_for_cloth_and_for_bodies(scene):
+    surfaces, x = scene
+    found = crossings(x, surfaces, limit=1)
+    assert [len(crossing.pairs) for crossing in found] == [1, 1]
+    assert {crossing.role for crossing in found} == {"cloth", "body"}

@@ -1,0 +1,110 @@
+"""Design of a skirt of two panels: a hem at a height and a girth by Bezier control points (G-8), and its parts."""
+
+import numpy as np
+import pytest
+from small_skirt import LENGTH, hanging_skirt, skirt_mesh
+
+from clothsim import InputError
+from clothsim.gradients.design import design
+from clothsim.gradients.design_aims import HemAt, Measured, StretchBelow
+from clothsim.gradients.losses import Girth
+from clothsim.gradients.pattern_numbers import PatternNumbers
+from clothsim.gradients.shaped_scene import shaped_scene
+from clothsim.gradients.symmetry import mirrored
+
+CONTROLS = [f"pattern.{panel}.edge[0].control[{k}].y" for panel in ("front", "back") for k in (0, 1)]
+FREE = ["pattern.front+back.height", "pattern.front+back.flare", *CONTROLS]
+
+
+@pytest.fixture(scope="module")
+def mesh():
+    return skirt_mesh(True, 0.07)
+
+
+def test_a_hem_and_a_girth_by_control_points(mesh):
+    """Six parameters; the end is certified, and hangs so when it is run again."""
+    scene = hanging_skirt(mesh, steps=4)
+    shaped = shaped_scene(scene, mesh)
+    hem = np.unique(np.concatenate([shaped.edge_rows(panel, 0) for panel in ("front", "back")]))
+    aims = [HemAt(hem, -0.225, 1e-3), Measured(Girth(-0.2), 0.56, 2e-3), StretchBelow(1.1)]
+    seen = []
+    found = design(scene, aims, FREE, mesh, progress=seen.append)
+    assert len(seen) == len(found.runs) <= 40
+    assert found.runs[0].aims[0] > 50
+    assert found.best.met
+    assert found.best.intersecting_pairs == 0
+    assert abs(found.best.newton_error) < 1e-6
+    assert found.best.stretch < 1.12
+    rest = np.asarray(found.scene.cloths[0]["mesh"].rest)
+    np.testing.assert_allclose(rest, shaped.numbers.material_coordinates(found.best.values), atol=1e-12)
+
+
+def test_the_area_of_the_fabric_is_a_bound(mesh):
+    """A longer skirt is asked for than the fabric is enough for, its width free to give way."""
+    scene = hanging_skirt(mesh, steps=1)
+    hem = shaped_scene(scene, mesh).edge_rows("front", 0)
+    free = ["pattern.front+back.height", "pattern.front+back.width"]
+    area = (0.24 + 0.30) * LENGTH / 100
+    found = design(scene, [HemAt(hem, -0.25, 1e-3)], free, mesh, largest_area=area, most_runs=6)
+    assert found.best.area <= area * (1 + 1e-6)
+    assert found.best.loss < found.runs[0].loss
+    assert found.best.values[free[0]] > 0.24
+    assert found.best.values[free[1]] < 0.30
+
+
+@pytest.mark.parametrize("aim", [HemAt([0, 2], 0.1, 0.2), Measured(Girth(0.2), 0.5, 0.1), StretchBelow(1.01)])
+def test_derivatives_of_aims(aim):
+    rng = np.random.default_rng(3)
+    x = np.array([[0, 0, 0], [1, 0, 0.1], [0, 1, 0.3], [1.1, 1.2, 0.5]]) + 0.01 * rng.standard_normal((4, 3))
+    triangles = np.array([[0, 1, 2], [1, 3, 2]])
+    if isinstance(aim, StretchBelow):
+        flat = np.array([[0.0, 0], [1, 0], [0, 1], [1, 1]])
+        aim = aim.cut_to(flat[triangles])
+    value, derivative = aim.evaluate(x, triangles)
+    direction = rng.standard_normal(x.shape)
+    sides = [aim.evaluate(x + sign * 1e-6 * direction, triangles)[0] for sign in (1, -1)]
+    assert value > 0
+    assert float(np.vdot(derivative, direction)) == pytest.approx((sides[0] - sides[1]) / 2e-6, rel=1e-6)
+
+
+def test_numbers_of_a_pattern(mesh):
+    numbers = PatternNumbers(mesh)
+    values = {path: numbers.value(path) for path in FREE}
+    assert values["pattern.front+back.height"] == pytest.approx(0.24)
+    assert values["pattern.front+back.flare"] == 1.0
+    np.testing.assert_allclose(numbers.material_coordinates(values), mesh.material_coordinates, atol=1e-15)
+    wider = numbers.material_coordinates({"pattern.front.width": 0.33})
+    faces = mesh.faces["front"]
+    np.testing.assert_allclose(np.ptp(wider[faces][..., 1]), 0.33)
+    np.testing.assert_allclose(wider[mesh.faces["back"]], mesh.material_coordinates[mesh.faces["back"]])
+    moved = {CONTROLS[0]: -0.03, "pattern.front.vertex[0].y": -0.01}
+    field = numbers.field(moved, CONTROLS[0])
+    step = numbers.material_coordinates({**moved, CONTROLS[0]: -0.02}) - numbers.material_coordinates(moved)
+    np.testing.assert_allclose(0.01 * field, step, atol=1e-12)  # a Bezier curve is linear in its control points
+    assert np.abs(field[faces]).max() > 0.2
+    assert not field[mesh.faces["back"]].any()
+
+
+def test_mirror_images_change_together(mesh):
+    paths = [f"pattern.front.edge[0].control[{k}].{axis}" for k in (0, 1) for axis in "xy"]
+    tied = mirrored(PatternNumbers(mesh), [*paths, "pattern.front.flare"])
+    np.testing.assert_array_equal(tied.T, [[1, 0, -1, 0, 0], [0, 1, 0, 1, 0], [0, 0, 0, 0, 1]])
+    with pytest.raises(InputError):
+        mirrored(PatternNumbers(mesh), paths[:2])
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "pattern.front.colour",
+        "pattern.sleeve.width",
+        "pattern.front.vertex[9].x",
+        "pattern.front.edge[1].control[0].x",
+        "pattern.front.edge[0].control[2].x",
+        "pattern.front+back.vertex[0].x",
+        "cloth.density",
+    ],
+)
+def test_what_is_no_number_of_the_pattern(mesh, path):
+    with pytest.raises(InputError):
+        design(hanging_skirt(mesh, steps=1), [HemAt([0], 0.0)], [path], mesh)

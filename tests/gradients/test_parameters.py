@@ -1,0 +1,226 @@
+"""Derivatives by the numbers of a scene, bodies, pins and the rest shape, against differences of runs (G-2)."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from adjoint_cases import (
+    BALL,
+    CONTACT,
+    ELASTIC,
+    FALLING,
+    FRICTION,
+    KAPPA,
+    Chain,
+    best_error,
+    differentiable,
+    falling_scene,
+    stepped,
+)
+
+from clothsim.base.errors import InputError
+from clothsim.gradients.losses import Custom
+from clothsim.gradients.run import Trace
+from clothsim.gradients.scene_values import affected_effects, value_at, with_value
+from clothsim.scene.assembly.scene_world import build
+from clothsim.solve.stepping.state import first_state
+
+BAR = 1e-6
+
+
+class Case:
+    """A chain with its gradient, and runs of the same steps with other scenes."""
+
+    def __init__(self, scene, **settings):
+        self.scene = scene
+        self.chain = Chain(scene, **settings)
+        self.chain.by_v[:] = 0.0
+        session, records = self.chain.session, tuple(self.chain.records)
+        ends = [replace(each.end, frame=each.end.step) for each in records]
+        starts = [records[0].start, *ends[:-1]]
+        steps = tuple(replace(r, start=s, end=e) for r, s, e in zip(records, starts, ends, strict=True))
+        self.run = Trace(session, steps)
+        by_x = self.chain.by_x[: self.chain.n]
+        self.gradient = self.run.gradient(Custom(lambda x: (float(np.vdot(by_x, x)), by_x)))
+
+    def loss(self, scene=None, built=None):
+        session = differentiable(scene or self.scene)
+        integrator = session.integrator
+        if built is not None:
+            potential = replace(integrator.potential, energies=built.energies)
+            integrator = replace(integrator, world=built.world, constraints=built.constraints, potential=potential)
+        start = first_state(integrator.world, self.chain.lengths[0])
+        end = stepped(integrator, start, self.chain.lengths)[-1].end.positions[: self.chain.n]
+        return float(np.vdot(self.chain.by_x[: self.chain.n], end + integrator.world.origin))
+
+    def error(self, path, sizes=(1e-4, 1e-5)):
+        value = value_at(self.scene, self.run.session.built.world, path)
+        direction = np.ones(value.shape) if not value.shape else np.random.default_rng(2).standard_normal(value.shape)
+        scale = float(np.abs(value).max()) or 0.1
+        return best_error(
+            float(np.vdot(self.gradient[path], direction)),
+            lambda h: self.loss(with_value(self.scene, path, value + h * direction)),
+            [size * scale for size in sizes],
+        )
+
+
+@pytest.fixture(scope="module")
+def case():
+    return Case(falling_scene(ELASTIC | CONTACT | FRICTION))
+
+
+FABRIC = "youngs_modulus", "poisson_ratio", "density", "thickness"
+
+
+@pytest.mark.parametrize("path", [f"cloth.{key}" for key in FABRIC] + ["effects.friction.coefficient"])
+def test_fabric_and_friction(case, path):
+    assert case.error(path) < BAR
+
+
+def test_bending(case):
+    assert case.error("cloth.bending_stiffness", (3e-2, 1e-2)) < BAR  # linear, and .003 of the loss
+
+
+def test_gravity_and_the_start_of_the_cloth(case):
+    assert case.error("effects.gravity.acceleration") < BAR
+    assert case.error("cloth.position", (1e-6, 1e-7)) < BAR
+
+
+def test_shift_and_size_of_a_body(case):
+    assert case.error("body.ball.radius", (1e-6, 1e-7)) < BAR
+    moved = with_value(case.scene, "body.position", np.zeros(3))
+    direction = np.array([0.3, -0.5, 1.0])
+    found = float(case.gradient["body.ball.position"] @ direction)
+    error = best_error(found, lambda h: case.loss(with_value(moved, "body.position", h * direction)), (1e-6, 1e-7))
+    assert error < BAR
+
+
+def test_turn_of_a_body(case):
+    direction = np.array([0.7, 0.2, -0.4])
+    place = lambda h: replace(case.scene, body=BALL | {"rotation_degrees": (np.degrees(h) * direction).tolist()})  # noqa: E731
+    found = float(case.gradient["body.turn"] @ direction)
+    assert best_error(found, lambda h: case.loss(place(h)), (1e-5, 1e-6)) < 10 * BAR
+
+
+def test_rest_shape_along_a_field(case):
+    from clothsim.gradients.rest_shape import _displaced
+    from clothsim.mesh.world import make_world
+    from clothsim.scene.assembly.scene_world import build_effects
+
+    world = case.run.session.built.world
+    field = np.zeros(world.cloths[0].rest_positions.shape)
+    field[:, :2] = np.random.default_rng(3).standard_normal((len(field), 2))
+
+    def loss(h):
+        varied = replace(make_world([_displaced(world.cloths[0], h * field)], world.bodies), origin=world.origin)
+        return case.loss(built=build_effects(case.scene, varied))
+
+    assert best_error(case.gradient.rest_along(field), loss, (1e-5, 1e-6)) < BAR
+
+
+def test_contact_weights_follow_the_rest_shape(case, monkeypatch):
+    """The wrong formula: weights of contact pairs not differentiated."""
+    field = np.zeros(case.run.session.built.world.cloths[0].rest_positions.shape)
+    field[:, :2] = np.random.default_rng(3).standard_normal((len(field), 2))
+    right = case.gradient.rest_along(field)
+    monkeypatch.setattr("clothsim.gradients.rest_shape.Variation", _without_contact)
+    assert abs(case.gradient.rest_along(field) - right) > 10 * BAR * abs(right)
+
+
+def _without_contact(build, step, stencil, affected):
+    from clothsim.gradients.variation import Variation
+
+    return Variation(build, step, stencil, tuple(name for name in affected if name not in CONTACT))
+
+
+MODELS = {
+    "midedge": {"bending": {}},
+    "quadratic": {"bending": {"model": "quadratic"}},
+    "orthotropic": {"membrane": {"material": "orthotropic"}},
+    "pairs": {"membrane": {"elements": "pairs"}},
+    "fibres": {"fibres": {"warp": 200.0}},
+    "springs": {"springs": {"spring": [{"select": [0, 3], "stiffness": 5.0}]}},
+    "air": {"air": {"wind": [3.0, 0.0, 1.0]}},
+    "vortex": {"air": {"wind": {"kind": "vortex", "circulation": 3.0, "core": 0.5, "velocity": (1.0, 2.0, 0.5)}}},
+    "gusts": {"air": {"wind": {"kind": "gust", "velocity": [3.0, 0.0, 1.0], "period": 0.05}, "lift": 0.6}},
+    "strain limit": {"strain_limit": {"limit": 1.02, "begins": 0.0}},
+    "creases": {"rest_angle": {"crease": [{"vertices": [12, 13, 14, 15, 16, 17], "angle_degrees": 30.0}]}},
+    "clamped edge": {"pins": {"select": "left", "clamp": True, "motion": {"velocity": [0.0, 0.2, -0.3]}}},
+    "pressure": {"pressure": {"value": 5.0}},
+    "damping": {"damping": {"rate": 2.0, "stiffness": 2e-3, "strain_rate": 0.02}},
+}
+NUMBERS = {
+    "fibres": "effects.fibres.warp",
+    "springs": "effects.springs.spring[0].stiffness",
+    "air": "effects.air.drag",
+    "vortex": "effects.air.wind.circulation",
+    "gusts": "effects.air.wind.velocity",
+    "strain limit": "effects.strain_limit.limit",
+    "creases": "effects.rest_angle.crease[0].angle_degrees",
+    "clamped edge": "effects.pins.motion.velocity",
+    "pressure": "effects.pressure.value",
+    "damping": "effects.damping.strain_rate",
+    "orthotropic": "cloth.poisson_ratio",
+}
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_every_model_of_membrane_bending_and_loads(name):
+    made = Case(falling_scene(ELASTIC | CONTACT | MODELS[name]), lengths=(0.02,) * 3)
+    path = NUMBERS.get(name, "cloth.bending_stiffness" if "bending" in MODELS[name] else "cloth.youngs_modulus")
+    assert made.error(path, (1e-2, 1e-3, 1e-4, 1e-5)) < BAR
+    assert made.chain.start_error(made.chain.adjoints(), "velocities", "gradient", (3e-6, 3e-7)) < BAR
+
+
+def test_pins_and_forces():
+    sheet = FALLING | {"velocity": [0.0, 0.0, 0.0], "position": [0.0, 0.0, 0.0]}
+    effects = ELASTIC | {"pins": {"select": [0, 5, 30]}, "springs": {"spring": [{"select": [17], "stiffness": 1e-9}]}}
+    made = Case(falling_scene(effects, sheet, body=()), lengths=(0.02,) * 3)
+    gradient, start = made.gradient, made.chain.start
+    assert gradient["pins"].shape == (3, 3)
+    rows, shift = gradient.pinned, np.random.default_rng(4).standard_normal((3, 3))
+    moved = {int(row): each for row, each in zip(rows, shift, strict=True)}
+    integrator = made.chain.integrator
+
+    class Shifted(type(integrator.constraints["pins"])):
+        size = 0.0
+
+        def at(self, time):
+            target = super().at(time)
+            offset = np.array([moved[int(row)] for row in target.vertices])
+            return replace(target, positions=target.positions + self.size * offset)
+
+    def loss(h):
+        pins = Shifted(integrator.constraints["pins"].groups)
+        object.__setattr__(pins, "size", h)
+        return made.chain.loss(start, replace(integrator, constraints={"pins": pins}))
+
+    assert best_error(float(np.vdot(gradient["pins"], shift)), loss, (1e-5, 1e-6)) < BAR
+    # a spring of stiffness k to a distant place is a force
+    far = 1e9 * np.array([0.0, 0.6, 0.8])
+    spring = {"select": [17], "stiffness": 1e-9, "to": far.tolist(), "rest_length": 0.0}
+
+    def pulled(h):
+        own = effects | {"springs": {"spring": [spring | {"stiffness": 1e-9 * (1 + h)}]}}
+        return made.loss(falling_scene(own, sheet, body=()))
+
+    weak = Case(falling_scene(effects | {"springs": {"spring": [spring]}}, sheet, body=()), lengths=(0.02,) * 3)
+    force = float(weak.gradient["force"][17] @ (1e-9 * far))
+    assert best_error(force, pulled, (1e-3, 1e-4)) < 1e-5
+
+
+def test_paths():
+    scene = falling_scene()
+    world = build(scene).world
+    assert value_at(scene, world, "cloth.density") == pytest.approx(world.cloths[0].fabric.density)
+    assert value_at(scene, world, "effects.gravity.acceleration").tolist() == [0.0, 0.0, -9.81]
+    assert with_value(scene, "body.ball.radius", np.array(0.2)).bodies[0]["radius"] == 0.2
+    assert value_at(scene, world, "effects.body_contact.stiffness") == KAPPA
+    assert affected_effects("cloth.density", ("inertia", "body_contact", "friction")) == ("inertia",)
+    for path in ("cloth.mesh", "effects.air.drag", "cloth.colour", "density", "effects.body_contact.d_hat"):
+        with pytest.raises(InputError):
+            value_at(scene, world, path)
+    woven = {key: value for key, value in FALLING.items() if key != "youngs_modulus"} | {"fabric": "denim"}
+    woven = falling_scene(cloth=woven)
+    with pytest.raises(InputError):
+        value_at(woven, build(woven).world, "cloth.youngs_modulus")

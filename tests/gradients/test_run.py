@@ -1,0 +1,143 @@
+"""Differentiable runs from end to end: frames, errors of the loss, what is refused, and what others do not pay."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from adjoint_cases import CONTACT, ELASTIC, FALLING, FRICTION, falling_scene
+
+import clothsim
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.gradients.losses import Custom, Distance, Height
+from clothsim.gradients.run import DifferentiableRun, simulate_differentiably
+from clothsim.gradients.scene_values import value_at
+from clothsim.scene.effects import EFFECTS
+from clothsim.scene.overrides import override
+
+WEIGHTS = np.random.default_rng(0).standard_normal((36, 3))
+LINEAR = Custom(lambda x: (float(np.vdot(WEIGHTS, x)), WEIGHTS))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    scene = falling_scene(ELASTIC | CONTACT | FRICTION)
+    return clothsim.simulate(scene, tmp_path_factory.mktemp("run"), differentiable=True)
+
+
+def test_a_run_with_a_gradient(run):
+    assert isinstance(run, DifferentiableRun)
+    assert run.status == "completed"
+    assert len(run.trace.frame_states) == len(run)
+    np.testing.assert_allclose(run.cloth_positions(-1), run[-1].positions["cloth"], atol=1e-6)
+    gradient = run.gradient(Height())
+    assert gradient.value == pytest.approx(run.cloth_positions()[:, 2].mean())
+    assert set(gradient) >= {"start", "velocity", "force", "body.ball.position"}
+    assert gradient["start"].shape == gradient["force"].shape == (36, 3)
+    assert gradient["cloth.density"].shape == ()
+
+
+def test_losses_of_frames_add_up(run):
+    first, last = Height(frame=1), Distance(run.cloth_positions(-1) + 0.1)
+    both = run.gradient([first, last])["start"]
+    np.testing.assert_allclose(both, run.gradient(first)["start"] + run.gradient(last)["start"], atol=1e-12)
+    with pytest.raises(InputError):
+        run.gradient(Height(frame=99))
+
+
+def test_euler_identity(run):
+    """E is linear in E, D, density and kappa, so a common factor changes nothing: sum p dL/dp = 0."""
+    gradient, world = run.gradient(LINEAR), run.trace.session.built.world
+    paths = "cloth.youngs_modulus", "cloth.bending_stiffness", "cloth.density"
+    parts = [float(gradient[path] * value_at(run.trace.session.scene, world, path)) for path in paths]
+    parts.append(gradient.kappa_share)
+    assert min(abs(part) for part in parts) > 1e-6
+    assert abs(sum(parts)) < 1e-9 * sum(abs(part) for part in parts)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_newton_error(seed):
+    """G-4: without polishing at a tolerance of 1e-3 m/s the estimate is the true change of the loss."""
+    cloth = FALLING | {"rotation_degrees": [3.0 + 0.4 * seed, 2.0 - 0.3 * seed, 11.0 + 20 * seed]}
+    effects = ELASTIC | CONTACT | (FRICTION if seed % 2 else {}) | ({"bending": {}} if seed % 3 == 0 else {})
+    formula = "bdf2" if seed % 4 < 2 else "backward_euler"
+    scene = falling_scene(effects, cloth, tolerance=1e-3, integrator=formula)
+    loose, exact = (simulate_differentiably(scene, polish=polish) for polish in (0, 8))
+    gradient = loose.gradient(LINEAR)
+    true = exact.gradient(LINEAR).value - gradient.value
+    assert abs(true) > 1e-12
+    assert gradient.newton_error == pytest.approx(true, rel=0.05)
+    assert abs(exact.gradient(LINEAR).newton_error) < 1e-6 * abs(true)
+
+
+def test_time_error():
+    """On smooth motion, where halving dt halves the error, the estimate is 30 % right."""
+    sheet = FALLING | {"velocity": [0.0, 0.0, 0.0], "rotation_degrees": [0.0, 0.0, 0.0]}
+    effects = ELASTIC | {"pins": {"select": "left"}}
+    values, estimates = [], []
+    for dt in (0.02, 0.01, 0.005):
+        scene = falling_scene(effects, sheet, body=(), dt=dt, integrator="backward_euler")
+        gradient = simulate_differentiably(scene).gradient(Height())
+        values.append(gradient.value)
+        estimates.append(gradient.time_error)
+    assert 1.7 < (values[1] - values[0]) / (values[2] - values[1]) < 2.3
+    exact = 2 * values[2] - values[1]
+    assert estimates[1] == pytest.approx(exact - values[1], rel=0.3)
+
+
+def test_held_stiffness_is_that_of_a_pilot_run():
+    lines = []
+    scene = falling_scene(ELASTIC | {"body_contact": {}})
+    made = simulate_differentiably(scene, message=lines.append)
+    assert made.trace.stiffness["body_contact"] > 1.0
+    assert len(lines) == 1
+    contact = made.trace.session.built.energies["body_contact"]
+    assert not contact.adaptive
+    assert {float(step.end.memory["body_contact"]) for step in made.trace.steps} == {contact.stiffness}
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"friction": {}},
+        {"friction": {"eps_v": 1e-2, "iterations": 2}},
+        {"plastic_bending": EFFECTS["plastic_bending"].example().keys},
+    ],
+)
+def test_what_has_no_gradient_is_refused(effects):
+    with pytest.raises(InputError):
+        simulate_differentiably(falling_scene(ELASTIC | CONTACT | effects))
+
+
+def test_steps_that_depend_on_their_error_are_refused():
+    with pytest.raises(InputError):
+        simulate_differentiably(override(falling_scene(), "solver.error=0.001"))
+
+
+def test_a_failed_run_has_no_gradient():
+    scene = falling_scene(ELASTIC | CONTACT, max_iterations=1)
+    with pytest.raises(ClothsimError):
+        simulate_differentiably(scene)
+
+
+def test_others_do_not_import_it():
+    program = (
+        "import sys; sys.path.insert(0, 'tests/support'); from small_scenes import small_scene; import clothsim\n"
+        "clothsim.simulate(small_scene(run={'duration': 0.04, 'frames_per_second': 25}))\n"
+        "print([name for name in sys.modules if 'adjoint' in name or 'sensitivity' in name])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_run_has_the_same_bits_beside_a_differentiable_one(tmp_path):
+    """Without polishing the record changes nothing, and a differentiable run leaves nothing behind."""
+    scene = falling_scene(ELASTIC | CONTACT | FRICTION, tolerance=1e-3)
+    before = clothsim.simulate(scene, tmp_path / "before")
+    with_record = simulate_differentiably(scene, tmp_path / "recorded", polish=0)
+    polished = clothsim.simulate(scene, tmp_path / "polished", differentiable=True)
+    after = clothsim.simulate(scene, tmp_path / "after")
+    last = [each[-1].positions["cloth"].tobytes() for each in (before, with_record, after, polished)]
+    assert last[0] == last[1] == last[2] != last[3]
+    assert before.summary["newton_iterations"] == with_record.summary["newton_iterations"]
+    assert not isinstance(after, DifferentiableRun)

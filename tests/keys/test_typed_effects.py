@@ -1,0 +1,129 @@
+"""Typed effects and settings: the builders' keys and defaults, the tables of a scene file, and no import."""
+
+import subprocess
+import sys
+from dataclasses import MISSING, FrozenInstanceError
+
+import numpy as np
+import pytest
+
+import clothsim
+from clothsim import InputError, Scene
+from clothsim.keys.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+from clothsim.keys.schema import keys_of
+from clothsim.keys.typed_effects import TYPED_EFFECTS
+from clothsim.physics.energies import rest_angle, seams, springs, wind
+from clothsim.physics.energies.pins import GROUP
+from clothsim.scene.effects import EFFECTS
+
+CLOTH = {"mesh": "rectangle", "cells": [2, 2]}
+
+
+@pytest.mark.parametrize("name", TYPED_EFFECTS)
+def test_the_keys_and_defaults_are_the_builders(name):
+    typed = {key: known.default for key, known in keys_of(TYPED_EFFECTS[name]).items()}
+    assert typed == EFFECTS[name].keys()
+
+
+@pytest.mark.parametrize(
+    ("section", "known"),
+    [
+        (PinGroup, GROUP),
+        (Spring, springs.KEYS),
+        (Seam, seams.KEYS),
+        (SeamLine, seams.SIDE),
+        (Crease, rest_angle.KEYS),
+        (Motion, ("velocity", "rotate_degrees_per_second", "centre")),
+        (Gust, ("kind", *wind.KINDS["gust"][1])),
+        (Vortex, ("kind", *wind.KINDS["vortex"][1])),
+    ],
+)
+def test_the_keys_of_nested_tables_are_the_effects(section, known):
+    assert set(keys_of(section)) == set(known)
+
+
+@pytest.mark.parametrize("section", [Gust, Vortex])
+def test_the_defaults_of_winds(section):
+    known = wind.KINDS[section.__name__.lower()][1]
+    for name, key in keys_of(section).items():
+        if name != "kind":
+            default = None if key.default is MISSING else key.default
+            assert np.array_equal(known[name], default)
+
+
+def test_a_list_of_effects_is_their_tables():
+    effects = [
+        clothsim.Gravity(),
+        clothsim.Bending(model="hinge"),
+        clothsim.Pins(group=[clothsim.PinGroup(select=[0, 1], motion=clothsim.Motion(velocity=[0, 0, 1]))]),
+        clothsim.Air(wind=clothsim.Gust(velocity=[3, 0, 0])),
+        clothsim.Seams(seam=[clothsim.Seam(from_=clothsim.SeamLine(side="left"), to=clothsim.SeamLine(side="right"))]),
+    ]
+    assert Scene(cloth=CLOTH, effects=effects).effects == {
+        "gravity": {},
+        "bending": {"model": "hinge"},
+        "pins": {"group": [{"select": [0, 1], "motion": {"velocity": [0, 0, 1]}}]},
+        "air": {"wind": {"kind": "gust", "velocity": [3, 0, 0]}},
+        "seams": {"seam": [{"from": {"side": "left"}, "to": {"side": "right"}}]},
+    }
+
+
+def test_they_may_stand_in_a_dictionary_too():
+    scene = Scene(cloth=CLOTH, effects={"damping": clothsim.Damping(rate=2)})
+    assert scene.effects == {"damping": {"rate": 2.0}}
+
+
+def test_typed_settings_are_their_tables():
+    scene = Scene(
+        cloth=CLOTH,
+        effects=[clothsim.Inertia()],
+        solver=clothsim.Solver(dt=0.02, threads=1),
+        run=clothsim.RunSettings(duration=1),
+        seed=clothsim.Seed(),
+        contact=clothsim.Contact(backend="ipctk"),
+    )
+    assert (scene.solver, scene.run, scene.seed) == ({"dt": 0.02, "threads": 1}, {"duration": 1.0}, {})
+    assert scene.solver_settings == clothsim.Solver(dt=0.02, threads=1)
+    assert scene.contact_settings.backend == "ipctk"
+
+
+def test_settings_are_parsed_once():
+    scene = Scene(cloth=CLOTH, solver={"dt": 1})
+    assert scene.solver_settings is scene.solver_settings
+    assert isinstance(scene.solver_settings.dt, float)
+
+
+@pytest.mark.parametrize(
+    ("make", "names"),
+    [
+        (lambda: clothsim.Gravity(acceleration=9.81), r"effects\.gravity\.acceleration must be 3 numbers \[m/s2\]"),
+        (lambda: clothsim.Bending(model="hinges"), r"effects\.bending\.model is 'hinges'.*'hinge'"),
+        (lambda: clothsim.Solver(dt=-1), r"solver\.dt must be above 0 \[s\]"),
+        (lambda: clothsim.RunSettings(duration="long"), r"run\.duration must be a number"),
+        (lambda: Scene(cloth=CLOTH, effects=[clothsim.Gravity(), clothsim.Gravity()]), r"effects\[1\].*gravity again"),
+        (lambda: Scene(cloth=CLOTH, effects=[clothsim.Gravity]), r"effects\[0\].*Gravity\(\)"),
+        (lambda: Scene(cloth=CLOTH, effects=["gravity"]), r"effects\[0\] is 'gravity'"),
+        (lambda: Scene(cloth=CLOTH, effects="gravity"), "effects must be a table"),
+    ],
+)
+def test_what_is_wrong_is_named(make, names):
+    with pytest.raises(InputError, match=names):
+        make()
+
+
+def test_they_are_frozen():
+    with pytest.raises(FrozenInstanceError):
+        clothsim.Gravity().acceleration = (0, 0, 0)
+
+
+def test_a_scene_of_typed_effects_imports_no_effect():
+    code = (
+        "import sys, clothsim\n"
+        "names = [n for n in clothsim.__all__ if n in "
+        f"{[kind.__name__ for kind in TYPED_EFFECTS.values()]!r}]\n"
+        "effects = [getattr(clothsim, n)() for n in names]\n"
+        "clothsim.Scene(cloth={'mesh': 'rectangle'}, effects=effects)\n"
+        "print(len(effects), [m for m in sys.modules if m.startswith(('numba', 'clothsim.en', 'clothsim.co'))])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == f"{len(TYPED_EFFECTS)} []"

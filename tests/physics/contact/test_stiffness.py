@@ -1,0 +1,93 @@
+"""Bound on the rise of the adaptive barrier stiffness: the energy that it adds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meshes import cloth, grid
+from solving import step_at
+
+from clothsim.mesh.body import make_body
+from clothsim.mesh.generators.table import GENERATORS
+from clothsim.mesh.world import make_world
+from clothsim.physics.contact.body_contact import body_contact
+from clothsim.physics.contact.stiffness import RISE_TIME, bounded_stiffness
+from clothsim.physics.energies.inertia import inertia
+
+DT = 0.01
+
+
+@pytest.fixture(scope="module")
+def world():
+    positions, triangles = grid(4, 4)
+    sheet = replace(cloth(positions, triangles), positions=positions + np.array([-0.5, -0.5, 0.31]))
+    return make_world([sheet], [make_body("ball", *GENERATORS["sphere"](radius=0.3, subdivisions=2))])
+
+
+def step_of(world, load, speed=0.0, before=None, dynamic=True, height=0.0):
+    """A step of a sheet pressed down by `load` [N] a vertex at `speed`, `height` above the world's start."""
+    x, v, gradient = world.start(), np.zeros((world.n_vertices, 3)), np.zeros((world.n_vertices, 3))
+    x[: world.n_cloth, 2] += height
+    v[: world.n_cloth, 2], gradient[: world.n_cloth, 2] = -speed, load
+    memory = {} if before is None else {"body_contact": before}
+    bound = {"inertia": inertia(world)} if dynamic else {}
+    return replace(step_at(x, v, dt=DT), gradient=gradient, memory=memory, bound=bound)
+
+
+def test_no_rise_adds_more_than_its_power():
+    rng = np.random.default_rng(0)
+    for before, wanted, unit, kinetic, dt in np.exp(rng.uniform(-12, 6, (200, 5))):
+        kappa = bounded_stiffness(wanted, before, unit, kinetic, dt)
+        allowed = dt / RISE_TIME * (kinetic + before * unit)
+        assert kappa <= wanted
+        assert (kappa - before) * unit <= allowed * (1 + 1e-9) + 1e-12 * before * unit
+        assert kappa == wanted or (kappa - before) * unit == pytest.approx(allowed, rel=1e-6)
+
+
+def test_a_fall_and_a_rise_without_contact_are_free():
+    assert bounded_stiffness(1.0, 5.0, 1e-3, 0.0, 1e-3) == 1.0
+    assert bounded_stiffness(1e6, 5.0, 0.0, 0.0, 1e-3) == 1e6
+
+
+def test_a_longer_time_allows_the_same_rise_in_any_number_of_steps():
+    """At rest kappa grows by e in RISE_TIME, however short the steps."""
+    for steps in (100, 1000):
+        kappa = 2.0
+        for _ in range(steps):
+            kappa = bounded_stiffness(np.inf, kappa, 1e-4, 0.0, RISE_TIME / steps)
+        assert kappa == pytest.approx(2.0 * np.e, rel=1 / steps)
+
+
+class TestStep:
+    def test_without_a_step_before_the_loads_alone_count(self, world):
+        contact = body_contact(world, d_hat=0.025)
+        first = contact.begin(step_of(world, 40.0)).stiffness
+        assert contact.begin(step_of(world, 80.0)).stiffness == pytest.approx(2 * first)
+
+    def test_a_rise_adds_the_allowed_energy_and_reports_it(self, world):
+        contact = body_contact(world, d_hat=0.025)
+        low = contact.begin(step_of(world, 40.0)).stiffness
+        step = step_of(world, 4e4, speed=0.02, before=low)
+        bound = contact.begin(step)
+        kinetic = 0.5 * world.masses.sum() * 0.02**2
+        added = bound.stiffness_energy(step.positions, low)
+        assert added == pytest.approx(DT / RISE_TIME * (kinetic + low * contact.value(step.positions)), rel=1e-9)
+        assert added == pytest.approx(bound.value(step.positions) * (1 - low / bound.stiffness), rel=1e-12)
+        assert bound.carry_over == bound.stiffness > low
+
+    def test_a_rise_is_free_before_contact_and_without_inertia(self, world):
+        contact = body_contact(world, d_hat=0.005)
+        high = contact.begin(step_of(world, 0.0, speed=3.0, height=0.1)).stiffness
+        assert contact.begin(step_of(world, 0.0, speed=3.0, before=1e-3, height=0.1)).stiffness == high
+        contact = body_contact(world, d_hat=0.025)
+        high = contact.begin(step_of(world, 4e4)).stiffness
+        assert contact.begin(step_of(world, 4e4, before=1e-3, dynamic=False)).stiffness == high
+        assert contact.begin(step_of(world, 4e4, before=1e-3)).stiffness < 1.1 * 1e-3
+
+    def test_a_fall_removes_energy(self, world):
+        contact = body_contact(world, d_hat=0.025)
+        low = contact.begin(step_of(world, 40.0)).stiffness
+        step = step_of(world, 40.0, before=10 * low)
+        bound = contact.begin(step)
+        assert bound.stiffness == low
+        assert bound.stiffness_energy(step.positions, 10 * low) == pytest.approx(-9 * bound.value(step.positions))

@@ -1,0 +1,204 @@
+"""Plastic bending: return mapping, residual angle, elastic range below the yield, and bitwise resume."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from meshes import UNIT, cloth, grid
+from small_scenes import EFFECTS, SHEET, small_scene
+from solving import equilibrium, held, step_at, those_on
+
+from clothsim import resume, simulate
+from clothsim.base.errors import InputError
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+from clothsim.mesh.world import make_world
+from clothsim.physics.energies.base import Off
+from clothsim.physics.energies.bending import bending
+from clothsim.physics.energies.hinge_kernels import angles
+from clothsim.physics.energies.membrane import membrane
+from clothsim.physics.energies.plastic_bending import plastic_bending
+from clothsim.physics.energies.plastic_hinges import flowed
+from clothsim.physics.energies.rest_angle import rest_angle
+
+
+def sheet(**changes):
+    return make_world([cloth(*grid(4, 2), replace(UNIT, **changes))])
+
+
+def plastic(world, **keys):
+    return plastic_bending(world, built={"bending": bending(world, model="hinge")}, **keys)
+
+
+def folded(world, degrees):
+    """The sheet folded at x = 1/2 towards its back, and the hinges there."""
+    x, angle = world.start(), np.radians(degrees)
+    beyond = np.maximum(x[:, 0] - 0.5, 0)
+    x[:, 0] = np.minimum(x[:, 0], 0.5) + beyond * np.cos(angle)
+    x[:, 2] -= beyond * np.sin(angle)
+    edges = world.start()[world.hinges.vertices[:, :2]][:, :, 0]
+    return x, (np.abs(edges - 0.5) < 1e-9).all(axis=1)
+
+
+# --- the return mapping ---------------------------------------------------------------------------------------------
+
+
+def one(bend, plastic, hardening=0.0):
+    return float(flowed(np.array([[bend]]), np.array([[plastic]]), np.array([0.3]), hardening)[0, 0])
+
+
+@pytest.mark.parametrize("hardening", [0.0, 0.5])
+def test_a_fold_goes_round_its_loop_of_hysteresis(hardening):
+    """Loaded to 1, back, and on to -1: the corners of the parallelogram of a Prager model."""
+    p = one(1.0, 0.0, hardening)
+    assert p == pytest.approx(0.7 / (1 + hardening))
+    assert one(1.0, p, hardening) == pytest.approx(p, rel=1e-15)
+    assert one((1 + hardening) * p - 0.29, p, hardening) == p
+    back = one((1 + hardening) * p - 0.5, p, hardening)
+    assert back == pytest.approx(p - 0.2 / (1 + hardening))
+    assert one(-1.0, back, hardening) == pytest.approx(-0.7 / (1 + hardening))
+
+
+def test_below_the_yield_nothing_flows():
+    assert one(0.3, 0.0) == 0.0
+    assert one(-0.3, 0.0) == 0.0
+
+
+def test_a_hinge_without_an_angle_does_not_flow():
+    assert one(np.inf, 0.2) == 0.2
+
+
+def test_how_fast_does_not_matter():
+    """In ten pieces or at once."""
+    p = 0.0
+    for bend in np.linspace(0.1, 1.0, 10):
+        p = one(bend, p, 0.4)
+    assert p == pytest.approx(one(1.0, 0.0, 0.4), rel=1e-12)
+
+
+# --- sheets ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("hardening", "left"), [(0.0, 80.0), (0.6, 50.0)])
+def test_a_fold_that_is_let_go_keeps_what_the_return_mapping_gives(hardening, left):
+    """Held at 100 degrees with a yield of 20: (100 - 20) / (1 + H)."""
+    world = sheet()
+    x, crease = folded(world, 100.0)
+    energies = those_on(membrane=membrane(world), bending=bending(world, model="hinge"))
+    energies["plastic_bending"] = plastic(world, yield_angle_degrees=20.0, hardening=hardening)
+    panel = np.flatnonzero(world.start()[:, 0] < 0.4)
+    at_rest = equilibrium(world, energies, x, held(world.start(), panel))
+    found = np.degrees(angles(world.hinges.vertices, at_rest))
+    assert np.abs(found[crease] - left).max() < 1e-6
+    assert np.abs(found[~crease]).max() < 1e-6
+
+
+def test_below_the_yield_it_springs_back_to_flat():
+    world = sheet()
+    x, _ = folded(world, 19.0)
+    energies = those_on(membrane=membrane(world), bending=bending(world, model="hinge"))
+    energies["plastic_bending"] = plastic(world, yield_angle_degrees=20.0)
+    panel = np.flatnonzero(world.start()[:, 0] < 0.4)
+    at_rest = equilibrium(world, energies, x, held(world.start(), panel))
+    assert np.abs(angles(world.hinges.vertices, at_rest)).max() < 1e-8
+
+
+def test_it_has_no_state():
+    world = sheet()
+    energy = plastic(world, yield_angle_degrees=20.0)
+    x, crease = folded(world, 50.0)
+    bound = energy.begin(step_at(x))
+    assert np.allclose(np.degrees(bound.carry_over), 30.0 * crease)
+    again = energy.begin(replace(step_at(world.start()), memory={"plastic_bending": bound.carry_over.tolist()}))
+    assert np.allclose(np.degrees(again.carry_over), 20.0 * crease)  # flat again, it is bent 30 back and yields by 10
+
+
+def test_a_crease_at_its_own_angle_is_not_bent():
+    world = sheet()
+    x, crease = folded(world, 50.0)
+    own = {"through": [[0.5, 0.0, 0.0], [0.5, 1.0, 0.0]], "angle_degrees": 45.0}
+    line = rest_angle(world, crease=[own], built={"bending": bending(world, model="hinge")}).begin(step_at(x))
+    energy = plastic(world, yield_angle_degrees=20.0)
+    assert not energy.begin(replace(step_at(x), bound={"rest_angle": line})).carry_over.any()
+    assert np.allclose(np.degrees(energy.begin(step_at(x)).carry_over), 30.0 * crease)
+    bound = energy.begin(replace(step_at(folded(world, 75.0)[0]), bound={"rest_angle": line}))
+    assert np.allclose(np.degrees(bound.carry_over), 10.0 * crease)
+    together = bending(world, model="hinge").value(x) + line.value(x) + bound.value(x)
+    rest = bending(world, model="hinge").rest_angles + np.radians(55.0) * crease
+    assert together == pytest.approx(replace(bending(world, model="hinge"), rest_angles=rest).value(x), rel=1e-12)
+
+
+def test_a_curvature_is_an_angle_of_the_mesh():
+    """Of a cylinder of radius 1/kappa the hinges along it, a cell apart, bend by a cell times kappa."""
+    world = sheet()
+    energy = plastic(world, yield_curvature=2.0)
+    x = world.start()
+    across = np.abs(np.ptp(x[world.hinges.vertices[:, :2]][:, :, 0], axis=1)) < 1e-9
+    assert across.sum() == 6
+    assert np.allclose(energy.yields[across], 2.0 * 0.25)
+
+
+# --- runs -----------------------------------------------------------------------------------------------------------
+
+STIFF = SHEET | {"bending_stiffness": 0.003}
+CREASING = EFFECTS | {"plastic_bending": {"yield_angle_degrees": 2.0, "hardening": 0.1}}
+
+
+def frames(run):
+    assert run.status == "completed", run.reason
+    return np.array([run.positions(k) for k in range(len(run.times))])
+
+
+def test_below_the_yield_a_run_is_the_same_bit_for_bit(tmp_path):
+    high = EFFECTS | {"plastic_bending": {"yield_angle_degrees": 170.0}}
+    with_it, without = (
+        simulate(small_scene(cloth=STIFF, effects=effects), tmp_path / str(k))
+        for k, effects in enumerate((high, EFFECTS))
+    )
+    assert np.array_equal(frames(with_it), frames(without))
+    account = with_it.summary["effects"]["plastic_bending"]
+    assert account["idle_steps"] == account["steps"] > 0
+
+
+class StoppedError(Exception):
+    """Raised by a listener, to stop a run."""
+
+
+def test_a_resumed_run_restores_its_folds_bit_for_bit(tmp_path):
+    scene = small_scene(cloth=STIFF, effects=CREASING)
+    whole = simulate(scene, tmp_path / "whole")
+    assert whole.summary["effects"]["plastic_bending"]["idle_steps"] < whole.summary["steps"]
+
+    def stop(progress):
+        if progress.step == 6:
+            raise StoppedError
+
+    with pytest.raises(StoppedError):
+        simulate(scene, tmp_path / "part", progress=stop)
+    kept = read_checkpoint(tmp_path / "part" / CHECKPOINT_NAME).counters["memory"]["plastic_bending"]
+    assert np.abs(kept).max() > 1e-3
+    assert np.array_equal(frames(resume(tmp_path / "part")), frames(whole))
+
+
+def test_no_yield_is_off():
+    assert plastic(sheet()) == Off("no yield is given")
+    assert plastic_bending(sheet(), yield_angle_degrees=3.0, built={}) == Off("the scene has no bending")
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"yield_angle_degrees": -1.0}, "yield_angle_degrees must be at least 0"),
+        ({"yield_curvature": "much"}, "yield_curvature must be a number"),
+        ({"yield_angle_degrees": 3.0, "hardening": -1.0}, "hardening must be at least 0"),
+        ({"yield_angle_degrees": 3.0, "yield_curvature": 1.0}, "Give one of them"),
+    ],
+)
+def test_bad_keys_are_refused_in_one_sentence(keys, words):
+    with pytest.raises(InputError, match=words):
+        plastic(sheet(), **keys)
+
+
+def test_models_without_changing_rest_angles_are_refused_by_name():
+    world = sheet()
+    with pytest.raises(InputError, match=r"plastic_bending.*QuadraticBending"):
+        plastic_bending(world, yield_angle_degrees=3.0, built={"bending": bending(world, model="quadratic")})

@@ -1,8 +1,0 @@
-"""Real bodies and garments that are not shipped with the package."""
-
-from pathlib import Path
-
-import pytest
-
-DATA = Path(__file__).parents[2] / "shared" / "data"
-needs_data = pytest.mark.skipif(not DATA.is_dir(), reason="the real data (../shared/data) is not here")

@@ -1,0 +1,67 @@
+"""Stopping rule: predicted remaining change, bounds, and the balance against a time error."""
+
+import numpy as np
+import pytest
+
+from clothsim.solve.newton.convergence import FIRST_FORCE, MOST_SPEED, ErrorBalance, remaining_change
+
+
+def balance_of(rms=1e-3, largest=1e-2, fraction=0.1):
+    return ErrorBalance(fraction, 4, lambda x: (rms, largest))
+
+
+def step_of(length):
+    """Four cloth vertices that move by `length` along x, and one of a body that moves by a metre."""
+    dx = np.zeros((5, 3))
+    dx[:4, 0], dx[4, 1] = length, 1.0
+    return dx
+
+
+def reached(balance, length, before, dt=1.0):
+    dx = step_of(length)
+    dx[4] = 0.0
+    return balance.reached(np.zeros_like(dx), dx, (balance.rms(dx), before), dt)
+
+
+def test_a_linear_rate_gives_the_rest_of_its_series():
+    for rate in (0.6, 0.9, 0.99):
+        lengths = rate ** np.arange(5000)
+        assert remaining_change(lengths[3], lengths[2]) == pytest.approx(lengths[4:].sum(), rel=1e-6)
+
+
+@pytest.mark.parametrize(("step", "before"), [(1.0, np.inf), (1.0, 1.0), (2.0, 1.0), (np.inf, np.inf)])
+def test_one_step_alone_and_steps_that_grow_predict_nothing(step, before):
+    assert remaining_change(step, before) == np.inf
+
+
+def test_rms_counts_cloth_vertices_alone():
+    assert balance_of().rms(step_of(3.0)) == pytest.approx(3.0)
+
+
+def test_a_fraction_of_the_time_error_ends_a_solve():
+    assert reached(balance_of(), 0.9e-4, before=1.0)
+    assert not reached(balance_of(), 1.1e-4, before=1.0)
+    assert not reached(balance_of(), 0.9e-4, before=1e-4)  # the rate of .9 leaves nine times the step
+    assert not reached(balance_of(fraction=0.01), 0.9e-4, before=1.0)
+
+
+def test_the_largest_vertex_counts_too():
+    assert not reached(balance_of(rms=1.0, largest=1e-4), 0.9e-4, before=1.0)
+
+
+def test_a_huge_time_error_does_not_end_a_solve_at_any_step():
+    balance, dt = balance_of(rms=1e3, largest=1e3), 0.01
+    most = MOST_SPEED * 0.1 * dt
+    assert reached(balance, 0.99 * most, before=1.0, dt=dt)
+    assert not reached(balance, 1.01 * most, before=1.0, dt=dt)
+
+
+def test_without_a_fraction_only_the_tolerance_ends_a_solve():
+    assert not reached(balance_of(rms=1e3, largest=1e3, fraction=0.0), 1e-12, before=1.0)
+    assert balance_of(fraction=0.0).force_fraction(first=True, without=0.3) == 0.3
+
+
+def test_forces_balance_better_after_a_single_step():
+    balance = balance_of()
+    assert balance.force_fraction(first=False, without=0.3) == pytest.approx(0.1)
+    assert balance.force_fraction(first=True, without=0.3) == pytest.approx(0.1 * FIRST_FORCE)

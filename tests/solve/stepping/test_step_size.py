@@ -1,0 +1,153 @@
+"""Step size control: budget of the remaining error, factors, the floor, frames on their times, retries."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hurdle import Hurdle
+from meshes import cloth, grid, small_world
+from solving import integrator_of
+
+from clothsim.mesh.body import make_body
+from clothsim.mesh.world import make_world
+from clothsim.physics.contact.body_contact import body_contact
+from clothsim.physics.energies.gravity import gravity
+from clothsim.physics.energies.inertia import inertia
+from clothsim.physics.energies.membrane import membrane
+from clothsim.solve.stepping.integrators import LARGEST_RATIO
+from clothsim.solve.stepping.state import first_state
+from clothsim.solve.stepping.step_size import (
+    LARGEST_FACTOR,
+    LARGEST_RETRY,
+    LEAST_FRACTION,
+    MOST_STEPS,
+    SMALLEST_FACTOR,
+    ErrorControl,
+)
+from clothsim.solve.stepping.stepping import advance
+from clothsim.solve.stepping.time_loop import steps
+
+CONTROL = ErrorControl(1e-3, 2.0, 0.04)
+START = first_state(small_world(), 0.01)
+
+
+def test_a_step_may_add_its_fraction_of_the_time_but_at_least_a_fraction_of_the_error():
+    assert not CONTROL.exceeds(START, 0.01, 0.99 * LEAST_FRACTION * 1e-3)
+    assert CONTROL.exceeds(START, 0.01, 1.01 * LEAST_FRACTION * 1e-3)
+    assert not CONTROL.exceeds(START, 1.0, 0.49e-3)
+    spent = replace(START, temporal_error=0.9e-3)
+    assert CONTROL.exceeds(spent, 0.01, 1.01 * LEAST_FRACTION * 1e-4)
+
+
+@pytest.mark.parametrize("order", [1, 2])
+def test_the_next_dt_would_have_added_its_fraction(order):
+    """The error of a step is ~ h^(order+1): with the chosen dt it is SAFETY^.. of what is left for it."""
+    h, rate = 0.01, 1e-3 / 2.0
+    for fraction in (0.7, 1.0, 1.5):
+        chosen = CONTROL.next_dt(START, h, fraction * rate * h, order)
+        added = fraction * rate * h * (chosen / h) ** (order + 1)
+        assert added / (rate * chosen) == pytest.approx(0.9)
+
+
+def test_factors_have_their_bounds():
+    for order, largest in LARGEST_FACTOR.items():
+        assert CONTROL.next_dt(START, 0.01, 1e-12, order) == pytest.approx(0.01 * largest)
+        assert CONTROL.next_dt(START, 0.01, 0.0, order) == pytest.approx(0.01 * largest)
+        assert CONTROL.next_dt(START, 0.01, 1.0, order) == pytest.approx(0.01 * SMALLEST_FACTOR)
+    assert CONTROL.next_dt(START, 0.03, 0.0, 1) == 0.04
+    assert LARGEST_FACTOR[2] < LARGEST_RATIO
+    assert CONTROL.retry(START, 0.01, 1.0) == pytest.approx(0.01 * SMALLEST_FACTOR)
+    assert CONTROL.retry(START, 0.01, 1.01 * LEAST_FRACTION * 1e-3) == pytest.approx(0.01 * LARGEST_RETRY)
+
+
+def test_there_is_a_floor():
+    assert CONTROL.shortest == 2.0 / MOST_STEPS
+    assert CONTROL.retry(START, 1.5 * CONTROL.shortest, 1.0) == CONTROL.shortest
+    assert CONTROL.next_dt(START, CONTROL.shortest, 1.0, 1) == CONTROL.shortest
+
+
+# --- in steps -------------------------------------------------------------------------------------------------------
+
+
+def falling(error, *hurdles, formula="backward_euler", longest=0.1, duration=1.0):
+    world = small_world()
+    energies = {"inertia": inertia(world), "gravity": gravity(world)}
+    energies |= {f"hurdle {k}": h for k, h in enumerate(hurdles)}
+    integrator = integrator_of(world, energies, longest, tolerance=1e-9)
+    return replace(integrator, formula=formula, control=ErrorControl(error, duration, longest))
+
+
+def run(integrator, fps=5):
+    reports = list(steps(integrator, first_state(integrator.world, integrator.dt), 1.0, fps))
+    assert all(report.converged for report in reports), reports[-1].failures
+    return reports
+
+
+@pytest.mark.parametrize("formula", ["backward_euler", "bdf2"])
+def test_frames_land_on_their_times_and_what_was_asked_for_is_not_spent_twice(formula):
+    reports = run(falling(0.05, formula=formula), fps=7)
+    assert [report.state.time for report in reports if report.frame_done] == [min((k + 1) / 7, 1.0) for k in range(7)]
+    assert reports[0].rejected > 0
+    spent = [report.state.temporal_error for report in reports]
+    assert (np.diff(spent) >= 0).all()
+    assert spent[-1] <= 0.05
+    sizes = np.array([report.dt for report in reports])
+    assert (sizes <= 0.1 * (1 + 1e-9)).all()
+    ratios = sizes[1:] / sizes[:-1]
+    assert ratios.max() <= LARGEST_FACTOR[1 if formula == "backward_euler" else 2] * (1 + 1e-9)
+
+
+def test_free_fall_of_backward_euler_needs_the_steps_of_its_closed_form():
+    """Its error is g T h / 2, and the estimate twice that: T / h = g T^2 / error steps."""
+    for error in (0.2, 0.1):
+        count = len(run(falling(error)))
+        assert count == pytest.approx(9.81 / error, rel=0.3)
+
+
+def test_bdf2_falls_in_as_few_steps_as_frames_let_it_once_it_has_begun():
+    """It has no error there but that of its first step."""
+    reports = run(falling(0.01, formula="bdf2", longest=0.2))
+    assert reports[-1].dt > 0.09
+    assert len(reports) < 20
+
+
+def test_a_failed_solve_is_tried_with_half_the_dt_and_grows_back_slowly():
+    integrator = falling(10.0, Hurdle(longest=0.03, until=0.05))
+    report = advance(integrator, first_state(integrator.world, 0.1), until=1.0)
+    assert report.converged
+    assert len(report.failures) == 2
+    assert report.state.dt == pytest.approx(1.05 * 0.025)
+
+
+def test_what_never_converges_ends_here_too():
+    integrator = falling(0.01, Hurdle(longest=0.0))
+    report = advance(integrator, first_state(integrator.world, 0.1), until=1.0)
+    assert not report.converged
+    assert 5 < len(report.failures) < 20
+
+
+def test_contact_is_as_stiff_in_short_steps_as_in_long_ones():
+    """Else a barrier that stiffens as dt shrinks would throw what touches."""
+    positions, triangles = grid(2, 2)
+    sheet = replace(
+        cloth(positions, triangles, velocity=(0, 0, -0.1)), positions=positions + np.array([0.1, 0.2, 0.01])
+    )
+    plate = np.array([[-5.0, -4, 0], [5, -5, 0], [4.5, 5, 0], [-5, 5, 0]]), np.array([[0, 1, 2], [0, 2, 3]])
+    world = make_world([sheet], [make_body("plate", *plate)])
+    energies = {"inertia": inertia(world), "membrane": membrane(world), "gravity": gravity(world)}
+    energies["body_contact"] = body_contact(world, d_hat=0.02)
+    integrator = replace(integrator_of(world, energies, 0.01), control=ErrorControl(1.0, 1.0, 0.01))
+    found = [
+        advance(integrator, first_state(world, dt), until=dt).state.memory["body_contact"] for dt in (1e-2, 1e-3, 1e-5)
+    ]
+    assert found == pytest.approx([found[0]] * 3, rel=1e-9)
+
+
+def test_at_the_floor_steps_are_taken_and_reported():
+    """Asked for a nanometre, backward Euler would fall in ten thousand million steps."""
+    integrator = falling(1e-9)
+    state = first_state(integrator.world, 0.1)
+    report = advance(integrator, state, until=1.0)
+    assert report.converged
+    assert report.at_floor
+    assert report.dt == pytest.approx(1.0 / MOST_STEPS)
