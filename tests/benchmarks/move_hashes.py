@@ -29,7 +29,7 @@ scene = "shirt.toml"
 count = 1
 until = "time"
 [set]
-"cloth.edge" = 0.06
+"cloth.edge" = 0.04
 "run.duration" = 0.04
 [vary]
 "body.chest" = { uniform = [0.95, 1.08] }
@@ -37,8 +37,8 @@ until = "time"
 
 FITS: Mapping[str, Sequence[str]] = {
     "fit_shirt": ("shirt", "--to", "shirt_large"),
-    "fit_skirt": (str(DATA / "garments" / "diffcloth_skirt2011.obj"), "--to", "shirt"),
-    "fit_tshirt": (str(DATA / "garments" / "diffcloth_tshirt1900.obj"), "--to", "shirt"),
+    "fit_female": ("shirt", "--to", str(DATA / "bodies" / "mean_female.obj")),
+    "fit_average": ("shirt", "--to", str(DATA / "bodies" / "mean_all.obj"), "--fabric", "denim"),
 }
 DRESSES: Mapping[str, Sequence[str]] = {
     "dress_tunic": ("tunic", "--on", "shirt", "--size", "5cm"),
@@ -128,7 +128,7 @@ def all_hashes() -> dict[str, Callable[[], list[str]]]:
     found |= {"restored": restored_hashes, "gradient": gradient_hashes, "farm": farm_hashes}
     for table, verb in ((FITS, "fit"), (DRESSES, "dress")):
         for name, words in table.items():
-            if not words[0].startswith("/") or Path(words[0]).exists():
+            if all(Path(word).exists() for word in words if word.startswith("/")):
                 found[name] = partial(run_hashes, (verb, *words))
     return found
 
