@@ -46,9 +46,7 @@ if TYPE_CHECKING:
     from clothsim.run.simulate import simulate
     from clothsim.run.simulation import Simulation
     from clothsim.run.simulation_state import SimulationError, SimulationState
-    from clothsim.scene.cloth_arrays import BodyArrays as Body
-    from clothsim.scene.cloth_arrays import ClothArrays as Cloth
-    from clothsim.scene.cloth_arrays import RigidArrays as Rigid
+    from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
     from clothsim.scene.effects import register_effect
     from clothsim.scene.scene import Scene
     from clothsim.scene.toml_file import load_scene

@@ -26,7 +26,7 @@ def add_to(commands: Any) -> None:
 
 
 def _bundle(arguments: argparse.Namespace) -> int:
-    from clothsim.run.archive import write_bundle
+    from clothsim.engine import write_bundle
 
     directory = arguments.directory
     if not directory.is_dir():

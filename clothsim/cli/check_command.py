@@ -14,10 +14,9 @@ from clothsim.cli.penetration_command import check_penetration
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from clothsim import Run
     from clothsim.base.arrays import Floats, Ints
-    from clothsim.geometry.intersection.crossings import Crossing
-    from clothsim.run.certificate.intersection_check import IntersectionCheck
-    from clothsim.run.results import Run
+    from clothsim.engine import Crossing, IntersectionCheck
 
 _DESCRIPTION = """\
 Examine a mesh file, a scene, all frames of a run, a pattern, or a garment on a body. Exit code 1: something is wrong.
@@ -77,7 +76,7 @@ def _reported(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from clothsim.run.example_scenes import installed_scene, refuse_ending_of_installed
+    from clothsim.engine import installed_scene, refuse_ending_of_installed
 
     target = arguments.target
     refuse_ending_of_installed(target)
@@ -111,8 +110,8 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
-    from clothsim.files.meshes.mesh_file import read_mesh
-    from clothsim.mesh.checks import examine
+    from clothsim.engine import examine
+    from clothsim.files import read_mesh
 
     part: dict[str, Any] = {"group": arguments.group}
     if arguments.scale is not None:
@@ -131,11 +130,8 @@ def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
 
 
 def _check_scene(path: Path, motion: bool = False) -> int:
-    from clothsim.mesh.world_surfaces import world_surfaces
-    from clothsim.run.certificate.intersection_check import intersection_check_of
-    from clothsim.run.cost import expected_cost, refuse_costly
-    from clothsim.scene.assembly.scene_world import build
-    from clothsim.scene.toml_file import load_scene
+    from clothsim import load_scene
+    from clothsim.engine import build, expected_cost, intersection_check_of, refuse_costly, world_surfaces
 
     print(path)
     try:
@@ -174,11 +170,9 @@ def _check_scene(path: Path, motion: bool = False) -> int:
 
 
 def _check_run(directory: Path) -> int:
-    from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
-    from clothsim.files.runs.trajectory import TRAJECTORY_NAME
-    from clothsim.run.certificate.intersection_check import intersection_check_of
-    from clothsim.run.results import open_run
-    from clothsim.scene.scene import scene_from_text
+    from clothsim import open_run
+    from clothsim.engine import intersection_check_of, scene_from_text
+    from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, read_checkpoint
 
     if not (directory / TRAJECTORY_NAME).is_file():
         raise InputError(f"{directory} is a directory without a run (no {TRAJECTORY_NAME}).", _TARGETS)
@@ -206,14 +200,14 @@ def _crossings(check: "IntersectionCheck", run: "Run", frame: int) -> "tuple[Cro
     found = check.crossings(np.concatenate([run.positions(frame), *(points for _, points, _ in run.bodies(frame))]))
     if not found or "carried" not in run.trajectory.fields:
         return found
-    from clothsim.solve.pinch.pinch_record import exempted
+    from clothsim.engine import exempted
 
     return exempted(found, check.surfaces, np.flatnonzero(run.field("carried", frame)))
 
 
 def _between_frames(run: "Run") -> tuple[int, int]:
     """Print what the certificate says of the steps between frames; returns the numbers of errors and warnings."""
-    from clothsim.run.certificate.intersection_history import intersection_warnings
+    from clothsim.engine import intersection_warnings
 
     unseen = {kind: each for kind, each in run.intersections.items() if each["states"] and each["first_frame"] is None}
     for kind, sentence in zip(unseen, intersection_warnings(unseen), strict=True):

@@ -43,7 +43,7 @@ def compilation_notice() -> "Iterator[Callable[[], object]]":
 def kernels_are_compiled() -> bool:
     """True where the kernel that takes longest is in the cache, or where there is no cache."""
     from clothsim.base.kernel_cache import can_store, is_cached
-    from clothsim.physics.energies.membrane_kernels import fill
+    from clothsim.engine import fill
 
     return is_cached(fill) or not can_store()
 

@@ -10,9 +10,7 @@ from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.loss_arguments import meshed, scene_or_run, words
 
 if TYPE_CHECKING:
-    from clothsim.gradients.design import Design, DesignRun
-    from clothsim.gradients.losses import Loss
-    from clothsim.gradients.shaped_scene import ShapedScene
+    from clothsim.gradients import Design, DesignRun, Loss, ShapedScene
 
 DESIGN_NAME = "design.json"
 
@@ -57,13 +55,10 @@ def add_to(commands: Any) -> None:
 
 
 def _design(arguments: argparse.Namespace) -> int:
-    from clothsim import __version__
+    from clothsim import __version__, design, simulate
     from clothsim.base.safe_files.record import to_json
-    from clothsim.gradients.design import design
-    from clothsim.gradients.shaped_scene import shaped_scene
-    from clothsim.run.output_directory import refuse_earlier_run
-    from clothsim.run.simulate import simulate
-    from clothsim.scene.overrides import override
+    from clothsim.engine import override, refuse_earlier_run
+    from clothsim.gradients import shaped_scene
 
     free, runs = words("--free", arguments.free), as_count("--runs", arguments.runs)
     area = None if arguments.area is None else as_positive_number("--area", arguments.area)
@@ -101,8 +96,7 @@ def _aims(arguments: argparse.Namespace, shaped: "ShapedScene") -> "dict[str, Lo
     """The aims by the names of their options. InputError where there is none."""
     import numpy as np
 
-    from clothsim.gradients.design_aims import HemAt, Measured, StretchBelow
-    from clothsim.gradients.losses import Girth, Silhouette
+    from clothsim.gradients import Girth, HemAt, Measured, Silhouette, StretchBelow
 
     aims: dict[str, Loss] = {}
     tolerance = as_positive_number("--tolerance", arguments.tolerance)

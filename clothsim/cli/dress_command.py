@@ -104,7 +104,7 @@ def as_factors(given: list[str]) -> dict[str, float]:
 
 def _body(path: Path | None) -> Path | None:
     """A body file, or the installed scene of that name."""
-    from clothsim.run.example_scenes import installed_scene
+    from clothsim.engine import installed_scene
 
     return path if path is None or path.exists() else installed_scene(path) or path
 
@@ -112,8 +112,8 @@ def _body(path: Path | None) -> Path | None:
 def _dress(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
     from clothsim.cli import progress
+    from clothsim.engine import installed_pattern
     from clothsim.garments.dress.dress import dress
-    from clothsim.run.example_scenes import installed_pattern
 
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     directory = arguments.output or Path(arguments.pattern.stem)
@@ -175,10 +175,10 @@ def _verdict(done: "Dress") -> list[str]:
 def _pictures(done: "Dress", pictures: bool, movie: bool) -> list[str]:
     """Draw pictures and movie; a line for each that could not be drawn."""
     from clothsim.base.errors import ClothsimError
+    from clothsim.engine import GIF_NAME, MOVIE_NAME
     from clothsim.garments.dress.pictures import draw_dress
     from clothsim.garments.dress.sewing_movie import draw_sewing
-    from clothsim.render.movie import has_ffmpeg
-    from clothsim.run.pictures import GIF_NAME, MOVIE_NAME
+    from clothsim.render import has_ffmpeg
 
     film, trouble = done.directory / (MOVIE_NAME if has_ffmpeg() else GIF_NAME), []
     if movie and film.name == GIF_NAME:

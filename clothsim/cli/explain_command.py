@@ -8,8 +8,7 @@ from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_count, as_seconds
 
 if TYPE_CHECKING:
-    from clothsim.run.absent_cost import Absent
-    from clothsim.run.receipt import Receipt
+    from clothsim.engine import Absent, Receipt
 
 _DESCRIPTION = """\
 List every effect of a run, or of a scene's first steps: on or off, the reason, and its cost.
@@ -35,9 +34,8 @@ def add_to(commands: Any) -> None:
 
 
 def _explain(arguments: argparse.Namespace) -> int:
-    from clothsim.run.example_scenes import scene_file
-    from clothsim.run.receipt import explain_run, explain_scene, with_absent
-    from clothsim.scene.toml_file import load_scene
+    from clothsim import load_scene
+    from clothsim.engine import explain_run, explain_scene, scene_file, with_absent
 
     absent = None
     if arguments.target.is_dir():
@@ -53,7 +51,7 @@ def _explain(arguments: argparse.Namespace) -> int:
         scene = load_scene(scene_file(arguments.target))
         receipt = explain_scene(scene, steps)
         if arguments.absent:
-            from clothsim.run.absent_cost import absent_effects
+            from clothsim.engine import absent_effects
 
             absent = absent_effects(scene, steps, budget)
             receipt = with_absent(receipt, absent)
@@ -69,7 +67,7 @@ def _explain(arguments: argparse.Namespace) -> int:
 def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
     """The receipt as text: effects that are on, phases, effects that are off, the cost of adding one."""
     from clothsim.base.text_table import text_table
-    from clothsim.scene.effects import EFFECTS
+    from clothsim.engine import EFFECTS
 
     on = {name: entry for name, entry in receipt.effects.items() if entry["on"]}
     off = {name: entry for name, entry in receipt.effects.items() if not entry["on"]}
@@ -97,7 +95,7 @@ def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
 def _added(absent: "Absent") -> list[str]:
     """Lines with the cost of each effect that the scene does not name."""
     from clothsim.base.text_table import text_table
-    from clothsim.scene.effects import EFFECTS
+    from clothsim.engine import EFFECTS
 
     measured = {name: each for name, each in absent.effects.items() if not each.why}
     others = {name: each for name, each in absent.effects.items() if each.why}

@@ -37,9 +37,9 @@ def add_to(commands: Any) -> None:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from clothsim.files.exchange.formats import format_of
-    from clothsim.run.export import export
-    from clothsim.run.results import open_run
+    from clothsim import open_run
+    from clothsim.engine import export
+    from clothsim.files import format_of
 
     format_of(arguments.output)  # before anything is read
     run = open_run(arguments.directory)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from clothsim.base.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.keys.fabric_table import NamedFabric
+    from clothsim.engine import NamedFabric
 
 _DESCRIPTION = """\
 List the named fabrics, show all values of one, or draw a drape of each.
@@ -49,8 +49,7 @@ def add_to(commands: Any) -> None:
 
 
 def _fabrics(arguments: argparse.Namespace) -> int:
-    from clothsim.keys.fabric_table import TABLE
-    from clothsim.keys.fabrics import fabric_named
+    from clothsim.engine import TABLE, fabric_named
 
     name, file = arguments.name, arguments.swatches
     if name is not None:
@@ -74,7 +73,7 @@ def _document(named: "NamedFabric") -> dict[str, Any]:
 
 
 def _swatches(names: list[str], file: Path) -> int:
-    from clothsim.run.swatches import draw_swatches
+    from clothsim.engine import draw_swatches
 
     if file.suffix.lower() != ".png":
         raise InputError(f"--swatches is {str(file)!r}.", "A picture ends in .png.")

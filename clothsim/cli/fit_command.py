@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from clothsim.cli.arguments import as_positive_number, as_range
-from clothsim.run.certificate_text import length
+from clothsim.engine import length
 
 if TYPE_CHECKING:
     from clothsim.garments.fit.fit import Fit
@@ -56,8 +56,8 @@ def add_to(commands: Any) -> None:
 def _fit(arguments: argparse.Namespace) -> int:
     from clothsim import __version__
     from clothsim.cli import progress
+    from clothsim.engine import installed_scene
     from clothsim.garments.fit.fit import fit
-    from clothsim.run.example_scenes import installed_scene
 
     def named(file: Path | None) -> Path | None:
         """The file, or the installed scene of that name."""

@@ -10,7 +10,7 @@ from clothsim.cli.loss_arguments import LOSSES, loss_of, words
 
 if TYPE_CHECKING:
     from clothsim.base.arrays import Floats
-    from clothsim.gradients.gradient import Gradient
+    from clothsim.gradients import Gradient
 
 _DESCRIPTION = """\
 Run a scene and derive a loss of its last frame by numbers, bodies and states, with what the solves and the time steps
@@ -36,14 +36,10 @@ def add_to(commands: Any) -> None:
 
 
 def _gradient(arguments: argparse.Namespace) -> int:
-    from clothsim import __version__
+    from clothsim import __version__, load_scene
     from clothsim.base.safe_files.record import to_json
-    from clothsim.gradients.recovery_problem import full_path
-    from clothsim.gradients.run import traced
-    from clothsim.run.example_scenes import scene_file
-    from clothsim.scene.assembly.scene_world import build
-    from clothsim.scene.overrides import override
-    from clothsim.scene.toml_file import load_scene
+    from clothsim.engine import build, override, scene_file
+    from clothsim.gradients import full_path, traced
 
     names = words("--wrt", arguments.wrt)
     if arguments.output is not None and arguments.output.suffix != ".npz":

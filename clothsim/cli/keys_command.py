@@ -35,13 +35,13 @@ def _keys(arguments: argparse.Namespace) -> int:
     if arguments.section and (arguments.json_schema or arguments.markdown):
         raise InputError("--json-schema and --markdown are of all sections.", "Leave the section out.")
     if arguments.json_schema:
-        from clothsim.scene.json_schema import json_schema
+        from clothsim.engine import json_schema
 
         print(json.dumps(json_schema(), indent=2))
     elif arguments.json:
         print(json.dumps(document(arguments.section)))
     elif arguments.markdown:
-        from clothsim.scene.reference import markdown
+        from clothsim.engine import markdown
 
         print(markdown(), end="")
     else:
@@ -52,7 +52,7 @@ def _keys(arguments: argparse.Namespace) -> int:
 def overview() -> str:
     """The sections, a line each."""
     from clothsim.base.text_table import text_table
-    from clothsim.scene.reference import sections
+    from clothsim.engine import sections
 
     rows = [(name, str(len(section.keys)), section.summary) for name, section in sections().items()]
     return text_table(("section", "keys", "summary"), rows)
@@ -67,7 +67,7 @@ def keys_of_section(name: str) -> str:
         For a name that is no section, with the nearest known one.
     """
     from clothsim.base.text_table import text_table
-    from clothsim.scene.reference import COLUMNS, row
+    from clothsim.engine import COLUMNS, row
 
     matching, only = _matching(name)
     parts = []
@@ -80,7 +80,7 @@ def keys_of_section(name: str) -> str:
 
 def document(name: str | None) -> dict[str, Any]:
     """The sections that a name matches, or all: summary, and the columns of `clothsim keys` of each key."""
-    from clothsim.scene.reference import COLUMNS, row, sections
+    from clothsim.engine import COLUMNS, row, sections
 
     matching, only = (list(sections().values()), None) if name is None else _matching(name)
     return {
@@ -98,7 +98,7 @@ def document(name: str | None) -> dict[str, Any]:
 
 def _matching(name: str) -> tuple[list[Any], str | None]:
     """The sections of a name, and the name of the only key that is meant. InputError for an unknown one."""
-    from clothsim.scene.reference import sections
+    from clothsim.engine import sections
 
     known = sections()
     words = _words(name)
@@ -117,9 +117,7 @@ def _matching(name: str) -> tuple[list[Any], str | None]:
 
 def _near(name: str) -> str:
     """Remedy for an unknown name: the nearest section or key, or the sections of a key of this name."""
-    from clothsim.keys.keys import nearest
-    from clothsim.keys.section_hints import home_of
-    from clothsim.scene.reference import sections
+    from clothsim.engine import home_of, nearest, sections
 
     known = sections()
     words = {word for section in known for word in _words(section)}

@@ -27,7 +27,7 @@ def add_to(commands: Any) -> None:
 
 
 def _learn(arguments: argparse.Namespace) -> int:
-    from clothsim.scene.assembly.drape_model import write_model
+    from clothsim.engine import write_model
     from clothsim.study.farm.plan import open_farm
     from clothsim.study.learned.learn import learn
 

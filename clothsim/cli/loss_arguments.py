@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 from clothsim.base.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.gradients.losses import Loss
-    from clothsim.mesh.world import World
-    from clothsim.patterns.pattern_mesh import PatternMesh
-    from clothsim.scene.scene import Scene
+    from clothsim import Scene
+    from clothsim.engine import World
+    from clothsim.gradients import Loss
+    from clothsim.patterns import PatternMesh
 
 LOSSES = {
     "height": "mean height of the cloth [m]",
@@ -23,9 +23,7 @@ LOSSES = {
 
 def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
     """Return the loss that a text such as "girth=0.8" names. InputError, with the option's name, for another text."""
-    from clothsim.gradients.hem import hem_of
-    from clothsim.gradients.losses import Girth, Height, Silhouette
-    from clothsim.gradients.targets import target_loss
+    from clothsim.gradients import Girth, Height, Silhouette, hem_of, target_loss
 
     name, _, value = (part.strip() for part in text.partition("="))
     if name == "height" and not value:
@@ -57,20 +55,18 @@ def words(option: str, text: str) -> list[str]:
 def meshed(file: Path, size: str) -> "PatternMesh":
     """Return the mesh of a pattern file with a size such as "2cm", as a dressed garment has it."""
     from clothsim.cli.arguments import as_length
-    from clothsim.patterns.pattern_mesh import mesh_pattern
-    from clothsim.patterns.specification import read_specification
+    from clothsim.patterns import mesh_pattern, read_specification
 
     return mesh_pattern(read_specification(file), as_length("--size", size))
 
 
 def scene_or_run(path: Path) -> "Scene":
     """Return the scene of a file, of an installed name, or of the run in a directory."""
-    from clothsim.run.example_scenes import scene_file
-    from clothsim.scene.scene import scene_from_text
-    from clothsim.scene.toml_file import load_scene
+    from clothsim import load_scene
+    from clothsim.engine import scene_file, scene_from_text
 
     if not path.is_dir():
         return load_scene(scene_file(path))
-    from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.files import CHECKPOINT_NAME, read_checkpoint
 
     return scene_from_text(read_checkpoint(path / CHECKPOINT_NAME).scene_text, path)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim.scene.scene import Scene
+from clothsim import Scene
 
 MOST_TIMES = 600
 """Most times looked at."""
@@ -13,7 +13,7 @@ MOST_TIMES = 600
 
 def report_motion(scene: Scene, energies: Mapping[str, Any]) -> tuple[int, int]:
     """Print what the check finds; returns the numbers of errors and warnings. InputError without a body model."""
-    from clothsim.files.characters.motion_check import MOST_DEGREES, fastest_turn, meetings
+    from clothsim.files import MOST_DEGREES, fastest_turn, meetings
     from clothsim.garments.unpose import character_of_scene
 
     made, name = character_of_scene(scene)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from clothsim.base.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.patterns.pattern import Pattern
+    from clothsim.patterns import Pattern
 
 PATTERNS = (".dxf", ".json")
 SPACING = 0.02
@@ -26,7 +26,7 @@ def check_pattern(arguments: argparse.Namespace) -> int:
         for line in _lines(pattern):
             print(f"  {line}")
         if arguments.output is not None:
-            from clothsim.render.pattern_drawing import draw_pattern
+            from clothsim.render import draw_pattern
 
             print(f"  drawn: {draw_pattern(arguments.output, pattern, arguments.target.name, edge_numbers=True)}")
         _refuse_unmeshed(pattern)
@@ -41,10 +41,10 @@ def check_pattern(arguments: argparse.Namespace) -> int:
 def _read(arguments: argparse.Namespace) -> "Pattern":
     """The pattern; a drawing without its sewing file too."""
     if arguments.target.suffix.lower() == ".dxf":
-        from clothsim.files.patterns.dxf.reader import read_dxf_pattern
+        from clothsim.files import read_dxf_pattern
 
         return read_dxf_pattern(arguments.target, arguments.seams, sewn=False)
-    from clothsim.files.patterns.pattern_file import read_pattern
+    from clothsim.files import read_pattern
 
     return read_pattern(arguments.target, seams=arguments.seams)
 
@@ -67,8 +67,7 @@ def _lines(pattern: "Pattern") -> Iterator[str]:
 
 def _refuse_unmeshed(pattern: "Pattern") -> None:
     """InputError for a panel that crosses itself, and for seams that give the garment one side."""
-    from clothsim.patterns.pattern_mesh import mesh_pattern
-    from clothsim.patterns.sewing import sewn_vertices
+    from clothsim.patterns import mesh_pattern, sewn_vertices
 
     mesh = mesh_pattern(pattern, SPACING)
     sewn_vertices(mesh, mesh.seams)

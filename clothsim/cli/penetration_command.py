@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_positive_number, as_range
-from clothsim.run.certificate_text import length
+from clothsim.engine import length
 
 if TYPE_CHECKING:
     from clothsim.base.arrays import Floats
@@ -66,8 +66,8 @@ def _lines(report: "PenetrationReport") -> list[str]:
     """Penetrations as text, one line for each kind."""
     import numpy as np
 
+    from clothsim.engine import intersection_points
     from clothsim.garments.penetration_report import deepest_vertices
-    from clothsim.geometry.intersection.intersecting_pairs import intersection_points
 
     counts, lines = report.counts, []
     n = len(report.garment.positions)

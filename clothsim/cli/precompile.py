@@ -17,11 +17,11 @@ from threading import Thread
 from typing import TYPE_CHECKING
 
 from clothsim.cli.compilation_notice import kernels_are_compiled
-from clothsim.solve.linear.threads import available_cores
+from clothsim.engine import available_cores
 
 if TYPE_CHECKING:
     from clothsim.base.arrays import Floats
-    from clothsim.physics.contact.pair_list import Pairs
+    from clothsim.engine import Pairs
 
 _GO_ON = b"."
 
@@ -60,14 +60,8 @@ def _wait() -> None:
 
 def compile_remaining_kernels() -> None:
     """Step four cells, evaluate contact, then run them and draw: the run itself has compiled its check by then."""
-    from clothsim.run.certificate.certificate import Certificate
-    from clothsim.run.pictures import draw_frame
-    from clothsim.run.session import prepare
-    from clothsim.run.simulate import simulate
-    from clothsim.scene.assembly.scene_world import build
-    from clothsim.scene.scene import Scene
-    from clothsim.solve.stepping.state import first_state
-    from clothsim.solve.stepping.time_loop import next_step
+    from clothsim import Scene, simulate
+    from clothsim.engine import Certificate, build, draw_frame, first_state, next_step, prepare
 
     scene = Scene(
         cloth={"mesh": "rectangle", "size": (1.0, 1.0), "cells": (2, 2)},
@@ -96,10 +90,7 @@ def evaluate_contact() -> None:
     """The energy of a point close to a triangle and of two edges, nearly parallel, and its derivatives in a matrix."""
     import numpy as np
 
-    from clothsim.physics.contact.barrier import Barrier
-    from clothsim.physics.contact.candidates import Candidates
-    from clothsim.physics.contact.pair_list import Pairs
-    from clothsim.solve.linear.sparsity import make_pattern
+    from clothsim.engine import Barrier, Candidates, Pairs, make_pattern
 
     class Known(Candidates):
         """Two given pairs at every x."""

@@ -30,7 +30,7 @@ def add_to(commands: Any) -> None:
 
 
 def _preview(arguments: argparse.Namespace) -> int:
-    from clothsim.scene.toml_file import load_scene
+    from clothsim import load_scene
     from clothsim.study.farm.plan import open_farm
     from clothsim.viewer.preview import preview
 

@@ -11,10 +11,10 @@ from time import perf_counter
 from typing import TYPE_CHECKING, TypeVar, cast
 
 from clothsim.cli.events import stream
-from clothsim.run.certificate_text import length
+from clothsim.engine import length
 
 if TYPE_CHECKING:
-    from clothsim.run.summary import Progress
+    from clothsim.engine import Progress
 
 SECONDS_BETWEEN_LINES = 5.0
 

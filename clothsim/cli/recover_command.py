@@ -10,8 +10,7 @@ from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.loss_arguments import meshed, scene_or_run, words
 
 if TYPE_CHECKING:
-    from clothsim.gradients.recover import Recovery
-    from clothsim.gradients.recovery_problem import Evaluation
+    from clothsim.gradients import Evaluation, Recovery
 
 RECOVERY_NAME = "recovery.json"
 
@@ -54,13 +53,10 @@ def add_to(commands: Any) -> None:
 
 
 def _recover(arguments: argparse.Namespace) -> int:
-    from clothsim import __version__
+    from clothsim import __version__, recover
     from clothsim.base.safe_files.record import to_json
-    from clothsim.gradients.recover import recover
-    from clothsim.gradients.targets import target_loss
-    from clothsim.run.output_directory import refuse_earlier_run
-    from clothsim.scene.assembly.scene_world import build
-    from clothsim.scene.overrides import override
+    from clothsim.engine import build, override, refuse_earlier_run
+    from clothsim.gradients import target_loss
 
     free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts)
     scale = as_positive_number("--scale", arguments.scale)
@@ -89,7 +85,7 @@ def _recover(arguments: argparse.Namespace) -> int:
 
 
 def _run(found: "Recovery", arguments: argparse.Namespace) -> int:
-    from clothsim.run.simulate import simulate
+    from clothsim import simulate
 
     run = simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
     return 0 if run.status == "completed" else 1

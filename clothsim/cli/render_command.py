@@ -11,7 +11,7 @@ from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_direction, as_limits, as_positive_number, as_printed_size
 
 if TYPE_CHECKING:
-    from clothsim.run.results import Run
+    from clothsim import Run
 
 _DESCRIPTION = """\
 Draw a frame of a run (.png) or all of them (.mp4, .gif).
@@ -54,10 +54,9 @@ def add_to(commands: Any) -> None:
 
 
 def _render(arguments: argparse.Namespace) -> int:
-    from clothsim.render.camera import VIEWS
-    from clothsim.run.field_pictures import field_settings
-    from clothsim.run.pictures import upright
-    from clothsim.run.results import open_run
+    from clothsim import open_run
+    from clothsim.engine import field_settings, upright
+    from clothsim.render import VIEWS
 
     run = open_run(arguments.directory)
     target = arguments.output or run.directory / "picture.png"
@@ -91,7 +90,7 @@ def _drawn(
     run: "Run", target: Path, arguments: argparse.Namespace, settings: dict[str, Any], dots_per_inch: float
 ) -> str:
     """Draw the picture or the movie that the ending asks for; return the line that names the renderer."""
-    from clothsim.run.pictures import draw_frame, draw_movie
+    from clothsim.engine import draw_frame, draw_movie
 
     ending, of_movies = target.suffix.lower(), arguments.frames_per_second is not None or arguments.follow
     if ending == ".png" and of_movies:

@@ -12,9 +12,8 @@ from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_count, as_length, as_positive_number
 
 if TYPE_CHECKING:
-    from clothsim.run.results import Run
-    from clothsim.run.session import Session
-    from clothsim.scene.scene import Scene
+    from clothsim import Run, Scene
+    from clothsim.engine import Session
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C."""
@@ -62,12 +61,9 @@ def add_to(commands: Any) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from clothsim import load_scene, simulate
     from clothsim.cli import precompile, view_beside
-    from clothsim.run.example_scenes import scene_file
-    from clothsim.run.output_directory import refuse_earlier_run
-    from clothsim.run.simulate import simulate
-    from clothsim.scene.overrides import override
-    from clothsim.scene.toml_file import load_scene
+    from clothsim.engine import override, refuse_earlier_run, scene_file
 
     if arguments.scene.suffix == ".zip":
         raise InputError(f"{arguments.scene} is no scene file.", "`clothsim resume` replays an archive.")
@@ -113,8 +109,7 @@ def _teller(arguments: argparse.Namespace) -> "Callable[[str], None]":
 
 def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
     """The scene with the settings of a preset, whose error is estimated; prints them."""
-    from clothsim.scene.assembly.presets import with_preset
-    from clothsim.scene.overrides import set_key
+    from clothsim.engine import set_key, with_preset
 
     scene, settings_text = with_preset(scene, arguments.preset)
     if not arguments.quiet:
@@ -124,11 +119,11 @@ def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
 
 
 def _resume(arguments: argparse.Namespace) -> int:
-    from clothsim.run.resume import resume
+    from clothsim import resume
 
     directory = arguments.directory
     if directory.is_file():
-        from clothsim.run.archive import unpack_bundle
+        from clothsim.engine import unpack_bundle
 
         archive, directory = directory, arguments.output or Path(directory.stem)
         unpack_bundle(archive, directory)
@@ -145,7 +140,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     """Run `job` with its callbacks, draw the pictures, print the result."""
     from clothsim import __version__
     from clothsim.cli import progress, run_report
-    from clothsim.run.iterate_log import iterates_name
+    from clothsim.engine import iterates_name
 
     subject = arguments.scene if arguments.command == "run" else directory
     step = _dumped_step(arguments)
@@ -188,8 +183,7 @@ def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> 
     """
     from clothsim.base.errors import ClothsimError
     from clothsim.cli.render_command import frame_counter
-    from clothsim.render.movie import has_ffmpeg
-    from clothsim.run.pictures import (
+    from clothsim.engine import (
         FAILURE_NAME,
         GIF_NAME,
         MOVIE_NAME,
@@ -199,6 +193,7 @@ def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> 
         draw_movie,
         upright,
     )
+    from clothsim.render import has_ffmpeg
 
     for name in (PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME):
         (run.directory / name).unlink(missing_ok=True)

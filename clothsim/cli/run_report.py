@@ -7,11 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clothsim.cli.progress import clock
-from clothsim.run.certificate_text import certificate_rows, length, many
+from clothsim.engine import certificate_rows, length, many
 
 if TYPE_CHECKING:
-    from clothsim.run.results import Run
-    from clothsim.run.session import Session
+    from clothsim import Run
+    from clothsim.engine import Session
 
 WIDTH = 100
 
@@ -19,7 +19,7 @@ WIDTH = 100
 def existing_files_note(directory: Path) -> str:
     """A note on files that the output directory holds already; empty where there are none."""
     from clothsim.base.safe_files.record import RECORD_NAME
-    from clothsim.files.runs.trajectory import TRAJECTORY_NAME
+    from clothsim.files import TRAJECTORY_NAME
 
     if not directory.is_dir() or not any(directory.iterdir()):
         return ""
@@ -30,7 +30,7 @@ def existing_files_note(directory: Path) -> str:
 
 def resumption_note(directory: Path) -> str:
     """A note on the time and frame of a run that is resumed."""
-    from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.files import CHECKPOINT_NAME, read_checkpoint
 
     saved = read_checkpoint(directory / CHECKPOINT_NAME)
     return f"Continues at {saved.time:g} s, after frame {saved.frame}."
@@ -101,7 +101,7 @@ def verdict(run: "Run", trouble: list[str]) -> str:
 
 def _after_failure(run: "Run") -> list[str]:
     """The remedy, the last good state, and the commands that examine and pack the failure."""
-    from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim.files import CHECKPOINT_NAME, read_checkpoint
 
     failure = run.summary["failure"]
     saved = read_checkpoint(run.directory / CHECKPOINT_NAME)
@@ -116,7 +116,7 @@ def _after_failure(run: "Run") -> list[str]:
 
 def stopped(directory: Path) -> str:
     """The line that follows Ctrl-C."""
-    from clothsim.files.runs.checkpoint import CHECKPOINT_NAME
+    from clothsim.files import CHECKPOINT_NAME
 
     if (directory / CHECKPOINT_NAME).is_file():
         return f"Stopped. Continue with: {program()} resume {shlex.quote(str(directory))}"

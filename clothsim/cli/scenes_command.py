@@ -20,7 +20,7 @@ def add_to(commands: Any) -> None:
 
 
 def _scenes(arguments: argparse.Namespace) -> int:
-    from clothsim.run.example_scenes import example_scenes
+    from clothsim.engine import example_scenes
 
     scenes = example_scenes()
     if arguments.json:

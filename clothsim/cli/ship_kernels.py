@@ -80,13 +80,10 @@ def build_wheel(scenes: Sequence[str], duration: float, folder: Path) -> tuple[i
 
 def compile_kernels(scenes: Sequence[str], duration: float) -> None:
     """Run the start of the scenes and draw them."""
+    from clothsim import load_scene, simulate
     from clothsim.base.errors import ClothsimError
     from clothsim.cli.precompile import compile_remaining_kernels
-    from clothsim.run.example_scenes import scene_file
-    from clothsim.run.pictures import draw_frame
-    from clothsim.run.simulate import simulate
-    from clothsim.scene.overrides import set_key
-    from clothsim.scene.toml_file import load_scene
+    from clothsim.engine import draw_frame, scene_file, set_key
 
     compile_remaining_kernels()
     for name in scenes:
@@ -103,7 +100,7 @@ def compile_kernels(scenes: Sequence[str], duration: float) -> None:
 def main(argv: Sequence[str] | None = None) -> int:
     """Compile the kernels of example scenes into the package."""
     from clothsim.base.errors import ClothsimError
-    from clothsim.run.example_scenes import example_scenes
+    from clothsim.engine import example_scenes
 
     parser = argparse.ArgumentParser(prog="python -m clothsim.cli.ship_kernels", description=__doc__)
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="default: all that are installed")
@@ -129,7 +126,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _shipped(scenes: Sequence[str], duration: float, folder: Path | None) -> str:
     """Compile, and build the wheel where a folder is named; the line that says what was made."""
     from clothsim.base.errors import InputError
-    from clothsim.run.example_scenes import scene_file
+    from clothsim.engine import scene_file
 
     if not 0.0 < duration < math.inf:
         raise InputError(f"--duration is {duration}.", "Give a time above 0 [s], such as 0.3.")

@@ -14,7 +14,7 @@ from clothsim.cli.arguments import as_count, as_seconds
 from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, listener_for
 
 if TYPE_CHECKING:
-    from clothsim.scene.scene import Scene
+    from clothsim import Scene
     from clothsim.study.evaluation import Progress
     from clothsim.study.goal_report import NamedGoal
 
@@ -49,10 +49,8 @@ def add_to(commands: Any) -> None:
 
 
 def _study(arguments: argparse.Namespace) -> int:
-    from clothsim import __version__
-    from clothsim.run.example_scenes import scene_file
-    from clothsim.scene.overrides import override
-    from clothsim.scene.toml_file import load_scene
+    from clothsim import __version__, load_scene
+    from clothsim.engine import override, scene_file
     from clothsim.study.answer import answer, settings_text
     from clothsim.study.headline import UNFINISHED
     from clothsim.study.study import study_accuracy
@@ -97,7 +95,7 @@ def _study(arguments: argparse.Namespace) -> int:
 def _goal(text: str, scene: "Scene") -> "NamedGoal":
     """The goal of --goal; InputError for one that is none, before anything runs."""
     from clothsim.cli.loss_arguments import loss_of
-    from clothsim.scene.assembly.scene_world import build
+    from clothsim.engine import build
     from clothsim.study.goal_report import NamedGoal
 
     loss_of(text, build(scene).world, "--goal")

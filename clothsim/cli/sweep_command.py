@@ -30,10 +30,9 @@ def add_to(commands: Any) -> None:
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
+    from clothsim import load_scene
     from clothsim.cli.farm_command import terminated_like_interrupted
-    from clothsim.run.example_scenes import scene_file
-    from clothsim.scene.overrides import override
-    from clothsim.scene.toml_file import load_scene
+    from clothsim.engine import override, scene_file
     from clothsim.study.farm.plan import plan, refuse_unbuildable
     from clothsim.study.farm.recipe import make_recipe
     from clothsim.study.farm.status import write_manifest

@@ -33,7 +33,7 @@ async def run(scene: str, output: str, settings: list[str], overwrite: bool = Fa
 
 async def certificate(run_directory: str) -> dict[str, Any]:
     """Status, reason, warnings and certificate of a run: intersections, least gap, stretch, residual, energy drift."""
-    from clothsim.run.results import open_run
+    from clothsim import open_run
 
     try:
         found = open_run(Path(run_directory))

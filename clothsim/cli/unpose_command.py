@@ -43,10 +43,10 @@ def add_to(commands: Any) -> None:
 def _unpose(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+    from clothsim import open_run
+    from clothsim.engine import scene_from_text
+    from clothsim.files import CHECKPOINT_NAME, read_checkpoint
     from clothsim.garments.unpose import unposed, write_canonical
-    from clothsim.run.results import open_run
-    from clothsim.scene.scene import scene_from_text
 
     _ends_in(arguments.output, ".npz")
     directory = arguments.directory
@@ -76,10 +76,10 @@ def _unpose(arguments: argparse.Namespace) -> int:
 
 
 def _repose(arguments: argparse.Namespace) -> int:
+    from clothsim import load_scene
     from clothsim.cli.export_command import frame_number
-    from clothsim.files.meshes.obj_writer import write_obj
+    from clothsim.files import write_obj
     from clothsim.garments.unpose import character_of_scene, read_canonical
-    from clothsim.scene.toml_file import load_scene
     from transfer.signed_distance import body_surface
 
     _ends_in(arguments.output, ".obj")

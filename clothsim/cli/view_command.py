@@ -70,8 +70,8 @@ def served(page: "Served", arguments: argparse.Namespace, what: Path) -> int:
 
 def _await_frame(directory: Path) -> None:
     """Return when a run that was begun after now has a frame. InputError after LONGEST_WAIT."""
-    from clothsim.files.runs.trajectory import TRAJECTORY_NAME
-    from clothsim.run.results import open_run
+    from clothsim import open_run
+    from clothsim.files import TRAJECTORY_NAME
 
     begun = time.time()
     for _ in range(int(LONGEST_WAIT / PAUSE)):

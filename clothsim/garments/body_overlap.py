@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import intersecting_pairs, intersection_points
 from clothsim.garments.fit.deflate import deflated, half_thickness, outward_normals
-from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
 from transfer.signed_distance import BodySurface
 
 DEPTHS = (0.006, 0.012)

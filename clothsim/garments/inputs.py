@@ -7,25 +7,29 @@ from typing import Any
 
 import numpy as np
 
+from clothsim import Body, Cloth, load_scene
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
-from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.files.meshes.mesh_part import MeshFile
-from clothsim.files.meshes.mhclo import read_clothes
+from clothsim.engine import (
+    Shape,
+    body_of,
+    build,
+    check_body,
+    check_cloth,
+    cloth_of,
+    cloth_shape,
+    components,
+    duplicates,
+    examine,
+    half_edges,
+    refuse,
+    sewn,
+    wound_alike,
+)
+from clothsim.files import MeshFile, read_clothes, read_mesh
 from clothsim.garments.fit.original_file import original_of, original_of_scene
 from clothsim.garments.fit.pieces import UNDIVIDED, divided
 from clothsim.garments.fit.stage import Garment
-from clothsim.keys.mesh_keys import check_body, check_cloth
-from clothsim.mesh.checks import examine, refuse
-from clothsim.mesh.degenerate import duplicates
-from clothsim.mesh.topology import components, half_edges
-from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape
-from clothsim.scene.assembly.placement import Shape
-from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.assembly.welding import sewn
-from clothsim.scene.assembly.winding import wound_alike
-from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
-from clothsim.scene.toml_file import load_scene
 from transfer.body_frame import BodyFrame, body_frame, legs_score
 from transfer.body_parts import BodyParts, body_parts
 from transfer.errors import TransferError
@@ -112,7 +116,7 @@ def _of_scene(file: Path) -> Figure:
 
 def figure_of(body: Any) -> Figure:
     """The body of a `clothsim.Body` or a mesh object, in metres. InputError for faults that no body may have."""
-    given = body if isinstance(body, BodyArrays) else BodyArrays(body)
+    given = body if isinstance(body, Body) else Body(body)
     made, notes = body_of(check_body("body", given.as_table()), "body", Path())
     return Figure(made.name, made.positions, made.triangles, 1.0, notes)
 
@@ -122,7 +126,7 @@ def garment_of(cloth: Any, weld: float) -> Garment:
 
     weld: borders closer than that are sewn [m], in place of that of the cloth. InputError for a mesh that is no cloth.
     """
-    given = cloth if isinstance(cloth, ClothArrays) else ClothArrays(cloth)
+    given = cloth if isinstance(cloth, Cloth) else Cloth(cloth)
     table = check_cloth("cloth", given.as_table() | ({"weld": weld} if weld else {}))
     made, notes = cloth_of(cloth_shape(table, "cloth", Path()), table, "cloth")
     sewn_already = bool(table.get("weld") or table.get("sewn"))

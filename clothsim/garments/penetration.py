@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs, intersection_points
+from clothsim.engine import intersecting_pairs, intersection_points
 from transfer.signed_distance import BodySurface
 
 

@@ -7,11 +7,17 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.garments.penetration_report import PenetrationReport
-from clothsim.render.camera import Camera
-from clothsim.render.closeup import INK, pixels, ring
-from clothsim.render.legend import add_legend, label
-from clothsim.render.picture import picture_setup, rendered_without_legend
-from clothsim.render.surface_look import Surface
+from clothsim.render import (
+    INK,
+    Camera,
+    Surface,
+    add_legend,
+    label,
+    picture_setup,
+    pixels,
+    rendered_without_legend,
+    ring,
+)
 
 SIZE = (720, 1080)
 SHALLOW = (255, 205, 40)

@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from clothsim import Scene
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.base.safe_files.npz_archive import read_arrays
-from clothsim.scene.assembly.model_body import PlacedCharacter, placed_character
-from clothsim.scene.scene import Scene
+from clothsim.engine import PlacedCharacter, placed_character
 from transfer.canonical import PosedBody, unposed_in_field
 from transfer.diffuse import kernel_average
 from transfer.errors import TransferError
 
 if TYPE_CHECKING:
-    from clothsim.run.results import Run
+    from clothsim import Run
 
 _ARRAYS = (
     "positions", "residuals", "times", "triangles", "starts", "names",

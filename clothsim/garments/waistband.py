@@ -12,8 +12,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import border_edges, components
 from clothsim.garments.inputs import Figure
-from clothsim.mesh.topology import border_edges, components
 from transfer.body_parts import BodyParts
 from transfer.level_sets import girth, level_set, loops
 

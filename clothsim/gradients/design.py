@@ -19,7 +19,7 @@ from clothsim.gradients.losses import Loss
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.recovery_problem import derivatives, intersecting_pairs
 from clothsim.gradients.run import Trace, traced
-from clothsim.gradients.shaped_scene import ShapedScene, shaped_scene
+from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
 from clothsim.gradients.symmetry import mirrored
 from clothsim.patterns.pattern_mesh import PatternMesh
 from clothsim.scene.scene import Scene

@@ -15,8 +15,8 @@ from clothsim.gradients.gradient import Gradient
 from clothsim.gradients.losses import Loss
 from clothsim.gradients.pattern_numbers import SECTION
 from clothsim.gradients.run import Trace, traced
+from clothsim.gradients.scene_of_pattern import ShapedScene, shaped_scene
 from clothsim.gradients.scene_values import value_at, with_value
-from clothsim.gradients.shaped_scene import ShapedScene, shaped_scene
 from clothsim.mesh.world_surfaces import world_surfaces
 from clothsim.patterns.pattern_mesh import PatternMesh
 from clothsim.scene.assembly.meshes import FABRIC

@@ -3,3 +3,22 @@
 `picture.draw` writes one PNG, `movie.movie` an MP4 or GIF. A surface goes through `mesh_look` (normals, colours), is
 seen through a `camera`, drawn by `vtk_scene` or `ray` over the `backdrop`, and gets its `legend`.
 """
+
+from typing import TYPE_CHECKING
+
+from clothsim.base.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from clothsim.render.camera import VIEWS, Camera
+    from clothsim.render.closeup import INK, pixels, ring
+    from clothsim.render.colour_scale import Quantity, Scale
+    from clothsim.render.legend import add_legend, label
+    from clothsim.render.movie import has_ffmpeg
+    from clothsim.render.movie import movie as write_movie
+    from clothsim.render.pattern_drawing import draw_pattern, laid_out, outline
+    from clothsim.render.picture import PictureSetup, draw, picture_setup, rendered, rendered_without_legend, scale_of
+    from clothsim.render.run_frames import frame_surfaces
+    from clothsim.render.strokes import WIDTHS
+    from clothsim.render.surface_look import BODY_GREY, FABRICS, Surface, vertex_normals, vertex_values
+
+__getattr__, __dir__, __all__ = lazy_names(__name__)

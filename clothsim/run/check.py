@@ -12,7 +12,7 @@ from clothsim.mesh.world_surfaces import world_surfaces
 from clothsim.run.certificate.intersection_check import intersection_check_of
 from clothsim.run.cost import expected_cost
 from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
+from clothsim.scene.cloth_arrays import Body, Cloth
 from clothsim.scene.mesh_objects import surface_of
 from clothsim.scene.scene import Scene
 from clothsim.scene.toml_file import load_scene
@@ -65,10 +65,10 @@ def _mesh_of(what: Any) -> tuple[str, Any, Any, Role]:
 
         mesh = read_mesh(what)
         return Path(what).name, mesh.positions, mesh.triangles, "cloth"
-    if isinstance(what, ClothArrays):
+    if isinstance(what, Cloth):
         role: Role = "sewn cloth" if what.sewn or what.weld else "cloth"
         return what.name or "cloth", what.arrays.vertices, what.arrays.triangles, role
-    if isinstance(what, BodyArrays):
+    if isinstance(what, Body):
         return what.name or "body", what.arrays.vertices, what.arrays.triangles, "body"
     if isinstance(what, Sequence) and len(what) == 2:
         vertices, triangles = what

@@ -15,7 +15,7 @@ from clothsim.scene.given_meshes import checked_mesh
 
 
 @dataclass(frozen=True, eq=False)
-class ClothArrays(ClothKeys):
+class Cloth(ClothKeys):
     """A cloth from arrays or a mesh object, with the keys of [cloth].
 
     Parameters
@@ -66,7 +66,7 @@ class ClothArrays(ClothKeys):
 
 
 @dataclass(frozen=True, eq=False)
-class BodyArrays(BodyKeys, FrameRate):
+class Body(BodyKeys, FrameRate):
     """A body from arrays or a mesh object, with the keys of [[body]].
 
     Parameters
@@ -116,7 +116,7 @@ class BodyArrays(BodyKeys, FrameRate):
 
 
 @dataclass(frozen=True, eq=False)
-class RigidArrays(RigidKeys):
+class Rigid(RigidKeys):
     """A rigid body from arrays or a mesh object, with the keys of [[rigid]].
 
     Parameters

@@ -19,7 +19,7 @@ from clothsim.keys.section_hints import effect_remedy, section_remedy
 from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
 from clothsim.keys.typed_effects import TYPED_EFFECTS, EffectKeys, effect_tables
 from clothsim.keys.value_checks import check_table
-from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays, RigidArrays
+from clothsim.scene.cloth_arrays import Body, Cloth, Rigid
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.given_meshes import mesh_arrays
 from clothsim.scene.mesh_objects import is_mesh
@@ -82,8 +82,8 @@ class Scene:
 
     def __init__(
         self,
-        cloth: Table | ClothArrays | Any,
-        body: Table | BodyArrays | Any = (),
+        cloth: Table | Cloth | Any,
+        body: Table | Body | Any = (),
         effects: Mapping[str, Any] | Iterable[EffectKeys] = (),
         solver: Table | Solver | None = None,
         contact: Table | Contact | None = None,
@@ -222,7 +222,7 @@ def _mesh_tables(name: str, value: Any) -> Any:
 
 
 def _mesh_table(where: str, value: Any) -> Any:
-    if isinstance(value, ClothArrays | BodyArrays | RigidArrays):
+    if isinstance(value, Cloth | Body | Rigid):
         if value.section != where.partition("[")[0]:
             given, right = value.section.capitalize(), where.partition("[")[0].capitalize()
             raise InputError(f"{where} is a clothsim.{given}.", f"Give a clothsim.{right}.")

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from clothsim import Scene
 from clothsim.base.arrays import Floats
-from clothsim.scene.scene import Scene
 from clothsim.study.cost_model import predicted_seconds
 from clothsim.study.front import cheapest_within, pareto_front, predicted_errors, targets, worth_trying
 from clothsim.study.joint_refinement import Reference, large_knobs, reference

@@ -22,13 +22,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from clothsim import Scene
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.gradients.exact_system import mean_adjoint
-from clothsim.gradients.losses import Loss
-from clothsim.mesh.world import World
-from clothsim.scene.scene import Scene
-from clothsim.solve.linear.direct_solver import NotPositiveDefiniteError
+from clothsim.engine import NotPositiveDefiniteError, World
+from clothsim.gradients import Loss, mean_adjoint
 from clothsim.study.resample import at_points_of, barycentric
 from clothsim.study.state_at_rest import StateAtRest, powers, state_at_rest
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.errors import InputError
-from clothsim.scene.assembly.scene_world import Built
+from clothsim.engine import Built
 from clothsim.study.evaluation import Gatherer
 from clothsim.study.goal_error import EFFECTIVE, Goal, GoalError, goal_error
 from clothsim.study.points import BASE, Bench, Point, point
@@ -79,9 +79,7 @@ def goal_report(gatherer: Gatherer, goal: NamedGoal) -> dict[str, Any]:
 
 def draw_goal(found: GoalError, name: str, file: Path) -> None:
     """Write a picture of the cloth, each vertex coloured by its part of the error for its area, the mean being 1."""
-    from clothsim.render.colour_scale import Quantity
-    from clothsim.render.picture import draw
-    from clothsim.render.surface_look import Surface
+    from clothsim.render import Quantity, Surface, draw
 
     rows, n = found.triangles.ravel(), len(found.positions)
     around = np.bincount(rows, np.repeat(found.areas, 3), n)

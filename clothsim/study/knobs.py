@@ -8,12 +8,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from clothsim import Scene
 from clothsim.base.errors import InputError
-from clothsim.scene.assembly.explicit_lengths import steps_per_frame
-from clothsim.scene.assembly.refinement import cells_of, with_cells
-from clothsim.scene.effects import CONTACTS
-from clothsim.scene.overrides import set_key
-from clothsim.scene.scene import Scene
+from clothsim.engine import CONTACTS, cells_of, set_key, steps_per_frame, with_cells
 
 
 @dataclass(frozen=True)
@@ -142,7 +139,7 @@ def any_knob(name: str) -> Knob:
 
 def usable(base: Scene, names: list[str] | None) -> tuple[dict[str, Knob], dict[str, str]]:
     """Knobs of a scene, and the reason for each missing one. InputError for an unknown name."""
-    from clothsim.keys.keys import refuse_unknown
+    from clothsim.engine import refuse_unknown
 
     refuse_unknown("--knobs", names or [], KNOBS)
     available, missing = {}, {}

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from clothsim.base.errors import InputError
-from clothsim.scene.assembly.presets import PRESETS
+from clothsim.engine import PRESETS
 from clothsim.study.analysis import JOINT, next_points
 from clothsim.study.evaluation import Gatherer
 from clothsim.study.knobs import INTEGRATOR

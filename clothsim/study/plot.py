@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.scene.assembly.presets import PRESETS
+from clothsim.engine import PRESETS
 from clothsim.study.analysis import RESOLVED, Findings
 from clothsim.study.headline import MM
 from clothsim.study.points import BASE, Point, written

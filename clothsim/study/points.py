@@ -5,11 +5,9 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
+from clothsim import Bending, Scene
 from clothsim.base.arrays import Floats
-from clothsim.keys.typed_effects import Bending
-from clothsim.scene.assembly.presets import PRESETS, with_preset
-from clothsim.scene.overrides import set_key
-from clothsim.scene.scene import Scene
+from clothsim.engine import PRESETS, set_key, with_preset
 from clothsim.study.knobs import IN_TIME, INTEGRATOR, Knob, any_knob, newton_knob
 
 

@@ -8,10 +8,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from clothsim import Scene, simulate
 from clothsim.base.errors import InputError
-from clothsim.run.simulate import simulate
-from clothsim.scene.overrides import set_key
-from clothsim.scene.scene import Scene
+from clothsim.engine import set_key
 from clothsim.study.error_control.resolution import Resolution, resolvable
 from clothsim.study.evaluation import FOLDER
 

@@ -5,20 +5,27 @@ from typing import Any, cast
 
 import numpy as np
 
+from clothsim import Scene
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.mesh.world import World
-from clothsim.physics.energies.elementwise import Elementwise
-from clothsim.physics.energies.protocols import AdaptiveStiffness, DividedForce, History, Lagged
-from clothsim.run.session import prepare
-from clothsim.scene.assembly.scene_world import Built, build
-from clothsim.scene.scene import Scene
-from clothsim.solve.linear.linear_system import System
-from clothsim.solve.newton.potential import Potential
-from clothsim.solve.stepping.integrators import BACKWARD_EULER, formula_of
-from clothsim.solve.stepping.prescribed import prescribed
-from clothsim.solve.stepping.state import first_state
-from clothsim.solve.stepping.stepping import step_of
+from clothsim.engine import (
+    BACKWARD_EULER,
+    AdaptiveStiffness,
+    Built,
+    DividedForce,
+    Elementwise,
+    History,
+    Lagged,
+    Potential,
+    System,
+    World,
+    build,
+    first_state,
+    formula_of,
+    prepare,
+    prescribed,
+    step_of,
+)
 from clothsim.study.resample import Material, material_of
 
 

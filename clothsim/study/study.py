@@ -11,13 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from clothsim import Scene
 from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError
-from clothsim.mesh.world import World
-from clothsim.scene.assembly.explicit_lengths import fixed
-from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.scene import Scene
-from clothsim.solve.linear.threads import available_cores
+from clothsim.engine import World, available_cores, build, fixed
 from clothsim.study.analysis import findings
 from clothsim.study.evaluation import FOLDER, Gatherer, Progress, stored_points, write_points
 from clothsim.study.headline import UNFINISHED, headline, needed_seconds

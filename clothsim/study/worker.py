@@ -56,9 +56,9 @@ def answer(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def _run(job: dict[str, Any]) -> dict[str, Any]:
+    from clothsim import simulate
     from clothsim.base.safe_files.record import to_json
-    from clothsim.run.simulate import simulate
-    from clothsim.scene.scene import scene_from_text
+    from clothsim.engine import scene_from_text
 
     with TemporaryDirectory(prefix="clothsim-study-") as folder:
         scene = scene_from_text(job["scene"])
@@ -117,10 +117,8 @@ def _jittered(scene: Any, seed: int, folder: Path) -> dict[str, Any]:
     """The [seed] of `scene` with each vertex of its start moved by up to JITTER of the size, at random."""
     import numpy as np
 
-    from clothsim.files.meshes.obj_writer import write_obj
-    from clothsim.scene.assembly.initial_positions import initial_positions
-    from clothsim.scene.assembly.meshes import cloth_shape
-    from clothsim.scene.assembly.placement import placed
+    from clothsim.engine import cloth_shape, initial_positions, placed
+    from clothsim.files import write_obj
 
     shapes = [cloth_shape(keys, f"cloth[{k}]", scene.directory) for k, keys in enumerate(scene.cloths)]
     given = initial_positions(scene, [len(shape.positions) for shape in shapes])

@@ -8,15 +8,11 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.render.colour_scale import Quantity, Scale
-from clothsim.render.picture import scale_of
-from clothsim.render.run_frames import frame_surfaces
-from clothsim.render.surface_look import FABRICS, Surface, vertex_values
-from clothsim.run.field_pictures import field_settings
-from clothsim.run.fields import FIELDS
+from clothsim.engine import FIELDS, field_settings
+from clothsim.render import FABRICS, Quantity, Scale, Surface, frame_surfaces, scale_of, vertex_values
 
 if TYPE_CHECKING:
-    from clothsim.run.results import Run
+    from clothsim import Run
 
 PLAIN, STRETCH = "plain", "stretch"
 STROKES = "principal_directions"

@@ -5,7 +5,7 @@ import io
 import numpy as np
 import trimesh
 
-from clothsim.render.surface_look import vertex_normals
+from clothsim.render import vertex_normals
 from clothsim.viewer.coloured_frames import ColouredMesh
 
 

@@ -4,7 +4,7 @@ from html import escape
 
 import numpy as np
 
-from clothsim.render.colour_scale import Scale
+from clothsim.render import Scale
 
 STOPS = 17
 """Colours of the bar, equally spaced."""

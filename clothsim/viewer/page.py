@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from clothsim import Run, open_run
 from clothsim.base.arrays import Floats
-from clothsim.run.results import Run, open_run
 from clothsim.viewer.coloured_frames import Colouring, colouring, positions_of
 from clothsim.viewer.glb_frames import as_glb
 from clothsim.viewer.legend_bar import legend_html

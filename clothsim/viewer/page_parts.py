@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.render.surface_look import BODY_GREY
-from clothsim.run.pictures import upright
+from clothsim.engine import upright
+from clothsim.render import BODY_GREY
 from clothsim.viewer.legend_bar import legend_html
 from clothsim.viewer.page import Page
 from clothsim.viewer.side_texts import certificate_text, state_text

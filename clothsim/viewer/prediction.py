@@ -11,15 +11,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from clothsim import Scene
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
-from clothsim.geometry.intersection.crossings import Crossing, crossings
-from clothsim.scene.assembly.drape_model import DrapeModel, predicted, read_model
-from clothsim.scene.assembly.meshes import body_of, mesh_shape
-from clothsim.scene.assembly.placement import placed
-from clothsim.scene.assembly.scene_world import world_of
-from clothsim.scene.overrides import override
-from clothsim.scene.scene import Scene
+from clothsim.engine import (
+    Crossing,
+    DrapeModel,
+    body_of,
+    crossings,
+    mesh_shape,
+    override,
+    placed,
+    predicted,
+    read_model,
+    world_of,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,8 +88,7 @@ class Predictor:
         """The joint that moves each vertex of the first body most; () where it is no mannequin."""
         if self.scene.bodies[0].get("mesh") != "mannequin":
             return ()
-        from clothsim.mesh.generators.mannequin.skeleton import JOINTS
-        from clothsim.mesh.generators.mannequin.template import template
+        from clothsim.engine import JOINTS, template
 
         return tuple(JOINTS[j].replace("_", " ") for j in template().weights.argmax(axis=1))
 

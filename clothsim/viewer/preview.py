@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from clothsim import Scene
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
-from clothsim.scene.scene import Scene
 from clothsim.viewer.page_parts import add_background, add_body, look_at
 from clothsim.viewer.prediction import Prediction, Predictor, predictor
 from clothsim.viewer.served import Served
@@ -71,7 +71,7 @@ class Preview(Served):
 
         The end and its certificate are shown unless another prediction is by then.
         """
-        from clothsim.run.simulate import simulate
+        from clothsim import simulate
 
         button = self.controls["drape"]
         button.disabled = True

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.run.certificate_text import certificate_rows
+from clothsim.engine import certificate_rows
 
 if TYPE_CHECKING:
-    from clothsim.run.results import Run
+    from clothsim import Run
 
 
 def table(rows: Sequence[tuple[str, str]]) -> str:

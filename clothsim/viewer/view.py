@@ -5,9 +5,9 @@ import threading
 from pathlib import Path
 from typing import Any
 
+from clothsim import Run, open_run
 from clothsim.base.errors import InputError
-from clothsim.files.runs.trajectory import TRAJECTORY_NAME
-from clothsim.run.results import Run, open_run
+from clothsim.files import TRAJECTORY_NAME
 from clothsim.viewer.coloured_frames import PLAIN, STRETCH, colouring, colouring_names
 from clothsim.viewer.page import Page
 from clothsim.viewer.page_parts import add_controls, add_scene

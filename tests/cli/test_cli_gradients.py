@@ -12,7 +12,7 @@ from clothsim import load_scene
 from clothsim.cli import main
 from clothsim.files.meshes.obj_writer import write_obj
 from clothsim.gradients.run import traced
-from clothsim.gradients.shaped_scene import shaped_scene
+from clothsim.gradients.scene_of_pattern import shaped_scene
 
 SCENE = """
 [cloth]

@@ -8,7 +8,7 @@ from clothsim import InputError, Scene, recover
 from clothsim.files.meshes.obj_writer import write_obj
 from clothsim.gradients.losses import Custom, Distance, Height, Scan
 from clothsim.gradients.run import traced
-from clothsim.gradients.shaped_scene import shaped_scene
+from clothsim.gradients.scene_of_pattern import shaped_scene
 from clothsim.gradients.targets import target_loss
 from clothsim.scene.assembly.scene_world import build
 

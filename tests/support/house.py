@@ -105,7 +105,7 @@ def _outer_functions(tree: ast.AST) -> list[ast.AST]:
 
 
 def _imports_of(module: str) -> list[Import]:
-    found = []
+    found: list[Import] = []
     files = module_files()
 
     def visit(node: ast.AST, within: bool, types: bool) -> None:

@@ -7,8 +7,8 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
+from clothsim.engine import nearest
 from clothsim.garments.inputs import Figure
-from clothsim.keys.keys import nearest
 from transfer.body_parts import BodyParts
 from transfer.errors import TransferError
 from transfer.part_warp import arm_axis

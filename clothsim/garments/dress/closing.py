@@ -13,20 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from clothsim import Body, Run, Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import IntersectionWarning
+from clothsim.engine import ContactGap, Listener, build
 from clothsim.garments.dress.closing_rounds import Round, Strings, further_turns, turns
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.dress.sewn_cloth import Fabrics, sewn_cloth
 from clothsim.garments.dress.welding import welded_where_closed
 from clothsim.garments.inputs import Figure
-from clothsim.physics.energies.protocols import ContactGap
-from clothsim.run.recorded_run import Listener
-from clothsim.run.results import Run
-from clothsim.run.simulate import simulate
-from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.cloth_arrays import BodyArrays
-from clothsim.scene.scene import Scene
 from transfer.signed_distance import BodySurface
 
 HOLD = 0.3
@@ -140,7 +135,7 @@ def _scene(state: SewingState, body: Figure, fabrics: Fabrics, turn: Round) -> S
         effects["pins"] = {"select": turn.held.tolist()}
     return Scene(
         cloth=sewn_cloth(state, fabrics),
-        body=BodyArrays(body.positions, body.triangles, name="body"),
+        body=Body(body.positions, body.triangles, name="body"),
         effects=effects,
         solver=SETTINGS["solver"],
         run={"duration": turn.duration + HOLD, "frames_per_second": 10},

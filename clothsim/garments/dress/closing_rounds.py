@@ -8,8 +8,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.dress.sleeves import is_of_arm
 from clothsim.garments.dress.strings import runs_through
-from clothsim.patterns.pattern import Panel
-from clothsim.patterns.pattern_mesh import Seam
+from clothsim.patterns import Panel, Seam
 from transfer.signed_distance import BodySurface
 
 SPEED = 0.5

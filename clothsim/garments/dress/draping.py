@@ -11,16 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from clothsim import Body, Run, Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import IntersectionWarning
+from clothsim.engine import Announcement, Listener
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.dress.sewn_cloth import Fabrics, sewn_cloth
 from clothsim.garments.inputs import Figure
-from clothsim.run.recorded_run import Announcement, Listener
-from clothsim.run.results import Run
-from clothsim.run.simulate import simulate
-from clothsim.scene.cloth_arrays import BodyArrays
-from clothsim.scene.scene import Scene
 
 LONGEST = 3.0
 """Bound on the time of a drape [s]."""
@@ -104,7 +101,7 @@ def _run(
     }
     scene = Scene(
         cloth=sewn_cloth(state, fabrics),
-        body=BodyArrays(body.positions, body.triangles, name="body"),
+        body=Body(body.positions, body.triangles, name="body"),
         effects=effects | ({"seams": {"seam": seam}} if seam else {}),
         solver=SETTINGS["solver"],
         run=SETTINGS["run"],

@@ -9,8 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from clothsim import Run
 from clothsim.base.errors import InputError
-from clothsim.files.patterns.pattern_file import read_pattern
+from clothsim.engine import Announcement, Listener, make_directory, refuse_earlier_run
+from clothsim.files import read_pattern
 from clothsim.garments.dress.approaching import approached
 from clothsim.garments.dress.closing import close, mean_edge, worst_gap
 from clothsim.garments.dress.draping import drape
@@ -31,12 +33,7 @@ from clothsim.garments.dress.welding import welded_where_closed
 from clothsim.garments.dress.written_files import write_results
 from clothsim.garments.fit.stage import Stage, StageCallback, staged
 from clothsim.garments.inputs import Figure, figure_of, read_figure
-from clothsim.patterns.pattern import Pattern
-from clothsim.patterns.pattern_mesh import mesh_pattern
-from clothsim.patterns.sewing import TOUCHING, sewn_vertices
-from clothsim.run.output_directory import make_directory, refuse_earlier_run
-from clothsim.run.recorded_run import Announcement, Listener
-from clothsim.run.results import Run
+from clothsim.patterns import TOUCHING, Pattern, mesh_pattern, sewn_vertices
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 

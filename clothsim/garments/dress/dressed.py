@@ -4,16 +4,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from clothsim import Run
 from clothsim.base.arrays import Floats
+from clothsim.engine import Fabric
 from clothsim.garments.dress.closing import stretch_range
 from clothsim.garments.dress.grading import Grading
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.fit.stage import Stage
 from clothsim.garments.inputs import Figure
 from clothsim.garments.penetration import Counts
-from clothsim.keys.fabric import Fabric
-from clothsim.patterns.pattern import Pattern
-from clothsim.run.results import Run
+from clothsim.patterns import Pattern
 
 
 @dataclass(frozen=True)

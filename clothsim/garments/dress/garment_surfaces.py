@@ -6,11 +6,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import Fabric
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import Figure
-from clothsim.keys.fabric import Fabric
-from clothsim.render.strokes import WIDTHS
-from clothsim.render.surface_look import Surface, vertex_normals
+from clothsim.render import WIDTHS, Surface, vertex_normals
 
 LINE = 0.003
 """Width of the line of a seam [m]."""

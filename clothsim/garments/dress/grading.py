@@ -17,8 +17,7 @@ from clothsim.garments.dress.legs import is_of_leg
 from clothsim.garments.dress.placing import chosen_origin, height_of_origin
 from clothsim.garments.dress.sleeves import is_of_arm
 from clothsim.garments.inputs import Figure
-from clothsim.patterns.graded import PlaneMap, factors_of_seams, mapped_panel, with_seams_alike
-from clothsim.patterns.pattern import Panel, Pattern, Side
+from clothsim.patterns import Panel, Pattern, PlaneMap, Side, factors_of_seams, mapped_panel, with_seams_alike
 
 LEVEL = 0.3
 """Part of the direction of the trunk or the limb in the plane of a panel below which it lies across it: no direction

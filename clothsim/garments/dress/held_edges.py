@@ -11,11 +11,10 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.engine import border_edges, deformation_gradients
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import Figure
 from clothsim.garments.waistband import TIGHT, Band, bands, girth_at, nearness
-from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
-from clothsim.mesh.topology import border_edges
 from transfer.body_parts import BodyParts
 from transfer.errors import TransferError
 

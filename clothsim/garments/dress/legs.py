@@ -13,8 +13,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.garments.dress.facing import front_of
 from clothsim.garments.dress.sleeves import middle_of
 from clothsim.garments.inputs import Figure
-from clothsim.patterns.pattern import Panel
-from clothsim.patterns.pattern_mesh import PatternMesh
+from clothsim.patterns import Panel, PatternMesh
 from transfer.signed_distance import BodySurface
 
 LEG_WORDS = ("leg", "pant", "trouser")

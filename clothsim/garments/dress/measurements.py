@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import Fabric, border_edges, components
 from clothsim.garments.dress.level_lines import across, axis_of, ends_of, girth_along_cloth, level_line
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.dress.sleeves import is_of_arm
 from clothsim.garments.inputs import Figure
-from clothsim.keys.fabric import Fabric
-from clothsim.mesh.topology import border_edges, components
-from clothsim.patterns.pattern import Pattern
+from clothsim.patterns import Pattern
 
 LEVELS = {"chest": np.array([0.72]), "waist": np.arange(0.58, 0.685, 0.01), "hip": np.arange(0.46, 0.555, 0.01)}
 """Levels as fractions of an adult's height: the waist has the least girth of its levels, the hip the largest (ISO
@@ -167,7 +166,7 @@ def marker(pattern: Pattern) -> tuple[float, float]:
 
     Bounding boxes in rows, the longest panels first: an upper bound of what a marker needs.
     """
-    from clothsim.render.pattern_drawing import outline
+    from clothsim.render import outline
 
     sizes = sorted(
         (np.ptp(outline(panel), axis=0) + SELVEDGE for panel in pattern.panels.values()), key=lambda s: -s[1]

@@ -9,7 +9,7 @@ from clothsim.base.arrays import Floats
 from clothsim.garments.dress.facing import front_of
 from clothsim.garments.dress.garment_surfaces import body_surface_look, garment_surface
 from clothsim.garments.inputs import Figure
-from clothsim.render.surface_look import Surface
+from clothsim.render import Surface
 
 if TYPE_CHECKING:
     from clothsim.garments.dress.dressed import Dress
@@ -39,7 +39,7 @@ def _pair(file: Path, title: str, garment: Surface, body: Figure) -> Path:
     """Write a picture from the front and from the back side by side."""
     from PIL import Image
 
-    from clothsim.render.picture import picture_setup, rendered
+    from clothsim.render import picture_setup, rendered
 
     surfaces = [garment, body_surface_look(body)]
     panels = []

@@ -8,7 +8,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
 from clothsim.garments.dress.facing import front_of, turn_to_front, usual_front
 from clothsim.garments.inputs import Figure
-from clothsim.patterns.pattern_mesh import PatternMesh
+from clothsim.patterns import PatternMesh
 
 ORIGINS = ("auto", "floor", "waist")
 ORIGIN_HEIGHT = 0.677

@@ -5,10 +5,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats
+from clothsim.engine import intersecting_pairs
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import Figure
 from clothsim.garments.penetration import penetrations
-from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from transfer.signed_distance import BodySurface
 
 STEP = 0.005

@@ -4,13 +4,13 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from clothsim import Run
+from clothsim.engine import Fabric
 from clothsim.garments.dress.dress import touching_seams
 from clothsim.garments.dress.garment_surfaces import body_surface_look, garment_surface
 from clothsim.garments.dress.pictures import view_of
 from clothsim.garments.dress.sewing_state import SewingState
-from clothsim.keys.fabric import Fabric
-from clothsim.render.surface_look import Surface
-from clothsim.run.results import Run
+from clothsim.render import Surface
 
 if TYPE_CHECKING:
     from clothsim.garments.dress.dressed import Dress
@@ -27,7 +27,7 @@ def draw_sewing(done: "Dress", target: Path, progress: Callable[[int, int], None
 
     InputError for another ending; MissingPackageError for an .mp4 without the extra `movies`.
     """
-    from clothsim.render.movie import movie
+    from clothsim.render import write_movie as movie
 
     return movie(
         target,

@@ -6,12 +6,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import deformation_gradients, mean_of_parts, principal_stretches
 from clothsim.garments.fit.stage import Garment
-from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
-from clothsim.geometry.kinematics.stretch import principal_stretches
-from clothsim.mesh.weld import mean_of_parts
-from clothsim.patterns.pattern_mesh import PatternMesh, Seam
-from clothsim.patterns.sewing import joined_vertices
+from clothsim.patterns import PatternMesh, Seam, joined_vertices
 
 
 @dataclass(frozen=True)

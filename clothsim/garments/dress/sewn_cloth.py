@@ -5,11 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from clothsim import Cloth
+from clothsim.engine import Fabric, fabric_named, fabrics_of
 from clothsim.garments.dress.sewing_state import SewingState
-from clothsim.keys.fabric import Fabric
-from clothsim.keys.fabrics import fabric_named, fabrics_of
-from clothsim.patterns.pattern import Pattern
-from clothsim.scene.cloth_arrays import ClothArrays
+from clothsim.patterns import Pattern
 
 
 @dataclass(frozen=True)
@@ -26,9 +25,9 @@ class Fabrics:
         return {panel: own.get(panel, main) for panel in pattern.panels}
 
 
-def sewn_cloth(state: SewingState, fabrics: Fabrics) -> ClothArrays:
+def sewn_cloth(state: SewingState, fabrics: Fabrics) -> Cloth:
     """The garment at its positions as a cloth of a scene; its panels are named groups of triangles."""
-    return ClothArrays(
+    return Cloth(
         state.positions,
         state.triangles,
         rest=state.mesh.material_coordinates,

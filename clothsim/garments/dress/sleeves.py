@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 from clothsim.base.arrays import Floats
 from clothsim.garments.dress.facing import front_of
 from clothsim.garments.inputs import Figure
-from clothsim.patterns.pattern import Panel
-from clothsim.patterns.pattern_mesh import PatternMesh
+from clothsim.patterns import Panel, PatternMesh
 
 ARM_WORDS = ("sleeve", "cuff", "arm")
 """Words in the label or the name of a panel of the arm."""

@@ -10,9 +10,8 @@ from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.base.safe_files.record import SUMMARY_NAME, read_summary, write_summary
 from clothsim.garments.dress.measurements import measurement_entries
 from clothsim.garments.dress.sewing_state import SewingState
-from clothsim.patterns.sewing import largest_gap
-from clothsim.patterns.specification import write_specification
-from clothsim.render.pattern_drawing import draw_pattern
+from clothsim.patterns import largest_gap, write_specification
+from clothsim.render import draw_pattern
 
 if TYPE_CHECKING:
     from clothsim.garments.dress.dressed import Dress
@@ -79,7 +78,7 @@ def sewn_obj(state: SewingState) -> str:
 
 def _texture(state: SewingState) -> Floats:
     """Texture coordinates of each vertex of the panels, (n, 2) [m]: as laid out, y along the warp."""
-    from clothsim.render.pattern_drawing import laid_out, outline
+    from clothsim.render import laid_out, outline
 
     shifts, _ = laid_out({name: outline(panel) for name, panel in state.mesh.pattern.panels.items()})
     coordinates = state.mesh.panel_coordinates.copy()

@@ -9,11 +9,11 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.garments.fit.stage import Garment
 from clothsim.garments.inputs import Figure
-from clothsim.render.surface_look import Surface
+from clothsim.render import Surface
 
 if TYPE_CHECKING:
     from clothsim.garments.fit.fit import Fit
-    from clothsim.render.picture import PictureSetup
+    from clothsim.render import PictureSetup
 
 SIZE = (640, 960)
 FRONT = (0.35, 0.15, 1.0)
@@ -27,7 +27,7 @@ def draw_fit(done: "Fit", file: Path) -> str:
     """
     from PIL import Image
 
-    from clothsim.render.picture import picture_setup, rendered
+    from clothsim.render import picture_setup, rendered
 
     panels = _panels(done)
     title, _, target, _ = panels[-1]

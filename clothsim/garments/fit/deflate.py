@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.mesh.topology import vertex_rings
+from clothsim.engine import vertex_rings
 from transfer.signed_distance import SKIN, BodySurface
 
 LARGEST_FRACTION = 0.9

@@ -6,10 +6,8 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.arrays import Floats
+from clothsim.engine import deformation_gradients, principal_stretches, triangle_planes
 from clothsim.garments.fit.stage import Garment
-from clothsim.geometry.kinematics.deformation_gradient import deformation_gradients
-from clothsim.geometry.kinematics.stretch import principal_stretches
-from clothsim.mesh.cloth import triangle_planes
 
 PERCENTILES = (1.0, 99.0)
 

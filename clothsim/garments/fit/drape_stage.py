@@ -2,15 +2,15 @@
 
 from typing import NamedTuple
 
+from clothsim import Run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.engine import Announcement
 from clothsim.garments.body_overlap import carried_rows
 from clothsim.garments.fit.moving_body import draped, named_stage
 from clothsim.garments.fit.pipeline import Seeded, Task
 from clothsim.garments.fit.stage import Stage, staged
 from clothsim.garments.penetration import NO_ROWS
-from clothsim.run.recorded_run import Announcement
-from clothsim.run.results import Run
 
 FALLING = 0.5
 """Largest speed at the end of a drape [m/s] for a garment that rests on the body."""

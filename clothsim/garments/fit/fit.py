@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from clothsim import Body, Cloth, Run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
-from clothsim.files.meshes.obj_writer import obj_text
-from clothsim.files.runs.checkpoint import CHECKPOINT_NAME
-from clothsim.files.runs.trajectory import TRAJECTORY_NAME
+from clothsim.engine import FITTED, Announcement, Listener, fabric_named, refuse_earlier_run, refuse_uncallable
+from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, obj_text
 from clothsim.garments.fit.distortion import Cost, cost_of
 from clothsim.garments.fit.drape_stage import Ended, drape_stage
 from clothsim.garments.fit.markers import NO_MARKERS, read_markers
@@ -28,13 +28,6 @@ from clothsim.garments.fit.standing import refuse_lying
 from clothsim.garments.inputs import Figure, figure_of, garment_of, read_figure, read_garment, worn_in_scene
 from clothsim.garments.penetration import NO_ROWS, Counts
 from clothsim.garments.worn_look import Look, look_of
-from clothsim.keys.fabrics import fabric_named
-from clothsim.run.callbacks import refuse_uncallable
-from clothsim.run.output_directory import refuse_earlier_run
-from clothsim.run.recorded_run import Announcement, Listener
-from clothsim.run.results import Run
-from clothsim.run.resume import FITTED
-from clothsim.scene.cloth_arrays import BodyArrays, ClothArrays
 
 LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY, *CLOSING)
 """Files of a fit in its directory."""
@@ -122,9 +115,9 @@ class Fit:
 
 
 def fit(
-    garment: str | Path | ClothArrays | Any,
-    to: str | Path | BodyArrays | Any,
-    made_for: str | Path | BodyArrays | Any = None,
+    garment: str | Path | Cloth | Any,
+    to: str | Path | Body | Any,
+    made_for: str | Path | Body | Any = None,
     output: str | Path | None = None,
     *,
     scale: float | None = None,
@@ -202,7 +195,7 @@ def fit(
     started = perf_counter()
     directory = Path(tempfile.mkdtemp(prefix="clothsim-fit-") if output is None else output)
     refuse_earlier_run(directory, overwrite)
-    named = fabric or (garment.fabric if isinstance(garment, ClothArrays) else "cotton")
+    named = fabric or (garment.fabric if isinstance(garment, Cloth) else "cotton")
     fabric_named("fabric", named)
     base = to if made_for is None else made_for
     of_scene = isinstance(garment, str | Path) and Path(garment).suffix.lower() == ".toml"

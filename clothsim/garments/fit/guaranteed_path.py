@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import intersecting_pairs
 from clothsim.garments.fit.deflate import deflated, half_thickness, outward_normals
 from clothsim.garments.fit.unfold_creases import unfolding
-from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 

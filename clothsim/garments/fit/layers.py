@@ -3,7 +3,7 @@
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.mesh.topology import components
+from clothsim.engine import components
 
 OVERLAP = 0.02
 """Distance within which vertices of two pieces overlap [m]."""

@@ -8,15 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from clothsim import Run, Scene, simulate
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import IntersectionWarning
-from clothsim.files.meshes.obj_writer import write_obj
+from clothsim.engine import FABRICS, Announcement, Listener
+from clothsim.files import write_obj
 from clothsim.garments.fit.stage import Garment
-from clothsim.keys.fabrics import FABRICS
-from clothsim.run.recorded_run import Announcement, Listener
-from clothsim.run.results import Run
-from clothsim.run.simulate import simulate
-from clothsim.scene.scene import Scene
 
 REST, START, BODY = "garment_rest.obj", "garment_start.obj", "body.obj"
 FRAMES = "body[0-9][0-9][0-9].obj"

@@ -9,10 +9,8 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.files.meshes.mesh_part import MeshFile
-from clothsim.files.meshes.obj_moved import moved_obj
-from clothsim.scene.assembly.placement import PART, Shape
+from clothsim.engine import PART, Shape
+from clothsim.files import MeshFile, moved_obj, read_mesh
 
 HEADER = "# fitted by clothsim: positions in metres; else as in {name}{changes}\n"
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import components
 from clothsim.garments.fit.follow import Followers, completed, followers_of
-from clothsim.mesh.topology import components
 
 SMALL = 0.2
 """Area of a small piece over that of the largest one."""

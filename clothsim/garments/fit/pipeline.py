@@ -17,6 +17,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.engine import Listener, facing_away, untangle
 from clothsim.garments.body_overlap import NO_OVERLAP, Overlap, overlaps_at
 from clothsim.garments.fit.guaranteed_path import Clearing, clearings
 from clothsim.garments.fit.layers import layers_of
@@ -29,9 +30,6 @@ from clothsim.garments.fit.transfer_seed import Transferred, transferred
 from clothsim.garments.fit.worn_place import worn_positions
 from clothsim.garments.inputs import Figure
 from clothsim.garments.penetration import counted
-from clothsim.geometry.untangling.untangle import untangle
-from clothsim.mesh.winding import facing_away
-from clothsim.run.recorded_run import Listener
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 

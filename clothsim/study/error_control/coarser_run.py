@@ -7,11 +7,9 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
+from clothsim import Run, Scene, open_run
 from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
-from clothsim.run.results import Run, open_run
-from clothsim.run.session import Session
-from clothsim.scene.assembly.explicit_lengths import steps_per_frame
-from clothsim.scene.scene import Scene
+from clothsim.engine import Session, steps_per_frame
 from clothsim.study.error_control.knob_errors import root_sum
 from clothsim.study.error_control.requested import Message, Runs
 from clothsim.study.error_control.resolution import (

@@ -5,11 +5,9 @@ from pathlib import Path
 from time import process_time
 from typing import Any
 
+from clothsim import Run, Scene, open_run
 from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
-from clothsim.run.results import Run, open_run
-from clothsim.run.session import Session
-from clothsim.scene.assembly.explicit_lengths import d_hats
-from clothsim.scene.scene import Scene
+from clothsim.engine import Session, d_hats
 from clothsim.study.error_control.resolution import D_HAT, Resolution
 from clothsim.study.error_control.search import Found, Message, Search, searched
 from clothsim.study.error_control.trial import Trial, material

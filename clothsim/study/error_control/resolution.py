@@ -4,13 +4,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
+from clothsim import Scene
 from clothsim.base.errors import InputError
-from clothsim.scene.assembly.explicit_lengths import d_hats, fixed
-from clothsim.scene.assembly.refinement import cells_of, with_cells
-from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.overrides import set_key
-from clothsim.scene.scene import Scene
-from clothsim.solve.stepping.integrators import BDF2
+from clothsim.engine import BDF2, build, cells_of, d_hats, fixed, set_key, with_cells
 
 COARSEST_STEP = 0.01
 """Longest step of the first pilot run [s]. With 20 ms a strip under compression buckled to the other side."""

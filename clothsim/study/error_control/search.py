@@ -11,9 +11,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from clothsim import Run, Scene
 from clothsim.base.errors import InputError
-from clothsim.run.results import Run
-from clothsim.scene.scene import Scene
 from clothsim.study.error_control.choice import chosen, work
 from clothsim.study.error_control.knob_errors import KnobErrors, from_joint, from_path, root_sum
 from clothsim.study.error_control.resolution import CELLS, D_HAT, TIME, Resolution, Resolvable, resolvable

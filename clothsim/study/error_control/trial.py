@@ -6,13 +6,9 @@ from time import process_time
 
 import numpy as np
 
+from clothsim import Scene
 from clothsim.base.arrays import Floats
-from clothsim.mesh.world import World
-from clothsim.run.session import prepare
-from clothsim.scene.assembly.scene_world import build
-from clothsim.scene.scene import Scene
-from clothsim.solve.stepping.state import first_state
-from clothsim.solve.stepping.time_loop import steps
+from clothsim.engine import World, build, first_state, prepare, steps
 from clothsim.study.error_control.resolution import Resolution
 from clothsim.study.resample import Material, at_points_of, material_of, point_areas
 

@@ -16,7 +16,7 @@ from clothsim.study.farm.publication import CLOTH
 from clothsim.study.farm.status import manifest
 
 if TYPE_CHECKING:
-    from clothsim.render.surface_look import Surface
+    from clothsim.render import Surface
 
 TILE, CAPTION, COLUMNS = (300, 340), 44, 4
 """Size of a picture and height of its caption [pixels]; pictures side by side."""
@@ -118,14 +118,14 @@ def _caption(row: Mapping[str, Any]) -> str:
 
 
 def _draw(farm: Farm, row: Mapping[str, Any], path: Path) -> None:
-    from clothsim.render.picture import draw
+    from clothsim.render import draw
 
     draw(path, surfaces(farm, row), size=TILE, colour="plain")
 
 
 def surfaces(farm: Farm, row: Mapping[str, Any]) -> "list[Surface]":
     """Cloths of a drape in its last frame, and bodies at the start."""
-    from clothsim.render.surface_look import Surface
+    from clothsim.render import Surface
 
     positions = np.asarray(np.load(farm.directory / "drapes" / row["id"] / CLOTH), np.float64)
     last = positions if positions.ndim == 2 else positions[-1]

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from clothsim import Scene
 from clothsim.base.errors import ClothsimError, IntersectionWarning
-from clothsim.mesh.world import World
-from clothsim.scene.scene import Scene
+from clothsim.engine import World
 from clothsim.study.farm.identity import array_hash, processor
 from clothsim.study.farm.publication import store_mesh
 
@@ -83,8 +83,8 @@ def failed(reason: str, cause: str) -> dict[str, Any]:
 def _simulated(
     scene: Scene, folder: Path, farm: Path | None, frames: str
 ) -> tuple[dict[str, Any], NDArray[np.float32], dict[str, Any]]:
-    from clothsim.run.session import Session
-    from clothsim.run.simulate import simulate
+    from clothsim import simulate
+    from clothsim.engine import Session
 
     sessions: list[Session] = []
     with warnings.catch_warnings():

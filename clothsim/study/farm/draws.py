@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from clothsim.base.errors import InputError
-from clothsim.keys.keys import refuse_unknown, shown
+from clothsim.engine import refuse_unknown, shown
 
 KINDS = ("uniform", "log_uniform", "normal", "choice", "grid")
 

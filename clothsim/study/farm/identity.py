@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim.scene.content import by_content
-from clothsim.scene.scene import Scene
+from clothsim import Scene
+from clothsim.engine import by_content
 
 LETTERS = 16
 

@@ -7,9 +7,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from clothsim import Scene
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.atomic import write_atomically
-from clothsim.scene.scene import Scene, scene_from_text
+from clothsim.engine import scene_from_text
 from clothsim.study.farm.identity import content_id
 from clothsim.study.farm.recipe import Recipe, changed
 
@@ -132,7 +133,7 @@ def refuse_unbuildable(recipe: Recipe) -> None:
     InputError
         None of the first TRIED can be built: with the sentence of the first one.
     """
-    from clothsim.scene.assembly.scene_world import build
+    from clothsim.engine import build
 
     refusals: list[InputError] = []
     for index in range(min(TRIED, recipe.count)):

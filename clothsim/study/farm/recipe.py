@@ -8,12 +8,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from clothsim import Scene, load_scene
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.regular_file import read_regular_file
-from clothsim.keys.keys import refuse_unknown, shown, table
-from clothsim.scene.overrides import override
-from clothsim.scene.scene import Scene
-from clothsim.scene.toml_file import load_scene
+from clothsim.engine import override, refuse_unknown, shown, table
 from clothsim.study.farm.draws import Choice, Draw, draw_of, stream_of
 
 FARM_KEYS = ("scene", "count", "seed", "version", "until", "frames", "licence")
@@ -85,7 +83,7 @@ def load_recipe(path: str | Path) -> Recipe:
     InputError
         For a file that is no recipe, with the key.
     """
-    from clothsim.run.example_scenes import scene_file
+    from clothsim.engine import scene_file
 
     file = Path(path)
     try:

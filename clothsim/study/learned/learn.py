@@ -11,7 +11,7 @@ from scipy.sparse import diags_array
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
-from clothsim.scene.assembly.drape_model import DrapeModel, family
+from clothsim.engine import DrapeModel, family
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.publication import CLOTH
 from clothsim.study.farm.status import manifest
