@@ -128,7 +128,7 @@ def test_a_fault_of_the_program_is_two_lines_too(capsys, monkeypatch, tmp_path):
     def fails(*arguments, **keywords):
         raise ZeroDivisionError("a fault")
 
-    monkeypatch.setattr("clothsim.run.simulate.simulate", fails)
+    monkeypatch.setattr("clothsim.simulate", fails)
     assert main(["run", "sheet.toml"]) == 1
     assert capsys.readouterr().err.splitlines()[-2:] == [
         "ZeroDivisionError: a fault",

@@ -78,10 +78,9 @@ def test_inputs_that_are_no_numbers_are_refused(file, inputs):
 
 def test_a_certificate_is_not_shown_beside_another_garment(tmp_path, monkeypatch):
     pytest.importorskip("viser")
-    from clothsim.run import simulate as module
+    from clothsim import simulate
     from clothsim.viewer.preview import CLEAR, preview
 
-    simulate = module.simulate
 
     def moved_meanwhile(*arguments):
         run = simulate(*arguments)
@@ -90,7 +89,7 @@ def test_a_certificate_is_not_shown_beside_another_garment(tmp_path, monkeypatch
 
     page = preview(sheet(), write_model(tmp_path / "model.npz", model_of(sheet(), 0.0)), port=18_782)
     try:
-        monkeypatch.setattr(module, "simulate", moved_meanwhile)
+        monkeypatch.setattr("clothsim.simulate", moved_meanwhile)
         assert "completed" in page.drape()
         assert page.controls["verdict"].content.startswith("Prediction: ")
         assert tuple(page.nodes["cloths"][0].color) == CLEAR
