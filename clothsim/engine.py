@@ -29,7 +29,10 @@ if TYPE_CHECKING:
     from clothsim.physics.contact.barrier import Barrier
     from clothsim.physics.contact.candidates import Candidates
     from clothsim.physics.contact.pair_list import Pairs
+    from clothsim.physics.energies.base import Energy, Off
+    from clothsim.physics.energies.constraint import Constraint, Prescribed
     from clothsim.physics.energies.elementwise import Elementwise
+    from clothsim.physics.energies.hessians import ElementHessian
     from clothsim.physics.energies.membrane_kernels import fill
     from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap, DividedForce, History, Lagged
     from clothsim.run.absent_cost import Absent, absent_effects
@@ -92,10 +95,11 @@ if TYPE_CHECKING:
     from clothsim.solve.linear.threads import available_cores
     from clothsim.solve.newton.potential import Potential
     from clothsim.solve.pinch.pinch_record import exempted
+    from clothsim.solve.problem import Problem, step
     from clothsim.solve.stepping.integrators import BACKWARD_EULER, BDF2, formula_of
     from clothsim.solve.stepping.prescribed import prescribed
-    from clothsim.solve.stepping.state import first_state
-    from clothsim.solve.stepping.stepping import step_of
+    from clothsim.solve.stepping.state import State, first_state
+    from clothsim.solve.stepping.stepping import StepReport, step_of
     from clothsim.solve.stepping.time_loop import next_step, steps
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -9,12 +9,11 @@ from clothsim.base.errors import InputError
 from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import Solver
 from clothsim.mesh.motion import RigidMotion
-from clothsim.mesh.world import World
 from clothsim.physics.energies.hessians import ByElement
 from clothsim.run.step_lengths import LARGEST_TURN, refuse_leaps, turns
 from clothsim.scene.assembly.scene_world import Built
 from clothsim.scene.scene import Scene
-from clothsim.solve.linear.dependent_rows import Dependence, DependentRows
+from clothsim.solve.linear.dependent_rows import DependentRows
 from clothsim.solve.linear.linear_solvers import slowness
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.pardiso_library import load_library
@@ -23,6 +22,7 @@ from clothsim.solve.linear.threads import available_cores
 from clothsim.solve.newton.convergence import LEAST_SPEED
 from clothsim.solve.newton.newton import NewtonSettings
 from clothsim.solve.newton.potential import Potential
+from clothsim.solve.problem import rigid_rows
 from clothsim.solve.stepping.integrators import BACKWARD_EULER
 from clothsim.solve.stepping.step_size import ErrorControl
 from clothsim.solve.stepping.stepping import Integrator
@@ -56,7 +56,7 @@ def prepare(scene: Scene, built: Built) -> Session:
     reproducible = _make_reproducible() if settings.repeatable else ""
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
-    system = _system(_pattern(built), settings, _dependent_rows(built.world))
+    system = _system(_pattern(built), settings, rigid_rows(built.world))
     newton, finer = _newton_settings(scene)
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
@@ -79,7 +79,7 @@ def rebuilt(session: Session, scene: Scene, built: Built) -> Session:
     if not _same_couplings(session.built, built):
         pattern = _pattern(built)
         if not pattern.same_as(system.base):
-            system = _system(pattern, settings, _dependent_rows(built.world))
+            system = _system(pattern, settings, rigid_rows(built.world))
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, before.settings)
     return Session(scene, built, integrator, session.notes)
 
@@ -94,13 +94,6 @@ def _pattern(built: Built) -> Pattern:
     start = built.world.start()
     hessians = [energy.hessian(start) for energy in built.energies.values()]
     return make_pattern(built.world.n_unknowns, built.world.triangles, hessians)
-
-
-def _dependent_rows(world: World) -> DependentRows:
-    """The vertices of rigid bodies, which follow their coordinates."""
-    parts = zip(world.rigid_slices, world.coordinate_slices, world.rigid, strict=True)
-    follow = tuple(Dependence(rows, unknowns, body.weights) for rows, unknowns, body in parts)
-    return DependentRows(follow, world.n_vertices)
 
 
 def _same_couplings(before: Built, built: Built) -> bool:
