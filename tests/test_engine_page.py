@@ -33,7 +33,8 @@ def test_the_names_of_the_page_are_at_the_doors():
 
 
 def test_a_problem_has_the_bits_of_a_simulation():
-    scene = small_scene(effects=EFFECTS, solver={"dt": 0.02, "threads": 1}, run={"duration": 0.2, "frames_per_second": 25})
+    run = {"duration": 0.2, "frames_per_second": 25}
+    scene = small_scene(effects=EFFECTS, solver={"dt": 0.02, "threads": 1}, run=run)
     simulation = Simulation(scene)
     built = build(scene)
     own = prepare(scene, built).integrator

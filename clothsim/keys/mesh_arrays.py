@@ -1,6 +1,7 @@
 """A mesh in memory as the value of a scene's key `mesh`: checked, locked, and written into the text of a scene."""
 
 import base64
+import hashlib
 import io
 import zipfile
 from collections.abc import Mapping
@@ -105,6 +106,22 @@ class MeshArrays:
             raise InputError(
                 f"{where}.{TEXT} is no mesh ({error}).", "It is what a run writes of a mesh in memory; name a file."
             ) from error
+
+    @cached_property
+    def _content(self) -> bytes:
+        """Digest of all arrays."""
+        found = hashlib.blake2b(digest_size=16)
+        given = {"vertices": self.vertices, "triangles": self.triangles, "rest": self.rest, "frames": self.frames}
+        for name, array in sorted([*given.items(), *((f"group {name}", rows) for name, rows in self.groups.items())]):
+            if array is not None:
+                found.update(f"{name} {array.dtype.str} {array.shape} ".encode() + array.tobytes())
+        return found.digest()
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, MeshArrays) and self._content == other._content
+
+    def __hash__(self) -> int:
+        return hash(self._content)
 
     def __repr__(self) -> str:
         return f"MeshArrays({len(self.vertices)} vertices, {len(self.triangles)} triangles)"

@@ -12,7 +12,7 @@ def by_content(value: Any, folder: Path, key: str = "") -> Any:
     """Tables whose names of files are replaced by hashes of their content."""
     if isinstance(value, dict):
         return {name: by_content(inner, folder, name) for name, inner in value.items()}
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return [by_content(inner, folder, key) for inner in value]
     if isinstance(value, str) and key in FILES and "." in value and (folder / value).is_file():
         file = folder / value

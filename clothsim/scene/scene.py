@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.errors import InputError
+from clothsim.keys.frozen import frozen
 from clothsim.keys.key_table import KeyTable, as_tables
 from clothsim.keys.keys import refuse_deep, refuse_unknown, shown, table
 from clothsim.keys.mesh_arrays import TEXT, MeshArrays
@@ -106,6 +107,8 @@ class Scene:
         for name, value in given.items():
             object.__setattr__(self, name, value)
         self._check()
+        for name in SECTIONS:
+            object.__setattr__(self, name, frozen(given[name]))
 
     def _check(self) -> None:
         """Check every section; parse the settings once."""

@@ -96,7 +96,7 @@ def goal_lines(goal: dict[str, Any]) -> list[str]:
     if goal["failed"]:
         return [f"Goal {goal['name']}: not by triangles: {goal['failed']}."]
     cells = goal["cells"]
-    mesh = "x".join(map(str, cells)) if isinstance(cells, list) else str(cells)
+    mesh = "x".join(map(str, cells)) if isinstance(cells, list | tuple) else str(cells)
     area = f"{100 * goal['area_of_half']:.2g} % of the cloth ({PICTURE_NAME})"
     lines = [
         f"Goal {goal['name']}: {goal['value']:.6g}, {goal['difference']:+.3g} with {mesh} cells.",

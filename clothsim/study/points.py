@@ -131,7 +131,7 @@ def written(name: str, value: Any) -> str:
     """A value of a knob for people: "dt 1/60 s", "cells 40x40", "tolerance 0.001 m/s"."""
     if name in ("dt",) and abs(1 / value - round(1 / value)) < 1e-6 / value and value < 1:
         return f"dt 1/{round(1 / value)} s"
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return f"{name} {'x'.join(str(count) for count in value)}"
     if name == "d_hat":
         return f"d_hat {1e3 * value:.3g} mm"

@@ -10,6 +10,7 @@ import pytest
 import clothsim
 from clothsim import InputError, Scene
 from clothsim.keys.effect_tables import Crease, Gust, Motion, PinGroup, Seam, SeamLine, Spring, Vortex
+from clothsim.keys.frozen import frozen
 from clothsim.keys.schema import keys_of
 from clothsim.keys.typed_effects import TYPED_EFFECTS
 from clothsim.physics.energies import rest_angle, seams, springs, wind
@@ -59,13 +60,14 @@ def test_a_list_of_effects_is_their_tables():
         clothsim.Air(wind=clothsim.Gust(velocity=[3, 0, 0])),
         clothsim.Seams(seam=[clothsim.Seam(from_=clothsim.SeamLine(side="left"), to=clothsim.SeamLine(side="right"))]),
     ]
-    assert Scene(cloth=CLOTH, effects=effects).effects == {
+    expected = {
         "gravity": {},
         "bending": {"model": "hinge"},
         "pins": {"group": [{"select": [0, 1], "motion": {"velocity": [0, 0, 1]}}]},
         "air": {"wind": {"kind": "gust", "velocity": [3, 0, 0]}},
         "seams": {"seam": [{"from": {"side": "left"}, "to": {"side": "right"}}]},
     }
+    assert Scene(cloth=CLOTH, effects=effects).effects == frozen(expected)
 
 
 def test_they_may_stand_in_a_dictionary_too():

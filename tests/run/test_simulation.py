@@ -148,7 +148,7 @@ def test_a_change_at_the_start_has_the_bits_of_a_scene_that_reports_it(scene, ch
 
 def test_what_is_changed_can_be_read():
     simulation = Simulation(flying())
-    assert simulation.wind == [1.0, 0.0, 0.0]
+    assert simulation.wind == (1.0, 0.0, 0.0)
     assert simulation.gravity == (0.0, 0.0, -9.81)
     simulation.wind = {"kind": "gust", "velocity": [2, 0, 0]}
     assert simulation.wind["kind"] == "gust"
@@ -193,7 +193,7 @@ def test_a_branch_goes_its_own_way():
     branch.wind = (0.0, 5.0, 0.0)
     branch.release_pins()
     other, straight = end(branch), Simulation(flying(HELD))
-    assert simulation.wind == [1.0, 0.0, 0.0]
+    assert simulation.wind == (1.0, 0.0, 0.0)
     assert np.array_equal(end(simulation), end(straight, 6))
     assert not np.array_equal(other, simulation.state.positions["cloth"])
 

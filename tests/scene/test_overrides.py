@@ -1,6 +1,7 @@
 import pytest
 
 from clothsim.base.errors import InputError
+from clothsim.keys.frozen import frozen
 from clothsim.scene.overrides import override
 from clothsim.scene.scene import Scene
 
@@ -26,7 +27,7 @@ SCENE = Scene(
     ],
 )
 def test_one_key_changes(assignment, section, expected):
-    assert getattr(override(SCENE, assignment), section) == expected
+    assert getattr(override(SCENE, assignment), section) == frozen(expected)
 
 
 def test_a_file_is_found_from_the_current_folder(tmp_path, monkeypatch):
@@ -54,7 +55,7 @@ def test_a_missing_file_is_named(tmp_path, monkeypatch, assignment):
 def test_a_new_mesh_replaces_the_keys_of_the_old_generator():
     sheet = Scene(cloth={"mesh": "rectangle", "size": [1, 2], "cells": [4, 4], "density": 0.2})
     assert override(sheet, "cloth.mesh=disk").cloth == {"mesh": "disk", "density": 0.2}
-    assert override(sheet, "cloth.mesh=tube").cloth == {"mesh": "tube", "cells": [4, 4], "density": 0.2}
+    assert override(sheet, "cloth.mesh=tube").cloth == {"mesh": "tube", "cells": (4, 4), "density": 0.2}
 
 
 @pytest.mark.parametrize(

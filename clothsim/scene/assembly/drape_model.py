@@ -134,7 +134,7 @@ def _at(sections: Mapping[str, Any], key: str) -> Any:
 
 def _first(table: Any) -> Any:
     """A table, or the first of an array of tables, as keys of recipes mean it."""
-    if isinstance(table, list):
+    if isinstance(table, list | tuple):
         table = table[0] if table else {}
     return table if isinstance(table, dict) else {}
 

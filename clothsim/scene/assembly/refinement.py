@@ -78,11 +78,11 @@ def cells_of(keys: Mapping[str, Any]) -> list[int] | int:
 
 def _scaled(keys: Mapping[str, Any], factor: Fraction, nearest: bool) -> dict[str, Any]:
     cells = cells_of(keys)
-    counts = [count * factor for count in (cells if isinstance(cells, list) else [cells])]
+    counts = [count * factor for count in (cells if isinstance(cells, list | tuple) else [cells])]
     if not nearest and any(count.denominator != 1 or count < 1 for count in counts):
         raise InputError(f"cells {cells} times {factor} are no whole numbers.", "Choose cells that are powers of two.")
     whole = [max(1, round(count)) for count in counts]
-    return {**keys, "cells": whole if isinstance(cells, list) else whole[0]}
+    return {**keys, "cells": whole if isinstance(cells, list | tuple) else whole[0]}
 
 
 def _refuse_numbered_lines(effects: Mapping[str, Any]) -> None:

@@ -138,4 +138,4 @@ def has_cells_for(scene: Scene, factor: int, fewest: int = FEWEST_CELLS) -> bool
 def _counts(scene: Scene) -> list[int]:
     """Cells along each side of each cloth."""
     counts = [cells_of(keys) for keys in scene.cloths]
-    return [count for each in counts for count in (each if isinstance(each, list) else [each])]
+    return [count for each in counts for count in (each if isinstance(each, list | tuple) else [each])]

@@ -8,7 +8,6 @@ import time
 
 import numpy as np
 import pytest
-from benchmarks.farm_chaos import sheet_recipe
 from small_scenes import small_scene
 
 from clothsim import InputError
@@ -24,6 +23,7 @@ from clothsim.study.farm.recipe import changed, load_recipe, make_recipe
 from clothsim.study.farm.status import status
 from clothsim.study.farm.verify import verify
 from clothsim.study.farm.work import make, work
+from tests.benchmarks.farm_chaos import sheet_recipe
 
 QUICK = Worker(beat=0.05, stale_after=0.5)
 

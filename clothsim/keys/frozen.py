@@ -1,0 +1,53 @@
+"""Read-only tables: what a scene is given, as values that cannot be changed and that hash by content."""
+
+from collections.abc import Mapping
+from typing import Any, NoReturn
+
+import numpy as np
+
+
+class FrozenTable(dict[str, Any]):
+    """A table that refuses changes; it hashes by content, and compares and prints as a dict does.
+
+    Examples
+    --------
+    >>> table = frozen({"acceleration": [0.0, 0.0, -9.81]})
+    >>> table["acceleration"]
+    (0.0, 0.0, -9.81)
+    >>> hash(table) == hash(frozen({"acceleration": np.array([0.0, 0.0, -9.81])}))
+    True
+    >>> table["acceleration"] = (0.0, 0.0, 0.0)
+    Traceback (most recent call last):
+    TypeError: A scene cannot be changed: make another one with the values that you want.
+    """
+
+    def __hash__(self) -> int:  # type: ignore[override]
+        return hash(frozenset(self.items()))
+
+    def _refuse(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError("A scene cannot be changed: make another one with the values that you want.")
+
+    __setitem__ = __delitem__ = __ior__ = _refuse  # type: ignore[assignment]
+    clear = pop = popitem = setdefault = update = _refuse  # type: ignore[assignment]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return FrozenTable, (dict(self),)
+
+    def __copy__(self) -> "FrozenTable":
+        return self
+
+    def __deepcopy__(self, memo: Any) -> "FrozenTable":
+        return self
+
+
+def frozen(value: Any) -> Any:
+    """A read-only copy: tables as `FrozenTable`, lists and arrays as tuples; anything else as it is."""
+    if isinstance(value, FrozenTable):
+        return value
+    if isinstance(value, Mapping):
+        return FrozenTable({key: frozen(inner) for key, inner in value.items()})
+    if isinstance(value, list | tuple):
+        return tuple(frozen(inner) for inner in value)
+    if isinstance(value, np.ndarray):
+        return frozen(value.tolist())
+    return value
