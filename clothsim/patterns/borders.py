@@ -6,8 +6,70 @@ from dataclasses import dataclass
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.patterns.necks import with_necks
 from clothsim.patterns.pattern import Panel, Pattern, Side
+
+# Finer samples where a panel is much narrower than the spacing of the mesh, on both sides of each seam there.
+
+NARROW = 2.5
+"""Length of a segment of the border from which on it is divided, as a multiple of the width of the panel there."""
+LENGTH = 1.5
+"""Length of its parts, as a multiple of the width."""
+MOST = 6
+"""Bound on the parts of a segment."""
+SHORTEST = 1e-100
+"""Length of a segment without one: what is wrong with it is said where it is meshed [m]."""
+BLOCK = 2**20
+"""Largest number of pairs of segments that are held at once."""
+WAY = 15.0
+"""Way along the border to what faces a point, as a multiple of the width: less is a corner, not a neck."""
+
+
+def with_necks(pattern: Pattern, fractions: Mapping[Side, Floats]) -> dict[Side, Floats]:
+    """Fractions of arc length of the samples of each edge, finer at necks; edges far from any neck stay as they are."""
+    parts = {side: np.ones(len(rows) - 1, np.int64) for side, rows in fractions.items()}
+    for panel in pattern.panels.values():
+        parts |= _parts_of(panel, fractions)
+    for stitch in pattern.stitches:
+        order = slice(None, None, 1 if stitch.right_wrong else -1)
+        most = np.maximum(parts[stitch.first], parts[stitch.second][order])
+        parts[stitch.first], parts[stitch.second] = most, most[order]
+    return {side: _divided(rows, parts[side]) if parts[side].max() > 1 else rows for side, rows in fractions.items()}
+
+
+def _parts_of(panel: Panel, fractions: Mapping[Side, Floats]) -> dict[Side, Ints]:
+    """Number of parts of each segment of the edges of a panel."""
+    edges = [panel.edge_points(k, fractions[Side(panel.name, k)]) for k in range(len(panel.edges))]
+    start = np.concatenate([points[:-1] for points in edges])
+    side = np.concatenate([np.diff(points, axis=0) for points in edges])
+    lengths = np.maximum(np.linalg.norm(side, axis=1), SHORTEST)
+    width = np.maximum(_widths(start, side, lengths), lengths / (LENGTH * MOST))
+    parts = np.where(lengths > NARROW * width, np.ceil(lengths / (LENGTH * width) - 1e-9), 1).astype(np.int64)
+    pieces = np.split(parts, np.cumsum([len(points) - 1 for points in edges])[:-1])
+    return {Side(panel.name, k): piece for k, piece in enumerate(pieces)}
+
+
+def _widths(start: Floats, side: Floats, lengths: Floats) -> Floats:
+    """Distance from the middle of each segment of a loop to the nearest one that faces it, (k,) [m]; inf for none."""
+    middle, ends = start + side / 2, np.cumsum(lengths)
+    found = []
+    block = max(1, BLOCK // len(start))
+    for first in range(0, len(start), block):
+        rows = slice(first, first + block)
+        offset = middle[rows, None] - start
+        along = np.clip((offset * side).sum(axis=2) / lengths**2, 0, 1)
+        distance = np.linalg.norm(offset - along[:, :, None] * side, axis=2)
+        way = np.abs((ends - lengths / 2)[rows, None] - (ends - (1 - along) * lengths))
+        way = np.minimum(way, ends[-1] - way)
+        facing = way > WAY * distance
+        facing[np.arange(len(facing)), first + np.arange(len(facing))] = False
+        found.append(np.where(facing, distance, np.inf).min(axis=1))
+    return np.concatenate(found)
+
+
+def _divided(fractions: Floats, parts: Ints) -> Floats:
+    """Increasing fractions with each gap divided evenly into a number of parts."""
+    inner = [a + (b - a) * np.arange(k) / k for a, b, k in zip(fractions, fractions[1:], parts, strict=False)]
+    return np.concatenate([*inner, fractions[-1:]])
 
 
 @dataclass(frozen=True)

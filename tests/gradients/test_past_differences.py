@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from meshes import cloth, deformed, irregular_grid
 
-from clothsim.gradients.past_differences import SLOTS, _values, _with, past_by_differences
+from clothsim.gradients.backward_pass import SLOTS, _values, _with, past_by_differences
 from clothsim.mesh.body import make_body
 from clothsim.mesh.world import make_world
 from clothsim.physics.contact.friction import Friction

@@ -5,7 +5,7 @@ import pytest
 from adjoint_cases import Chain, stacked_scene
 
 from clothsim.gradients import backward_pass as module
-from clothsim.gradients.remembered_pairs import RememberedPairs, remember, with_remembered_pairs
+from clothsim.gradients.backward_pass import RememberedPairs, remember, with_remembered_pairs
 from clothsim.physics.contact.candidates import Candidates
 from clothsim.physics.contact.pair_list import ARRAY_FIELDS
 

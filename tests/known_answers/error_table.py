@@ -19,7 +19,7 @@ from clothsim.base.errors import ClothsimError
 from clothsim.base.text_table import text_table
 from clothsim.scene.assembly.presets import PRESETS, with_preset
 from clothsim.scene.overrides import set_key
-from clothsim.study.searched_settings import searched_settings
+from clothsim.study.study import searched_settings
 from tests.known_answers.best_by_hand import best_by_hand
 from tests.known_answers.error_reference import Refinement, Solution, distance, reference_scene, solution
 from tests.known_answers.error_scenes import ERROR_SCENES

@@ -6,8 +6,7 @@ import pytest
 from clothsim.base.errors import InputError
 from clothsim.mesh.generators.shapes import capsule, slab
 from clothsim.mesh.motion import rotation_matrix
-from clothsim.mesh.rigid_body import Joint, rigid_body
-from clothsim.mesh.volume_moments import volume_moments
+from clothsim.mesh.rigid_body import Joint, rigid_body, volume_moments
 
 RNG = np.random.default_rng(4)
 TURN = rotation_matrix(np.array([0.4, 0.9, -0.5]))

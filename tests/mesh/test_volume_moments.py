@@ -5,7 +5,7 @@ import pytest
 
 from clothsim.mesh.generators.shapes import ring, slab, sphere
 from clothsim.mesh.motion import rotation_matrix
-from clothsim.mesh.volume_moments import volume_moments
+from clothsim.mesh.rigid_body import volume_moments
 
 TURN = rotation_matrix(np.array([0.3, -1.1, 0.7]))
 SHIFT = np.array([5.0, -3.0, 2.0])

@@ -11,9 +11,8 @@ from sewing_patterns import PATTERN_FILES, SQUARE, panel, skirt, specification, 
 
 from clothsim.base.errors import InputError
 from clothsim.patterns.curves import Arc, Bezier, Straight
-from clothsim.patterns.orientation import turned_panels
 from clothsim.patterns.pattern import Pattern
-from clothsim.patterns.pattern_mesh import mesh_pattern
+from clothsim.patterns.pattern_mesh import mesh_pattern, turned_panels
 from clothsim.patterns.specification import entries_of, pattern_of, read_specification, write_specification
 
 

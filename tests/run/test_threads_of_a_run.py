@@ -9,7 +9,7 @@ from small_scenes import EFFECTS, SHEET, small_scene
 from clothsim import ClothsimError, simulate
 from clothsim.physics.contact import search
 from clothsim.solve.linear import dissected_factor, linear_system, pardiso
-from clothsim.solve.linear.dissected_factor import make_factor as domains
+from clothsim.solve.linear.pardiso import make_factor as domains
 from clothsim.solve.linear.pardiso_library import load_library
 from clothsim.solve.newton import direction
 

@@ -15,8 +15,7 @@ from clothsim.gradients.losses import Height
 from clothsim.mesh.generators.sheets import disk, rectangle, tube
 from clothsim.render import picture
 from clothsim.scene.assembly.refinement import with_cells
-from clothsim.study.goal_error import goal_error
-from clothsim.study.goal_report import NamedGoal, goal_lines, goal_report
+from clothsim.study.goal_report import NamedGoal, goal_error, goal_lines, goal_report
 from clothsim.study.knobs import KNOBS
 from clothsim.study.points import BASE, Bench, point
 from clothsim.study.state_at_rest import powers, refuse_history, state_at_rest

@@ -7,10 +7,9 @@ from analytic_study import SHEET, Runners
 
 from clothsim import simulate
 from clothsim.scene.overrides import set_key
-from clothsim.study import searched_settings as module
+from clothsim.study import study as module
 from clothsim.study.evaluation import FOLDER
-from clothsim.study.searched_settings import searched_settings
-from clothsim.study.study import study_accuracy
+from clothsim.study.study import searched_settings, study_accuracy
 from tests.known_answers.error_scenes import ERROR_SCENES
 from tests.known_answers.error_table import without_step
 

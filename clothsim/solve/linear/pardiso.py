@@ -1,12 +1,160 @@
 """Intel MKL PARDISO in double precision, and in single precision with iterative refinement."""
 
-import numpy as np
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
-from clothsim.base.arrays import Floats
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import lapack
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.parallel import together
 from clothsim.solve.linear.direct_solver import EXACT, LinearSolver, NotPositiveDefiniteError
-from clothsim.solve.linear.dissected_factor import DissectedFactor, make_factor, useful_threads
-from clothsim.solve.linear.pardiso_factor import Factor
+from clothsim.solve.linear.dissection import Dissection, dissection
+from clothsim.solve.linear.pardiso_factor import Factor, in_range
 from clothsim.solve.linear.sparsity import Pattern
+from clothsim.solve.linear.threads import solver_threads
+
+# Factor of a matrix in two domains, which threads factorise side by side, and of their separator.
+#
+# With the domains numbered first and the separator s last the matrix has the factor of both domains and of
+#
+#     S = A_ss - sum_k A_sk A_kk^-1 A_ks,
+#
+# the Schur complement of the separator: PARDISO returns each domain's part of it. The domains depend on the pattern
+# alone, so that the bits are the same at every number of threads.
+
+MIN_VERTICES = 1500
+"""Vertices of a matrix from which on it is dissected."""
+MIN_TOGETHER = 4000
+"""Vertices from which on its back-solves, of half a millisecond at this size, are worth a thread each."""
+CHOLESKY = {np.float32: (lapack.spotrf, lapack.spotrs), np.float64: (lapack.dpotrf, lapack.dpotrs)}
+
+
+def useful_threads(n_vertices: int, threads: int, dissected: bool) -> int:
+    """Return the threads of a factor, 0: by size; one where a step has helpers and the matrix stays whole.
+
+    MKL's own threads wait for one another actively: a matrix of 1,000 vertices is done before.
+    """
+    return 1 if dissected and n_vertices < MIN_VERTICES else solver_threads(n_vertices, threads)
+
+
+def make_factor(
+    pattern: Pattern, threads: int, kind: type[np.floating], dissected: bool = False
+) -> "Factor | DissectedFactor":
+    """Return a factor of the matrices of a pattern: in domains where that is asked for, it is large and has a cut."""
+    parts = dissection(pattern) if dissected and pattern.n_vertices >= MIN_VERTICES else None
+    return Factor(pattern, threads, kind) if parts is None else DissectedFactor(pattern, parts, threads, kind)
+
+
+class DissectedFactor:
+    """Factor in domains, with the methods of `Factor`."""
+
+    def __init__(self, pattern: Pattern, parts: Dissection, threads: int, kind: type[np.floating]) -> None:
+        self._kind = kind
+        self._side_by_side = pattern.n_vertices >= MIN_TOGETHER
+        self._separator = _unknowns(parts.separator)
+        self._cholesky: NDArray[Any] = np.zeros((0, 0), kind)
+        inner = max(1, threads // len(parts.domains))
+        rows = [np.concatenate([domain, parts.separator]) for domain in parts.domains]
+        self._domains = together(
+            *(
+                partial(_Domain, pattern, each, len(parts.separator), number == 0, inner, kind)
+                for number, each in enumerate(rows)
+            )
+        )
+        self.threads = min(threads, sum(domain.factor.threads for domain in self._domains))
+
+    def factorise(self, data: Floats) -> None:
+        """Factorise the matrix of `data`; NotPositiveDefiniteError where it is not positive definite or overflows."""
+        together(*(partial(domain.factorise, data) for domain in self._domains))
+        if len(self._separator):
+            schur = sum(domain.factor.schur for domain in self._domains)
+            if not np.isfinite(schur).all():
+                raise NotPositiveDefiniteError
+            self._cholesky, failed = CHOLESKY[self._kind][0](schur, lower=1, overwrite_a=1)
+            if failed:
+                raise NotPositiveDefiniteError
+
+    def back_solve(self, b: Floats) -> Floats:
+        """Solve with the matrix last factorised; numbers that overflow single precision come back as inf or NaN."""
+        scaled, scale = in_range(b, self._kind)
+        x = np.empty_like(scaled)
+        if not len(self._separator):
+            self._each([partial(domain.write_solution, scaled, x) for domain in self._domains])
+        else:
+            halves = self._each([partial(domain.forward, scaled) for domain in self._domains])
+            left = scaled[self._separator]
+            for half in halves:
+                left += half[-len(left) :]
+            solution, _ = CHOLESKY[self._kind][1](self._cholesky, left, lower=1)
+            x[self._separator] = solution
+            pairs = zip(self._domains, halves, strict=True)
+            self._each([partial(domain.write_backward, half, x) for domain, half in pairs])
+        return np.multiply(x, scale, dtype=np.float64)
+
+    def _each(self, tasks: list[Callable[[], Any]]) -> list[Any]:
+        return together(*tasks, long=self._side_by_side)
+
+
+class _Domain:
+    """A domain with the separator, whose rows come last; the first of two holds the separator's own blocks."""
+
+    def __init__(
+        self, pattern: Pattern, rows: Ints, n_separator: int, is_first: bool, threads: int, kind: type[np.floating]
+    ) -> None:
+        own = len(rows) - n_separator
+        self._unknowns = _unknowns(rows[:own])
+        self._separator = _unknowns(rows[own:])
+        self._entries, domain_pattern = _restriction(pattern, rows, len(rows) if is_first else own)
+        self._kind = kind
+        self.factor = Factor(domain_pattern, threads, kind, len(self._separator))
+
+    def factorise(self, data: Floats) -> None:
+        """Factorise, with the Schur complement of the separator."""
+        own = data[np.maximum(self._entries, 0)]
+        own[self._entries < 0] = 0.0
+        self.factor.factorise(own)
+
+    def write_solution(self, b: NDArray[Any], x: NDArray[Any]) -> None:
+        """Write the solution of a domain without a separator into x."""
+        x[self._unknowns] = self.factor.solve(b[self._unknowns])
+
+    def forward(self, b: NDArray[Any]) -> NDArray[Any]:
+        """Eliminate the domain's unknowns: what they add to the right-hand side of the separator comes last."""
+        return self.factor.forward(np.concatenate([b[self._unknowns], np.zeros(len(self._separator), self._kind)]))
+
+    def write_backward(self, eliminated: NDArray[Any], x: NDArray[Any]) -> None:
+        """Write the domain's solution into x, which holds that of the separator."""
+        eliminated[len(self._unknowns) :] = x[self._separator]
+        x[self._unknowns] = self.factor.backward(eliminated)[: len(self._unknowns)]
+
+
+def _unknowns(rows: Ints) -> Ints:
+    return (3 * rows[:, None] + np.arange(3)).ravel()
+
+
+def _restriction(pattern: Pattern, rows: Ints, coupled: int) -> tuple[Ints, Pattern]:
+    """Pattern of the blocks between `rows (k,)`, numbered 0..k-1, and the offset of each of its numbers in the whole.
+
+    Blocks between the rows from number `coupled` on are left out: their diagonal is in the pattern with an offset of
+    -1, for 0.
+    """
+    numbers = np.full(pattern.n_vertices, -1)
+    numbers[rows] = np.arange(len(rows))
+    i = numbers[np.repeat(np.arange(pattern.n_vertices), np.diff(pattern.starts))]
+    j = numbers[pattern.columns]
+    chosen = np.flatnonzero((i >= 0) & (j >= 0) & ((np.minimum(i, j) < coupled) | (i == j)))
+    i, j = i[chosen], j[chosen]
+    order = np.lexsort((np.maximum(i, j), np.minimum(i, j)))
+    chosen, i, j = chosen[order], i[order], j[order]
+    straight, transposed = np.arange(9), np.arange(9).reshape(3, 3).T.ravel()
+    entries = 9 * chosen[:, None] + np.where((i <= j)[:, None], straight, transposed)
+    entries[np.minimum(i, j) >= coupled] = -1
+    starts = np.concatenate([[0], np.cumsum(np.bincount(np.minimum(i, j), minlength=len(rows)))])
+    return entries.ravel(), Pattern(len(rows), starts, np.maximum(i, j))
+
 
 MAX_REFINEMENTS = 10
 MAX_CONTRACTION = 0.1

@@ -13,7 +13,7 @@ from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.garments.fit import drape_stage as module
 from clothsim.garments.fit import moving_body
 from clothsim.garments.fit.before_after import draw_fit
-from clothsim.geometry.untangling import search
+from clothsim.geometry.untangling import untangle as search
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.run.archive import unpack_bundle, write_bundle
 

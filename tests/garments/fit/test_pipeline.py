@@ -14,7 +14,7 @@ from clothsim.garments.fit import pipeline
 from clothsim.garments.fit.pipeline import seeded
 from clothsim.garments.fit.stage import Garment
 from clothsim.garments.inputs import Figure
-from clothsim.geometry.untangling import search
+from clothsim.geometry.untangling import untangle as search
 from clothsim.mesh.generators.sheets import rectangle
 
 FIGURE = capsule_figure()

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from clothsim.base.jit import kernel
-from clothsim.geometry.intersection import box_tree
+from clothsim.geometry.intersection import intersecting_pairs as box_tree
 
 boxes, next_leaves, tree, within = map(  # compiled, as in use
     kernel, (box_tree.boxes, box_tree.next_leaves, box_tree.tree, box_tree.within)

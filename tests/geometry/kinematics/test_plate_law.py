@@ -9,8 +9,7 @@ from meshes import UNIT, cloth, deformed, irregular_grid
 from scipy.spatial import Delaunay
 
 from clothsim.base.errors import InputError
-from clothsim.geometry.kinematics.curvature import bending_strains
-from clothsim.geometry.kinematics.plate_law import IsotropicPlates, OrthotropicPlates, plate_law
+from clothsim.geometry.kinematics.curvature import IsotropicPlates, OrthotropicPlates, bending_strains, plate_law
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.hinges import dihedral_angles
 from clothsim.mesh.topology import border_vertices

@@ -6,7 +6,7 @@ from meshes import UNIT, cloth, grid
 
 from clothsim import InputError, Scene
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
-from clothsim.geometry.untangling import search
+from clothsim.geometry.untangling import untangle as search
 from clothsim.mesh.body import make_body
 from clothsim.mesh.cloth import make_cloth
 from clothsim.mesh.generators.shapes import sphere

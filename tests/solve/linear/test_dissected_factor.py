@@ -5,9 +5,9 @@ import pytest
 from sheet_patterns import pattern_of_sheets
 
 from clothsim.base.parallel import threads
-from clothsim.solve.linear import dissected_factor
+from clothsim.solve.linear import pardiso as dissected_factor
 from clothsim.solve.linear.direct_solver import NotPositiveDefiniteError
-from clothsim.solve.linear.dissected_factor import DissectedFactor, make_factor, useful_threads
+from clothsim.solve.linear.pardiso import DissectedFactor, make_factor, useful_threads
 from clothsim.solve.linear.pardiso_library import load_library
 
 try:

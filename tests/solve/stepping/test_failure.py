@@ -12,9 +12,8 @@ from clothsim.physics.energies.pins import pins
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.newton.outcome import Ending
-from clothsim.solve.stepping.failure import Cause, _resist
+from clothsim.solve.stepping.failure import Cause, _resist, simplex_name, vertex_name
 from clothsim.solve.stepping.stepping import MOST_BLOCKED
-from clothsim.solve.stepping.vertex_names import simplex_name, vertex_name
 
 D_HAT = 0.01
 

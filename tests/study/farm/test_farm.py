@@ -15,11 +15,10 @@ from clothsim.cli import main
 from clothsim.cli.farm_command import terminated_like_interrupted
 from clothsim.study.farm.claims import Worker, claimed, is_stale, worker_of
 from clothsim.study.farm.dask_work import make_one
-from clothsim.study.farm.draws import draw_of, stream_of
 from clothsim.study.farm.identity import content_id
 from clothsim.study.farm.plan import open_farm, plan
 from clothsim.study.farm.publication import attempts, note_attempt, publish, read_drape
-from clothsim.study.farm.recipe import changed, load_recipe, make_recipe
+from clothsim.study.farm.recipe import changed, draw_of, load_recipe, make_recipe, stream_of
 from clothsim.study.farm.status import status
 from clothsim.study.farm.verify import verify
 from clothsim.study.farm.work import make, work

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from clothsim.mesh.generators.garments.collapse import collapsed
+from clothsim.mesh.generators.garments.relax import collapsed
 from clothsim.mesh.topology import border_edges, border_vertices, unique_edges
 
 
