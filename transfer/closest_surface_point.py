@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from transfer.gradients import centroids
 from transfer.triangle_surface import Floats, Ints, triangle_normals
@@ -48,7 +49,6 @@ class FacingSurface:
 def facing_surface(positions: Floats, triangles: Ints) -> FacingSurface:
     """Build the search trees of a mesh, positions (n, 3) and triangles (m, 3)."""
     import igl
-    from scipy.spatial import cKDTree
 
     boxes = igl.AABB()
     positions, triangles = np.ascontiguousarray(positions), np.ascontiguousarray(triangles)

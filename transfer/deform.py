@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, diags_array, eye_array
+from scipy.spatial import cKDTree
 
 from transfer.adjacency import vertex_components
 from transfer.errors import TransferError
@@ -245,8 +246,6 @@ def as_pairs(pairs: ArrayLike, target_triangles: int) -> Ints:
 
 def nearest_rows(points: Floats, queries: Floats) -> Ints:
     """Index (k,) of the nearest of `points` to each of `queries` (k, 3)."""
-    from scipy.spatial import cKDTree
-
     return np.asarray(cKDTree(points).query(queries)[1], dtype=np.int64)
 
 

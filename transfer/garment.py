@@ -7,6 +7,7 @@ not drift away from the body. Penetration of the body is not prevented: `refine`
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial import cKDTree
 
 from transfer.adjacency import vertex_components
 from transfer.deform import DeformationTransfer, deformation_transfer
@@ -90,8 +91,6 @@ def followed(garment: tuple[Floats, Ints], body: tuple[Floats, Ints]) -> tuple[I
     in either orientation), or all where none has; weights exp(-(d^2 - d_0^2) / h^2), d_0 the nearest distance and
     h = max(d_0, mean edge of the body): the farther the cloth, the broader the mean.
     """
-    from scipy.spatial import cKDTree
-
     sound = np.flatnonzero(~without_area(*body))
     if len(sound) == 0:
         raise TransferError("the body has no triangle with an area.", "Give a triangulated surface.")

@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
+from scipy.sparse.linalg import splu
 
 from transfer.errors import TransferError
 from transfer.triangle_surface import Floats, Ints
@@ -139,6 +140,4 @@ def assemble(columns: Ints, values: Floats, width: int) -> csr_array:
 
 def factorise(matrix: csr_array) -> Any:
     """SuperLU factorization of a symmetric positive definite matrix: `.solve(b)` with b (n,) or (n, k)."""
-    from scipy.sparse.linalg import splu
-
     return splu(matrix.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})

@@ -7,6 +7,7 @@ face the same way.
 """
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
@@ -36,8 +37,6 @@ def derive_markers(source: tuple[Floats, Ints], target: tuple[Floats, Ints]) -> 
     TransferError
         The surface has fewer than five limbs.
     """
-    from scipy.optimize import linear_sum_assignment
-
     vertices, predecessors, _ = zip(*(tips(*mesh) for mesh in (source, target)), strict=True)
     in_boxes = [in_box(*mesh)[own] for mesh, own in zip((source, target), vertices, strict=True)]
     distance = np.linalg.norm(in_boxes[0][:, None] - in_boxes[1][None], axis=2)

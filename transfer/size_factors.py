@@ -6,6 +6,7 @@ A garment graded by them is as wide about each part of the other body, and as lo
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from transfer.body_parts import BodyParts, Tube
 from transfer.part_warp import PartWeights, arm_axis, framed, heights_onto, nearest_fraction, part_weights
@@ -108,8 +109,6 @@ def graded_metric(factors: SizeFactors, parts: BodyParts, body: Floats, points: 
     The squared length of a short vector e becomes e . C e, C the mean of g^2 I + (l^2 - g^2) a a over the parts, with
     girth factor g, length factor l and axis a of each.
     """
-    from scipy.spatial import cKDTree
-
     local = parts.frame.local(points)
     used = np.flatnonzero(np.isfinite(parts.hands).all(axis=0))
     distance, near = cKDTree(body[used]).query(points, k=8)

@@ -17,7 +17,7 @@ Pack a run into one archive: scene, meshes, last good state, record. `clothsim r
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    bundle = commands.add_parser("bundle", help="pack a run to replay it elsewhere", description=_DESCRIPTION)
+    bundle = commands.add_parser("bundle", description=_DESCRIPTION)
     bundle.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     bundle.add_argument("-o", "--output", type=Path, metavar="FILE", help="the archive (default: DIR.zip)")
     bundle.add_argument("--json", action="store_true", help="print file and size as JSON")

@@ -34,7 +34,6 @@ def add_to(commands: Any) -> None:
     check = commands.add_parser(
         "check",
         usage="clothsim check [options] MESH|SCENE|DIR",
-        help="examine a mesh, a scene or a run",
         description=_DESCRIPTION,
     )
     check.add_argument("target", type=Path, metavar="MESH|SCENE|DIR", help="a mesh file, a .toml, or a run")

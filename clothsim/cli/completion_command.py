@@ -51,7 +51,7 @@ class _Option:
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    completion = commands.add_parser("completion", help="complete words in a shell", description=_DESCRIPTION)
+    completion = commands.add_parser("completion", description=_DESCRIPTION)
     completion.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
     completion.add_argument("--debug", action="store_true", help="show tracebacks")
     completion.set_defaults(handler=_completion)

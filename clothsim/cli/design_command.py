@@ -27,7 +27,6 @@ def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     design = commands.add_parser(
         "design",
-        help="find a pattern that hangs as wished",
         description=_DESCRIPTION,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -26,7 +26,7 @@ LENGTHS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    dress = commands.add_parser("dress", help="sew a pattern on a body", description=_DESCRIPTION)
+    dress = commands.add_parser("dress", description=_DESCRIPTION)
     dress.add_argument(
         "pattern", type=Path, metavar="PATTERN", help="a specification.json, a .dxf, or the name of an installed one"
     )

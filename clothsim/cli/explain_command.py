@@ -21,7 +21,7 @@ With --absent also the cost of adding each effect that the scene does not name.
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    explain = commands.add_parser("explain", help="list the effects and their cost", description=_DESCRIPTION)
+    explain = commands.add_parser("explain", description=_DESCRIPTION)
     explain.add_argument("target", type=Path, metavar="SCENE|DIR", help="a scene file (TOML), or a run")
     explain.add_argument("--steps", metavar="N", help="of a scene: number of steps (default 5)")
     explain.add_argument("--absent", action="store_true", help="of a scene: measure the effects that it does not name")

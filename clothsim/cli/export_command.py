@@ -21,7 +21,7 @@ OBJ), .glb (morph targets), .usd, .usda, .usdc (pip install 'clothsim[usd]'), .v
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    export = commands.add_parser("export", help="write a run for other programs", description=_DESCRIPTION)
+    export = commands.add_parser("export", description=_DESCRIPTION)
     export.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     export.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="its ending is the format")
     export.add_argument("--frame", metavar="N", help="one frame: 0, 1, ... or last (default: all)")

@@ -38,7 +38,7 @@ _VALUES = {
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    fabrics = commands.add_parser("fabrics", help="list the named fabrics", description=_DESCRIPTION)
+    fabrics = commands.add_parser("fabrics", description=_DESCRIPTION)
     fabrics.add_argument("name", nargs="?", metavar="NAME", help="all values of this fabric, with their sources")
     fabrics.add_argument(
         "--swatches", type=Path, metavar="PNG", help="a picture of a Cusick drape of each (or of NAME)"

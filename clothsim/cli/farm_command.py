@@ -38,7 +38,7 @@ Make many drapes of one recipe: each is published once, whoever is killed. DIR i
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    farm = commands.add_parser("farm", help="make many drapes of one recipe", description=_DESCRIPTION)
+    farm = commands.add_parser("farm", description=_DESCRIPTION)
     actions = farm.add_subparsers(metavar="ACTION", dest="action", parser_class=Parser, required=True)
     plan = actions.add_parser("plan", help="write the scene and values of every drape")
     plan.add_argument("recipe", type=Path, metavar="RECIPE", help="a TOML file with [farm] and [vary]")

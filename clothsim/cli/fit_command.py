@@ -25,7 +25,7 @@ leaves, fitted.obj, and before and after in fit.png.
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     usage = "clothsim fit GARMENT [--from BODY] --to BODY [-o DIR] [options]"
-    fit = commands.add_parser("fit", help="fit a garment onto a body", description=_DESCRIPTION, usage=usage)
+    fit = commands.add_parser("fit", description=_DESCRIPTION, usage=usage)
     fit.add_argument(
         "garment",
         type=Path,

@@ -22,7 +22,7 @@ cost the loss. One run and one pass back serve all names.
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    gradient = commands.add_parser("gradient", help="derive a loss of a run", description=_DESCRIPTION)
+    gradient = commands.add_parser("gradient", description=_DESCRIPTION)
     gradient.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     gradient.add_argument("--loss", required=True, metavar="LOSS", help=" | ".join(LOSSES))
     gradient.add_argument(

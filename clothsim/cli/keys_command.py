@@ -20,7 +20,7 @@ SIMILAR = 0.75
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    keys = commands.add_parser("keys", help="list the keys of a scene file", description=_DESCRIPTION)
+    keys = commands.add_parser("keys", description=_DESCRIPTION)
     keys.add_argument(
         "section", nargs="?", metavar="SECTION", help="solver, cloth, gravity, rectangle, ... (default: all)"
     )

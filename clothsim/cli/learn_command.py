@@ -15,7 +15,7 @@ The error is that of drapes that were held out, beside the error of the mean dra
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    learn = commands.add_parser("learn", help="learn a model of the drapes of a farm", description=_DESCRIPTION)
+    learn = commands.add_parser("learn", description=_DESCRIPTION)
     learn.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
     learn.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="the model, an .npz file")
     learn.add_argument("--held-out", type=float, default=0.25, metavar="F", help="fraction held out (default .25)")

@@ -17,7 +17,7 @@ button that drapes and certifies. Needs pip install 'clothsim[view]'. Ctrl-C end
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    shown = commands.add_parser("preview", help="show a model of drapes in a browser", description=_DESCRIPTION)
+    shown = commands.add_parser("preview", description=_DESCRIPTION)
     shown.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm, or a scene file of the same")
     shown.add_argument("model", type=Path, metavar="MODEL", help="the output of `clothsim learn`")
     shown.add_argument("--port", default="8080", metavar="N", help="port, or the next one that is free (default 8080)")

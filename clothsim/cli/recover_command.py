@@ -25,7 +25,7 @@ not tell. With -o the run of the recovered scene and recovery.json are left ther
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    recover = commands.add_parser("recover", help="find numbers of a scene from a drape", description=_DESCRIPTION)
+    recover = commands.add_parser("recover", description=_DESCRIPTION)
     recover.add_argument(
         "scene", type=Path, metavar="SCENE", help="a scene file (TOML), an example, or the directory of a run"
     )

@@ -24,7 +24,7 @@ Draw a frame of a run (.png) or all of them (.mp4, .gif).
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
     render = commands.add_parser(
-        "render", help="draw a picture or a movie of a run", description=_DESCRIPTION, usage="%(prog)s DIR [options]"
+        "render", description=_DESCRIPTION, usage="%(prog)s DIR [options]"
     )
     render.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     render.add_argument(

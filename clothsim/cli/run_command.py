@@ -33,7 +33,7 @@ an archive of `clothsim bundle`.
 
 def add_to(commands: Any) -> None:
     """Add both commands to the parser."""
-    run = commands.add_parser("run", help="simulate a scene", description=_RUN)
+    run = commands.add_parser("run", description=_RUN)
     run.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     run.add_argument("-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name)")
     run.add_argument("--frames-per-second", metavar="N", help="frames to keep, instead of the scene's number")
@@ -45,7 +45,7 @@ def add_to(commands: Any) -> None:
     run.add_argument("--force", action="store_true", help="run whatever it is expected to cost")
     run.add_argument("--view", action="store_true", help="show it in a browser while it runs (clothsim[view])")
     run.set_defaults(handler=_run)
-    resume = commands.add_parser("resume", help="continue a stopped run", description=_RESUME)
+    resume = commands.add_parser("resume", description=_RESUME)
     resume.add_argument("directory", type=Path, metavar="DIR|FILE", help="the output of `clothsim run` or `bundle`")
     resume.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="of an archive: output directory (default: its name)"

@@ -13,7 +13,7 @@ List the example scenes. `clothsim run NAME` simulates one where no file has tha
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    scenes = commands.add_parser("scenes", help="list the example scenes", description=_DESCRIPTION)
+    scenes = commands.add_parser("scenes", description=_DESCRIPTION)
     scenes.add_argument("--json", action="store_true", help="as JSON: {name: {file, headline, missing}}")
     scenes.add_argument("--debug", action="store_true", help="show tracebacks")
     scenes.set_defaults(handler=_scenes)

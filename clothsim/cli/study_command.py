@@ -32,7 +32,7 @@ No error is stated before dt and cells were refined: with too small a budget the
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    study = commands.add_parser("study", help="measure error against computing time", description=_DESCRIPTION)
+    study = commands.add_parser("study", description=_DESCRIPTION)
     study.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML)")
     study.add_argument(
         "-o", "--output", type=Path, metavar="DIR", help="output directory (default: the scene's name_study)"

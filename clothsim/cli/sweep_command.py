@@ -18,7 +18,7 @@ A stopped sweep goes on; `clothsim farm work DIR` helps it from another process.
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    sweep = commands.add_parser("sweep", help="run a scene with several values of its keys", description=_DESCRIPTION)
+    sweep = commands.add_parser("sweep", description=_DESCRIPTION)
     sweep.add_argument("scene", type=Path, metavar="SCENE", help="a scene file (TOML), or the name of an example")
     sweep.add_argument("--vary", action="append", default=[], metavar="KEY=A,B,C", help="a key and its values")
     sweep.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="change a key of all")

@@ -21,14 +21,14 @@ Carry a canonical garment to the body model of a scene, at any time and in any s
 
 def add_to(commands: Any) -> None:
     """Add the commands to the parser."""
-    unpose = commands.add_parser("unpose", help="garments of a run in the rest pose", description=_UNPOSE)
+    unpose = commands.add_parser("unpose", description=_UNPOSE)
     unpose.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`, with a body model")
     unpose.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help="an .npz")
     unpose.add_argument("--field", action="store_true", help="weights of each canonical position itself")
     unpose.add_argument("--json", action="store_true", help="print frames, vertices and residuals as JSON")
     unpose.add_argument("--debug", action="store_true", help="show tracebacks")
     unpose.set_defaults(handler=_unpose)
-    repose = commands.add_parser("repose", help="a canonical garment on another body", description=_REPOSE)
+    repose = commands.add_parser("repose", description=_REPOSE)
     repose.add_argument("file", type=Path, metavar="FILE", help="what `clothsim unpose` left")
     repose.add_argument("scene", type=Path, metavar="SCENE", help="a scene with the same body model")
     repose.add_argument("-o", "--output", type=Path, metavar="OBJ", required=True, help="the garment")

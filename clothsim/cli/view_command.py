@@ -24,7 +24,7 @@ pip install 'clothsim[view]'. Ctrl-C ends it.
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    view = commands.add_parser("view", help="show a run in a browser", description=_DESCRIPTION)
+    view = commands.add_parser("view", description=_DESCRIPTION)
     view.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     view.add_argument("--field", metavar="NAME", help="plain, stretch, stress, compression, ... (default: stretch)")
     view.add_argument("--port", default="8080", metavar="N", help="port, or the next one that is free (default 8080)")

@@ -8,9 +8,13 @@ from typing import Any
 from clothsim.base.errors import InputError
 from clothsim.base.process_memory import held_bytes
 from clothsim.run.absent_cost import Absent
+from clothsim.run.session import prepare
+from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene, scene_from_text
+from clothsim.solve.stepping.state import first_state
 from clothsim.solve.stepping.stepping import StepReport
+from clothsim.solve.stepping.time_loop import steps as run_steps
 from clothsim.solve.timers import EffectCounters
 
 
@@ -33,11 +37,6 @@ class Receipt:
 
 def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
     """The receipt of the first `steps` of a scene, after one step on a copy, which loads and compiles the kernels."""
-    from clothsim.run.session import prepare
-    from clothsim.scene.assembly.scene_world import build
-    from clothsim.solve.stepping.state import first_state
-    from clothsim.solve.stepping.time_loop import steps as run_steps
-
     duration = scene.run_settings.duration
     taken, reason = 0, ""
     report: StepReport | None = None

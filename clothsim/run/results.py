@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_record, read_summary
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.files.runs.trajectory import TRAJECTORY_NAME, Trajectory, read_trajectory
 from clothsim.keys.keys import refuse_unknown
 from clothsim.run.certificate_text import certificate_rows
 from clothsim.run.field_pictures import field_settings
+from clothsim.run.fields import Configuration
 from clothsim.run.pictures import (
     MOVIE_SETTINGS,
     PICTURE_NAME,
@@ -28,6 +30,7 @@ from clothsim.run.pictures import (
     frame_picture,
     upright,
 )
+from clothsim.scene.scene import scene_from_text
 
 if TYPE_CHECKING:
     from clothsim.run.export import Exported
@@ -250,8 +253,6 @@ class Run(Sequence[Frame]):
 
     def _configuration(self, frame: int) -> "Configuration":
         """The world at the positions of a frame."""
-        from clothsim.run.fields import Configuration
-
         positions, world = self.positions(frame), self._built.world
         if not np.array_equal(self.triangles, world.triangles):
             raise InputError(f"{self.directory} has another mesh than its scene.", "Restore the mesh files.")
@@ -262,9 +263,7 @@ class Run(Sequence[Frame]):
     @cached_property
     def _built(self) -> "Built":
         """The scene of the checkpoint, built once for all fields."""
-        from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
         from clothsim.scene.assembly.scene_world import build
-        from clothsim.scene.scene import scene_from_text
 
         return build(scene_from_text(read_checkpoint(self.directory / CHECKPOINT_NAME).scene_text, self.directory))
 

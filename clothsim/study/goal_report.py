@@ -12,6 +12,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.engine import Built, NotPositiveDefiniteError, World
 from clothsim.gradients import Loss, mean_adjoint
+from clothsim.render import Quantity, Surface, draw
 from clothsim.study.evaluation import Gatherer
 from clothsim.study.points import BASE, Bench, Point, point
 from clothsim.study.resample import at_points_of, barycentric
@@ -244,8 +245,6 @@ def goal_report(gatherer: Gatherer, goal: NamedGoal) -> dict[str, Any]:
 
 def draw_goal(found: GoalError, name: str, file: Path) -> None:
     """Write a picture of the cloth, each vertex coloured by its part of the error for its area, the mean being 1."""
-    from clothsim.render import Quantity, Surface, draw
-
     rows, n = found.triangles.ravel(), len(found.positions)
     around = np.bincount(rows, np.repeat(found.areas, 3), n)
     parts = np.bincount(rows, np.repeat(found.by_triangle, 3), n)

@@ -10,7 +10,7 @@ from typing import Any
 
 from clothsim import Scene
 from clothsim.base.errors import InputError
-from clothsim.engine import CONTACTS, cells_of, set_key, steps_per_frame, with_cells
+from clothsim.engine import CONTACTS, cells_of, refuse_unknown, set_key, steps_per_frame, with_cells
 
 
 @dataclass(frozen=True)
@@ -139,8 +139,6 @@ def any_knob(name: str) -> Knob:
 
 def usable(base: Scene, names: list[str] | None) -> tuple[dict[str, Knob], dict[str, str]]:
     """Knobs of a scene, and the reason for each missing one. InputError for an unknown name."""
-    from clothsim.engine import refuse_unknown
-
     refuse_unknown("--knobs", names or [], KNOBS)
     available, missing = {}, {}
     for name in names or KNOBS:

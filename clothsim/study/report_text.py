@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from clothsim.study.answer import answer, in_mm, in_seconds, settings_text
+from clothsim.study.goal_report import PICTURE_NAME, goal_lines
 from clothsim.study.points import written
 from clothsim.study.worker import SHORT, TIMES
 
@@ -37,8 +38,6 @@ def markdown(name: str, result: Mapping[str, Any]) -> str:
 
 
 def _goal(goal: dict[str, Any]) -> list[str]:
-    from clothsim.study.goal_report import PICTURE_NAME, goal_lines
-
     picture = [] if goal["failed"] else [f"![Error of {goal['name']} on the cloth]({PICTURE_NAME})"]
     return [f"## Which triangles make the error of {goal['name']}", "\n".join(goal_lines(goal)), *picture]
 

@@ -18,6 +18,11 @@ from threading import Thread
 from time import perf_counter, process_time
 from typing import Any
 
+from clothsim import simulate
+from clothsim.base.safe_files.record import to_json
+from clothsim.engine import cloth_shape, initial_positions, placed, scene_from_text
+from clothsim.files import write_obj
+
 SHORT, TIMES = 1.0, 3
 """A run below so many seconds is timed so often, and the median counts: a short run's time has the most noise."""
 JITTER = 1e-6
@@ -56,10 +61,6 @@ def answer(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def _run(job: dict[str, Any]) -> dict[str, Any]:
-    from clothsim import simulate
-    from clothsim.base.safe_files.record import to_json
-    from clothsim.engine import scene_from_text
-
     with TemporaryDirectory(prefix="clothsim-study-") as folder:
         scene = scene_from_text(job["scene"])
         if job["seed"]:
@@ -117,8 +118,6 @@ def _jittered(scene: Any, seed: int, folder: Path) -> dict[str, Any]:
     """The [seed] of `scene` with each vertex of its start moved by up to JITTER of the size, at random."""
     import numpy as np
 
-    from clothsim.engine import cloth_shape, initial_positions, placed
-    from clothsim.files import write_obj
 
     shapes = [cloth_shape(keys, f"cloth[{k}]", scene.directory) for k, keys in enumerate(scene.cloths)]
     given = initial_positions(scene, [len(shape.positions) for shape in shapes])

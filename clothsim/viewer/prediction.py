@@ -15,6 +15,7 @@ from clothsim import Scene
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
 from clothsim.engine import (
+    JOINTS,
     Crossing,
     DrapeModel,
     body_of,
@@ -24,6 +25,7 @@ from clothsim.engine import (
     placed,
     predicted,
     read_model,
+    template,
     world_of,
 )
 
@@ -88,7 +90,6 @@ class Predictor:
         """The joint that moves each vertex of the first body most; () where it is no mannequin."""
         if self.scene.bodies[0].get("mesh") != "mannequin":
             return ()
-        from clothsim.engine import JOINTS, template
 
         return tuple(JOINTS[j].replace("_", " ") for j in template().weights.argmax(axis=1))
 

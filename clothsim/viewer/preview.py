@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clothsim import Scene
+from clothsim import Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError
 from clothsim.viewer.page_parts import add_background, add_body, look_at
@@ -71,8 +71,6 @@ class Preview(Served):
 
         The end and its certificate are shown unless another prediction is by then.
         """
-        from clothsim import simulate
-
         button = self.controls["drape"]
         button.disabled = True
         with self._lock:

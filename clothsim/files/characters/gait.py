@@ -4,7 +4,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.files.characters.clip import Clip, uniform_clip
-from clothsim.files.characters.quaternions import from_matrices, from_rotation_vectors, to_matrices
+from clothsim.files.characters.quaternions import from_matrices, from_rotation_vectors, to_matrices, to_rotation_vectors
 from clothsim.files.characters.skeleton import Pose, Skeleton
 
 CYCLE = 1.1
@@ -103,6 +103,4 @@ def _matrix(vector: Floats) -> Floats:
 
 
 def _vector(matrix: Floats) -> Floats:
-    from clothsim.files.characters.quaternions import to_rotation_vectors
-
     return to_rotation_vectors(from_matrices(matrix))

@@ -15,6 +15,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.interpolate import PchipInterpolator
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
@@ -49,8 +50,6 @@ class Curve:
     @classmethod
     def through(cls, strains: Floats, stresses: Floats) -> Self:
         """The monotone cubic through the rows of a table that begins with 0, 0."""
-        from scipy.interpolate import PchipInterpolator
-
         stress = PchipInterpolator(strains, stresses)
         slope = stress.derivative()
         last = float(strains[-1])

@@ -16,6 +16,7 @@ is bit for bit the same as without the effect.
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.optimize import brentq
 
 from clothsim.base.arrays import Floats, Ints, as_number
 from clothsim.base.errors import InputError
@@ -138,8 +139,6 @@ def limit_of_extension(extension: float, own: float, stiffness: float, begins: f
     >>> round(limit_of_extension(0.05, 261.0, 261.0, 0.5), 4)
     1.0504
     """
-    from scipy.optimize import brentq
-
     missing = EXTENDED - own * extension
     if extension == 0.0 or stiffness == 0.0 or missing <= 0.0:
         return float("inf")

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from clothsim.base.safe_files.atomic import write_atomically
+from clothsim.render import Surface, draw
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.publication import CLOTH
 from clothsim.study.farm.status import manifest
@@ -118,15 +119,11 @@ def _caption(row: Mapping[str, Any]) -> str:
 
 
 def _draw(farm: Farm, row: Mapping[str, Any], path: Path) -> None:
-    from clothsim.render import draw
-
     draw(path, surfaces(farm, row), size=TILE, colour="plain")
 
 
 def surfaces(farm: Farm, row: Mapping[str, Any]) -> "list[Surface]":
     """Cloths of a drape in its last frame, and bodies at the start."""
-    from clothsim.render import Surface
-
     positions = np.asarray(np.load(farm.directory / "drapes" / row["id"] / CLOTH), np.float64)
     last = positions if positions.ndim == 2 else positions[-1]
     made, begin = [], 0

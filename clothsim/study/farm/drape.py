@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim import Scene
+from clothsim import Scene, simulate
 from clothsim.base.errors import ClothsimError, IntersectionWarning
-from clothsim.engine import World
+from clothsim.engine import Session, World
 from clothsim.study.farm.identity import array_hash, processor
 from clothsim.study.farm.publication import store_mesh
 
@@ -83,9 +83,6 @@ def failed(reason: str, cause: str) -> dict[str, Any]:
 def _simulated(
     scene: Scene, folder: Path, farm: Path | None, frames: str
 ) -> tuple[dict[str, Any], NDArray[np.float32], dict[str, Any]]:
-    from clothsim import simulate
-    from clothsim.engine import Session
-
     sessions: list[Session] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", IntersectionWarning)

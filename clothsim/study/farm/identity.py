@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from clothsim import Scene
+from clothsim import Scene, __version__
 from clothsim.engine import by_content
 
 LETTERS = 16
@@ -21,8 +21,6 @@ def content_id(scene: Scene, version: int) -> str:
 
     Files count by their content, not by their name, and the folder of the scene does not count.
     """
-    from clothsim import __version__
-
     data = json.loads(scene.to_text())
     folder = Path(data.pop("directory"))
     content = {"scene": by_content(data, folder), "recipe": version, "package": __version__}

@@ -7,10 +7,10 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from clothsim import Scene
+from clothsim import Scene, __version__
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.atomic import write_atomically
-from clothsim.engine import scene_from_text
+from clothsim.engine import build, scene_from_text
 from clothsim.study.farm.identity import content_id
 from clothsim.study.farm.recipe import Recipe, changed
 
@@ -93,8 +93,6 @@ def plan(recipe: Recipe, directory: str | Path) -> Farm:
     -----
     Every scene is made once, so that a bad key or value is reported here and not by a worker.
     """
-    from clothsim import __version__
-
     folder = Path(directory)
     settings = {
         "package": __version__,
@@ -133,8 +131,6 @@ def refuse_unbuildable(recipe: Recipe) -> None:
     InputError
         None of the first TRIED can be built: with the sentence of the first one.
     """
-    from clothsim.engine import build
-
     refusals: list[InputError] = []
     for index in range(min(TRIED, recipe.count)):
         try:

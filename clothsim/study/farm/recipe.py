@@ -14,7 +14,7 @@ import numpy as np
 from clothsim import Scene, load_scene
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.regular_file import read_regular_file
-from clothsim.engine import override, refuse_unknown, shown, table
+from clothsim.engine import override, refuse_unknown, scene_file, shown, table
 
 # Random draws of scene keys: one stream for each seed, index and key.
 
@@ -215,8 +215,6 @@ def load_recipe(path: str | Path) -> Recipe:
     InputError
         For a file that is no recipe, with the key.
     """
-    from clothsim.engine import scene_file
-
     file = Path(path)
     try:
         data = tomllib.loads(read_regular_file(file, 1 << 24).decode("utf-8"))

@@ -15,6 +15,7 @@ from clothsim.engine import DrapeModel, family
 from clothsim.study.farm.plan import Farm
 from clothsim.study.farm.publication import CLOTH
 from clothsim.study.farm.status import manifest
+from transfer.subspace import metric_components, nearest, ridge
 
 LEAST = 8
 """Least number of training drapes."""
@@ -62,8 +63,6 @@ def learn(farm: Farm, held_out: float = 0.25, components: int = 16, penalty: flo
     InputError
         For a farm of animated runs, without varied numbers, or with too few drapes.
     """
-    from transfer.subspace import metric_components, nearest, ridge
-
     if not 0 <= held_out <= 0.9:
         raise InputError(f"The fraction held out is {held_out:g}.", "Give a number from 0 to .9, such as .25.")
     if components < 1:
