@@ -15,10 +15,9 @@ from typing import Any
 import numpy as np
 
 import clothsim
-from clothsim.garments.fit.transfer_seed import Size, sized
-from clothsim.garments.stages import Garment
-from clothsim.garments.fit.transfer_seed import transferred
+from clothsim.garments.fit.transfer_seed import Size, sized, transferred
 from clothsim.garments.inputs import Figure, read_figure, read_garment
+from clothsim.garments.stages import Garment
 from clothsim.garments.wear_check import Look, look_of
 from clothsim.mesh.generators.table import GENERATORS
 from tests.benchmarks.stored_tables import Record, markdown_table, read_record, when, write_between, write_record
