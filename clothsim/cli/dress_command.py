@@ -10,7 +10,7 @@ from clothsim.cli.arguments import as_positive_number
 
 if TYPE_CHECKING:
     from clothsim.garments.dress.dressed import Dress
-    from clothsim.garments.fit.stage import Stage
+    from clothsim.garments.stages import Stage
 
 _DESCRIPTION = """\
 Sew a pattern (specification.json of GarmentCode and others, or a DXF of AAMA) on a body under contact,
@@ -176,8 +176,7 @@ def _pictures(done: "Dress", pictures: bool, movie: bool) -> list[str]:
     """Draw pictures and movie; a line for each that could not be drawn."""
     from clothsim.base.errors import ClothsimError
     from clothsim.engine import GIF_NAME, MOVIE_NAME
-    from clothsim.garments.dress.pictures import draw_dress
-    from clothsim.garments.dress.sewing_movie import draw_sewing
+    from clothsim.garments.dress.pictures import draw_dress, draw_sewing
     from clothsim.render import has_ffmpeg
 
     film, trouble = done.directory / (MOVIE_NAME if has_ffmpeg() else GIF_NAME), []

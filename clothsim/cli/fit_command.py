@@ -10,7 +10,7 @@ from clothsim.engine import length
 
 if TYPE_CHECKING:
     from clothsim.garments.fit.fit import Fit
-    from clothsim.garments.fit.stage import Stage
+    from clothsim.garments.stages import Stage
 
 PICTURE_NAME = "fit.png"
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import intersecting_pairs, intersection_points
-from clothsim.garments.fit.deflate import deflated, half_thickness, outward_normals
+from clothsim.garments.fit.guaranteed_path import deflated, half_thickness, outward_normals
 from transfer.signed_distance import BodySurface
 
 DEPTHS = (0.006, 0.012)

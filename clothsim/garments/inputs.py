@@ -29,7 +29,7 @@ from clothsim.engine import (
 from clothsim.files import MeshFile, read_clothes, read_mesh
 from clothsim.garments.fit.original_file import original_of, original_of_scene
 from clothsim.garments.fit.pieces import UNDIVIDED, divided
-from clothsim.garments.fit.stage import Garment
+from clothsim.garments.stages import Garment
 from transfer.body_frame import BodyFrame, body_frame, legs_score
 from transfer.body_parts import BodyParts, body_parts
 from transfer.errors import TransferError

@@ -7,9 +7,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.garments.fit.stage import Garment
 from clothsim.garments.inputs import Figure, read_figure, read_garment
 from clothsim.garments.penetration import Counts, penetrations
+from clothsim.garments.stages import Garment
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, Closest, body_surface
 

@@ -22,7 +22,13 @@ class FrozenTable(dict[str, Any]):
     """
 
     def __hash__(self) -> int:  # type: ignore[override]
-        return hash(frozenset(self.items()))
+        return hash(content_of(self))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Mapping) and content_of(self) == content_of(other)
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
 
     def _refuse(self, *_: Any, **__: Any) -> NoReturn:
         raise TypeError("A scene cannot be changed: make another one with the values that you want.")
@@ -41,13 +47,24 @@ class FrozenTable(dict[str, Any]):
 
 
 def frozen(value: Any) -> Any:
-    """A read-only copy: tables as `FrozenTable`, lists and arrays as tuples; anything else as it is."""
+    """A read-only copy: tables as `FrozenTable`, lists as tuples, arrays as locked copies; anything else as it is."""
     if isinstance(value, FrozenTable):
         return value
     if isinstance(value, Mapping):
         return FrozenTable({key: frozen(inner) for key, inner in value.items()})
     if isinstance(value, list | tuple):
         return tuple(frozen(inner) for inner in value)
+    if isinstance(value, np.ndarray) and (value.flags.writeable or value.base is not None):
+        copy = value.copy()
+        copy.setflags(write=False)
+        return copy
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def content_of(value: Any) -> Any:
+    """What a value is compared and hashed by: tables as sets of their entries, lists and arrays as tuples."""
+    if isinstance(value, Mapping):
+        return frozenset((key, content_of(inner)) for key, inner in value.items())
     if isinstance(value, np.ndarray):
-        return frozen(value.tolist())
-    return value
+        value = value.tolist()
+    return tuple(content_of(inner) for inner in value) if isinstance(value, list | tuple) else value

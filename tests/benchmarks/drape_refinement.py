@@ -22,11 +22,11 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.text_table import text_table
 from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.garments.fit.distortion import Cost, cost_of
 from clothsim.garments.fit.pipeline import Task, seeded
-from clothsim.garments.fit.stage import Garment
 from clothsim.garments.inputs import Figure
 from clothsim.garments.penetration import Counts, counted
+from clothsim.garments.stages import Garment
+from clothsim.garments.wear_check import Cost, cost_of
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.generators.shapes import capsule
 from clothsim.mesh.manifold import bow_tie_vertices, joined_half_edges

@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 import clothsim
-from clothsim.garments.fit.sized import Size, sized
-from clothsim.garments.fit.stage import Garment
-from clothsim.garments.fit.transfer_seed import transferred
+from clothsim.garments.fit.transfer_seed import Size, sized, transferred
 from clothsim.garments.inputs import Figure, read_figure, read_garment
-from clothsim.garments.worn_look import Look, look_of
+from clothsim.garments.stages import Garment
+from clothsim.garments.wear_check import Look, look_of
 from clothsim.mesh.generators.table import GENERATORS
 from tests.benchmarks.stored_tables import Record, markdown_table, read_record, when, write_between, write_record
 from transfer.body_frame import body_frame

@@ -21,9 +21,9 @@ from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.text_table import text_table
 from clothsim.garments.fit.guaranteed_path import clearings
 from clothsim.garments.fit.moving_body import Worn, draped, moved_with_body
-from clothsim.garments.fit.stage import Garment
 from clothsim.garments.fit.transfer_seed import transferred
 from clothsim.garments.inputs import Figure
+from clothsim.garments.stages import Garment
 from clothsim.mesh.generators.garments.shirt_skirt_trousers import shirt
 from clothsim.mesh.generators.mannequin.generator import mannequin
 from clothsim.mesh.generators.shapes import capsule

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.garments.fit.stage import Garment
+from clothsim.garments.stages import Garment
 from clothsim.mesh.generators.sheets import tube
 from tests.benchmarks.seeded_drapes import as_text, compare, main, steps_to_rest, tube_on_capsule
 

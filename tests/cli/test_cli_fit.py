@@ -8,8 +8,8 @@ from fitting_cases import capsule_figure, in_file, tube_garment
 
 from clothsim import InputError
 from clothsim.cli import main
-from clothsim.garments.fit import drape_stage, moving_body
 from clothsim.garments.fit import fit as module
+from clothsim.garments.fit import moving_body, pipeline
 from clothsim.mesh.generators.sheets import rectangle
 
 BODY = capsule_figure(segments=10)
@@ -30,7 +30,7 @@ def _here(tmp_path, monkeypatch):
     monkeypatch.setattr(
         moving_body, "DRAPING", {**moving_body.DRAPING, "run": {"duration": 0.02, "frames_per_second": 50}}
     )
-    monkeypatch.setattr(drape_stage, "FALLING", 1.0)
+    monkeypatch.setattr(pipeline, "FALLING", 1.0)
     in_file(tmp_path, "tube.obj", TUBE.positions, TUBE.triangles)
     in_file(tmp_path, "body.obj", BODY.positions, BODY.triangles)
     in_file(tmp_path, "flat.obj", *rectangle(size=(1, 1), cells=(2, 2)))

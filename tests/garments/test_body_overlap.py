@@ -8,11 +8,10 @@ from scipy.spatial import cKDTree
 
 from clothsim.garments.body_overlap import DEPTHS, NO_OVERLAP, carried_rows, overlaps_at
 from clothsim.garments.fit import pipeline
-from clothsim.garments.fit.drape_stage import drape_stage
-from clothsim.garments.fit.pipeline import seeded
-from clothsim.garments.fit.stage import Garment
+from clothsim.garments.fit.pipeline import drape_stage, seeded
 from clothsim.garments.inputs import Figure
 from clothsim.garments.penetration import counted
+from clothsim.garments.stages import Garment
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from transfer.signed_distance import body_surface
 

@@ -5,9 +5,9 @@ import pytest
 from real_data import DATA, needs_data
 
 from clothsim.cli import main
-from clothsim.garments.fit.stage import Garment
 from clothsim.garments.inputs import Figure
 from clothsim.garments.penetration_report import deepest_vertices, penetration_report, read_penetration_report
+from clothsim.garments.stages import Garment
 from clothsim.mesh.generators.shapes import slab
 from clothsim.mesh.generators.sheets import rectangle, tube
 

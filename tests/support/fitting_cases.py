@@ -4,8 +4,8 @@ import numpy as np
 
 from clothsim.files.meshes.obj_writer import write_obj
 from clothsim.garments.fit.pipeline import Task
-from clothsim.garments.fit.stage import Garment
 from clothsim.garments.inputs import Figure
+from clothsim.garments.stages import Garment
 from clothsim.mesh.generators.shapes import capsule
 from clothsim.mesh.generators.sheets import rectangle, tube
 

@@ -15,8 +15,7 @@ from clothsim import Body, Run, Scene, simulate
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import IntersectionWarning
 from clothsim.engine import Announcement, Listener
-from clothsim.garments.dress.sewing_state import SewingState
-from clothsim.garments.dress.sewn_cloth import Fabrics, sewn_cloth
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
 from clothsim.garments.inputs import Figure
 
 LONGEST = 3.0

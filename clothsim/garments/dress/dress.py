@@ -13,26 +13,24 @@ from clothsim import Run
 from clothsim.base.errors import InputError
 from clothsim.engine import Announcement, Listener, make_directory, refuse_earlier_run
 from clothsim.files import read_pattern
-from clothsim.garments.dress.approaching import approached
-from clothsim.garments.dress.closing import close, mean_edge, worst_gap
+from clothsim.garments.dress.closing import close, mean_edge, welded_where_closed, worst_gap
+from clothsim.garments.dress.corrections import (
+    approached,
+    crossing_panels,
+    lifted,
+    panels_in_contact,
+    separated,
+    sleeves_cleared,
+)
 from clothsim.garments.dress.draping import drape
-from clothsim.garments.dress.dressed import Dress
-from clothsim.garments.dress.facing import refuse_unsuitable
+from clothsim.garments.dress.dressed import Dress, write_results
 from clothsim.garments.dress.grading import Grading, graded
 from clothsim.garments.dress.held_edges import edges_held, parts_for_edges, slid
-from clothsim.garments.dress.legs import turned_to_legs
-from clothsim.garments.dress.lifting import lifted
-from clothsim.garments.dress.placing import placed_on
-from clothsim.garments.dress.separating import crossing_panels, panels_in_contact, separated
-from clothsim.garments.dress.sewing_state import SewingState, as_placed
-from clothsim.garments.dress.sewn_cloth import Fabrics
-from clothsim.garments.dress.sleeve_clearance import sleeves_cleared
-from clothsim.garments.dress.sleeves import turned_to_arms
-from clothsim.garments.dress.tightness import tight_notes
-from clothsim.garments.dress.welding import welded_where_closed
-from clothsim.garments.dress.written_files import write_results
-from clothsim.garments.fit.stage import Stage, StageCallback, staged
+from clothsim.garments.dress.measurements import tight_notes
+from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import Figure, figure_of, read_figure
+from clothsim.garments.stages import Stage, StageCallback, staged
 from clothsim.patterns import TOUCHING, Pattern, mesh_pattern, sewn_vertices
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface

@@ -1,18 +1,74 @@
-"""Pictures of a dressed garment: panels as placed, the garment worn and its stretch, from the front and the back."""
+"""Pictures and movie of dressing: panels as placed, the garment worn and its stretch, and the seams as they close."""
 
+from collections import Counter
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clothsim.base.arrays import Floats
-from clothsim.garments.dress.facing import front_of
-from clothsim.garments.dress.garment_surfaces import body_surface_look, garment_surface
+from clothsim import Run
+from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import Fabric
+from clothsim.garments.dress.dress import touching_seams
+from clothsim.garments.dress.placement import front_of
+from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import Figure
-from clothsim.render import Surface
+from clothsim.render import WIDTHS, Surface, vertex_normals
 
 if TYPE_CHECKING:
     from clothsim.garments.dress.dressed import Dress
+
+LINE = 0.003
+"""Width of the line of a seam [m]."""
+POINT = 1e-6
+"""Length of the second stroke of a cross, which only says in which plane the first one lies [m]."""
+
+
+def garment_surface(
+    state: SewingState, positions: Floats, stretches: Floats | None = None, fabrics: Mapping[str, Fabric] | None = None
+) -> Surface:
+    """Cloth at positions (k, 3) [m] with its sewn edges; stretches (m, 2) colour it, None: plain by fabric of panel."""
+    plain = np.zeros((0, 2)) if stretches is None else stretches
+    spacing = LINE / WIDTHS[0]
+    return Surface(
+        "garment",
+        positions,
+        state.triangles,
+        "cloth",
+        plain,
+        strokes=seam_strokes(state, positions),
+        spacing=spacing,
+        fabrics=numbers_of_fabrics(state, fabrics or {}),
+    )
+
+
+def numbers_of_fabrics(state: SewingState, fabrics: Mapping[str, Fabric]) -> Ints:
+    """Number of the fabric of each triangle, (m,), the one of most panels first; fabrics: of each panel."""
+    order = [name for name, _ in Counter(fabric.name for fabric in fabrics.values()).most_common()]
+    numbers = np.zeros(len(state.triangles), np.int64)
+    for panel, fabric in fabrics.items():
+        numbers[state.mesh.faces[panel]] = order.index(fabric.name)
+    return numbers
+
+
+def body_surface_look(body: Figure) -> Surface:
+    """The body."""
+    return Surface(body.name, body.positions, body.triangles, "body", np.zeros((0, 2)))
+
+
+def seam_strokes(state: SewingState, positions: Floats) -> Floats:
+    """Sides of all sewn edges as strokes along them, (k, 2, 2, 3) [m]."""
+    lines = [state.number[state.mesh.edges[side]] for seam in state.mesh.seams for side in seam.stitch.sides]
+    pairs = np.concatenate([np.zeros((0, 2), np.int64), *(np.column_stack([rows[:-1], rows[1:]]) for rows in lines)])
+    pairs = np.unique(np.sort(pairs, axis=1), axis=0)
+    ends = positions[pairs]
+    normal = vertex_normals(positions, state.triangles)[pairs].sum(axis=1)
+    across = np.cross(normal, ends[:, 1] - ends[:, 0])
+    across *= POINT / np.maximum(np.linalg.norm(across, axis=1), np.finfo(float).tiny)[:, None]
+    middle = ends.mean(axis=1)
+    return np.stack([ends, np.stack([middle - across, middle + across], axis=1)], axis=1)
+
 
 SIZE = (640, 960)
 PLACED, WORN, STRETCH = "placed.png", "worn.png", "stretch.png"
@@ -72,3 +128,45 @@ def _focus(positions: Floats, body: Figure) -> Floats:
     room = ABOVE * float(np.ptp(own))
     near = (levels > own.min() - room) & (levels < own.max() + room)
     return np.concatenate([positions, body.positions[near]])
+
+
+MOVIE_VIEW = (0.55, 0.2, 1.0)
+"""View direction along the body's left, up and front."""
+MOVIE_SIZE = (540, 720)
+RATE = 10.0
+"""Frames a second: as fast as it was."""
+
+
+def draw_sewing(done: "Dress", target: Path, progress: Callable[[int, int], None] = lambda done, total: None) -> str:
+    """Write an .mp4 or .gif of the closing and the drape; returns the line that names the renderer.
+
+    InputError for another ending; MissingPackageError for an .mp4 without the extra `movies`.
+    """
+    from clothsim.render import write_movie as movie
+
+    return movie(
+        target,
+        frames_of(done),
+        frames_per_second=RATE,
+        size=MOVIE_SIZE,
+        colour="plain",
+        up=done.body.up,
+        view=view_of(MOVIE_VIEW, done.body),
+        progress=progress,
+    )
+
+
+def frames_of(done: "Dress") -> list[list[Surface]]:
+    """Garment and body of each frame: as placed, of each round of closing, of the drape."""
+    body = body_surface_look(done.body)
+    in_pieces = done.placed.weld(touching_seams(done.placed))
+    frames = [[garment_surface(done.placed, done.placed.positions, fabrics=done.fabrics), body]]
+    for run in done.closing:
+        frames += [[garment, body] for garment in _frames(in_pieces, run, done.fabrics)]
+    if done.run is not None:
+        frames += [[garment, body] for garment in _frames(done.state, done.run, done.fabrics)]
+    return frames
+
+
+def _frames(state: SewingState, run: Run, fabrics: Mapping[str, Fabric]) -> list[Surface]:
+    return [garment_surface(state, run.positions(number), fabrics=fabrics) for number in range(len(run))]

@@ -1,14 +1,17 @@
-"""State of a garment in sewing: vertices that are welded already, and seams that are open."""
+"""State of a garment in sewing: vertices that are welded already, seams that are open, and the cloth of its scenes."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from clothsim import Cloth
 from clothsim.base.arrays import Floats, Ints
-from clothsim.engine import deformation_gradients, mean_of_parts, principal_stretches
-from clothsim.garments.fit.stage import Garment
-from clothsim.patterns import PatternMesh, Seam, joined_vertices
+from clothsim.engine import Fabric, deformation_gradients, fabric_named, fabrics_of, mean_of_parts, principal_stretches
+from clothsim.garments.stages import Garment
+from clothsim.patterns import Pattern, PatternMesh, Seam, joined_vertices
+from transfer.signed_distance import BodySurface
 
 
 @dataclass(frozen=True)
@@ -90,3 +93,45 @@ class SewingState:
 def as_placed(mesh: PatternMesh) -> SewingState:
     """The panels as placed, no seam welded."""
     return SewingState(mesh, np.arange(len(mesh.positions)), mesh.positions)
+
+
+def strings_through(ends: Floats, surface: BodySurface) -> int:
+    """Number of the segments (k, 2, 3) that meet the body."""
+    return int(runs_through(ends, surface).sum())
+
+
+def runs_through(ends: Floats, surface: BodySurface) -> NDArray[np.bool_]:
+    """True for each segment (k, 2, 3) that meets the body, (k,)."""
+    along = ends[:, 1] - ends[:, 0]
+    lengths = np.linalg.norm(along, axis=1)
+    directions = along / np.maximum(lengths, np.finfo(float).tiny)[:, None]
+    distance, _ = surface.exits(ends[:, 0], directions)
+    return np.asarray(distance < lengths)
+
+
+@dataclass(frozen=True)
+class Fabrics:
+    """Named fabric of a garment, and those of panels with one of their own, by panel (see `fabrics_of`)."""
+
+    main: str
+    of_panels: Mapping[str, str] = field(default_factory=dict)
+
+    def of(self, pattern: Pattern) -> dict[str, Fabric]:
+        """The fabric of every panel. InputError for an unknown fabric or panel."""
+        main = fabric_named("fabric", self.main)
+        own = fabrics_of("fabrics", list(pattern.panels), self.of_panels)
+        return {panel: own.get(panel, main) for panel in pattern.panels}
+
+
+def sewn_cloth(state: SewingState, fabrics: Fabrics) -> Cloth:
+    """The garment at its positions as a cloth of a scene; its panels are named groups of triangles."""
+    return Cloth(
+        state.positions,
+        state.triangles,
+        rest=state.mesh.material_coordinates,
+        groups={panel: np.arange(rows.start, rows.stop) for panel, rows in state.mesh.faces.items()},
+        name="garment",
+        fabric=fabrics.main,
+        fabric_of=fabrics.of_panels or None,
+        sewn=True,
+    )

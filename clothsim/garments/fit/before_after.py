@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from clothsim.base.arrays import Floats
-from clothsim.garments.fit.stage import Garment
 from clothsim.garments.inputs import Figure
+from clothsim.garments.stages import Garment
 from clothsim.render import Surface
 
 if TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import perf_counter
@@ -16,18 +17,16 @@ from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
 from clothsim.engine import FITTED, Announcement, Listener, fabric_named, refuse_earlier_run, refuse_uncallable
 from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, obj_text
-from clothsim.garments.fit.distortion import Cost, cost_of
-from clothsim.garments.fit.drape_stage import Ended, drape_stage
-from clothsim.garments.fit.markers import NO_MARKERS, read_markers
 from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START
 from clothsim.garments.fit.original_file import fitted_text
-from clothsim.garments.fit.pipeline import Seeded, Task, seeded
-from clothsim.garments.fit.sized import Size
-from clothsim.garments.fit.stage import Garment, Stage, StageCallback, best_stage
-from clothsim.garments.fit.standing import refuse_lying
+from clothsim.garments.fit.pipeline import Ended, Seeded, Task, drape_stage, seeded
+from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, read_markers
 from clothsim.garments.inputs import Figure, figure_of, garment_of, read_figure, read_garment, worn_in_scene
 from clothsim.garments.penetration import NO_ROWS, Counts
-from clothsim.garments.worn_look import Look, look_of
+from clothsim.garments.stages import Garment, Stage, StageCallback, best_stage
+from clothsim.garments.wear_check import Cost, Look, cost_of, look_of
+from transfer.body_frame import legs_score
+from transfer.errors import TransferError
 
 LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY, *CLOSING)
 """Files of a fit in its directory."""
@@ -342,3 +341,30 @@ def _make_directory(directory: Path, sources: Sequence[Path]) -> None:
             (directory / name).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"{directory} cannot be made a directory: {error.strerror}.", "Choose another.") from error
+
+
+STANDS = 0.5
+"""Least score of legs and head along an axis, as in `body_frame`."""
+CLEARLY = 0.8
+"""Least score with which a body is refused: what has no legs and head (a torso, a hand, a ball) is none of them."""
+OTHERS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
+"""Directions from legs to head in which no body stands."""
+
+
+def refuse_lying(figure: Figure) -> None:
+    """InputError for a body whose legs and head are clearly along x, -y or -z, and not along y or z."""
+
+    def score(axis: tuple[int, int, int]) -> float:
+        return legs_score(figure.positions, figure.triangles, np.array(axis, np.float64))
+
+    with suppress(TransferError):
+        _ = figure.frame  # computed once for the whole fit
+        return
+    if max(score((0, 1, 0)), score((0, 0, 1))) >= STANDS:  # no feet, say
+        return
+    lies = [name for name, axis in OTHERS.items() if score(axis) >= CLEARLY]
+    if lies:
+        raise InputError(
+            f"the body {figure.name} does not stand: from legs to head it is along {lies[0]}, gravity along -y or -z.",
+            "Turn it so that its head is along y or z.",
+        )

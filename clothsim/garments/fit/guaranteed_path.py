@@ -3,19 +3,145 @@
 The body is deflated until the garment is clear of it, and grows back as a moving obstacle; where no depth clears it, as
 between folds in contact, its folds are opened first. Where that does not help either and the garment
 was clear of the body that it was made for, that body is morphed into the other one under the garment.
+
+Deflation: each vertex moves inward along its normal by the depth, but at most by LARGEST_FRACTION of the half thickness
+of the body below it. It returns along the same straight line: a moving obstacle that only moves outward.
+
+Opening of folds: mean curvature flow, dx/dt = -M^-1 L x, in implicit steps, current areas and the initial cotangent
+weights (Kazhdan, Solomon & Ben-Chen 2012: no necks pinch off). Creases open first and thin limbs draw back a little;
+the weights are positive, so that no vertex leaves the convex hull.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.engine import intersecting_pairs
-from clothsim.garments.fit.deflate import deflated, half_thickness, outward_normals
-from clothsim.garments.fit.unfold_creases import unfolding
+from clothsim.engine import intersecting_pairs, vertex_rings
 from transfer.errors import TransferError
-from transfer.signed_distance import BodySurface, body_surface
+from transfer.signed_distance import SKIN, BodySurface, body_surface
+from transfer.triangle_surface import Sparse
+
+LARGEST_FRACTION = 0.9
+"""Largest displacement as a fraction of the half thickness: the rest keeps the two surfaces apart."""
+SMOOTHINGS = 8
+"""Smoothing iterations of thickness and normals, which vary strongly at ears and fingers."""
+RAYS, OPENING = 7, np.radians(20.0)
+"""Rays that measure the thickness below a vertex, and angle of all but one to its normal [rad]."""
+
+
+def half_thickness(body: BodySurface) -> Floats:
+    """Half thickness of the body below each vertex, (n,) [m]: median over a cone of rays, then smoothed."""
+    thicknesses = []
+    for directions in _cone(-body.vertex_normals):
+        distance, _ = body.exits(body.positions + 10 * SKIN * body.size * directions, directions)
+        thicknesses.append(np.where(np.isfinite(distance), distance, 0.0))  # no hit: the rim of an open body stays
+    return smoothed(0.5 * np.median(thicknesses, axis=0), body.triangles)
+
+
+def outward_normals(body: BodySurface) -> Floats:
+    """Smoothed unit normals of the body, (n, 3), along which it is deflated."""
+    return _unit(smoothed(body.vertex_normals, body.triangles))
+
+
+def deflated(body: BodySurface, depth: float, half: Floats, normals: Floats) -> Floats:
+    """Body vertices moved inward by `depth` [m], (n, 3) [m].
+
+    half (n,): its `half_thickness` [m]; normals (n, 3): its `outward_normals`.
+    """
+    return np.asarray(body.positions - np.minimum(depth, LARGEST_FRACTION * half)[:, None] * normals, np.float64)
+
+
+def smoothed(values: Floats, triangles: Ints) -> Floats:
+    """Values (n,) or (n, k) after SMOOTHINGS averages with the mean of their neighbours."""
+    starts, neighbours = vertex_rings(triangles, len(values))
+    count = np.diff(starts)
+    owner = np.repeat(np.arange(len(values)), count)
+    weights = csr_array((1.0 / count[owner], (owner, neighbours)), shape=(len(values), len(values)))
+    alone = count == 0
+    for _ in range(SMOOTHINGS):
+        means = weights @ values
+        means[alone] = values[alone]
+        values = 0.5 * (values + means)
+    return values
+
+
+def _cone(directions: Floats) -> list[Floats]:
+    """`directions (n, 3)`, and RAYS - 1 evenly around each."""
+    steepest = np.eye(3)[np.argmin(np.abs(directions), axis=1)]
+    side = _unit(np.cross(directions, steepest))
+    other = np.cross(directions, side)
+    angles = 2 * np.pi * np.arange(RAYS - 1) / (RAYS - 1)
+    tilted = [directions + np.tan(OPENING) * (np.cos(a) * side + np.sin(a) * other) for a in angles]
+    return [_unit(ray) for ray in (directions, *tilted)]
+
+
+def _unit(vectors: Floats) -> Floats:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return vectors / np.where(length > 0, length, 1.0)
+
+
+TIMES = (0.002, 0.004, 0.008, 0.016)
+"""Flow times [m^2] that are tried: a cylinder of radius r loses dr in about r dr."""
+SMALLEST_FRACTION = 0.5
+"""Least fraction of the body's size: one that shrinks to a point frees any garment but inflates wrongly."""
+LEAST, MOST = 1e-3, 10.0
+"""Bounds of the cotangent weights: obtuse triangles have negative ones, slivers huge ones."""
+RESIDUAL, ITERATIONS = 1e-6, 2000
+
+
+def unfolding(positions: Floats, triangles: Ints) -> Iterator[Floats]:
+    """Body vertices (n, 3) [m] at each of TIMES, while at least SMALLEST_FRACTION of its size remains."""
+    size = np.linalg.norm(np.ptp(positions[triangles.ravel()], axis=0))
+    x, before = positions, 0.0
+    stiffness = _laplacian(positions, triangles)
+    for time in TIMES:
+        x = _flowed(x, stiffness, _vertex_areas(x, triangles), time - before)
+        if np.linalg.norm(np.ptp(x[triangles.ravel()], axis=0)) < SMALLEST_FRACTION * size:
+            return
+        before = time
+        yield x
+
+
+def _flowed(x: Floats, stiffness: Sparse, areas: Floats, step: float) -> Floats:
+    """One implicit step: (M + step L) x' = M x. Where the solver stops early x' is still a body, only less smooth."""
+    from scipy.sparse import diags_array
+    from scipy.sparse.linalg import cg
+
+    matrix = (diags_array(areas) + step * stiffness).tocsr()
+    jacobi = diags_array(1 / matrix.diagonal())
+    solved = [cg(matrix, areas * c, x0=c, rtol=RESIDUAL, maxiter=ITERATIONS, M=jacobi)[0] for c in x.T]
+    return np.ascontiguousarray(np.transpose(solved))
+
+
+def _laplacian(positions: Floats, triangles: Ints) -> Sparse:
+    """L (n, n), positive semidefinite: each edge's weight is half the cotangents of the angles that face it."""
+    from scipy.sparse import coo_array, diags_array
+
+    n = len(positions)
+    rows, columns, weights = [], [], []
+    for corner in range(3):
+        k, i, j = (triangles[:, (corner + side) % 3] for side in range(3))
+        a, b = positions[i] - positions[k], positions[j] - positions[k]
+        doubled = np.linalg.norm(np.cross(a, b), axis=1)
+        rows.append(i)
+        columns.append(j)
+        weights.append(0.5 * (a * b).sum(axis=1) / np.maximum(doubled, np.finfo(float).tiny))
+    half = coo_array((np.concatenate(weights), (np.concatenate(rows), np.concatenate(columns))), shape=(n, n)).tocsr()
+    joined = (half + half.T).tocsr()
+    joined.data = np.clip(joined.data, LEAST, MOST)
+    return (diags_array(joined.sum(axis=1)) - joined).tocsr()
+
+
+def _vertex_areas(positions: Floats, triangles: Ints) -> Floats:
+    """A third of the triangles at each vertex [m^2], (n,); a vertex without any stays where it is."""
+    a, b, c = (positions[triangles[:, k]] for k in range(3))
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    at = np.bincount(triangles.ravel(), np.repeat(area / 3, 3), minlength=len(positions))
+    return np.maximum(at, 1e-9 * at.max())
+
 
 DEPTHS = (0.0025, 0.005, 0.01, 0.02, 0.04, 0.08, 0.16)
 """Deflation depths [m], in the order in which they are tried."""

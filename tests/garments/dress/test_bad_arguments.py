@@ -7,7 +7,7 @@ from sewing_patterns import panel, skirt, specification, stitch
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.facing import refuse_unsuitable
+from clothsim.garments.dress.placement import refuse_unsuitable
 from clothsim.garments.inputs import Figure, read_figure
 from clothsim.patterns.specification import pattern_of
 

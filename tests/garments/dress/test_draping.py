@@ -7,8 +7,7 @@ from capsule_bodies import person
 from sewing_patterns import panel, specification
 
 from clothsim.garments.dress.draping import drape, hangs_on_shoulders
-from clothsim.garments.dress.sewing_state import SewingState, as_placed
-from clothsim.garments.dress.sewn_cloth import Fabrics
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import Figure
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of

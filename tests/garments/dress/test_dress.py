@@ -11,18 +11,12 @@ from sewing_patterns import panel, specification, stitch
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments.dress import pictures
-from clothsim.garments.dress.approaching import approached
-from clothsim.garments.dress.closing import worst_gap
-from clothsim.garments.dress.closing_rounds import BELOW, DART, ONTO, WITHIN, order_of, turns
+from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, turns, worst_gap
+from clothsim.garments.dress.corrections import approached, crossing_panels, lifted, separated
 from clothsim.garments.dress.dress import _closed_seams
-from clothsim.garments.dress.garment_surfaces import seam_strokes
-from clothsim.garments.dress.lifting import lifted
-from clothsim.garments.dress.placing import placed_on
-from clothsim.garments.dress.separating import crossing_panels, separated
-from clothsim.garments.dress.sewing_movie import frames_of
-from clothsim.garments.dress.sewing_state import as_placed
-from clothsim.garments.dress.sleeves import turned_to_arms
-from clothsim.garments.dress.strings import strings_through
+from clothsim.garments.dress.pictures import frames_of, seam_strokes
+from clothsim.garments.dress.placement import placed_on, turned_to_arms
+from clothsim.garments.dress.sewing_state import as_placed, strings_through
 from clothsim.garments.inputs import Figure
 from clothsim.garments.penetration import counted
 from clothsim.keys.fabrics import fabric_named

@@ -9,8 +9,7 @@ from sewing_patterns import panel, specification, stitch
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.body_sizes import NAMES, sizes_between
-from clothsim.garments.dress.grading import graded
+from clothsim.garments.dress.grading import NAMES, graded, sizes_between
 from clothsim.garments.inputs import Figure
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.patterns.pattern import Pattern

@@ -5,8 +5,7 @@ import pytest
 from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
-from clothsim.garments.dress.legs import is_of_leg, turned_to_legs
-from clothsim.garments.dress.placing import placed_on
+from clothsim.garments.dress.placement import is_of_leg, placed_on, turned_to_legs
 from clothsim.garments.inputs import Figure
 from clothsim.patterns.pattern_mesh import PatternMesh, mesh_pattern
 from clothsim.patterns.specification import pattern_of

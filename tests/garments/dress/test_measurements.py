@@ -9,11 +9,13 @@ from real_data import DATA, needs_data
 from sewing_patterns import panel, skirt, specification, stitch
 from sewn_tubes import tube
 
-from clothsim.garments.dress.level_lines import ends_of, girth_along_cloth, level_line
 from clothsim.garments.dress.measurements import (
     areas_of_panels,
+    ends_of,
+    girth_along_cloth,
     girths,
     hem_of,
+    level_line,
     marker,
     measurement_entries,
     section,

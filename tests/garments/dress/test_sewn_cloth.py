@@ -5,9 +5,8 @@ import pytest
 from sewing_patterns import panel, specification, stitch
 
 from clothsim.base.errors import InputError
-from clothsim.garments.dress.garment_surfaces import numbers_of_fabrics
-from clothsim.garments.dress.sewing_state import as_placed
-from clothsim.garments.dress.sewn_cloth import Fabrics, sewn_cloth
+from clothsim.garments.dress.pictures import numbers_of_fabrics
+from clothsim.garments.dress.sewing_state import Fabrics, as_placed, sewn_cloth
 from clothsim.keys.fabrics import FABRICS
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of

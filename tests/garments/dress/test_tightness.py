@@ -3,8 +3,8 @@
 import numpy as np
 from sewing_patterns import skirt
 
+from clothsim.garments.dress.measurements import tight_notes, tight_panels
 from clothsim.garments.dress.sewing_state import SewingState, as_placed
-from clothsim.garments.dress.tightness import tight_notes, tight_panels
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
 

@@ -5,8 +5,8 @@ import pytest
 from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
+from clothsim.garments.dress.closing import welded_where_closed
 from clothsim.garments.dress.sewing_state import SewingState, as_placed
-from clothsim.garments.dress.welding import welded_where_closed
 from clothsim.garments.penetration import counted
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of

@@ -12,8 +12,8 @@ from clothsim.base.errors import InputError
 from clothsim.base.safe_files.record import read_summary
 from clothsim.cli.progress import Lines
 from clothsim.files.meshes.mesh_file import read_mesh, read_polygons
-from clothsim.garments.fit import drape_stage as module
 from clothsim.garments.fit import moving_body, pipeline
+from clothsim.garments.fit import pipeline as module
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.run.summary import Progress
 

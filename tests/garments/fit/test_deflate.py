@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.garments.fit.deflate import (
+from clothsim.garments.fit.guaranteed_path import (
     LARGEST_FRACTION,
     OPENING,
     RAYS,

@@ -10,8 +10,8 @@ import clothsim
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.record import read_summary
 from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.garments.fit import drape_stage as module
 from clothsim.garments.fit import moving_body
+from clothsim.garments.fit import pipeline as module
 from clothsim.garments.fit.before_after import draw_fit
 from clothsim.geometry.untangling import untangle as search
 from clothsim.mesh.generators.sheets import rectangle

@@ -4,9 +4,9 @@ import numpy as np
 from fitting_cases import RADIUS, capsule_figure, task
 from tangles import joined
 
-from clothsim.garments.fit.layers import layers_of
+from clothsim.garments.fit.pieces import layers_of
 from clothsim.garments.fit.pipeline import seeded
-from clothsim.garments.fit.stage import Garment
+from clothsim.garments.stages import Garment
 from clothsim.mesh.generators.sheets import tube
 from clothsim.mesh.topology import components
 

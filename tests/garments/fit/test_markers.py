@@ -7,8 +7,7 @@ import pytest
 from fitting_cases import capsule_figure, tube_garment
 
 from clothsim.base.errors import InputError
-from clothsim.garments.fit.markers import marked_vertices, read_markers
-from clothsim.garments.fit.transfer_seed import transferred
+from clothsim.garments.fit.transfer_seed import marked_vertices, read_markers, transferred
 
 FIGURE, OTHER = capsule_figure(), capsule_figure(radius=0.12, segments=20, name="other")
 

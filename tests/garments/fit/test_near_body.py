@@ -3,7 +3,7 @@
 import numpy as np
 from fitting_cases import capsule_figure, tube_garment
 
-from clothsim.garments.fit.near_body import MARGIN, near_body
+from clothsim.garments.fit.moving_body import MARGIN, near_body
 
 BODY = capsule_figure(segments=16)
 TUBE = tube_garment(0.11, height=0.1).positions

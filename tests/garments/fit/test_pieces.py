@@ -8,9 +8,8 @@ from tangles import joined
 
 import clothsim
 from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.garments.fit.follow import followers_of
 from clothsim.garments.fit.moving_body import Worn, draped
-from clothsim.garments.fit.pieces import UNDIVIDED, divided
+from clothsim.garments.fit.pieces import UNDIVIDED, divided, followers_of
 from clothsim.garments.fit.pipeline import seeded
 from clothsim.garments.inputs import read_garment
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs

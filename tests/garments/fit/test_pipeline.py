@@ -12,8 +12,8 @@ from clothsim.base.errors import InputError
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.garments.fit import pipeline
 from clothsim.garments.fit.pipeline import seeded
-from clothsim.garments.fit.stage import Garment
 from clothsim.garments.inputs import Figure
+from clothsim.garments.stages import Garment
 from clothsim.geometry.untangling import untangle as search
 from clothsim.mesh.generators.sheets import rectangle
 

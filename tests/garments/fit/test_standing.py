@@ -5,7 +5,7 @@ import pytest
 
 import clothsim
 from clothsim.base.errors import InputError
-from clothsim.garments.fit.standing import refuse_lying
+from clothsim.garments.fit.fit import refuse_lying
 from clothsim.garments.inputs import Figure
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.motion import rotation_matrix

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import clothsim
-from clothsim.garments.fit import drape_stage as module
 from clothsim.garments.fit import moving_body
+from clothsim.garments.fit import pipeline as module
 from clothsim.garments.inputs import Figure
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.motion import rotation_matrix

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from clothsim.garments.fit.unfold_creases import SMALLEST_FRACTION, TIMES, unfolding
+from clothsim.garments.fit.guaranteed_path import SMALLEST_FRACTION, TIMES, unfolding
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.generators.shapes import capsule, sphere
 from transfer.signed_distance import body_surface

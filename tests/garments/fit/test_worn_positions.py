@@ -3,7 +3,7 @@
 import numpy as np
 from fitting_cases import capsule_figure, tube_garment, wider
 
-from clothsim.garments.fit.worn_place import worn_positions
+from clothsim.garments.fit.transfer_seed import worn_positions
 from clothsim.mesh.motion import rotation_matrix
 from transfer.signed_distance import body_surface
 

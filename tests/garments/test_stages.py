@@ -5,8 +5,8 @@ from time import perf_counter
 import numpy as np
 from fitting_cases import capsule_figure, tube_garment
 
-from clothsim.garments.fit.stage import Stage, best_stage, staged
 from clothsim.garments.penetration import Counts
+from clothsim.garments.stages import Stage, best_stage, staged
 from transfer.signed_distance import body_surface
 
 FIGURE = capsule_figure()

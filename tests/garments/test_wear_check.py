@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from clothsim.garments.fit.sized import sized
-from clothsim.garments.fit.stage import Garment
+from clothsim.garments.fit.transfer_seed import sized
 from clothsim.garments.inputs import Figure
-from clothsim.garments.worn_look import look_of
+from clothsim.garments.stages import Garment
+from clothsim.garments.wear_check import look_of
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.body_parts import body_parts
 from transfer.signed_distance import body_surface

@@ -1,0 +1,283 @@
+"""Corrections of placed panels: separation where they intersect, lift, clearance of sleeves, approach to the body.
+
+Lift: panels are often placed so low that the straight line between both sides of a shoulder seam runs through the
+shoulder: drawn together there, the garment slips down over the arms.
+Sleeve clearance: where the torso of a pattern is wide, its sides are placed beside the arms and its sleeves between its
+front and its back. Springs of its side seams then run through the sleeves: drawn together, the torso closes round the
+end of each sleeve, whose cloth then lies between both sides of the armhole.
+Approach: panels are placed far from the body so that none intersects it. Seams at the ends of a panel that is far away
+draw its ends inward while its middle lags behind: the panel bows, its shoulders sink below those of the body, and the
+garment slips down.
+"""
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.engine import intersecting_pairs
+from clothsim.garments.dress.closing import WITHIN, is_on_top, order_of
+from clothsim.garments.dress.placement import arm_line, front_of, is_of_arm, middle_of
+from clothsim.garments.dress.sewing_state import SewingState, strings_through
+from clothsim.garments.inputs import Figure
+from clothsim.garments.penetration import counted, penetrations
+from transfer.signed_distance import BodySurface
+
+CLEARANCE = 0.02
+"""Distance that is left in front of a group of panels [m]."""
+LEAST = 0.005
+"""Least displacement that is worth it [m]."""
+
+
+def approached(state: SewingState, body: Figure, surface: BodySurface) -> tuple[SewingState, str]:
+    """State whose groups of panels moved rigidly toward the body; and a description.
+
+    A group of panels that touch moves against its outward normal, those nearest to the body first, until
+    `CLEARANCE` is left to the body or to another group. One with nothing before it stays.
+    """
+    group = rigid_groups(state)
+    outward = outward_of_groups(state, body)
+    ahead = [_way_ahead(state, group == k, -outward[k], body) for k in range(len(outward))]
+    moved_by = np.zeros(len(outward))
+    order = np.argsort(ahead)
+    for k in [*order, *order]:  # once more, since a group may have stood before another
+        way = _way_ahead(state, group == k, -outward[k], body) - CLEARANCE
+        if not LEAST < way < np.inf:
+            continue
+        moved = state.at(state.positions - (way * (group == k))[:, None] * outward[k])
+        if counted(moved.positions, moved.triangles, surface).clean:
+            state, moved_by[k] = moved, moved_by[k] + way
+    return state, f"moved toward the body by at most {1e3 * moved_by.max(initial=0.0):.3g} mm"
+
+
+def _way_ahead(state: SewingState, chosen: Ints, direction: Floats, body: Figure) -> float:
+    """Way [m] that the chosen vertices can move along a direction before they meet the body or the rest; or inf.
+
+    Measured at vertices of both sides: rays of the moving ones forward, rays of what they may meet backward.
+    """
+    inside = chosen[state.triangles[:, 0]]
+    own, others = state.triangles[inside], state.triangles[~inside]
+    obstacle = np.concatenate([body.positions, state.positions])
+    faces = np.concatenate([body.triangles, others + len(body.positions)])
+    ahead = first_hits(state.positions[chosen], direction, obstacle, faces)
+    behind = first_hits(obstacle[np.unique(faces)], -direction, state.positions, own)
+    return float(min(ahead.min(initial=np.inf), behind.min(initial=np.inf)))
+
+
+def first_hits(points: Floats, directions: Floats, positions: Floats, triangles: Ints) -> Floats:
+    """Distance to the first triangle that each ray meets, (k,) [m]; inf for none. Unit directions: (3,) or (k, 3)."""
+    import igl
+
+    tree = igl.AABB()
+    tree.init(positions, np.ascontiguousarray(triangles))
+    rays = np.ascontiguousarray(np.broadcast_to(directions, points.shape))
+    hit, distance, _ = tree.intersect_ray_first(positions, np.ascontiguousarray(triangles), points, rays)
+    met = np.logical_and(hit.ravel() >= 0, np.isfinite(distance.ravel()))
+    return np.where(met, distance.ravel(), np.inf)
+
+
+STEP = 0.005
+"""Displacement of a panel in each round [m]."""
+ROUNDS = 24
+"""Bound on the rounds."""
+MARGIN = 0.004
+"""Further displacement of all panels that were moved [m]: contact begins at a distance."""
+
+
+def separated(state: SewingState, body: Figure, surface: BodySurface) -> tuple[SewingState, str]:
+    """State whose panels are moved rigidly, away from the body's axis, until none intersects; and a description.
+
+    In each round the panels with an intersection move outward: along the normal of their plane, to the side that is
+    farther from the vertical axis of the body. Of two panels that intersect each other the outer one moves, so that
+    panels placed in one plane are stacked.
+    """
+    of_panel = rigid_groups(state)
+    outward = outward_of_groups(state, body)
+    shift = np.zeros(len(outward))
+    positions = state.positions
+    for _ in range(ROUNDS):
+        counts, with_body, own = penetrations(positions, state.triangles, surface)
+        if counts.clean:
+            break
+        moving = _moving(state, positions, with_body, own, surface, of_panel, shift)
+        shift[moving] += STEP
+        positions = state.positions + (shift[:, None] * outward)[of_panel]
+    if shift.any():
+        extended = state.positions + ((shift + MARGIN * (shift > 0))[:, None] * outward)[of_panel]
+        if penetrations(extended, state.triangles, surface)[0].clean:
+            positions = extended
+    text = ", ".join(name for name, moved in zip(_names(state, of_panel), shift, strict=True) if moved > 0)
+    return state.at(positions), f"moved outward by at most {1e3 * shift.max():.3g} mm: {text}"
+
+
+def panels_in_contact(state: SewingState, surface: BodySurface) -> list[str]:
+    """Names of the panels that intersect the body, and of those that intersect another one."""
+    _, with_body, _ = penetrations(state.positions, state.triangles, surface)
+    starts = np.array([rows.start for rows in state.mesh.faces.values()])
+    names = list(state.mesh.faces)
+    hit = {names[k] for k in np.searchsorted(starts, with_body[:, 0], side="right") - 1}
+    return sorted(hit | crossing_panels(state), key=names.index)
+
+
+def crossing_panels(state: SewingState) -> set[str]:
+    """Names of the panels that intersect another one."""
+    pairs = intersecting_pairs(state.positions, state.triangles)
+    starts = np.array([rows.start for rows in state.mesh.faces.values()])
+    panels = np.searchsorted(starts, pairs, side="right") - 1
+    names = list(state.mesh.faces)
+    return {names[k] for k in np.unique(panels[panels[:, 0] != panels[:, 1]])}
+
+
+def _names(state: SewingState, of_panel: np.ndarray) -> list[str]:
+    """Name of the first panel of each group."""
+    found: dict[int, str] = {}
+    for name, rows in state.mesh.vertices.items():
+        found.setdefault(int(of_panel[state.number[rows.start]]), name)
+    return [found[group] for group in range(len(found))]
+
+
+def rigid_groups(state: SewingState) -> np.ndarray:
+    """Group of panels joined by welds of each vertex of the garment, (k,)."""
+    faces = state.triangles
+    n = len(state.positions)
+    links = np.concatenate([faces[:, :2], faces[:, 1:]])
+    graph = coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])), shape=(n, n))
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def outward_of_groups(state: SewingState, body: Figure) -> Floats:
+    """Unit normal of each group, horizontal where it can be, on the side away from the body's axis, (g, 3)."""
+    label = rigid_groups(state)
+    middle = (body.positions.max(axis=0) + body.positions.min(axis=0)) / 2
+    found = []
+    for group in range(label.max() + 1):
+        faces = state.triangles[label[state.triangles[:, 0]] == group]
+        corners = state.positions[faces]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]).sum(axis=0)
+        flat = normal - (normal @ body.up) * body.up
+        normal = flat if np.linalg.norm(flat) > 0.3 * np.linalg.norm(normal) else normal
+        normal = normal / np.linalg.norm(normal)
+        away = corners.mean(axis=(0, 1)) - middle
+        found.append(normal if normal @ away >= 0 else -normal)
+    return np.array(found)
+
+
+def _moving(
+    state: SewingState,
+    positions: Floats,
+    with_body: np.ndarray,
+    own: np.ndarray,
+    surface: BodySurface,
+    of_panel: np.ndarray,
+    shift: Floats,
+) -> list[int]:
+    """Groups that move in this round."""
+    faces = state.triangles
+    moving = {int(group) for group in of_panel[faces[with_body[:, 0], 0]]}
+    moving |= {int(group) for group in of_panel[surface.closest(positions).signed_distance < 0]}
+    for a, b in {tuple(sorted(pair)) for pair in of_panel[faces[own][:, :, 0]].tolist()}:
+        if a != b and not {a, b} & moving:
+            moving.add(b if shift[b] >= shift[a] else a)
+    return sorted(moving)
+
+
+LIFTS = np.arange(0.0, 0.151, 0.01)
+"""Lifts that are tried [m]."""
+LIFT_CLEAR = 0.01
+"""Further lift above the least that frees the most strings [m]."""
+
+
+def lifted(state: SewingState, body: Figure, surface: BodySurface) -> tuple[SewingState, str]:
+    """State with the torso lifted by the least height at which the fewest strings run through the body; and a note."""
+    pairs = [
+        state.pairs(state.mesh.seams[k])
+        for k in state.open_seams
+        if order_of(state.mesh.seams[k], state) == WITHIN and not _of_arm(state, k)
+    ]
+    rows = np.unique(np.concatenate([np.zeros(0, np.int64), *(_torso(state))]))
+    if not pairs or not len(rows):
+        return state, ""
+    joined = np.concatenate(pairs)
+    through = [strings_through(state.positions[joined] + lift * body.up, surface) for lift in LIFTS]
+    best = int(np.argmin(through))
+    if best == 0:
+        return state, ""
+    positions = state.positions.copy()
+    height = LIFTS[best] + LIFT_CLEAR
+    positions[rows] += height * body.up
+    note = f"the torso was lifted by {1e3 * height:.0f} mm: {through[0]} strings of its seams ran through the body"
+    return state.at(positions), f"{note}, {through[best]} do now"
+
+
+def _of_arm(state: SewingState, seam: int) -> bool:
+    return any(is_of_arm(state.mesh.pattern.panels[side.panel]) for side in state.mesh.seams[seam].stitch.sides)
+
+
+def _torso(state: SewingState) -> list[np.ndarray]:
+    """Vertices of each panel that is not of an arm."""
+    panels = state.mesh.pattern.panels.values()
+    return [state.number[state.mesh.vertices[panel.name]] for panel in panels if not is_of_arm(panel)]
+
+
+SHIFTS = np.arange(0.0, 0.301, 0.01)
+"""Ways along the arm that are tried [m]."""
+SHIFT_CLEAR = 0.02
+"""Further way beyond the least that frees the most strings [m]."""
+
+
+def sleeves_cleared(state: SewingState, body: Figure) -> tuple[SewingState, tuple[str, ...]]:
+    """State with each sleeve moved along its arm, and a note for each that was moved.
+
+    By the least way at which the fewest strings of the torso run through its panels; sleeves that are welded to
+    other panels stay.
+    """
+    right, middle = np.cross(body.up, front_of(body)), middle_of(body)
+    strings = _strings_of_torso(state)
+    positions, notes = state.positions.copy(), []
+    for side in (1.0, -1.0):
+        names = [
+            name
+            for name, panel in state.mesh.pattern.panels.items()
+            if is_of_arm(panel) and side * (_rows(state, name) - middle).mean(axis=0) @ right > 0
+        ]
+        arm = arm_line(body, side * right, middle)
+        if not names or not len(strings) or arm is None:
+            continue
+        faces = np.concatenate([state.triangles[state.mesh.faces[name]] for name in names])
+        others = [state.triangles[rows] for name, rows in state.mesh.faces.items() if name not in names]
+        if np.isin(faces, np.concatenate([np.zeros((0, 3), np.int64), *others])).any():
+            continue
+        through = [_through(strings - shift * arm.direction, state.positions, faces) for shift in SHIFTS]
+        best = int(np.argmin(through))
+        if best:
+            way = SHIFTS[best] + SHIFT_CLEAR
+            positions[np.unique(faces)] += way * arm.direction
+            notes.append(
+                f"{', '.join(names)} moved by {1e3 * way:.0f} mm along the arm: {through[0]} strings of the torso ran"
+                f" through, {through[best]} do now"
+            )
+    return state.at(positions), tuple(notes)
+
+
+def _rows(state: SewingState, panel: str) -> Floats:
+    """Positions of the vertices of a panel, (k, 3) [m]."""
+    return np.asarray(state.positions[state.number[state.mesh.vertices[panel]]], np.float64)
+
+
+def _strings_of_torso(state: SewingState) -> Floats:
+    """Ends of the strings of all seams between two panels of the torso, (k, 2, 3) [m]."""
+    panels = state.mesh.pattern.panels
+    found: list[Ints] = [np.zeros((0, 2), np.int64)]
+    for k in state.open_seams:
+        sides = [panels[side.panel] for side in state.mesh.seams[k].stitch.sides]
+        if not any(is_of_arm(panel) or is_on_top(panel) for panel in sides):
+            found.append(state.pairs(state.mesh.seams[k]))
+    return np.asarray(state.positions[np.concatenate(found)], np.float64)
+
+
+def _through(strings: Floats, positions: Floats, triangles: Ints) -> int:
+    """Number of the segments (k, 2, 3) that meet a triangle."""
+    along = strings[:, 1] - strings[:, 0]
+    lengths = np.linalg.norm(along, axis=1)
+    directions = along / np.maximum(lengths, np.finfo(float).tiny)[:, None]
+    return int((first_hits(strings[:, 0], directions, positions, triangles) < lengths).sum())

@@ -1,0 +1,330 @@
+"""Placement of a pattern on a body: level and direction, sleeves along the arms, legs over the legs.
+
+Patterns are placed for a body that faces z; panels drawn for another pose are moved rigidly with the limb that they
+belong to. Trousers are often drawn for a wider stance than the body's: the straight line between both sides of the
+inseam then runs through the ankle, and the narrower front panel is drawn past the foot on its outer side.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from clothsim.base.arrays import Floats, Ints
+from clothsim.base.errors import InputError
+from clothsim.garments.inputs import Figure
+from clothsim.patterns import Panel, PatternMesh
+from transfer.body_frame import body_frame
+from transfer.errors import TransferError
+from transfer.signed_distance import BodySurface
+
+ASIDE_DEGREES = 20.0
+"""Angle from the usual direction up to which a body counts as facing it: feet turned out do not turn a garment."""
+SHORTEST, TALLEST = 0.1, 10.0
+"""Height of a body that a pattern can be for [m]."""
+FARTHEST = 1e5
+"""Largest coordinate of a body [m]: beyond, the distance of contact would lose its digits."""
+
+
+def refuse_unsuitable(body: Figure) -> None:
+    """InputError for a body of no person's size, or so far away that contact would lose its digits."""
+    extent, farthest = float(np.ptp(body.positions @ body.up)), float(np.abs(body.positions).max())
+    if not farthest <= FARTHEST:
+        raise InputError(f"{body.name} has a vertex {farthest:.3g} m from the origin.", "Move it to the origin.")
+    if not SHORTEST <= extent <= TALLEST:
+        raise InputError(
+            f"{body.name} is {extent:.3g} m tall; patterns are sewn on bodies of {SHORTEST:g} to {TALLEST:g} m.",
+            "Give its unit: --scale METRES_PER_UNIT.",
+        )
+
+
+def usual_front(up: Floats) -> Floats:
+    """Direction that bodies of a vertical axis face, (3,): z where y is up, -y where z is."""
+    return np.array([0.0, 0.0, 1.0]) if up[1] else np.array([0.0, -1.0, 0.0])
+
+
+def front_of(body: Figure) -> Floats:
+    """Unit direction that a body faces, (3,): that of its feet where it is far from the usual one, else the usual."""
+    usual = usual_front(body.up)
+    try:
+        front = body_frame(body.positions, body.triangles, body.up).front
+    except TransferError:  # no feet to go by
+        return usual
+    return usual if front @ usual > np.cos(np.radians(ASIDE_DEGREES)) else np.asarray(front, np.float64)
+
+
+def turn_to_front(body: Figure, front: Floats) -> Rotation:
+    """Rotation about the vertical that takes the usual front to `front`."""
+    usual = usual_front(body.up)
+    angle = np.arctan2(np.cross(usual, front) @ body.up, usual @ front)
+    return Rotation.from_rotvec(angle * body.up)
+
+
+ORIGINS = ("auto", "floor", "waist")
+ORIGIN_HEIGHT = 0.677
+"""Height of the origin of Garment-Pattern-Generator's body (the template of SMPL) as a fraction of its own height."""
+BELOW, LOW = 0.1, 0.6
+"""Depth of a pattern below y = 0 and height of its top above it [m] that make the floor an unlikely origin."""
+ASIDE = 0.2
+"""Distance of a body from the vertical axis [m] beyond which the pattern follows it."""
+
+
+def placed_on(mesh: PatternMesh, body: Figure, origin: str = "auto") -> tuple[PatternMesh, tuple[str, ...]]:
+    """The mesh placed on a body, and notes.
+
+    Parameters
+    ----------
+    mesh : PatternMesh
+        Panels as placed in the file, y upward.
+    body : Figure
+        The body, y or z upward.
+    origin : str
+        Level y = 0 of the file: "floor", the lowest vertex of the body (GarmentCode), or "waist", the origin of SMPL's
+        template (Garment-Pattern-Generator); "auto": the floor, unless the panels lie round y = 0.
+
+    Raises
+    ------
+    InputError
+        Another origin.
+    """
+    chosen, notes = chosen_origin(mesh.positions[:, 1], origin), []
+    lowest = float(mesh.positions[:, 1].min())
+    if chosen == "waist" and origin == "auto":
+        notes.append(f"panels lie {-lowest:.2f} m below y = 0: read as made round the waist (origin = waist)")
+    levels = body.positions @ body.up
+    level = float(levels.min()) + height_of_origin(body, chosen)
+    across = np.eye(3)[[k for k in range(3) if body.up[k] == 0]]
+    middles = [float((points.min() + points.max()) / 2) for points in (body.positions @ axis for axis in across)]
+    shift = level * body.up
+    if np.linalg.norm(middles) > ASIDE:
+        shift = shift + middles[0] * across[0] + middles[1] * across[1]
+        notes.append("the body is away from the vertical axis: the pattern follows it")
+    positions = _upright(mesh.positions, body.up)
+    front = front_of(body)
+    if front @ usual_front(body.up) < 1:
+        positions = turn_to_front(body, front).apply(positions)
+        facing = ", ".join(f"{value:.2f}" for value in front)
+        notes.append(f"the body faces ({facing}) by its feet: the pattern is turned to it")
+    positions = positions + shift
+    return replace(mesh, positions=positions), tuple(notes)
+
+
+def chosen_origin(heights: Floats, origin: str) -> str:
+    """Level y = 0 of a pattern whose points have the heights (k,) [m] in it: "floor" or "waist"."""
+    if origin not in ORIGINS:
+        raise InputError(f"origin is {origin!r}.", f"Known: {', '.join(ORIGINS)}.")
+    if origin != "auto":
+        return origin
+    return "waist" if heights.min() < -BELOW and heights.max() < LOW else "floor"
+
+
+def height_of_origin(body: Figure, origin: str) -> float:
+    """Height of the origin of a pattern, "floor" or "waist", above the floor of a body [m]."""
+    return ORIGIN_HEIGHT * float(np.ptp(body.positions @ body.up)) if origin == "waist" else 0.0
+
+
+def _upright(positions: Floats, up: Floats) -> Floats:
+    """Positions with y upward turned so that `up` is: y to z about the x axis, or as they are."""
+    return positions if up[1] else positions[:, [0, 2, 1]] * [1, -1, 1]
+
+
+ARM_WORDS = ("sleeve", "cuff", "arm")
+"""Words in the label or the name of a panel of the arm."""
+LEAST_ANGLE = np.radians(20.0)
+"""Angle between sleeve and arm below which the placement stays [rad]."""
+BEYOND = 0.45
+"""Part of the reach of the hand beyond which only the arm is."""
+
+
+@dataclass(frozen=True)
+class Arm:
+    """Line of an arm: a point on it and the unit direction to the hand, both (3,)."""
+
+    point: Floats
+    direction: Floats
+
+
+def turned_to_arms(mesh: PatternMesh, body: Figure) -> tuple[PatternMesh, tuple[str, ...]]:
+    """Mesh whose sleeves lie along the arms, and a note for each that was turned.
+
+    The panels of an arm are those named so on one side of the body. Their axis leads from the middle of their seams
+    with other panels to the middle of their free edges.
+    """
+    right = np.cross(body.up, front_of(body))
+    middle = middle_of(body)
+    positions, notes = mesh.positions.copy(), []
+    for side in (1.0, -1.0):
+        names = [
+            name
+            for name, panel in mesh.pattern.panels.items()
+            if is_of_arm(panel) and side * (positions[mesh.vertices[name]].mean(axis=0) - middle) @ right > 0
+        ]
+        ends = _ends(mesh, names)
+        arm = arm_line(body, side * right, middle)
+        if ends is None or arm is None:
+            continue
+        root, tip = ends
+        along = (tip - root) / np.linalg.norm(tip - root)
+        angle = float(np.arccos(np.clip(along @ arm.direction, -1, 1)))
+        if angle < LEAST_ANGLE:
+            continue
+        turn, _ = Rotation.align_vectors(arm.direction[None], along[None])
+        onto = arm.point + ((root - arm.point) @ arm.direction) * arm.direction
+        for name in names:
+            rows = mesh.vertices[name]
+            positions[rows] = turn.apply(positions[rows] - root) + onto
+        notes.append(f"{', '.join(names)} turned by {np.degrees(angle):.0f} degrees to lie along the arm")
+    return replace(mesh, positions=positions), tuple(notes)
+
+
+def is_of_arm(panel: Panel) -> bool:
+    """True for a panel of an arm by its label, else by its name."""
+    if panel.label:
+        return panel.label == "arm"
+    return any(word in panel.name.lower() for word in ARM_WORDS)
+
+
+def _ends(mesh: PatternMesh, names: list[str]) -> tuple[Floats, Floats] | None:
+    """Middle of the seams of these panels with others, and of their free edges, each (3,) [m]; None without either."""
+    inside = set(names)
+    sewn, root = set(), []
+    for seam in mesh.seams:
+        for side, other in (seam.stitch.sides, seam.stitch.sides[::-1]):
+            if side.panel in inside:
+                sewn.add(side)
+                if other.panel not in inside:
+                    root.append(mesh.positions[mesh.edges[side]].mean(axis=0))
+    free = [
+        mesh.positions[rows].mean(axis=0)
+        for side, rows in mesh.edges.items()
+        if side.panel in inside and side not in sewn
+    ]
+    if not root or not free:
+        return None
+    return np.mean(root, axis=0), np.mean(free, axis=0)
+
+
+def arm_line(body: Figure, outward: Floats, middle: Floats) -> Arm | None:
+    """Line through the vertices of a body beyond its torso on the side `outward`; None where the arm hangs down."""
+    reach = (body.positions - middle) @ outward
+    chosen = body.positions[reach > BEYOND * reach.max()]
+    centre = chosen.mean(axis=0)
+    direction = np.linalg.svd(chosen - centre, full_matrices=False)[2][0]
+    direction = direction if direction @ outward > 0 else -direction
+    return Arm(centre, direction) if direction @ outward > np.cos(np.radians(75)) else None
+
+
+def middle_of(body: Figure) -> Floats:
+    """Middle of the bounding box of a body, (3,) [m]."""
+    return np.asarray((body.positions.min(axis=0) + body.positions.max(axis=0)) / 2, np.float64)
+
+
+LEG_WORDS = ("leg", "pant", "trouser")
+"""Words in the name of a panel of a leg."""
+LOW_LEVEL = 0.3
+"""Height as a fraction of the body's below which a level meets the legs alone, not the hands."""
+HEM = 0.04
+"""Height of the lowest part of a panel that is its hem, and of the slice of the leg there [m]."""
+CLEARANCE = 0.025
+"""Distance from the body that every string should keep [m]."""
+ACROSS = 0.01
+"""Distance by which a panel of one leg may reach across the middle of the body [m]; panels of a skirt reach further."""
+SAMPLES = np.linspace(0.0, 1.0, 12)
+"""Points of a string at which its distance is measured."""
+
+
+def turned_to_legs(mesh: PatternMesh, body: Figure, surface: BodySurface) -> tuple[PatternMesh, tuple[str, ...]]:
+    """Mesh whose legs are turned to those of the body, and a note for each that was turned.
+
+    Where strings of the seams of a leg come close to the body, its front and its back turn in the body's frontal plane,
+    each by the angle that brings the middle of its hem over the leg. A turn that frees no string is not made.
+    """
+    front = front_of(body)
+    right = np.cross(body.up, front)
+    middle = middle_of(body)
+    positions, notes = mesh.positions.copy(), []
+    for side in (1.0, -1.0):
+        place = {
+            name: mesh.positions[mesh.vertices[name]] - middle
+            for name, panel in mesh.pattern.panels.items()
+            if is_of_leg(panel)
+        }
+        names = [name for name, points in place.items() if (side * points @ right).min() > -ACROSS]
+        pairs = _strings(mesh, names)
+        if not len(pairs):
+            continue
+        middles = mesh.positions[pairs].mean(axis=1)
+        crotch = middles[np.argmin(np.abs((middles - middle) @ right))]
+        turned, angles = positions, []
+        for facing in (1.0, -1.0):
+            rows = _rows(mesh, [name for name in names if facing * place[name].mean(axis=0) @ front > 0])
+            angle = _angle_to_leg(positions[rows], crotch, body, side * right) if len(rows) else 0.0
+            axis = np.cross(body.up, side * right)
+            turned = _turned(turned, rows, crotch, angle * axis, side * right)
+            angles.append(abs(np.degrees(angle)))
+        if _missing(turned[pairs], surface) < _missing(positions[pairs], surface):
+            positions = turned
+            notes.append(
+                f"{', '.join(names)} turned about the crotch to the leg, the front by {angles[0]:.0f} and the back by"
+                f" {angles[1]:.0f} degrees: strings of the seams would run through the leg, or close to it"
+            )
+    return replace(mesh, positions=positions), tuple(notes)
+
+
+def is_of_leg(panel: Panel) -> bool:
+    """True for a panel of a leg by its label, else by its name."""
+    if panel.label:
+        return panel.label == "leg"
+    return any(word in panel.name.lower() for word in LEG_WORDS)
+
+
+def _strings(mesh: PatternMesh, names: list[str]) -> Ints:
+    """Pairs of vertices of all seams between two panels of one leg, (k, 2)."""
+    inside = set(names)
+    pairs = [
+        seam.pairs
+        for seam in mesh.seams
+        if (panels := {side.panel for side in seam.stitch.sides}) <= inside and len(panels) == 2
+    ]
+    return np.concatenate([np.zeros((0, 2), np.int64), *pairs])
+
+
+def _rows(mesh: PatternMesh, names: list[str]) -> Ints:
+    """Vertices of some panels."""
+    every = np.arange(len(mesh.positions))
+    return np.concatenate([np.zeros(0, np.int64), *(every[mesh.vertices[name]] for name in names)])
+
+
+def _angle_to_leg(points: Floats, crotch: Floats, body: Figure, outward: Floats) -> float:
+    """Angle [rad] that brings the middle of the hem of a panel over the leg; 0 for a hem above the legs."""
+    up = body.up
+    lowest = float((points @ up).min())
+    hem = points[points @ up < lowest + HEM].mean(axis=0)
+    levels = body.positions @ up
+    if lowest > levels.min() + LOW_LEVEL * np.ptp(levels):
+        return 0.0
+    slice_ = (np.abs(levels - hem @ up) < HEM) & ((body.positions - middle_of(body)) @ outward > 0)
+    if not slice_.any():
+        return 0.0
+    reach = body.positions[slice_] @ outward
+    target = (reach.min() + reach.max()) / 2
+    along, below = (hem - crotch) @ outward, (crotch - hem) @ up
+    return float(np.arctan2(along, below) - np.arctan2(target - crotch @ outward, below))
+
+
+def _turned(positions: Floats, rows: Ints, pivot: Floats, rotation: Floats, outward: Floats) -> Floats:
+    """Positions of which `rows` are turned about a pivot, then moved outward until none is nearer to the middle."""
+    if not len(rows):
+        return positions
+    moved = positions.copy()
+    moved[rows] = Rotation.from_rotvec(rotation).apply(positions[rows] - pivot) + pivot
+    nearer = float((positions[rows] @ outward).min() - (moved[rows] @ outward).min())
+    moved[rows] += max(nearer, 0.0) * outward
+    return moved
+
+
+def _missing(ends: Floats, surface: BodySurface) -> float:
+    """Sum over strings (k, 2, 3) of what each lacks of `CLEARANCE` from the body, the depth inside it included [m]."""
+    points = ends[:, :1] + SAMPLES[:, None] * (ends[:, 1:] - ends[:, :1])
+    distance = surface.closest(points.reshape(-1, 3)).signed_distance.reshape(len(ends), -1)
+    return float(np.maximum(CLEARANCE - distance.min(axis=1), 0.0).sum())
