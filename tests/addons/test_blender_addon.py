@@ -55,7 +55,7 @@ def test_the_scene_is_one_of_clothsim(tmp_path):
     settings = scene_files.Settings(pins=[0, 5], fabric="denim", frames_per_second=24)
     file = scene_files.write_scene(tmp_path, grid(), [[box(0.0)], [box(-1.0, "lift"), box(-0.9, "lift")]], settings)
     scene = load_scene(file)
-    assert scene.effects["pins"]["select"] == [0, 5]
+    assert scene.effects["pins"]["select"] == (0, 5)
     assert not [finding for finding in clothsim.check(file) if finding.severity == "error"]
     assert [body["name"] for body in scene.body] == ['a "box"', "lift"]
 

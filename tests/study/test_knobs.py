@@ -25,7 +25,7 @@ def test_what_the_mesh_chose_is_written_out():
     base = base_of(effects={**without(), **FRICTION})
     assert base.effects["body_contact"]["d_hat"] == pytest.approx(0.1 * 0.25, rel=0.5)
     finer = KNOBS["cells"].put(base, base, 1)
-    assert finer.cloth["cells"] == [8, 8]
+    assert finer.cloth["cells"] == (8, 8)
     assert finer.effects["body_contact"]["d_hat"] == base.effects["body_contact"]["d_hat"]
 
 
@@ -61,7 +61,7 @@ def test_pins_by_number_follow_their_material_places():
     effects = {**without("body_contact"), "pins": {"select": [4, 24]}}
     scene = small_scene(effects=effects)
     finer = with_cells(scene, Fraction(2))
-    assert finer.effects["pins"]["select"] == [8, 80]
+    assert finer.effects["pins"]["select"] == (8, 80)
     assert with_cells(finer, Fraction(1, 2)).effects["pins"]["select"] == [4, 24]
     with pytest.raises(InputError, match="names neighbouring vertices by number"):
         with_cells(small_scene(effects={**effects, "pins": {"select": [3, 4]}}), Fraction(2))
@@ -70,7 +70,7 @@ def test_pins_by_number_follow_their_material_places():
 def test_springs_by_number_follow_their_material_places():
     springs = {"spring": [{"select": [4, 24], "stiffness": 1.0}, {"select": "left", "stiffness": 1.0}]}
     finer = with_cells(small_scene(effects={"inertia": {}, "springs": springs}), Fraction(2))
-    assert [spring["select"] for spring in finer.effects["springs"]["spring"]] == [[8, 80], "left"]
+    assert [spring["select"] for spring in finer.effects["springs"]["spring"]] == [(8, 80), "left"]
     springs["spring"][0]["select"] = [3, 4]
     with pytest.raises(InputError, match=r"springs\.spring\[0\] names neighbouring vertices"):
         with_cells(small_scene(effects={"inertia": {}, "springs": springs}), Fraction(2))
@@ -108,7 +108,7 @@ def test_a_preset_sets_what_its_table_gives(name):
     assert scene.solver["dt"] == preset.dt
     assert scene.solver["integrator"] == "bdf2"
     assert scene.effects["bending"]["model"] == "midedge"
-    assert scene.cloth["cells"] == [4 * preset.cells] * 2
+    assert scene.cloth["cells"] == (4 * preset.cells,) * 2
     assert f"dt {preset.dt:g} s" in output
     build(scene)
 
@@ -127,7 +127,7 @@ def test_the_presets_refine_dt_cells_and_d_hat_together():
     assert [scene.effects["body_contact"]["d_hat"] for scene in chain] == [4e-3, 2e-3, 1e-3]
     for coarse, fine in zip(chain, chain[1:], strict=False):
         assert coarse.solver["dt"] == 2 * fine.solver["dt"]
-        assert [2 * count for count in coarse.cloth["cells"]] == fine.cloth["cells"]
+        assert tuple(2 * count for count in coarse.cloth["cells"]) == fine.cloth["cells"]
         assert "tolerance" not in fine.solver
 
 

@@ -47,7 +47,7 @@ def test_a_search_is_made_once_and_its_settings_are_those_of_its_run(scene, sear
     assert found.solver["dt"] == chosen["dt"]
     assert found.solver["integrator"] == chosen["integrator"]
     assert "error" not in found.solver
-    assert [keys["cells"] for keys in found.cloths] == chosen["cells"]
+    assert [list(keys["cells"]) for keys in found.cloths] == chosen["cells"]
     assert found.effects["body_contact"]["d_hat"] == chosen["d_hat"]["body_contact"]
     searched_settings(set_key(scene, "solver.error", 2 * ASKED), tmp_path, 100.0)
     assert len(searches) == 2

@@ -49,7 +49,7 @@ def with_cells(scene: Scene, factor: Fraction, nearest: bool = False) -> Scene:
     >>> import clothsim
     >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "cells": [8, 8]})
     >>> with_cells(scene, Fraction(1, 2)).cloth["cells"]
-    [4, 4]
+    (4, 4)
     """
     if scene.seed_settings.from_ == "file":
         raise InputError("seed.file has a position for each vertex of one mesh.", "Leave the cells as they are.")

@@ -186,4 +186,4 @@ def test_cells_that_are_no_whole_numbers_are_not_chosen():
     taken = chosen(ladder, errors, [ladder.coarsest, first], 1e-3, 24, np.inf)
     assert taken.cells == 3
     assert not ladder.whole(Fraction(5, 2))
-    assert ladder.at(taken, 0.1).cloth["cells"] == [15, 9]
+    assert ladder.at(taken, 0.1).cloth["cells"] == (15, 9)
