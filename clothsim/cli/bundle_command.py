@@ -7,6 +7,7 @@ from typing import Any
 
 from clothsim.base.errors import InputError
 from clothsim.cli.run_report import program
+from clothsim.engine import write_bundle
 
 _DESCRIPTION = """\
 Pack a run into one archive: scene, meshes, last good state, record. `clothsim resume FILE.zip` replays its failure.
@@ -26,8 +27,6 @@ def add_to(commands: Any) -> None:
 
 
 def _bundle(arguments: argparse.Namespace) -> int:
-    from clothsim.engine import write_bundle
-
     directory = arguments.directory
     if not directory.is_dir():
         raise InputError(f"There is no run directory {directory}.")

@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from clothsim.cli import parser_of_all
+
 _DESCRIPTION = """\
 Print a script that completes commands, options and their choices.
 
@@ -58,8 +60,6 @@ def add_to(commands: Any) -> None:
 
 
 def _completion(arguments: argparse.Namespace) -> int:
-    from clothsim.cli import parser_of_all
-
     parser = parser_of_all()
     print({"bash": bash, "zsh": zsh, "fish": fish}[arguments.shell](parser), end="")
     return 0

@@ -6,8 +6,11 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
 from clothsim.base.errors import InputError
+from clothsim.base.safe_files.record import to_json
 from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.loss_arguments import meshed, scene_or_run, words
+from clothsim.engine import override, refuse_earlier_run
+from clothsim.gradients import Girth, HemAt, Measured, Silhouette, StretchBelow, shaped_scene
 
 if TYPE_CHECKING:
     from clothsim.gradients import Design, DesignRun, Loss, ShapedScene
@@ -55,9 +58,6 @@ def add_to(commands: Any) -> None:
 
 def _design(arguments: argparse.Namespace) -> int:
     from clothsim import __version__, design, simulate
-    from clothsim.base.safe_files.record import to_json
-    from clothsim.engine import override, refuse_earlier_run
-    from clothsim.gradients import shaped_scene
 
     free, runs = words("--free", arguments.free), as_count("--runs", arguments.runs)
     area = None if arguments.area is None else as_positive_number("--area", arguments.area)
@@ -95,7 +95,6 @@ def _aims(arguments: argparse.Namespace, shaped: "ShapedScene") -> "dict[str, Lo
     """The aims by the names of their options. InputError where there is none."""
     import numpy as np
 
-    from clothsim.gradients import Girth, HemAt, Measured, Silhouette, StretchBelow
 
     aims: dict[str, Loss] = {}
     tolerance = as_positive_number("--tolerance", arguments.tolerance)

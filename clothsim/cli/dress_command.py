@@ -5,8 +5,13 @@ import sys
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
-from clothsim.base.errors import InputError
+from clothsim import __version__
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.cli import progress
 from clothsim.cli.arguments import as_positive_number
+from clothsim.engine import GIF_NAME, MOVIE_NAME, installed_pattern, installed_scene
+from clothsim.garments.dress.pictures import draw_dress, draw_sewing
+from clothsim.render import has_ffmpeg
 
 if TYPE_CHECKING:
     from clothsim.garments.dress.dressed import Dress
@@ -104,15 +109,10 @@ def as_factors(given: list[str]) -> dict[str, float]:
 
 def _body(path: Path | None) -> Path | None:
     """A body file, or the installed scene of that name."""
-    from clothsim.engine import installed_scene
-
     return path if path is None or path.exists() else installed_scene(path) or path
 
 
 def _dress(arguments: argparse.Namespace) -> int:
-    from clothsim import __version__
-    from clothsim.cli import progress
-    from clothsim.engine import installed_pattern
     from clothsim.garments.dress.dress import dress
 
     talk: IO[str] = sys.stderr if arguments.json else sys.stdout
@@ -174,11 +174,6 @@ def _verdict(done: "Dress") -> list[str]:
 
 def _pictures(done: "Dress", pictures: bool, movie: bool) -> list[str]:
     """Draw pictures and movie; a line for each that could not be drawn."""
-    from clothsim.base.errors import ClothsimError
-    from clothsim.engine import GIF_NAME, MOVIE_NAME
-    from clothsim.garments.dress.pictures import draw_dress, draw_sewing
-    from clothsim.render import has_ffmpeg
-
     film, trouble = done.directory / (MOVIE_NAME if has_ffmpeg() else GIF_NAME), []
     if movie and film.name == GIF_NAME:
         trouble.append(f"{film.name}, not {MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")

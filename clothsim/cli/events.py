@@ -6,6 +6,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import IO, Any
 
+from clothsim.base.safe_files.record import to_json
+
 
 class EventStream(io.TextIOBase):
     """A text stream that writes each line as {"event": "message", "text": ...} to another one."""
@@ -28,8 +30,6 @@ class EventStream(io.TextIOBase):
 
     def event(self, kind: str, **content: Any) -> None:
         """Write one event; numbers that are not finite as null."""
-        from clothsim.base.safe_files.record import to_json
-
         self._target.write(f"{to_json({'event': kind, **content})}\n")
         self._target.flush()
 

@@ -4,8 +4,11 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clothsim import load_scene
 from clothsim.base.errors import InputError
+from clothsim.base.text_table import text_table
 from clothsim.cli.arguments import as_count, as_seconds
+from clothsim.engine import EFFECTS, explain_run, explain_scene, scene_file, with_absent
 
 if TYPE_CHECKING:
     from clothsim.engine import Absent, Receipt
@@ -34,9 +37,6 @@ def add_to(commands: Any) -> None:
 
 
 def _explain(arguments: argparse.Namespace) -> int:
-    from clothsim import load_scene
-    from clothsim.engine import explain_run, explain_scene, scene_file, with_absent
-
     absent = None
     if arguments.target.is_dir():
         for option in ("steps", "absent", "budget"):
@@ -66,9 +66,6 @@ def _explain(arguments: argparse.Namespace) -> int:
 
 def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
     """The receipt as text: effects that are on, phases, effects that are off, the cost of adding one."""
-    from clothsim.base.text_table import text_table
-    from clothsim.engine import EFFECTS
-
     on = {name: entry for name, entry in receipt.effects.items() if entry["on"]}
     off = {name: entry for name, entry in receipt.effects.items() if not entry["on"]}
     shown = ("bytes", "idle_steps")  # columns that may be empty altogether
@@ -94,9 +91,6 @@ def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
 
 def _added(absent: "Absent") -> list[str]:
     """Lines with the cost of each effect that the scene does not name."""
-    from clothsim.base.text_table import text_table
-    from clothsim.engine import EFFECTS
-
     measured = {name: each for name, each in absent.effects.items() if not each.why}
     others = {name: each for name, each in absent.effects.items() if each.why}
     lines = []

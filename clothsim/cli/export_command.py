@@ -6,8 +6,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from clothsim import open_run
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_positive_number
+from clothsim.files import format_of
 
 _DESCRIPTION = """\
 Write the frames of a run for other programs: .obj, .ply (a file a frame), .pc2, .mdd (point caches with the mesh as
@@ -37,9 +39,7 @@ def add_to(commands: Any) -> None:
 
 
 def _export(arguments: argparse.Namespace) -> int:
-    from clothsim import open_run
     from clothsim.engine import export
-    from clothsim.files import format_of
 
     format_of(arguments.output)  # before anything is read
     run = open_run(arguments.directory)

@@ -5,6 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.errors import InputError
+from clothsim.base.text_table import text_table
+from clothsim.engine import TABLE, draw_swatches, fabric_named
 
 if TYPE_CHECKING:
     from clothsim.engine import NamedFabric
@@ -49,8 +51,6 @@ def add_to(commands: Any) -> None:
 
 
 def _fabrics(arguments: argparse.Namespace) -> int:
-    from clothsim.engine import TABLE, fabric_named
-
     name, file = arguments.name, arguments.swatches
     if name is not None:
         fabric_named("NAME", name)
@@ -73,8 +73,6 @@ def _document(named: "NamedFabric") -> dict[str, Any]:
 
 
 def _swatches(names: list[str], file: Path) -> int:
-    from clothsim.engine import draw_swatches
-
     if file.suffix.lower() != ".png":
         raise InputError(f"--swatches is {str(file)!r}.", "A picture ends in .png.")
     if not file.parent.is_dir():
@@ -85,8 +83,6 @@ def _swatches(names: list[str], file: Path) -> int:
 
 def table(fabrics: Any) -> str:
     """The fabrics in lines: weight, thickness, stiffness along warp and weft and in shear, bending, source."""
-    from clothsim.base.text_table import text_table
-
     header = (
         "fabric",
         "g/m2",
@@ -119,8 +115,6 @@ def table(fabrics: Any) -> str:
 
 def sheet(named: "NamedFabric") -> str:
     """All values of a fabric, a line each, with the source of each."""
-    from clothsim.base.text_table import text_table
-
     rows = []
     for key, (unit, factor) in _VALUES.items():
         value = getattr(named.fabric, key)

@@ -15,6 +15,10 @@ from typing import TYPE_CHECKING, Any
 
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import Parser, as_count, as_positive_number, as_seconds
+from clothsim.study.farm.claims import worker_of
+from clothsim.study.farm.dask_work import work_with_dask
+from clothsim.study.farm.plan import open_farm
+from clothsim.study.farm.recipe import load_recipe
 
 if TYPE_CHECKING:
     from clothsim.study.farm.drape import Drape
@@ -74,7 +78,6 @@ def add_to(commands: Any) -> None:
 
 def _plan(arguments: argparse.Namespace) -> int:
     from clothsim.study.farm.plan import plan, refuse_unbuildable
-    from clothsim.study.farm.recipe import load_recipe
 
     recipe = load_recipe(arguments.recipe)
     refuse_unbuildable(recipe)
@@ -88,8 +91,6 @@ def _plan(arguments: argparse.Namespace) -> int:
 
 
 def _work(arguments: argparse.Namespace) -> int:
-    from clothsim.study.farm.claims import worker_of
-    from clothsim.study.farm.plan import open_farm
     from clothsim.study.farm.status import status, write_manifest
     from clothsim.study.farm.work import work
 
@@ -113,8 +114,6 @@ def _work(arguments: argparse.Namespace) -> int:
 
 
 def _with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int, stale: float) -> None:
-    from clothsim.study.farm.dask_work import work_with_dask
-
     def announce(link: str) -> None:
         if not arguments.quiet:
             print(f"dashboard: {link}", file=sys.stderr, flush=True)
@@ -124,7 +123,6 @@ def _with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int, stale
 
 
 def _status(arguments: argparse.Namespace) -> int:
-    from clothsim.study.farm.plan import open_farm
     from clothsim.study.farm.status import status
 
     farm = open_farm(arguments.directory)
@@ -137,7 +135,6 @@ def _status(arguments: argparse.Namespace) -> int:
 
 
 def _verify(arguments: argparse.Namespace) -> int:
-    from clothsim.study.farm.plan import open_farm
     from clothsim.study.farm.verify import verify
 
     none = bool(re.fullmatch(r"0+(\.0*)?|\.0+", arguments.share))
@@ -158,7 +155,6 @@ def _verify(arguments: argparse.Namespace) -> int:
 
 def _pack(arguments: argparse.Namespace) -> int:
     from clothsim.study.farm.pack import pack
-    from clothsim.study.farm.plan import open_farm
 
     farm = open_farm(arguments.directory)
     done = pack(farm, arguments.output, as_count("--shard", arguments.shard))

@@ -5,8 +5,12 @@ import sys
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from clothsim import __version__
+from clothsim.base.errors import ClothsimError
+from clothsim.cli import progress
 from clothsim.cli.arguments import as_positive_number, as_range
-from clothsim.engine import length
+from clothsim.engine import installed_scene, length
+from clothsim.garments.fit.before_after import draw_fit
 
 if TYPE_CHECKING:
     from clothsim.garments.fit.fit import Fit
@@ -54,9 +58,6 @@ def add_to(commands: Any) -> None:
 
 
 def _fit(arguments: argparse.Namespace) -> int:
-    from clothsim import __version__
-    from clothsim.cli import progress
-    from clothsim.engine import installed_scene
     from clothsim.garments.fit.fit import fit
 
     def named(file: Path | None) -> Path | None:
@@ -140,9 +141,6 @@ def _answer(done: "Fit") -> str:
 
 
 def _picture(done: "Fit") -> list[str]:
-    from clothsim.base.errors import ClothsimError
-    from clothsim.garments.fit.before_after import draw_fit
-
     try:
         draw_fit(done, done.directory / PICTURE_NAME)
     except (ClothsimError, OSError, ImportError) as error:

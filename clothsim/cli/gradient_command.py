@@ -5,8 +5,12 @@ import sys
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from clothsim import __version__, load_scene
 from clothsim.base.errors import InputError
+from clothsim.base.safe_files.record import to_json
 from clothsim.cli.loss_arguments import LOSSES, loss_of, words
+from clothsim.engine import build, override, scene_file
+from clothsim.gradients import full_path, traced
 
 if TYPE_CHECKING:
     from clothsim.base.arrays import Floats
@@ -36,11 +40,6 @@ def add_to(commands: Any) -> None:
 
 
 def _gradient(arguments: argparse.Namespace) -> int:
-    from clothsim import __version__, load_scene
-    from clothsim.base.safe_files.record import to_json
-    from clothsim.engine import build, override, scene_file
-    from clothsim.gradients import full_path, traced
-
     names = words("--wrt", arguments.wrt)
     if arguments.output is not None and arguments.output.suffix != ".npz":
         raise InputError(f"{arguments.output} is no .npz file.", "Name one with -o.")

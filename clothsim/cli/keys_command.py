@@ -6,6 +6,8 @@ from difflib import get_close_matches
 from typing import Any
 
 from clothsim.base.errors import InputError
+from clothsim.base.text_table import text_table
+from clothsim.engine import COLUMNS, home_of, nearest, row, sections
 
 _DESCRIPTION = """\
 List the sections of a scene file, or the keys of one with type, default, unit, range and meaning.
@@ -51,9 +53,6 @@ def _keys(arguments: argparse.Namespace) -> int:
 
 def overview() -> str:
     """The sections, a line each."""
-    from clothsim.base.text_table import text_table
-    from clothsim.engine import sections
-
     rows = [(name, str(len(section.keys)), section.summary) for name, section in sections().items()]
     return text_table(("section", "keys", "summary"), rows)
 
@@ -66,9 +65,6 @@ def keys_of_section(name: str) -> str:
     InputError
         For a name that is no section, with the nearest known one.
     """
-    from clothsim.base.text_table import text_table
-    from clothsim.engine import COLUMNS, row
-
     matching, only = _matching(name)
     parts = []
     for section in matching:
@@ -80,8 +76,6 @@ def keys_of_section(name: str) -> str:
 
 def document(name: str | None) -> dict[str, Any]:
     """The sections that a name matches, or all: summary, and the columns of `clothsim keys` of each key."""
-    from clothsim.engine import COLUMNS, row, sections
-
     matching, only = (list(sections().values()), None) if name is None else _matching(name)
     return {
         section.name: {
@@ -98,8 +92,6 @@ def document(name: str | None) -> dict[str, Any]:
 
 def _matching(name: str) -> tuple[list[Any], str | None]:
     """The sections of a name, and the name of the only key that is meant. InputError for an unknown one."""
-    from clothsim.engine import sections
-
     known = sections()
     words = _words(name)
     matching = [
@@ -117,8 +109,6 @@ def _matching(name: str) -> tuple[list[Any], str | None]:
 
 def _near(name: str) -> str:
     """Remedy for an unknown name: the nearest section or key, or the sections of a key of this name."""
-    from clothsim.engine import home_of, nearest, sections
-
     known = sections()
     words = {word for section in known for word in _words(section)}
     keys = {f"{section.name}.{key}" for section in known.values() for key in section.keys}

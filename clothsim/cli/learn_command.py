@@ -4,6 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from clothsim.engine import write_model
+from clothsim.study.farm.plan import open_farm
+
 _DESCRIPTION = """\
 Learn the drapes of a farm as a function of its varied numbers, for [seed] from = "model".
 
@@ -27,8 +30,6 @@ def add_to(commands: Any) -> None:
 
 
 def _learn(arguments: argparse.Namespace) -> int:
-    from clothsim.engine import write_model
-    from clothsim.study.farm.plan import open_farm
     from clothsim.study.learned.learn import learn
 
     made = learn(open_farm(arguments.directory), arguments.held_out, arguments.components)

@@ -3,7 +3,13 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from clothsim import load_scene
 from clothsim.base.errors import InputError
+from clothsim.cli.arguments import as_length
+from clothsim.engine import scene_file, scene_from_text
+from clothsim.files import CHECKPOINT_NAME, read_checkpoint
+from clothsim.gradients import Girth, Height, Silhouette, hem_of, target_loss
+from clothsim.patterns import mesh_pattern, read_specification
 
 if TYPE_CHECKING:
     from clothsim import Scene
@@ -23,8 +29,6 @@ LOSSES = {
 
 def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
     """Return the loss that a text such as "girth=0.8" names. InputError, with the option's name, for another text."""
-    from clothsim.gradients import Girth, Height, Silhouette, hem_of, target_loss
-
     name, _, value = (part.strip() for part in text.partition("="))
     if name == "height" and not value:
         return Height()
@@ -54,19 +58,12 @@ def words(option: str, text: str) -> list[str]:
 
 def meshed(file: Path, size: str) -> "PatternMesh":
     """Return the mesh of a pattern file with a size such as "2cm", as a dressed garment has it."""
-    from clothsim.cli.arguments import as_length
-    from clothsim.patterns import mesh_pattern, read_specification
-
     return mesh_pattern(read_specification(file), as_length("--size", size))
 
 
 def scene_or_run(path: Path) -> "Scene":
     """Return the scene of a file, of an installed name, or of the run in a directory."""
-    from clothsim import load_scene
-    from clothsim.engine import scene_file, scene_from_text
-
     if not path.is_dir():
         return load_scene(scene_file(path))
-    from clothsim.files import CHECKPOINT_NAME, read_checkpoint
 
     return scene_from_text(read_checkpoint(path / CHECKPOINT_NAME).scene_text, path)

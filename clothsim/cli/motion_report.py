@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 
 from clothsim import Scene
+from clothsim.files import MOST_DEGREES, fastest_turn, meetings
+from clothsim.garments.unpose import character_of_scene
 
 MOST_TIMES = 600
 """Most times looked at."""
@@ -13,9 +15,6 @@ MOST_TIMES = 600
 
 def report_motion(scene: Scene, energies: Mapping[str, Any]) -> tuple[int, int]:
     """Print what the check finds; returns the numbers of errors and warnings. InputError without a body model."""
-    from clothsim.files import MOST_DEGREES, fastest_turn, meetings
-    from clothsim.garments.unpose import character_of_scene
-
     made, name = character_of_scene(scene)
     if made.timeline is None:
         print(f"  {name} has no motion")

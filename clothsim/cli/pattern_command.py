@@ -5,6 +5,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from clothsim.base.errors import InputError
+from clothsim.files import read_pattern
+from clothsim.patterns import mesh_pattern, sewn_vertices
 
 if TYPE_CHECKING:
     from clothsim.patterns import Pattern
@@ -44,7 +46,6 @@ def _read(arguments: argparse.Namespace) -> "Pattern":
         from clothsim.files import read_dxf_pattern
 
         return read_dxf_pattern(arguments.target, arguments.seams, sewn=False)
-    from clothsim.files import read_pattern
 
     return read_pattern(arguments.target, seams=arguments.seams)
 
@@ -67,7 +68,5 @@ def _lines(pattern: "Pattern") -> Iterator[str]:
 
 def _refuse_unmeshed(pattern: "Pattern") -> None:
     """InputError for a panel that crosses itself, and for seams that give the garment one side."""
-    from clothsim.patterns import mesh_pattern, sewn_vertices
-
     mesh = mesh_pattern(pattern, SPACING)
     sewn_vertices(mesh, mesh.seams)

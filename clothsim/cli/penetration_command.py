@@ -5,7 +5,8 @@ from typing import TYPE_CHECKING
 
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_positive_number, as_range
-from clothsim.engine import length
+from clothsim.engine import intersection_points, length
+from clothsim.garments.penetration_report import deepest_vertices, read_penetration_report
 
 if TYPE_CHECKING:
     from clothsim.base.arrays import Floats
@@ -17,8 +18,6 @@ WORN = 0.1
 
 def check_penetration(arguments: argparse.Namespace) -> int:
     """Examine a garment on a body; 1 where a vertex is inside or triangles intersect."""
-    from clothsim.garments.penetration_report import read_penetration_report
-
     def number(option: str, text: str | None) -> float | None:
         return None if text is None else as_positive_number(option, text)
 
@@ -66,8 +65,6 @@ def _lines(report: "PenetrationReport") -> list[str]:
     """Penetrations as text, one line for each kind."""
     import numpy as np
 
-    from clothsim.engine import intersection_points
-    from clothsim.garments.penetration_report import deepest_vertices
 
     counts, lines = report.counts, []
     n = len(report.garment.positions)

@@ -4,8 +4,11 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from clothsim import load_scene
 from clothsim.cli.arguments import as_count
 from clothsim.cli.view_command import served
+from clothsim.study.farm.plan import open_farm
+from clothsim.viewer.preview import preview
 
 _DESCRIPTION = """\
 Move the inputs of a model of drapes in a browser: the predicted garment with the verdict of the exact test, and a
@@ -30,10 +33,6 @@ def add_to(commands: Any) -> None:
 
 
 def _preview(arguments: argparse.Namespace) -> int:
-    from clothsim import load_scene
-    from clothsim.study.farm.plan import open_farm
-    from clothsim.viewer.preview import preview
-
     port, given = as_count("--port", arguments.port), arguments.directory
     scene = load_scene(given) if given.suffix == ".toml" else open_farm(given).scene
     page = preview(scene, arguments.model, port=port, host=arguments.host)

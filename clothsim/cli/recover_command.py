@@ -5,9 +5,13 @@ import sys
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from clothsim import simulate
 from clothsim.base.errors import InputError
+from clothsim.base.safe_files.record import to_json
 from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.loss_arguments import meshed, scene_or_run, words
+from clothsim.engine import build, override, refuse_earlier_run
+from clothsim.gradients import target_loss
 
 if TYPE_CHECKING:
     from clothsim.gradients import Evaluation, Recovery
@@ -54,9 +58,6 @@ def add_to(commands: Any) -> None:
 
 def _recover(arguments: argparse.Namespace) -> int:
     from clothsim import __version__, recover
-    from clothsim.base.safe_files.record import to_json
-    from clothsim.engine import build, override, refuse_earlier_run
-    from clothsim.gradients import target_loss
 
     free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts)
     scale = as_positive_number("--scale", arguments.scale)
@@ -85,8 +86,6 @@ def _recover(arguments: argparse.Namespace) -> int:
 
 
 def _run(found: "Recovery", arguments: argparse.Namespace) -> int:
-    from clothsim import simulate
-
     run = simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
     return 0 if run.status == "completed" else 1
 

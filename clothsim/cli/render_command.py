@@ -7,8 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clothsim import open_run
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_direction, as_limits, as_positive_number, as_printed_size
+from clothsim.engine import draw_frame, draw_movie, field_settings, upright
+from clothsim.render import VIEWS
 
 if TYPE_CHECKING:
     from clothsim import Run
@@ -54,10 +57,6 @@ def add_to(commands: Any) -> None:
 
 
 def _render(arguments: argparse.Namespace) -> int:
-    from clothsim import open_run
-    from clothsim.engine import field_settings, upright
-    from clothsim.render import VIEWS
-
     run = open_run(arguments.directory)
     target = arguments.output or run.directory / "picture.png"
     settings: dict[str, Any] = {
@@ -90,8 +89,6 @@ def _drawn(
     run: "Run", target: Path, arguments: argparse.Namespace, settings: dict[str, Any], dots_per_inch: float
 ) -> str:
     """Draw the picture or the movie that the ending asks for; return the line that names the renderer."""
-    from clothsim.engine import draw_frame, draw_movie
-
     ending, of_movies = target.suffix.lower(), arguments.frames_per_second is not None or arguments.follow
     if ending == ".png" and of_movies:
         option = "--follow" if arguments.follow else "--frames-per-second"

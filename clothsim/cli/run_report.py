@@ -6,8 +6,10 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from clothsim.base.safe_files.record import RECORD_NAME
 from clothsim.cli.progress import clock
 from clothsim.engine import certificate_rows, length, many
+from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, read_checkpoint
 
 if TYPE_CHECKING:
     from clothsim import Run
@@ -18,9 +20,6 @@ WIDTH = 100
 
 def existing_files_note(directory: Path) -> str:
     """A note on files that the output directory holds already; empty where there are none."""
-    from clothsim.base.safe_files.record import RECORD_NAME
-    from clothsim.files import TRAJECTORY_NAME
-
     if not directory.is_dir() or not any(directory.iterdir()):
         return ""
     if any((directory / name).is_file() for name in (RECORD_NAME, TRAJECTORY_NAME)):
@@ -30,8 +29,6 @@ def existing_files_note(directory: Path) -> str:
 
 def resumption_note(directory: Path) -> str:
     """A note on the time and frame of a run that is resumed."""
-    from clothsim.files import CHECKPOINT_NAME, read_checkpoint
-
     saved = read_checkpoint(directory / CHECKPOINT_NAME)
     return f"Continues at {saved.time:g} s, after frame {saved.frame}."
 
@@ -101,8 +98,6 @@ def verdict(run: "Run", trouble: list[str]) -> str:
 
 def _after_failure(run: "Run") -> list[str]:
     """The remedy, the last good state, and the commands that examine and pack the failure."""
-    from clothsim.files import CHECKPOINT_NAME, read_checkpoint
-
     failure = run.summary["failure"]
     saved = read_checkpoint(run.directory / CHECKPOINT_NAME)
     directory = shlex.quote(str(run.directory))
@@ -116,8 +111,6 @@ def _after_failure(run: "Run") -> list[str]:
 
 def stopped(directory: Path) -> str:
     """The line that follows Ctrl-C."""
-    from clothsim.files import CHECKPOINT_NAME
-
     if (directory / CHECKPOINT_NAME).is_file():
         return f"Stopped. Continue with: {program()} resume {shlex.quote(str(directory))}"
     return "Stopped before the first step: there is nothing to resume."

@@ -3,6 +3,8 @@
 import argparse
 from typing import Any
 
+from clothsim.engine import example_scenes
+
 _DESCRIPTION = """\
 List the example scenes. `clothsim run NAME` simulates one where no file has that name.
 
@@ -20,8 +22,6 @@ def add_to(commands: Any) -> None:
 
 
 def _scenes(arguments: argparse.Namespace) -> int:
-    from clothsim.engine import example_scenes
-
     scenes = example_scenes()
     if arguments.json:
         from clothsim.base.safe_files.record import to_json

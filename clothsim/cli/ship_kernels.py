@@ -15,6 +15,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from clothsim import load_scene, simulate
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.base.kernel_cache import shipped, storage
+from clothsim.cli.precompile import compile_remaining_kernels
+from clothsim.engine import draw_frame, example_scenes, scene_file, set_key
+
 SOURCES = "clothsim", "transfer", "scenes", "pyproject.toml", "README.md", "LICENSE"
 """What a wheel is built from."""
 
@@ -31,9 +37,6 @@ def ship(scenes: Sequence[str], duration: float, to: Path | None = None) -> int:
     to : Path, optional
         Folder that is replaced by that of the kernels; None: the one that this package reads.
     """
-    from clothsim.base.errors import ClothsimError
-    from clothsim.base.kernel_cache import shipped, storage
-
     if not shipped.can_run():
         raise ClothsimError(f"This processor cannot run {shipped.LEVEL}.", "Build the wheel on another machine.")
     with TemporaryDirectory() as folder:
@@ -56,9 +59,6 @@ def build_wheel(scenes: Sequence[str], duration: float, folder: Path) -> tuple[i
     ClothsimError
         Outside of a clone, or where the processor is below the level.
     """
-    from clothsim.base.errors import ClothsimError
-    from clothsim.base.kernel_cache import shipped
-
     clone = Path(__file__).parents[2]
     if not (clone / "pyproject.toml").is_file():
         raise ClothsimError(f"{clone} is no clone of clothsim.", "Call the command in one.")
@@ -80,11 +80,6 @@ def build_wheel(scenes: Sequence[str], duration: float, folder: Path) -> tuple[i
 
 def compile_kernels(scenes: Sequence[str], duration: float) -> None:
     """Run the start of the scenes and draw them."""
-    from clothsim import load_scene, simulate
-    from clothsim.base.errors import ClothsimError
-    from clothsim.cli.precompile import compile_remaining_kernels
-    from clothsim.engine import draw_frame, scene_file, set_key
-
     compile_remaining_kernels()
     for name in scenes:
         with TemporaryDirectory() as folder:
@@ -99,9 +94,6 @@ def compile_kernels(scenes: Sequence[str], duration: float) -> None:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Compile the kernels of example scenes into the package."""
-    from clothsim.base.errors import ClothsimError
-    from clothsim.engine import example_scenes
-
     parser = argparse.ArgumentParser(prog="python -m clothsim.cli.ship_kernels", description=__doc__)
     parser.add_argument("scenes", nargs="*", metavar="SCENE", help="default: all that are installed")
     parser.add_argument("--duration", type=float, default=0.3, help="simulated time of each [s]")
@@ -125,9 +117,6 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _shipped(scenes: Sequence[str], duration: float, folder: Path | None) -> str:
     """Compile, and build the wheel where a folder is named; the line that says what was made."""
-    from clothsim.base.errors import InputError
-    from clothsim.engine import scene_file
-
     if not 0.0 < duration < math.inf:
         raise InputError(f"--duration is {duration}.", "Give a time above 0 [s], such as 0.3.")
     for name in scenes:

@@ -9,9 +9,16 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from clothsim import __version__, load_scene
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_count, as_seconds
+from clothsim.cli.loss_arguments import loss_of
 from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, listener_for
+from clothsim.engine import build, override, scene_file
+from clothsim.study.answer import answer, settings_text
+from clothsim.study.goal_report import NamedGoal
+from clothsim.study.headline import UNFINISHED
+from clothsim.study.study import study_accuracy
 
 if TYPE_CHECKING:
     from clothsim import Scene
@@ -49,12 +56,6 @@ def add_to(commands: Any) -> None:
 
 
 def _study(arguments: argparse.Namespace) -> int:
-    from clothsim import __version__, load_scene
-    from clothsim.engine import override, scene_file
-    from clothsim.study.answer import answer, settings_text
-    from clothsim.study.headline import UNFINISHED
-    from clothsim.study.study import study_accuracy
-
     budget = as_seconds("--budget", arguments.budget)
     knobs = None if arguments.knobs is None else [name.strip() for name in arguments.knobs.split(",") if name.strip()]
     if knobs == []:
@@ -94,10 +95,6 @@ def _study(arguments: argparse.Namespace) -> int:
 
 def _goal(text: str, scene: "Scene") -> "NamedGoal":
     """The goal of --goal; InputError for one that is none, before anything runs."""
-    from clothsim.cli.loss_arguments import loss_of
-    from clothsim.engine import build
-    from clothsim.study.goal_report import NamedGoal
-
     loss_of(text, build(scene).world, "--goal")
     return NamedGoal(text, lambda world: loss_of(text, world, "--goal"))
 

@@ -5,7 +5,15 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from clothsim import load_scene
 from clothsim.base.errors import InputError
+from clothsim.base.text_table import text_table
+from clothsim.cli.farm_command import terminated_like_interrupted
+from clothsim.engine import override, scene_file
+from clothsim.study.farm.plan import plan, refuse_unbuildable
+from clothsim.study.farm.recipe import make_recipe
+from clothsim.study.farm.status import write_manifest
+from clothsim.study.farm.work import work
 
 _DESCRIPTION = """\
 Run a scene with every combination of the values of some keys, and list the verdicts: a farm in one process.
@@ -30,14 +38,6 @@ def add_to(commands: Any) -> None:
 
 
 def _sweep(arguments: argparse.Namespace) -> int:
-    from clothsim import load_scene
-    from clothsim.cli.farm_command import terminated_like_interrupted
-    from clothsim.engine import override, scene_file
-    from clothsim.study.farm.plan import plan, refuse_unbuildable
-    from clothsim.study.farm.recipe import make_recipe
-    from clothsim.study.farm.status import write_manifest
-    from clothsim.study.farm.work import work
-
     if not arguments.vary:
         raise InputError("Nothing varies.", "Write --vary solver.dt=.02,.01.")
     scene = load_scene(scene_file(arguments.scene))
@@ -82,8 +82,6 @@ def _number(text: str) -> Any:
 
 
 def _table(rows: list[dict[str, Any]]) -> str:
-    from clothsim.base.text_table import text_table
-
     keys = list(rows[0]["parameters"])
     lines = [
         [

@@ -5,7 +5,13 @@ import math
 from pathlib import Path
 from typing import Any
 
+from clothsim import load_scene, open_run
 from clothsim.base.errors import InputError
+from clothsim.cli.export_command import frame_number
+from clothsim.engine import scene_from_text
+from clothsim.files import CHECKPOINT_NAME, read_checkpoint, write_obj
+from clothsim.garments.unpose import character_of_scene, read_canonical, unposed, write_canonical
+from transfer.signed_distance import body_surface
 
 _UNPOSE = """\
 Bring the garments of every frame of a run to the rest pose of its body model.
@@ -43,10 +49,6 @@ def add_to(commands: Any) -> None:
 def _unpose(arguments: argparse.Namespace) -> int:
     import numpy as np
 
-    from clothsim import open_run
-    from clothsim.engine import scene_from_text
-    from clothsim.files import CHECKPOINT_NAME, read_checkpoint
-    from clothsim.garments.unpose import unposed, write_canonical
 
     _ends_in(arguments.output, ".npz")
     directory = arguments.directory
@@ -76,12 +78,6 @@ def _unpose(arguments: argparse.Namespace) -> int:
 
 
 def _repose(arguments: argparse.Namespace) -> int:
-    from clothsim import load_scene
-    from clothsim.cli.export_command import frame_number
-    from clothsim.files import write_obj
-    from clothsim.garments.unpose import character_of_scene, read_canonical
-    from transfer.signed_distance import body_surface
-
     _ends_in(arguments.output, ".obj")
     made = read_canonical(arguments.file)
     rows = made.rows_of(arguments.cloth)

@@ -7,8 +7,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clothsim import open_run
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.cli.arguments import as_count
+from clothsim.files import TRAJECTORY_NAME
 
 if TYPE_CHECKING:
     from clothsim.viewer.served import Served
@@ -70,9 +72,6 @@ def served(page: "Served", arguments: argparse.Namespace, what: Path) -> int:
 
 def _await_frame(directory: Path) -> None:
     """Return when a run that was begun after now has a frame. InputError after LONGEST_WAIT."""
-    from clothsim import open_run
-    from clothsim.files import TRAJECTORY_NAME
-
     begun = time.time()
     for _ in range(int(LONGEST_WAIT / PAUSE)):
         file = directory / TRAJECTORY_NAME

@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import intersecting_pairs, intersection_points
@@ -87,10 +90,6 @@ def carried_rows(overlap: Overlap, positions: Floats, carried: np.ndarray) -> In
 
 def _connected(points: Floats, chosen: np.ndarray, distance: float) -> Floats:
     """The chosen points (k, 3), and those that a chain of points no further than `distance` apart joins to them [m]."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-    from scipy.spatial import cKDTree
-
     one, other = cKDTree(points).query_pairs(distance, output_type="ndarray").T
     links = coo_array((np.ones(len(one)), (one, other)), shape=(len(points), len(points)))
     _, label = connected_components(links, directed=False)
@@ -99,6 +98,4 @@ def _connected(points: Floats, chosen: np.ndarray, distance: float) -> Floats:
 
 def _distances(points: Floats, positions: Floats) -> Floats:
     """Distances (m,) of positions (m, 3) to the nearest of the points (k, 3) [m]."""
-    from scipy.spatial import cKDTree  # for fits that need it alone
-
     return np.asarray(cKDTree(points).query(positions)[0], np.float64)

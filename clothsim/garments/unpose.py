@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from clothsim import Scene
 from clothsim.base.arrays import Floats, Ints
@@ -189,8 +190,6 @@ def write_canonical(path: Path, garments: CanonicalGarments) -> None:
 
 def read_canonical(path: Path) -> CanonicalGarments:
     """The canonical garments of a file. InputError where it is not one, or is broken."""
-    from scipy.sparse import csr_array
-
     arrays = read_arrays(path, list(_ARRAYS))
     missing = [name for name in _ARRAYS if name not in arrays]
     if missing:

@@ -20,7 +20,7 @@ from clothsim.garments.inputs import Figure
 from clothsim.garments.penetration import Counts
 from clothsim.garments.stages import Stage
 from clothsim.patterns import Pattern, largest_gap, write_specification
-from clothsim.render import draw_pattern
+from clothsim.render import draw_pattern, laid_out, outline
 
 
 @dataclass(frozen=True)
@@ -157,8 +157,6 @@ def sewn_obj(state: SewingState) -> str:
 
 def _texture(state: SewingState) -> Floats:
     """Texture coordinates of each vertex of the panels, (n, 2) [m]: as laid out, y along the warp."""
-    from clothsim.render import laid_out, outline
-
     shifts, _ = laid_out({name: outline(panel) for name, panel in state.mesh.pattern.panels.items()})
     coordinates = state.mesh.panel_coordinates.copy()
     for name, rows in state.mesh.vertices.items():

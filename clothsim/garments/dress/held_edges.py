@@ -8,6 +8,7 @@ from collections import Counter
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
@@ -81,8 +82,6 @@ def taken_in(state: SewingState, material: Floats, band: Band, factor: float, ne
 
 def _along(state: SewingState, band: Band, faces: Ints) -> Floats:
     """Unit direction (t, 3) of the edge of a band that is nearest to each triangle."""
-    from scipy.spatial import cKDTree
-
     ends = state.positions[band.edges]
     nearest = cKDTree(ends.mean(axis=1)).query(state.positions[faces].mean(axis=1))[1]
     direction = ends[nearest, 1] - ends[nearest, 0]

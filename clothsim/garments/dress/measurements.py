@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import Fabric, border_edges, components
@@ -309,8 +310,6 @@ def _loops(body: Figure, level: float) -> tuple[Floats, Ints]:
 
 def _hull(points: Floats) -> Any:
     """Convex hull of points (k, 2), whose `area` is its girth; None without one."""
-    from scipy.spatial import ConvexHull, QhullError
-
     try:
         return ConvexHull(points) if len(points) > 2 else None
     except QhullError:

@@ -14,7 +14,8 @@ from clothsim.garments.dress.dress import touching_seams
 from clothsim.garments.dress.placement import front_of
 from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import Figure
-from clothsim.render import WIDTHS, Surface, vertex_normals
+from clothsim.render import WIDTHS, Surface, picture_setup, rendered, vertex_normals
+from clothsim.render import write_movie as movie
 
 if TYPE_CHECKING:
     from clothsim.garments.dress.dressed import Dress
@@ -95,7 +96,6 @@ def _pair(file: Path, title: str, garment: Surface, body: Figure) -> Path:
     """Write a picture from the front and from the back side by side."""
     from PIL import Image
 
-    from clothsim.render import picture_setup, rendered
 
     surfaces = [garment, body_surface_look(body)]
     panels = []
@@ -142,8 +142,6 @@ def draw_sewing(done: "Dress", target: Path, progress: Callable[[int, int], None
 
     InputError for another ending; MissingPackageError for an .mp4 without the extra `movies`.
     """
-    from clothsim.render import write_movie as movie
-
     return movie(
         target,
         frames_of(done),

@@ -9,7 +9,7 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.garments.inputs import Figure
 from clothsim.garments.stages import Garment
-from clothsim.render import Surface
+from clothsim.render import Surface, picture_setup, rendered
 
 if TYPE_CHECKING:
     from clothsim.garments.fit.fit import Fit
@@ -27,7 +27,6 @@ def draw_fit(done: "Fit", file: Path) -> str:
     """
     from PIL import Image
 
-    from clothsim.render import picture_setup, rendered
 
     panels = _panels(done)
     title, _, target, _ = panels[-1]

@@ -16,7 +16,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse.linalg import cg
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import intersecting_pairs, vertex_rings
@@ -107,9 +108,6 @@ def unfolding(positions: Floats, triangles: Ints) -> Iterator[Floats]:
 
 def _flowed(x: Floats, stiffness: Sparse, areas: Floats, step: float) -> Floats:
     """One implicit step: (M + step L) x' = M x. Where the solver stops early x' is still a body, only less smooth."""
-    from scipy.sparse import diags_array
-    from scipy.sparse.linalg import cg
-
     matrix = (diags_array(areas) + step * stiffness).tocsr()
     jacobi = diags_array(1 / matrix.diagonal())
     solved = [cg(matrix, areas * c, x0=c, rtol=RESIDUAL, maxiter=ITERATIONS, M=jacobi)[0] for c in x.T]
@@ -118,8 +116,6 @@ def _flowed(x: Floats, stiffness: Sparse, areas: Floats, step: float) -> Floats:
 
 def _laplacian(positions: Floats, triangles: Ints) -> Sparse:
     """L (n, n), positive semidefinite: each edge's weight is half the cotangents of the angles that face it."""
-    from scipy.sparse import coo_array, diags_array
-
     n = len(positions)
     rows, columns, weights = [], [], []
     for corner in range(3):

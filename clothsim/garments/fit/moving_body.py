@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree  # a tenth of the start of the program, for fits that grow or morph
 
 from clothsim import Run, Scene, simulate
 from clothsim.base.arrays import Floats, Ints
@@ -220,8 +221,6 @@ def near_body(garment: Floats, frames: Sequence[Floats], triangles: Ints) -> tup
     triangles : (m, 3) ndarray
         Its triangles; one with a vertex near the garment is kept whole.
     """
-    from scipy.spatial import cKDTree  # a tenth of the start of the program, for fits that grow or morph
-
     margin = MARGIN * max(float(np.ptp(frame, axis=0).max()) for frame in frames)
     tree = cKDTree(garment)
     near = np.zeros(len(frames[0]), bool)

@@ -9,6 +9,7 @@ from collections import Counter
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import components
@@ -264,8 +265,6 @@ def layers_of(positions: Floats, triangles: Ints, distances: Floats) -> Ints:
     distances : (n,) float64
         Signed distances of the vertices from the body, negative inside [m].
     """
-    from scipy.spatial import cKDTree
-
     piece = components(triangles, len(positions))
     largest = np.argsort(-np.bincount(piece), kind="stable")[:MOST_LAYERED]
     rows = [np.flatnonzero(piece == number) for number in largest]

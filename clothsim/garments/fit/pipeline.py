@@ -28,6 +28,7 @@ from clothsim.garments.inputs import Figure
 from clothsim.garments.penetration import NO_ROWS, counted
 from clothsim.garments.stages import Garment, Stage, StageCallback, staged
 from transfer.errors import TransferError
+from transfer.refine import refined_on
 from transfer.signed_distance import BodySurface, body_surface
 
 MARGIN = 0.002
@@ -154,8 +155,6 @@ def _described(size: Size) -> tuple[Floats, str]:
 
 
 def _refined(positions: Floats, task: Task, body: BodySurface, along_normals: bool) -> tuple[Floats, str]:
-    from transfer.refine import refined_on
-
     done = refined_on(body, positions, task.garment.triangles, along_normals=along_normals)
     how = ", along the garment's normals" if along_normals else ""
     return done.positions, f"DRAPE, eps {1e3 * np.min(done.eps):.2g} to {1e3 * np.max(done.eps):.2g} mm{how}"

@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
@@ -15,7 +16,10 @@ from clothsim.garments.waistband import with_waistbands
 from transfer.body_parts import BodyParts
 from transfer.correspond import correspond
 from transfer.errors import TransferError
+from transfer.garment import transfer_garment
+from transfer.keep_lengths import with_lengths
 from transfer.signed_distance import BodySurface, barycentric
+from transfer.size_factors import graded_metric, size_factors
 
 NO_MARKERS = np.zeros((0, 6))
 """No markers: they are derived from the shapes of the bodies."""
@@ -52,8 +56,6 @@ def marked_vertices(points: Floats, source: Figure, target: Figure) -> Ints:
 
     InputError for a point that is FARTHEST from its body.
     """
-    from scipy.spatial import cKDTree
-
     matched = []
     for figure, positions in ((source, points[:, :3]), (target, points[:, 3:])):
         used = np.unique(figure.triangles)
@@ -82,8 +84,6 @@ def transferred(garment: Garment, source: Figure, target: Figure, markers: Float
 
     markers (k, 6): corresponding points of both (see `markers`); none: derived where the bodies differ in mesh.
     """
-    from transfer.garment import transfer_garment
-
     body, description = target.positions, "the bodies share their mesh"
     if not np.array_equal(source.triangles, target.triangles):
         given = marked_vertices(markers, source, target) if len(markers) else None
@@ -132,9 +132,6 @@ class Size:
 
 def sized(garment: Garment, source: Figure, target: Figure, positions: Floats, body: BodySurface, graded: bool) -> Size:
     """The garment near `positions` (n, 3) [m] on the target, `body`, with its own or with graded lengths."""
-    from transfer.keep_lengths import with_lengths
-    from transfer.size_factors import graded_metric, size_factors
-
     try:
         parts = [figure.parts for figure in (source, target)]
     except TransferError:
