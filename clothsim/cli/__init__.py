@@ -1,82 +1,93 @@
 """The command `clothsim`: simulation, fitting, studies, gradients, and what is made of their output."""
 
+import argparse
 import contextlib
 import gc
 import os
 import re
 import sys
 import warnings
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 from importlib import import_module
-from typing import Any
+from typing import NamedTuple
 
 from clothsim import __version__
-from clothsim.base.errors import ClothsimError, IntersectionWarning
+from clothsim.base.errors import ClothsimError, InputError, IntersectionWarning
 from clothsim.cli.arguments import Parser, join_vectors, refuse_empty
 from clothsim.cli.events import events, stream
-
-_RUN_DIRECTORY = "Name the directory that `clothsim run SCENE -o DIR` left."
-_SCENE = "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys."
-_FARM = "`clothsim farm --help` has an example."
+from clothsim.cli.report import Report
 
 
-@dataclass(frozen=True)
-class Command:
-    """A command: its module in this folder, imported when the command is given, a line of help, a remedy of errors."""
+class Command(NamedTuple):
+    """A command: its module, imported when it is called; what it does; the remedy of errors that have none."""
 
     module: str
     summary: str
     remedy: str = ""
 
 
+_SCENE = "`clothsim check SCENE` examines a scene, `clothsim keys` lists its keys."
+_RUN = "Name the directory that `clothsim run SCENE -o DIR` left."
+_MESH = "Repair the file, or read a part of it: --group or --component."
+_GARMENT = "`clothsim check FILE` examines a mesh; units are given by --scale."
+_FARM = "`clothsim farm --help` has an example."
+_PATTERN = "The formats are those of GarmentCode and Garment-Pattern-Generator; units are given by --scale."
+
 COMMANDS = {
     "run": Command("run_command", "simulate a scene", _SCENE),
-    "resume": Command("run_command", "continue a stopped run", _RUN_DIRECTORY),
+    "resume": Command("run_command", "continue a stopped run", _RUN),
     "check": Command(
         "check_command",
         "examine a mesh, a scene or a run",
         "Repair the file, or read a part of it: --group or --component.",
     ),
     "explain": Command("explain_command", "list the effects and their cost", _SCENE),
-    "view": Command("view_command", "show a run in a browser", _RUN_DIRECTORY),
-    "export": Command("export_command", "write a run for other programs", _RUN_DIRECTORY),
-    "render": Command("render_command", "draw a picture or a movie of a run", _RUN_DIRECTORY),
-    "bundle": Command("bundle_command", "pack a run to replay it elsewhere", _RUN_DIRECTORY),
+    "view": Command("view_command", "show a run in a browser", _RUN),
+    "render": Command("render_command", "draw a picture or a movie of a run", _RUN),
+    "export": Command("export_command", "write a run for other programs", _RUN),
+    "bundle": Command("bundle_command", "pack a run to replay it elsewhere", _RUN),
     "fit": Command(
-        "fit_command",
-        "fit a garment onto a body",
-        "`clothsim check FILE` examines a mesh; units are given by --scale.",
+        "fit_command", "fit a garment onto a body", "`clothsim check FILE` examines a mesh; units are given by --scale."
     ),
-    "dress": Command(
-        "dress_command",
-        "sew a pattern on a body",
-        "The formats are those of GarmentCode and Garment-Pattern-Generator; units are given by --scale.",
-    ),
-    "unpose": Command("unpose_command", "garments of a run in the rest pose", _RUN_DIRECTORY),
+    "dress": Command("dress_command", "sew a pattern on a body", _PATTERN),
+    "unpose": Command("unpose_command", "garments of a run in the rest pose", _RUN),
     "repose": Command(
         "unpose_command",
         "a canonical garment on another body",
         "`clothsim unpose RUN -o canonical.npz` writes canonical garments.",
     ),
     "study": Command("study_command", "measure error against computing time", _SCENE),
-    "sweep": Command("sweep_command", "run a scene with several values of its keys", _SCENE),
     "farm": Command("farm_command", "make many drapes of one recipe", _FARM),
+    "sweep": Command("sweep_command", "run a scene with several values of its keys", _SCENE),
     "learn": Command("learn_command", "learn a model of the drapes of a farm", _FARM),
     "preview": Command(
-        "preview_command",
-        "show a model of drapes in a browser",
-        "`clothsim learn DIR -o model.npz` makes a model.",
+        "preview_command", "show a model of drapes in a browser", "`clothsim learn DIR -o model.npz` makes a model."
     ),
     "gradient": Command("gradient_command", "derive a loss of a run", _SCENE),
     "recover": Command("recover_command", "find numbers of a scene from a drape", _SCENE),
     "design": Command("design_command", "find a pattern that hangs as wished", _SCENE),
     "scenes": Command("scenes_command", "list the example scenes"),
-    "fabrics": Command("fabrics_command", "list the named fabrics"),
     "keys": Command("keys_command", "list the keys of a scene file"),
+    "fabrics": Command("fabrics_command", "list the named fabrics"),
     "completion": Command("completion_command", "complete words in a shell"),
 }
-"""The commands, those of every day first."""
+
+GROUPS = {
+    "": ("run", "resume", "check", "explain", "view", "render", "export", "bundle"),
+    "garment": ("fit", "dress", "unpose", "repose"),
+    "study": ("study",),
+    "farm": ("farm", "sweep", "learn", "preview"),
+    "design": ("gradient", "recover", "design"),
+    "info": ("scenes", "keys", "fabrics", "completion"),
+}
+"""Commands by group: `clothsim garment fit` is `clothsim fit`; those of daily use have none."""
+
+OF_GARMENTS = {
+    "pattern": ("check", "panels, edges and seams of a sewing pattern"),
+    "penetration": ("check", "what of a garment is inside a body: --on BODY"),
+}
+"""Words of the group garment that are cases of another command."""
 
 BAD_INPUT, UNEXPECTED, INTERRUPTED = 2, 1, 130
 
@@ -129,51 +140,83 @@ def _guarded(words: Sequence[str]) -> int:
         return UNEXPECTED
 
 
-def parser_of(words: Sequence[str]) -> Parser:
-    """The parser of these commands, whose modules are imported; of the others it knows word and line of help."""
-    parser = Parser(prog="clothsim", description=_DESCRIPTION)
-    parser.add_argument("--version", action="store_true", help="print the version and stop")
-    commands = parser.add_subparsers(metavar="COMMAND", title="commands", dest="command", parser_class=Parser)
-    full = {COMMANDS[word].module for word in words if word in COMMANDS}
-    made: set[str] = set()
-    for word, command in COMMANDS.items():
-        if command.module not in full:
-            commands.add_parser(word, help=command.summary, add_help=False)
-        elif command.module not in made:  # a module may have several commands
-            made.add(command.module)
-            import_module(f"clothsim.cli.{command.module}").add_to(_WithSummaries(commands))
-    return parser
-
-
 def parser_of_all() -> Parser:
     """The parser of all commands."""
-    return parser_of(list(COMMANDS))
+    return _parser_of(COMMANDS)
 
 
-@dataclass(frozen=True)
-class _WithSummaries:
-    """Commands of a parser, each with its line of help from the table."""
-
-    commands: Any
-
-    def add_parser(self, word: str, **keywords: Any) -> Any:
-        """The parser of a command."""
-        return self.commands.add_parser(word, help=COMMANDS[word].summary, **keywords)
+def _parser_of(words: Iterable[str]) -> Parser:
+    """The parser of some commands."""
+    parser = Parser(prog="clothsim")
+    commands = parser.add_subparsers(metavar="COMMAND", dest="command", parser_class=Parser)
+    for module in dict.fromkeys(COMMANDS[word].module for word in words):
+        import_module(f"clothsim.cli.{module}").add_to(commands)
+    return parser
 
 
 def _dispatch(words: Sequence[str]) -> int:
     refuse_empty(words)
-    parser = parser_of(words[:1])
-    arguments = parser.parse_args(words)
+    words = without_group(words)
+    if not words or words[0] not in COMMANDS:
+        return _without_command(words)
+    arguments = _parser_of(words[:1]).parse_args(words)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", IntersectionWarning)  # the commands print it with the result
+        done = arguments.handler(arguments)
+    return done.show(arguments) if isinstance(done, Report) else int(done)
+
+
+def without_group(words: Sequence[str]) -> list[str]:
+    """The words of a command without those of its group.
+
+    Examples
+    --------
+    >>> without_group(["garment", "fit", "suit.obj"]), without_group(["design", "skirt.toml"])
+    (['fit', 'suit.obj'], ['design', 'skirt.toml'])
+    """
+    group, action = [*words, "", ""][:2]
+    if group == "garment" and action in OF_GARMENTS:
+        return [OF_GARMENTS[action][0], *words[2:]]
+    is_target = group == action and (not words[2:] or words[2].startswith("-"))  # `clothsim study study -o out`
+    return [*words[1:]] if group and action in GROUPS.get(group, ()) and not is_target else [*words]
+
+
+def _without_command(words: Sequence[str]) -> int:
+    """Version and help; InputError for a word that is no command."""
+    group = words[0] if words and words[0] in GROUPS else ""
+    parser = Parser(
+        prog="clothsim",
+        usage=f"clothsim {group or '[--version]'} COMMAND ...",
+        description=_DESCRIPTION,
+        epilog=_listing([group] if group else GROUPS),
+    )
+    parser.add_argument("--version", action="store_true", help="print the version and stop")
+    parser.add_argument("command", nargs="?", help=argparse.SUPPRESS)
+    arguments, others = parser.parse_known_args(words[1:] if group else words)
+    if arguments.command is not None:
+        names = GROUPS[group] if group else (*COMMANDS, *GROUPS)
+        close = get_close_matches(arguments.command, [name for name in names if name], n=1)
+        hint = f"Did you mean {close[0]!r}?" if close else f"`clothsim {group}{' ' * bool(group)}--help` lists them."
+        raise InputError(f"There is no command {arguments.command!r}.", hint)
+    if others:
+        parser.error(f"unrecognized arguments: {' '.join(others)}")
     if arguments.version:
         print(f"clothsim {__version__}")
         return 0
-    if arguments.command is None:
-        parser.print_help()
-        return BAD_INPUT
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IntersectionWarning)  # the commands print it with the result
-        return int(arguments.handler(arguments))
+    parser.print_help()
+    return BAD_INPUT
+
+
+def _listing(groups: Iterable[str]) -> str:
+    """The commands of groups, a line each."""
+    parts = []
+    for group in groups:
+        summaries = {name: COMMANDS[name].summary for name in GROUPS[group]}
+        if group == "garment":
+            summaries |= {name: summary for name, (_, summary) in OF_GARMENTS.items()}
+        lines = [f"  {name:<11} {summary}" for name, summary in summaries.items()]
+        parts.append("\n".join([f"{group or 'commands'}:", *lines]))
+    return "\n\n".join(parts)
 
 
 def _short(error: ClothsimError, words: Sequence[str]) -> tuple[str, str]:
@@ -189,8 +232,10 @@ def _remedy(sentence: str, words: Sequence[str]) -> str:
     section = re.search(r"\b(effects\.\w+|(?:cloth|body|solver|run|seed|contact)(?=(?:\[\d+\])?(?::|\.\w)))", sentence)
     if section is not None:
         return f"`clothsim keys {section[1]}` lists its keys with units and ranges."
-    command = next((word for word in words if word in COMMANDS and COMMANDS[word].remedy), "")
-    return COMMANDS[command].remedy if command else "See `clothsim --help`."
+    command = next((word for word in words if word in COMMANDS), "")
+    if not command:
+        return "See `clothsim --help`."
+    return COMMANDS[command].remedy or f"`clothsim {command} --help` lists what it takes."
 
 
 def _two_lines(sentence: str, remedy: str) -> None:

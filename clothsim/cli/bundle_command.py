@@ -5,9 +5,10 @@ import shlex
 from pathlib import Path
 from typing import Any
 
+from clothsim import engine
 from clothsim.base.errors import InputError
+from clothsim.cli.report import Report
 from clothsim.cli.run_report import program
-from clothsim.engine import write_bundle
 
 _DESCRIPTION = """\
 Pack a run into one archive: scene, meshes, last good state, record. `clothsim resume FILE.zip` replays its failure.
@@ -26,7 +27,7 @@ def add_to(commands: Any) -> None:
     bundle.set_defaults(handler=_bundle)
 
 
-def _bundle(arguments: argparse.Namespace) -> int:
+def _bundle(arguments: argparse.Namespace) -> Report:
     directory = arguments.directory
     if not directory.is_dir():
         raise InputError(f"There is no run directory {directory}.")
@@ -35,13 +36,7 @@ def _bundle(arguments: argparse.Namespace) -> int:
         raise InputError(f"{target.name} does not end in .zip.", "Give the archive that ending.")
     if not target.parent.is_dir():
         raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
-    write_bundle(directory, target)
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        print(to_json({"file": str(target), "bytes": target.stat().st_size}))
-        return 0
-    print(
-        f"{target}: {target.stat().st_size / 1e6:.2g} MB. Replay it with: {program()} resume {shlex.quote(str(target))}"
-    )
-    return 0
+    engine.write_bundle(directory, target)
+    size = target.stat().st_size
+    replay = f"{program()} resume {shlex.quote(str(target))}"
+    return Report({"file": str(target), "bytes": size}, f"{target}: {size / 1e6:.2g} MB. Replay it with: {replay}")

@@ -6,26 +6,10 @@ import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from clothsim import load_scene, open_run
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.record import to_json
 from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.pattern_command import PATTERNS, check_pattern
 from clothsim.cli.penetration_command import check_penetration
-from clothsim.engine import (
-    build,
-    examine,
-    exempted,
-    expected_cost,
-    installed_scene,
-    intersection_check_of,
-    intersection_warnings,
-    refuse_costly,
-    refuse_ending_of_installed,
-    scene_from_text,
-    world_surfaces,
-)
-from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, read_checkpoint, read_mesh
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -84,12 +68,15 @@ def _reported(arguments: argparse.Namespace) -> int:
         severity, _, sentence = line.strip().partition(": ")
         kind = f"{severity}s" if severity in ("error", "warning") else "notes"
         found[kind].append(sentence if kind != "notes" else line.strip())
+    from clothsim.base.safe_files.record import to_json
 
     print(to_json({"target": str(arguments.target), "code": code, **found}))
     return code
 
 
 def _check(arguments: argparse.Namespace) -> int:
+    from clothsim.engine import installed_scene, refuse_ending_of_installed
+
     target = arguments.target
     refuse_ending_of_installed(target)
     if not target.exists():
@@ -122,6 +109,9 @@ def _check(arguments: argparse.Namespace) -> int:
 
 
 def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
+    from clothsim.engine import examine
+    from clothsim.files import read_mesh
+
     part: dict[str, Any] = {"group": arguments.group}
     if arguments.scale is not None:
         part["scale"] = as_positive_number("--scale", arguments.scale)
@@ -139,6 +129,9 @@ def _check_mesh(path: Path, arguments: argparse.Namespace) -> int:
 
 
 def _check_scene(path: Path, motion: bool = False) -> int:
+    from clothsim import load_scene
+    from clothsim.engine import build, expected_cost, intersection_check_of, refuse_costly, world_surfaces
+
     print(path)
     try:
         scene = load_scene(path)
@@ -176,6 +169,10 @@ def _check_scene(path: Path, motion: bool = False) -> int:
 
 
 def _check_run(directory: Path) -> int:
+    from clothsim import open_run
+    from clothsim.engine import intersection_check_of, scene_from_text
+    from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, read_checkpoint
+
     if not (directory / TRAJECTORY_NAME).is_file():
         raise InputError(f"{directory} is a directory without a run (no {TRAJECTORY_NAME}).", _TARGETS)
     run = open_run(directory)
@@ -202,12 +199,15 @@ def _crossings(check: "IntersectionCheck", run: "Run", frame: int) -> "tuple[Cro
     found = check.crossings(np.concatenate([run.positions(frame), *(points for _, points, _ in run.bodies(frame))]))
     if not found or "carried" not in run.trajectory.fields:
         return found
+    from clothsim.engine import exempted
 
     return exempted(found, check.surfaces, np.flatnonzero(run.field("carried", frame)))
 
 
 def _between_frames(run: "Run") -> tuple[int, int]:
     """Print what the certificate says of the steps between frames; returns the numbers of errors and warnings."""
+    from clothsim.engine import intersection_warnings
+
     unseen = {kind: each for kind, each in run.intersections.items() if each["states"] and each["first_frame"] is None}
     for kind, sentence in zip(unseen, intersection_warnings(unseen), strict=True):
         print(f"  {_severity(kind)}: between two frames, {sentence}")

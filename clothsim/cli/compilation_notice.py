@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from threading import Event, Thread
 from time import perf_counter
 
+from clothsim import engine
+
 KERNELS = 58
 """Those of a drape on a body with self contact and friction, up to its picture (scenes/sphere.toml)."""
 
@@ -43,9 +45,8 @@ def compilation_notice() -> "Iterator[Callable[[], object]]":
 def kernels_are_compiled() -> bool:
     """True where the kernel that takes longest is in the cache, or where there is no cache."""
     from clothsim.base.kernel_cache import can_store, is_cached
-    from clothsim.engine import fill
 
-    return is_cached(fill) or not can_store()
+    return is_cached(engine.fill) or not can_store()
 
 
 def progress_text(done: int, seconds: float) -> str:

@@ -3,14 +3,17 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+import clothsim
+from clothsim import engine, gradients
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.record import to_json
+from clothsim.cli import on_demand
 from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.loss_arguments import meshed, scene_or_run, words
-from clothsim.engine import override, refuse_earlier_run
-from clothsim.gradients import Girth, HemAt, Measured, Silhouette, StretchBelow, shaped_scene
+from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
     from clothsim.gradients import Design, DesignRun, Loss, ShapedScene
@@ -56,22 +59,18 @@ def add_to(commands: Any) -> None:
     design.set_defaults(handler=_design)
 
 
-def _design(arguments: argparse.Namespace) -> int:
-    from clothsim import __version__, design, simulate
-
+def _design(arguments: argparse.Namespace) -> Report:
     free, runs = words("--free", arguments.free), as_count("--runs", arguments.runs)
     area = None if arguments.area is None else as_positive_number("--area", arguments.area)
     scene = scene_or_run(arguments.scene)
     for assignment in arguments.set:
-        scene = override(scene, assignment)
+        scene = engine.override(scene, assignment)
     if arguments.output is not None:
-        refuse_earlier_run(arguments.output, arguments.overwrite)
+        engine.refuse_earlier_run(arguments.output, arguments.overwrite)
     pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
-    aims = _aims(arguments, shaped_scene(scene, pattern))
-    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
-    if not arguments.quiet:
-        print(f"clothsim {__version__}: design of {arguments.scene}", file=talk, flush=True)
-    found = design(
+    aims = _aims(arguments, gradients.shaped_scene(scene, pattern))
+    messages(arguments, f"of {arguments.scene}")
+    found = clothsim.design(
         scene,
         list(aims.values()),
         free,
@@ -83,34 +82,30 @@ def _design(arguments: argparse.Namespace) -> int:
     )
     content, completed = summary(found, list(aims)), True
     if arguments.output is not None:
-        completed = simulate(found.scene, arguments.output, overwrite=arguments.overwrite).status == "completed"
-        (arguments.output / DESIGN_NAME).write_text(to_json(content), encoding="utf-8")
-    if arguments.json:
-        print(to_json(content))
-    print("\n".join(lines(found, list(aims), arguments.output)), file=talk)
-    return 0 if completed and found.best.met and not found.best.intersecting_pairs else 1
+        run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
+        completed = run.status == "completed"
+        (arguments.output / DESIGN_NAME).write_text(on_demand.to_json(content), encoding="utf-8")
+    code = 0 if completed and found.best.met and not found.best.intersecting_pairs else 1
+    return Report(content, "\n".join(lines(found, list(aims), arguments.output)), code, verdict=True)
 
 
 def _aims(arguments: argparse.Namespace, shaped: "ShapedScene") -> "dict[str, Loss]":
     """The aims by the names of their options. InputError where there is none."""
-    import numpy as np
-
-
     aims: dict[str, Loss] = {}
     tolerance = as_positive_number("--tolerance", arguments.tolerance)
     if arguments.hem is not None:
         names, height = _pair("--hem", arguments.hem, "front.0+back.0=0.55")
         rows = np.unique(np.concatenate([_edge_rows(shaped, name) for name in names.split("+")]))
-        aims["hem"] = HemAt(rows, _number("--hem", height), tolerance)
+        aims["hem"] = gradients.HemAt(rows, _number("--hem", height), tolerance)
     if arguments.girth is not None:
         height, length = _pair("--girth", arguments.girth, "0.6=1.1")
         value = as_positive_number("--girth", length)
-        aims["girth"] = Measured(Girth(_number("--girth", height)), value, tolerance)
+        aims["girth"] = gradients.Measured(gradients.Girth(_number("--girth", height)), value, tolerance)
     if arguments.silhouette is not None:
         area = as_positive_number("--silhouette", arguments.silhouette)
-        aims["silhouette"] = Measured(Silhouette(), area, 0.01 * area)
+        aims["silhouette"] = gradients.Measured(gradients.Silhouette(), area, 0.01 * area)
     if arguments.stretch is not None:
-        aims["stretch"] = StretchBelow(as_positive_number("--stretch", arguments.stretch))
+        aims["stretch"] = gradients.StretchBelow(as_positive_number("--stretch", arguments.stretch))
     if not aims:
         raise InputError("There is nothing to design for.", "Give --hem, --girth, --silhouette or --stretch.")
     return aims

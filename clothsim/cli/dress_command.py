@@ -1,17 +1,15 @@
 """`clothsim dress`: a sewing pattern sewn on a body."""
 
 import argparse
-import sys
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
-from clothsim import __version__
+import clothsim
+from clothsim import engine, render
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.cli import progress
+from clothsim.cli import on_demand, progress
 from clothsim.cli.arguments import as_positive_number
-from clothsim.engine import GIF_NAME, MOVIE_NAME, installed_pattern, installed_scene
-from clothsim.garments.dress.pictures import draw_dress, draw_sewing
-from clothsim.render import has_ffmpeg
+from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
     from clothsim.garments.dress.dressed import Dress
@@ -109,25 +107,18 @@ def as_factors(given: list[str]) -> dict[str, float]:
 
 def _body(path: Path | None) -> Path | None:
     """A body file, or the installed scene of that name."""
-    return path if path is None or path.exists() else installed_scene(path) or path
+    return path if path is None or path.exists() else engine.installed_scene(path) or path
 
 
-def _dress(arguments: argparse.Namespace) -> int:
-    from clothsim.garments.dress.dress import dress
-
-    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
+def _dress(arguments: argparse.Namespace) -> Report:
     directory = arguments.output or Path(arguments.pattern.stem)
 
-    def report(text: str) -> None:
-        if not arguments.quiet:
-            print(text, file=talk, flush=True)
-
-    report(f"clothsim {__version__}: dress {arguments.pattern}")
+    message = messages(arguments, arguments.pattern)
     pattern = arguments.pattern
-    pattern = pattern if pattern.exists() else installed_pattern(pattern) or pattern
+    pattern = pattern if pattern.exists() else engine.installed_pattern(pattern) or pattern
     body = _body(arguments.on)
     with progress.shown(arguments.quiet) as listener:
-        done = dress(
+        done = clothsim.dress(
             pattern,
             body,
             directory,
@@ -143,16 +134,13 @@ def _dress(arguments: argparse.Namespace) -> int:
             scale=None if arguments.scale is None else as_positive_number("--scale", arguments.scale),
             body_group=arguments.body_group,
             overwrite=arguments.overwrite,
-            on_stage=lambda stage: report(_stage(stage)),
+            on_stage=lambda stage: message(_stage(stage)),
             progress=listener,
         )
     trouble = _pictures(done, not arguments.no_picture, arguments.movie)
-    if arguments.json:
-        from clothsim.base.safe_files.record import SUMMARY_NAME
-
-        print((directory / SUMMARY_NAME).read_text(encoding="utf-8"), end="")
-    print("\n".join([*_verdict(done), *trouble]), file=talk)
-    return 0 if done.status == "completed" else 1
+    summary = on_demand.read_summary(directory / on_demand.SUMMARY_NAME) if arguments.json else None
+    code = 0 if done.status == "completed" else 1
+    return Report(summary, "\n".join([*_verdict(done), *trouble]), code, verdict=True)
 
 
 def _stage(stage: "Stage") -> str:
@@ -174,12 +162,12 @@ def _verdict(done: "Dress") -> list[str]:
 
 def _pictures(done: "Dress", pictures: bool, movie: bool) -> list[str]:
     """Draw pictures and movie; a line for each that could not be drawn."""
-    film, trouble = done.directory / (MOVIE_NAME if has_ffmpeg() else GIF_NAME), []
-    if movie and film.name == GIF_NAME:
-        trouble.append(f"{film.name}, not {MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")
+    film, trouble = done.directory / (engine.MOVIE_NAME if render.has_ffmpeg() else engine.GIF_NAME), []
+    if movie and film.name == engine.GIF_NAME:
+        trouble.append(f"{film.name}, not {engine.MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")
     for wanted, name, draw in (
-        (pictures, "picture", lambda: draw_dress(done)),
-        (movie, film.name, lambda: draw_sewing(done, film)),
+        (pictures, "picture", lambda: on_demand.draw_dress(done)),
+        (movie, film.name, lambda: on_demand.draw_sewing(done, film)),
     ):
         try:
             if wanted:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import IO, Any
 
-from clothsim.base.safe_files.record import to_json
+from clothsim.cli import on_demand
 
 
 class EventStream(io.TextIOBase):
@@ -30,7 +30,7 @@ class EventStream(io.TextIOBase):
 
     def event(self, kind: str, **content: Any) -> None:
         """Write one event; numbers that are not finite as null."""
-        self._target.write(f"{to_json({'event': kind, **content})}\n")
+        self._target.write(f"{on_demand.to_json({'event': kind, **content})}\n")
         self._target.flush()
 
     def finish(self) -> None:

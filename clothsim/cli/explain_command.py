@@ -4,11 +4,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from clothsim import load_scene
+import clothsim
+from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.text_table import text_table
 from clothsim.cli.arguments import as_count, as_seconds
-from clothsim.engine import EFFECTS, explain_run, explain_scene, scene_file, with_absent
+from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
     from clothsim.engine import Absent, Receipt
@@ -36,32 +37,24 @@ def add_to(commands: Any) -> None:
     explain.set_defaults(handler=_explain)
 
 
-def _explain(arguments: argparse.Namespace) -> int:
+def _explain(arguments: argparse.Namespace) -> Report:
     absent = None
     if arguments.target.is_dir():
         for option in ("steps", "absent", "budget"):
             if getattr(arguments, option):
                 raise InputError(f"--{option} is for scenes.", "Leave it out: a run has taken its steps.")
-        receipt = explain_run(arguments.target)
+        receipt = engine.explain_run(arguments.target)
     else:
         steps = 5 if arguments.steps is None else as_count("--steps", arguments.steps)
         budget = as_seconds("--budget", "60s" if arguments.budget is None else arguments.budget)
         if arguments.budget is not None and not arguments.absent:
             raise InputError("--budget is for --absent.", "Add --absent, or leave it out.")
-        scene = load_scene(scene_file(arguments.target))
-        receipt = explain_scene(scene, steps)
+        scene = clothsim.load_scene(engine.scene_file(arguments.target))
+        receipt = engine.explain_scene(scene, steps)
         if arguments.absent:
-            from clothsim.engine import absent_effects
-
-            absent = absent_effects(scene, steps, budget)
-            receipt = with_absent(receipt, absent)
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        print(to_json(receipt.effects, indent=2))
-    else:
-        print(table(receipt, absent))
-    return 0
+            absent = engine.absent_effects(scene, steps, budget)
+            receipt = engine.with_absent(receipt, absent)
+    return Report(dict(sorted(receipt.effects.items())), table(receipt, absent))
 
 
 def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
@@ -84,7 +77,7 @@ def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
     left = {name: entry for name, entry in off.items() if absent is None or name not in absent.effects}
     if left:
         width = max(len(name) for name in left)
-        reasons = {name: f"{EFFECTS[name].summary}: {effect['reason']}" for name, effect in left.items()}
+        reasons = {name: f"{engine.EFFECTS[name].summary}: {effect['reason']}" for name, effect in left.items()}
         lines += ["", "Off:", *(f"  {name:<{width}}  {reason}" for name, reason in reasons.items())]
     return "\n".join([*lines, *(_added(absent) if absent is not None else [])])
 
@@ -96,7 +89,8 @@ def _added(absent: "Absent") -> list[str]:
     lines = []
     if measured:
         rows = [
-            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", EFFECTS[name].summary] for name, each in measured.items()
+            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", engine.EFFECTS[name].summary]
+            for name, each in measured.items()
         ]
         rows.insert(0, ["(as it is)", f"{absent.seconds:.4f}", "1.00", ""])
         times = f"the first {absent.steps} step{'s' * (absent.steps > 1)}, median of {absent.rounds}"

@@ -6,10 +6,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from clothsim import open_run
+import clothsim
+from clothsim import engine, files
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_positive_number
-from clothsim.files import format_of
+from clothsim.cli.report import Report
 
 _DESCRIPTION = """\
 Write the frames of a run for other programs: .obj, .ply (a file a frame), .pc2, .mdd (point caches with the mesh as
@@ -38,12 +39,10 @@ def add_to(commands: Any) -> None:
     export.set_defaults(handler=_export)
 
 
-def _export(arguments: argparse.Namespace) -> int:
-    from clothsim.engine import export
-
-    format_of(arguments.output)  # before anything is read
-    run = open_run(arguments.directory)
-    done = export(
+def _export(arguments: argparse.Namespace) -> Report:
+    files.format_of(arguments.output)  # before anything is read
+    run = clothsim.open_run(arguments.directory)
+    done = engine.export(
         run,
         arguments.output,
         frame=None if arguments.frame is None else frame_number(arguments.frame),
@@ -53,19 +52,13 @@ def _export(arguments: argparse.Namespace) -> int:
         colour=arguments.colour,
         overwrite=arguments.overwrite,
     )
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        print(to_json({**asdict(done), "files": [str(file) for file in done.files]}))
-    elif not arguments.quiet:
-        size = sum(file.stat().st_size for file in done.files)
-        files = f"{done.files[0]}" + (f" and {len(done.files) - 1} more" if len(done.files) > 1 else "")
-        between = f" ({done.interpolated} interpolated)" if done.interpolated else ""
-        frames = "1 frame" if done.frames == 1 else f"{done.frames} frames{between} at {done.rate:g} a second"
-        print(f"{files}: {frames}, 1 unit = {done.unit:g} m, {done.up} up, {size / 1e6:.2g} MB")
-        for note in done.notes:
-            print(note)
-    return 0
+    size = sum(file.stat().st_size for file in done.files)
+    written = f"{done.files[0]}" + (f" and {len(done.files) - 1} more" if len(done.files) > 1 else "")
+    between = f" ({done.interpolated} interpolated)" if done.interpolated else ""
+    frames = "1 frame" if done.frames == 1 else f"{done.frames} frames{between} at {done.rate:g} a second"
+    line = f"{written}: {frames}, 1 unit = {done.unit:g} m, {done.up} up, {size / 1e6:.2g} MB"
+    document = {**asdict(done), "files": [str(file) for file in done.files]}
+    return Report(document, "\n".join([line, *done.notes]))
 
 
 def frame_number(text: str) -> int:

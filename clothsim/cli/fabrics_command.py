@@ -4,9 +4,10 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.text_table import text_table
-from clothsim.engine import TABLE, draw_swatches, fabric_named
+from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
     from clothsim.engine import NamedFabric
@@ -50,20 +51,15 @@ def add_to(commands: Any) -> None:
     fabrics.set_defaults(handler=_fabrics)
 
 
-def _fabrics(arguments: argparse.Namespace) -> int:
+def _fabrics(arguments: argparse.Namespace) -> Report:
     name, file = arguments.name, arguments.swatches
     if name is not None:
-        fabric_named("NAME", name)
+        engine.fabric_named("NAME", name)
     if file is not None:
-        return _swatches([name] if name is not None else list(TABLE), file)
-    if arguments.json:
-        chosen = TABLE.values() if name is None else [TABLE[name]]
-        from clothsim.base.safe_files.record import to_json
-
-        print(to_json({each.fabric.name: _document(each) for each in chosen}))
-        return 0
-    print(table(TABLE.values()) if name is None else sheet(TABLE[name]))
-    return 0
+        return _swatches([name] if name is not None else list(engine.TABLE), file)
+    chosen = list(engine.TABLE.values()) if name is None else [engine.TABLE[name]]
+    document = {each.fabric.name: _document(each) for each in chosen}
+    return Report(document, table(chosen) if name is None else sheet(chosen[0]))
 
 
 def _document(named: "NamedFabric") -> dict[str, Any]:
@@ -72,13 +68,13 @@ def _document(named: "NamedFabric") -> dict[str, Any]:
     return {"made_of": named.made_of, "values": values, "sources": dict(named.sources)}
 
 
-def _swatches(names: list[str], file: Path) -> int:
+def _swatches(names: list[str], file: Path) -> Report:
     if file.suffix.lower() != ".png":
         raise InputError(f"--swatches is {str(file)!r}.", "A picture ends in .png.")
     if not file.parent.is_dir():
         raise InputError(f"There is no directory {file.parent}.", "Make it first, or choose another.")
-    print(f"{file}. {draw_swatches(names, file)}")
-    return 0
+    note = engine.draw_swatches(names, file)
+    return Report({"file": str(file), "note": note}, f"{file}. {note}")
 
 
 def table(fabrics: Any) -> str:

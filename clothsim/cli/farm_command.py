@@ -14,11 +14,9 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from clothsim.base.errors import InputError
+from clothsim.cli import on_demand
 from clothsim.cli.arguments import Parser, as_count, as_positive_number, as_seconds
-from clothsim.study.farm.claims import worker_of
-from clothsim.study.farm.dask_work import work_with_dask
-from clothsim.study.farm.plan import open_farm
-from clothsim.study.farm.recipe import load_recipe
+from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
     from clothsim.study.farm.drape import Drape
@@ -76,41 +74,38 @@ def add_to(commands: Any) -> None:
         action.add_argument("--debug", action="store_true", help="show tracebacks")
 
 
-def _plan(arguments: argparse.Namespace) -> int:
-    from clothsim.study.farm.plan import plan, refuse_unbuildable
-
-    recipe = load_recipe(arguments.recipe)
-    refuse_unbuildable(recipe)
-    farm = plan(recipe, arguments.output)
-    _tell(
-        arguments,
+def _plan(arguments: argparse.Namespace) -> Report:
+    recipe = on_demand.load_recipe(arguments.recipe)
+    on_demand.refuse_unbuildable(recipe)
+    farm = on_demand.plan(recipe, arguments.output)
+    return Report(
         {"directory": str(farm.directory), "planned": len(farm.jobs)},
         f"{farm.directory}: {len(farm.jobs)} drapes planned. `clothsim farm work {farm.directory}` makes them.",
     )
-    return 0
 
 
-def _work(arguments: argparse.Namespace) -> int:
-    from clothsim.study.farm.status import status, write_manifest
-    from clothsim.study.farm.work import work
-
-    farm = open_farm(arguments.directory)
+def _work(arguments: argparse.Namespace) -> Report | int:
+    farm = on_demand.open_farm(arguments.directory)
     attempts = as_count("--attempts", arguments.attempts)
     stale = as_seconds("--stale", arguments.stale)
     with terminated_like_interrupted():
         try:
             if arguments.workers is None and arguments.scheduler is None:
-                work(farm, worker_of(stale), attempts, None if arguments.quiet or arguments.json else _line(farm))
+                on_demand.work(
+                    farm,
+                    on_demand.worker_of(stale),
+                    attempts,
+                    None if arguments.quiet or arguments.json else _line(farm),
+                )
             else:
                 _with_dask(arguments, farm, attempts, stale)
         except KeyboardInterrupt:
             left = len(farm.jobs) - len(farm.published())
             print(f"Stopped: {left} drapes are left. `clothsim farm work {farm.directory}` goes on.", file=sys.stderr)
             return 130
-    write_manifest(farm)
-    state = status(farm)
-    _tell(arguments, asdict(state), _text(state))
-    return 0
+    on_demand.write_manifest(farm)
+    state = on_demand.status(farm)
+    return Report(asdict(state), _text(state))
 
 
 def _with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int, stale: float) -> None:
@@ -119,29 +114,26 @@ def _with_dask(arguments: argparse.Namespace, farm: "Farm", attempts: int, stale
             print(f"dashboard: {link}", file=sys.stderr, flush=True)
 
     workers = 1 if arguments.workers is None else as_count("--workers", arguments.workers)
-    work_with_dask(farm, arguments.scheduler, workers, attempts, announce, stale)
+    on_demand.work_with_dask(farm, arguments.scheduler, workers, attempts, announce, stale)
 
 
-def _status(arguments: argparse.Namespace) -> int:
-    from clothsim.study.farm.status import status
-
-    farm = open_farm(arguments.directory)
+def _status(arguments: argparse.Namespace) -> Report:
+    farm = on_demand.open_farm(arguments.directory)
     while True:
-        state = status(farm)
-        _tell(arguments, asdict(state), _text(state))
+        state = on_demand.status(farm)
+        report = Report(asdict(state), _text(state))
         if not arguments.watch or state.published == state.planned:
-            return 0
+            return report
+        report.show(arguments)
         sleep(2.0)
 
 
-def _verify(arguments: argparse.Namespace) -> int:
-    from clothsim.study.farm.verify import verify
-
+def _verify(arguments: argparse.Namespace) -> Report:
     none = bool(re.fullmatch(r"0+(\.0*)?|\.0+", arguments.share))
     share = 0.0 if none else as_positive_number("--share", arguments.share)
     if share > 1:
         raise InputError(f"--share is {arguments.share!r}.", "Give a number from 0 to 1, such as .01.")
-    done = verify(open_farm(arguments.directory), share)
+    done = on_demand.verify(on_demand.open_farm(arguments.directory), share)
     lines = [f"{done.whole} drapes are whole, {len(done.torn)} torn."]
     if done.repeated + done.elsewhere:
         lines.append(
@@ -149,26 +141,23 @@ def _verify(arguments: argparse.Namespace) -> int:
             f"from another kind. Largest distance {1e3 * done.largest:.3g} mm."
         )
     lines += [f"torn: {name}" for name in done.torn] + [f"different: {name}" for name in done.different]
-    _tell(arguments, asdict(done), "\n".join(lines))
-    return 0 if done.good else FAULT
+    return Report(asdict(done), "\n".join(lines), 0 if done.good else FAULT)
 
 
-def _pack(arguments: argparse.Namespace) -> int:
-    from clothsim.study.farm.pack import pack
-
-    farm = open_farm(arguments.directory)
-    done = pack(farm, arguments.output, as_count("--shard", arguments.shard))
+def _pack(arguments: argparse.Namespace) -> Report:
+    farm = on_demand.open_farm(arguments.directory)
+    done = on_demand.pack(farm, arguments.output, as_count("--shard", arguments.shard))
     files = list(done.files)
     if arguments.sheet:
-        from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
-
         beside = files[-1]
-        files += [contact_sheet(farm, beside.with_suffix(".png")), contact_page(farm, beside.with_suffix(".html"))]
+        files += [
+            on_demand.contact_sheet(farm, beside.with_suffix(".png")),
+            on_demand.contact_page(farm, beside.with_suffix(".html")),
+        ]
     content = {"files": [str(file) for file in files], "drapes": done.drapes, "left_out": done.left_out}
     size = sum(file.stat().st_size for file in files)
     text = f"{done.drapes} drapes, {done.left_out} left out, {size / 1e6:.2g} MB: {', '.join(map(str, files))}"
-    _tell(arguments, content, text)
-    return 0
+    return Report(content, text)
 
 
 @contextmanager
@@ -211,12 +200,3 @@ def _text(state: "Status") -> str:
     lines += [f"  {count} {cause}" for cause, count in sorted(state.causes.items())]
     lines += [f"  {rate:.0f} drapes in an hour of one core ({name})" for name, rate in state.per_core_hour.items()]
     return "\n".join(lines)
-
-
-def _tell(arguments: argparse.Namespace, content: dict[str, Any], text: str) -> None:
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        print(to_json(content), flush=True)
-    elif not arguments.quiet:
-        print(text, flush=True)

@@ -1,16 +1,16 @@
 """`clothsim fit`: a garment fitted from one body to another."""
 
 import argparse
-import sys
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
-from clothsim import __version__
+import clothsim
+from clothsim import engine
 from clothsim.base.errors import ClothsimError
-from clothsim.cli import progress
+from clothsim.cli import on_demand, progress
 from clothsim.cli.arguments import as_positive_number, as_range
-from clothsim.engine import installed_scene, length
-from clothsim.garments.fit.before_after import draw_fit
+from clothsim.cli.report import Report, messages
+from clothsim.engine import length
 
 if TYPE_CHECKING:
     from clothsim.garments.fit.fit import Fit
@@ -57,23 +57,16 @@ def add_to(commands: Any) -> None:
     fit.set_defaults(handler=_fit)
 
 
-def _fit(arguments: argparse.Namespace) -> int:
-    from clothsim.garments.fit.fit import fit
-
+def _fit(arguments: argparse.Namespace) -> Report:
     def named(file: Path | None) -> Path | None:
         """The file, or the installed scene of that name."""
-        return file if file is None or file.exists() else installed_scene(file) or file
+        return file if file is None or file.exists() else engine.installed_scene(file) or file
 
-    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
     directory = arguments.output or Path(arguments.garment.stem)
 
-    def report(text: str) -> None:
-        if not arguments.quiet:
-            print(text, file=talk, flush=True)
-
-    report(f"clothsim {__version__}: fit {arguments.garment}")
+    message = messages(arguments, arguments.garment)
     with progress.shown(arguments.quiet) as listener:
-        done = fit(
+        done = clothsim.fit(
             named(arguments.garment),
             named(arguments.to),
             named(arguments.made_for),
@@ -86,19 +79,16 @@ def _fit(arguments: argparse.Namespace) -> int:
             fabric=arguments.fabric,
             resize=not arguments.own_size,
             markers=arguments.markers,
-            on_stage=lambda stage: report(_stage(stage)),
+            on_stage=lambda stage: message(_stage(stage)),
             progress=listener,
             overwrite=arguments.overwrite,
         )
     trouble = [] if arguments.no_picture else _picture(done)
-    if arguments.json:
-        from clothsim.base.safe_files.record import SUMMARY_NAME
-
-        print((directory / SUMMARY_NAME).read_text(encoding="utf-8"), end="")
-    print("\n".join([*_verdict(done), *trouble]), file=talk)
+    lines = [*_verdict(done), *trouble]
     if done.status == "distorted":
-        print(f"  worst     at {', '.join(f'{value:.3f}' for value in done.look.place)} m", file=talk)
-    return 0 if done.status == "completed" else 1
+        lines.append(f"  worst     at {', '.join(f'{value:.3f}' for value in done.look.place)} m")
+    summary = on_demand.read_summary(directory / on_demand.SUMMARY_NAME) if arguments.json else None
+    return Report(summary, "\n".join(lines), 0 if done.status == "completed" else 1, verdict=True)
 
 
 def _stage(stage: "Stage") -> str:
@@ -142,7 +132,7 @@ def _answer(done: "Fit") -> str:
 
 def _picture(done: "Fit") -> list[str]:
     try:
-        draw_fit(done, done.directory / PICTURE_NAME)
+        on_demand.draw_fit(done, done.directory / PICTURE_NAME)
     except (ClothsimError, OSError, ImportError) as error:
         return [f"No {PICTURE_NAME}: {error}"]
     return []

@@ -1,16 +1,16 @@
 """`clothsim gradient`: derivatives of a loss of a run."""
 
 import argparse
-import sys
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
-from clothsim import __version__, load_scene
+import numpy as np
+
+import clothsim
+from clothsim import engine, gradients
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.record import to_json
 from clothsim.cli.loss_arguments import LOSSES, loss_of, words
-from clothsim.engine import build, override, scene_file
-from clothsim.gradients import full_path, traced
+from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
     from clothsim.base.arrays import Floats
@@ -39,25 +39,22 @@ def add_to(commands: Any) -> None:
     gradient.set_defaults(handler=_gradient)
 
 
-def _gradient(arguments: argparse.Namespace) -> int:
+def _gradient(arguments: argparse.Namespace) -> Report:
     names = words("--wrt", arguments.wrt)
     if arguments.output is not None and arguments.output.suffix != ".npz":
         raise InputError(f"{arguments.output} is no .npz file.", "Name one with -o.")
-    scene = load_scene(scene_file(arguments.scene))
+    scene = clothsim.load_scene(engine.scene_file(arguments.scene))
     for assignment in arguments.set:
-        scene = override(scene, assignment)
-    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
-    print(f"clothsim {__version__}: gradient {arguments.scene}", file=talk, flush=True)
-    loss = loss_of(arguments.loss, build(scene).world)
-    trace = traced(scene)
+        scene = engine.override(scene, assignment)
+    messages(arguments, arguments.scene)
+    loss = loss_of(arguments.loss, engine.build(scene).world)
+    trace = gradients.traced(scene)
     gradient = trace.gradient(loss)
-    derivatives = {name: gradient[full_path(name)] for name in names}
+    derivatives = {name: gradient[gradients.full_path(name)] for name in names}
     if arguments.output is not None:
         _save(arguments.output, derivatives)
-    if arguments.json:
-        print(to_json({"loss": gradient.value, "gradient": derivatives, **_errors(gradient)}))
-    print("\n".join(_lines(gradient, derivatives)), file=talk)
-    return 0
+    document = {"loss": gradient.value, "gradient": derivatives, **_errors(gradient)}
+    return Report(document, "\n".join(_lines(gradient, derivatives)), verdict=True)
 
 
 def _errors(gradient: "Gradient") -> dict[str, float]:
@@ -65,8 +62,6 @@ def _errors(gradient: "Gradient") -> dict[str, float]:
 
 
 def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
-    import numpy as np
-
     errors = _errors(gradient)
     lines = [note for note in gradient.run.session.notes if "held at" in note]
     lines.append(f"  {'loss':28} {gradient.value:.8g}, over {len(gradient.run.steps)} steps")
@@ -86,8 +81,6 @@ def _lines(gradient: "Gradient", derivatives: "dict[str, Floats]") -> list[str]:
 
 
 def _save(file: Path, derivatives: "dict[str, Floats]") -> None:
-    import numpy as np
-
     try:
         np.savez(file, **derivatives)  # type: ignore[arg-type]
     except OSError as error:

@@ -5,9 +5,9 @@ import json
 from difflib import get_close_matches
 from typing import Any
 
+from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.text_table import text_table
-from clothsim.engine import COLUMNS, home_of, nearest, row, sections
 
 _DESCRIPTION = """\
 List the sections of a scene file, or the keys of one with type, default, unit, range and meaning.
@@ -37,15 +37,11 @@ def _keys(arguments: argparse.Namespace) -> int:
     if arguments.section and (arguments.json_schema or arguments.markdown):
         raise InputError("--json-schema and --markdown are of all sections.", "Leave the section out.")
     if arguments.json_schema:
-        from clothsim.engine import json_schema
-
-        print(json.dumps(json_schema(), indent=2))
+        print(json.dumps(engine.json_schema(), indent=2))
     elif arguments.json:
         print(json.dumps(document(arguments.section)))
     elif arguments.markdown:
-        from clothsim.engine import markdown
-
-        print(markdown(), end="")
+        print(engine.markdown(), end="")
     else:
         print(overview() if arguments.section is None else keys_of_section(arguments.section))
     return 0
@@ -53,7 +49,7 @@ def _keys(arguments: argparse.Namespace) -> int:
 
 def overview() -> str:
     """The sections, a line each."""
-    rows = [(name, str(len(section.keys)), section.summary) for name, section in sections().items()]
+    rows = [(name, str(len(section.keys)), section.summary) for name, section in engine.sections().items()]
     return text_table(("section", "keys", "summary"), rows)
 
 
@@ -68,20 +64,22 @@ def keys_of_section(name: str) -> str:
     matching, only = _matching(name)
     parts = []
     for section in matching:
-        rows = [row(key) for key in section.keys.values() if only in (None, key.name)]
+        rows = [engine.row(key) for key in section.keys.values() if only in (None, key.name)]
         head = f"[{section.name}]" if "=" not in section.name else section.name
-        parts.append(f"{head}: {section.summary}\n" + (text_table(COLUMNS, rows) if rows else "It takes no keys."))
+        parts.append(
+            f"{head}: {section.summary}\n" + (text_table(engine.COLUMNS, rows) if rows else "It takes no keys.")
+        )
     return "\n\n".join(parts)
 
 
 def document(name: str | None) -> dict[str, Any]:
     """The sections that a name matches, or all: summary, and the columns of `clothsim keys` of each key."""
-    matching, only = (list(sections().values()), None) if name is None else _matching(name)
+    matching, only = (list(engine.sections().values()), None) if name is None else _matching(name)
     return {
         section.name: {
             "summary": section.summary,
             "keys": {
-                key.name: dict(zip(COLUMNS[1:], row(key)[1:], strict=True))
+                key.name: dict(zip(engine.COLUMNS[1:], engine.row(key)[1:], strict=True))
                 for key in section.keys.values()
                 if only in (None, key.name)
             },
@@ -92,7 +90,7 @@ def document(name: str | None) -> dict[str, Any]:
 
 def _matching(name: str) -> tuple[list[Any], str | None]:
     """The sections of a name, and the name of the only key that is meant. InputError for an unknown one."""
-    known = sections()
+    known = engine.sections()
     words = _words(name)
     matching = [
         section for section in known.values() if section.name == name or (words and words <= _words(section.name))
@@ -109,15 +107,15 @@ def _matching(name: str) -> tuple[list[Any], str | None]:
 
 def _near(name: str) -> str:
     """Remedy for an unknown name: the nearest section or key, or the sections of a key of this name."""
-    known = sections()
+    known = engine.sections()
     words = {word for section in known for word in _words(section)}
     keys = {f"{section.name}.{key}" for section in known.values() for key in section.keys}
     last = name.rpartition(".")[2]
-    of_name = nearest(name, [*known, *sorted(keys)], SIMILAR) if "." in name else ""
-    of_word = nearest(last, sorted(words), SIMILAR)
+    of_name = engine.nearest(name, [*known, *sorted(keys)], SIMILAR) if "." in name else ""
+    of_word = engine.nearest(last, sorted(words), SIMILAR)
     close = get_close_matches(last, {key.rpartition(".")[2] for key in keys}, n=1, cutoff=SIMILAR)
-    of_key = home_of(close[0]) if close else ""
-    return of_name or of_word or home_of(last) or of_key or "`clothsim keys` lists the sections."
+    of_key = engine.home_of(close[0]) if close else ""
+    return of_name or of_word or engine.home_of(last) or of_key or "`clothsim keys` lists the sections."
 
 
 def _words(name: str) -> set[str]:

@@ -4,8 +4,9 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from clothsim.engine import write_model
-from clothsim.study.farm.plan import open_farm
+from clothsim import engine
+from clothsim.cli import on_demand
+from clothsim.cli.report import Report
 
 _DESCRIPTION = """\
 Learn the drapes of a farm as a function of its varied numbers, for [seed] from = "model".
@@ -29,20 +30,13 @@ def add_to(commands: Any) -> None:
     learn.set_defaults(handler=_learn)
 
 
-def _learn(arguments: argparse.Namespace) -> int:
-    from clothsim.study.learned.learn import learn
-
-    made = learn(open_farm(arguments.directory), arguments.held_out, arguments.components)
-    write_model(arguments.output, made.model)
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")
-        print(to_json({"model": str(arguments.output), **{name: getattr(made, name) for name in names}}))
-    elif not arguments.quiet:
-        print(
-            f"{arguments.output}: {made.training} drapes learned, {made.held_out} held out, {made.left_out} left out "
-            f"(another mesh).\nerror of held-out drapes (rms): model {1e3 * made.error:.2f} mm, nearest drape "
-            f"{1e3 * made.nearest_error:.2f} mm, mean drape {1e3 * made.mean_error:.2f} mm."
-        )
-    return 0
+def _learn(arguments: argparse.Namespace) -> Report:
+    made = on_demand.learn(on_demand.open_farm(arguments.directory), arguments.held_out, arguments.components)
+    engine.write_model(arguments.output, made.model)
+    names = ("training", "held_out", "left_out", "error", "mean_error", "nearest_error")
+    return Report(
+        {"model": str(arguments.output), **{name: getattr(made, name) for name in names}},
+        f"{arguments.output}: {made.training} drapes learned, {made.held_out} held out, {made.left_out} left out "
+        f"(another mesh).\nerror of held-out drapes (rms): model {1e3 * made.error:.2f} mm, nearest drape "
+        f"{1e3 * made.nearest_error:.2f} mm, mean drape {1e3 * made.mean_error:.2f} mm.",
+    )

@@ -3,13 +3,10 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clothsim import load_scene
+import clothsim
+from clothsim import engine, files, gradients, patterns
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_length
-from clothsim.engine import scene_file, scene_from_text
-from clothsim.files import CHECKPOINT_NAME, read_checkpoint
-from clothsim.gradients import Girth, Height, Silhouette, hem_of, target_loss
-from clothsim.patterns import mesh_pattern, read_specification
 
 if TYPE_CHECKING:
     from clothsim import Scene
@@ -31,20 +28,20 @@ def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
     """Return the loss that a text such as "girth=0.8" names. InputError, with the option's name, for another text."""
     name, _, value = (part.strip() for part in text.partition("="))
     if name == "height" and not value:
-        return Height()
+        return gradients.Height()
     if name == "hem" and not value:
-        return hem_of(world)
+        return gradients.hem_of(world)
     if name == "silhouette" and not value:
-        return Silhouette()
+        return gradients.Silhouette()
     if name == "girth" and value:
         try:
-            return Girth(float(value))
+            return gradients.Girth(float(value))
         except ValueError as error:
             raise InputError(
                 f"{option} {text}: {value!r} is no height.", "Write it as girth=0.8, in metres."
             ) from error
     if name == "target" and value:
-        return target_loss(Path(value), world)
+        return gradients.target_loss(Path(value), world)
     raise InputError(f"{option} {text!r} is no loss.", f"Give {', '.join(LOSSES)}.")
 
 
@@ -58,12 +55,12 @@ def words(option: str, text: str) -> list[str]:
 
 def meshed(file: Path, size: str) -> "PatternMesh":
     """Return the mesh of a pattern file with a size such as "2cm", as a dressed garment has it."""
-    return mesh_pattern(read_specification(file), as_length("--size", size))
+    return patterns.mesh_pattern(patterns.read_specification(file), as_length("--size", size))
 
 
 def scene_or_run(path: Path) -> "Scene":
     """Return the scene of a file, of an installed name, or of the run in a directory."""
     if not path.is_dir():
-        return load_scene(scene_file(path))
+        return clothsim.load_scene(engine.scene_file(path))
 
-    return scene_from_text(read_checkpoint(path / CHECKPOINT_NAME).scene_text, path)
+    return engine.scene_from_text(files.read_checkpoint(path / files.CHECKPOINT_NAME).scene_text, path)

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import Scene
-from clothsim.files import MOST_DEGREES, fastest_turn, meetings
-from clothsim.garments.unpose import character_of_scene
+from clothsim import Scene, files
+from clothsim.cli import on_demand
 
 MOST_TIMES = 600
 """Most times looked at."""
@@ -15,7 +14,7 @@ MOST_TIMES = 600
 
 def report_motion(scene: Scene, energies: Mapping[str, Any]) -> tuple[int, int]:
     """Print what the check finds; returns the numbers of errors and warnings. InputError without a body model."""
-    made, name = character_of_scene(scene)
+    made, name = on_demand.character_of_scene(scene)
     if made.timeline is None:
         print(f"  {name} has no motion")
         return 0, 0
@@ -27,7 +26,7 @@ def report_motion(scene: Scene, energies: Mapping[str, Any]) -> tuple[int, int]:
     gap = 0.0 if contact is None else contact.offset + 2 * contact.d_hat
     errors = warnings = 0
     carried = scene.contact_settings.pinch == "carry"
-    for met in meetings(made.character, made.pose, times.tolist(), gap / unit):
+    for met in files.meetings(made.character, made.pose, times.tolist(), gap / unit):
         place = ", ".join(f"{c:.3g}" for c in made.linear @ met.place + made.shift)
         when = f"from {met.start:.3g} to {met.end:.3g} s, at {met.times} of {len(times)} times"
         inside = met.nearest < 0
@@ -41,11 +40,11 @@ def report_motion(scene: Scene, energies: Mapping[str, Any]) -> tuple[int, int]:
         print('    contact.pinch = "carry" carries cloth through; motion.keep_apart = true turns the limbs outwards')
     else:
         print(f"  no parts of {name} come nearer than {1e3 * gap:.3g} mm, at {len(times)} times to {end:.3g} s")
-    turn = fastest_turn(made.character, made.pose, steps.tolist())
+    turn = files.fastest_turn(made.character, made.pose, steps.tolist())
     line = f"{turn.joint} turns by up to {turn.degrees:.3g} degrees in a step of {dt:g} s, at {turn.at:.3g} s"
     if turn.steps:
-        shorter = dt * MOST_DEGREES / turn.degrees
-        print(f"  warning: {name}: {line}; by more than {MOST_DEGREES:g} in {turn.steps} steps")
+        shorter = dt * files.MOST_DEGREES / turn.degrees
+        print(f"  warning: {name}: {line}; by more than {files.MOST_DEGREES:g} in {turn.steps} steps")
         print(f"    Contact follows a body along straight paths in a step: set solver.dt below {shorter:.2g}")
         return errors, warnings + 1
     print(f"  {line}")

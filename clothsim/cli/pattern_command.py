@@ -4,9 +4,10 @@ import argparse
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from clothsim import files, patterns, render
 from clothsim.base.errors import InputError
-from clothsim.files import read_pattern
-from clothsim.patterns import mesh_pattern, sewn_vertices
 
 if TYPE_CHECKING:
     from clothsim.patterns import Pattern
@@ -28,9 +29,9 @@ def check_pattern(arguments: argparse.Namespace) -> int:
         for line in _lines(pattern):
             print(f"  {line}")
         if arguments.output is not None:
-            from clothsim.render import draw_pattern
-
-            print(f"  drawn: {draw_pattern(arguments.output, pattern, arguments.target.name, edge_numbers=True)}")
+            print(
+                f"  drawn: {render.draw_pattern(arguments.output, pattern, arguments.target.name, edge_numbers=True)}"
+            )
         _refuse_unmeshed(pattern)
     except InputError as error:
         print(f"  error: {error.sentence}" + (f"\n    {error.remedy}" if error.remedy else ""))
@@ -43,17 +44,13 @@ def check_pattern(arguments: argparse.Namespace) -> int:
 def _read(arguments: argparse.Namespace) -> "Pattern":
     """The pattern; a drawing without its sewing file too."""
     if arguments.target.suffix.lower() == ".dxf":
-        from clothsim.files import read_dxf_pattern
+        return files.read_dxf_pattern(arguments.target, arguments.seams, sewn=False)
 
-        return read_dxf_pattern(arguments.target, arguments.seams, sewn=False)
-
-    return read_pattern(arguments.target, seams=arguments.seams)
+    return files.read_pattern(arguments.target, seams=arguments.seams)
 
 
 def _lines(pattern: "Pattern") -> Iterator[str]:
     """Panels with the lengths of their edges, seams with those of both sides, and notes."""
-    import numpy as np
-
     for name, panel in pattern.panels.items():
         edges = range(len(panel.edges))
         points = np.concatenate([panel.edge_points(edge, np.linspace(0, 1, 33)) for edge in edges])
@@ -68,5 +65,5 @@ def _lines(pattern: "Pattern") -> Iterator[str]:
 
 def _refuse_unmeshed(pattern: "Pattern") -> None:
     """InputError for a panel that crosses itself, and for seams that give the garment one side."""
-    mesh = mesh_pattern(pattern, SPACING)
-    sewn_vertices(mesh, mesh.seams)
+    mesh = patterns.mesh_pattern(pattern, SPACING)
+    patterns.sewn_vertices(mesh, mesh.seams)

@@ -3,10 +3,13 @@
 import argparse
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from clothsim import engine
 from clothsim.base.errors import InputError
+from clothsim.cli import on_demand
 from clothsim.cli.arguments import as_positive_number, as_range
-from clothsim.engine import intersection_points, length
-from clothsim.garments.penetration_report import deepest_vertices, read_penetration_report
+from clothsim.engine import length
 
 if TYPE_CHECKING:
     from clothsim.base.arrays import Floats
@@ -18,6 +21,7 @@ WORN = 0.1
 
 def check_penetration(arguments: argparse.Namespace) -> int:
     """Examine a garment on a body; 1 where a vertex is inside or triangles intersect."""
+
     def number(option: str, text: str | None) -> float | None:
         return None if text is None else as_positive_number(option, text)
 
@@ -29,7 +33,7 @@ def check_penetration(arguments: argparse.Namespace) -> int:
         raise InputError(
             f"There is no directory {arguments.output.parent}.", "Make it first, or choose another with -o."
         )
-    report = read_penetration_report(
+    report = on_demand.read_penetration_report(
         arguments.target,
         arguments.on,
         scale=number("--scale", arguments.scale),
@@ -42,10 +46,8 @@ def check_penetration(arguments: argparse.Namespace) -> int:
     for line in (*report.notes, *_lines(report)):
         print(f"  {line}")
     if arguments.output is not None:
-        from clothsim.garments.penetration_picture import draw_penetrations
-
         try:
-            print(f"  {arguments.output}: {draw_penetrations(report, arguments.output)}")
+            print(f"  {arguments.output}: {on_demand.draw_penetrations(report, arguments.output)}")
         except OSError as error:
             raise InputError(
                 f"{arguments.output} cannot be written ({error.strerror}).", "Choose another with -o."
@@ -63,15 +65,12 @@ def check_penetration(arguments: argparse.Namespace) -> int:
 
 def _lines(report: "PenetrationReport") -> list[str]:
     """Penetrations as text, one line for each kind."""
-    import numpy as np
-
-
     counts, lines = report.counts, []
     n = len(report.garment.positions)
     if counts.penetrating_vertices:
         percent = 100 * counts.penetrating_vertices / n
         lines.append(f"error: {counts.penetrating_vertices:,} of {n:,} vertices ({percent:.1f} %) are inside the body")
-        for vertex, depth, position in deepest_vertices(report):
+        for vertex, depth, position in on_demand.deepest_vertices(report):
             lines.append(f"  vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(position)}")
     else:
         nearest = float(report.closest.signed_distance.min())
@@ -82,7 +81,7 @@ def _lines(report: "PenetrationReport") -> list[str]:
         ("the garment and itself", report.self_pairs, own),
     ):
         if len(pairs):
-            position = intersection_points(np.concatenate([x, report.body.positions]), own, other, pairs[:1])[0]
+            position = engine.intersection_points(np.concatenate([x, report.body.positions]), own, other, pairs[:1])[0]
             lines.append(f"error: {who} intersect in {len(pairs):,} pairs of triangles, the first near {_at(position)}")
         else:
             lines.append(f"{who} do not intersect")

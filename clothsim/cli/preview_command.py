@@ -4,11 +4,10 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from clothsim import load_scene
+import clothsim
+from clothsim.cli import on_demand
 from clothsim.cli.arguments import as_count
 from clothsim.cli.view_command import served
-from clothsim.study.farm.plan import open_farm
-from clothsim.viewer.preview import preview
 
 _DESCRIPTION = """\
 Move the inputs of a model of drapes in a browser: the predicted garment with the verdict of the exact test, and a
@@ -34,6 +33,6 @@ def add_to(commands: Any) -> None:
 
 def _preview(arguments: argparse.Namespace) -> int:
     port, given = as_count("--port", arguments.port), arguments.directory
-    scene = load_scene(given) if given.suffix == ".toml" else open_farm(given).scene
-    page = preview(scene, arguments.model, port=port, host=arguments.host)
+    scene = clothsim.load_scene(given) if given.suffix == ".toml" else on_demand.open_farm(given).scene
+    page = on_demand.preview(scene, arguments.model, port=port, host=arguments.host)
     return served(page, arguments, arguments.model)

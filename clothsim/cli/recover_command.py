@@ -3,15 +3,17 @@
 import argparse
 import sys
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
-from clothsim import simulate
+import numpy as np
+
+import clothsim
+from clothsim import engine, gradients
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.record import to_json
+from clothsim.cli import on_demand
 from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.loss_arguments import meshed, scene_or_run, words
-from clothsim.engine import build, override, refuse_earlier_run
-from clothsim.gradients import target_loss
+from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
     from clothsim.gradients import Evaluation, Recovery
@@ -56,37 +58,30 @@ def add_to(commands: Any) -> None:
     recover.set_defaults(handler=_recover)
 
 
-def _recover(arguments: argparse.Namespace) -> int:
-    from clothsim import __version__, recover
-
+def _recover(arguments: argparse.Namespace) -> Report:
     free, starts = words("--free", arguments.free), as_count("--starts", arguments.starts)
     scale = as_positive_number("--scale", arguments.scale)
     if not arguments.target.exists():
         raise InputError(f"There is no {arguments.target}.", "Name a mesh, an .xyz file or a run with --target.")
     scene = scene_or_run(arguments.scene)
     for assignment in arguments.set:
-        scene = override(scene, assignment)
+        scene = engine.override(scene, assignment)
     if arguments.output is not None:
-        refuse_earlier_run(arguments.output, arguments.overwrite)
-    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
-    if not arguments.quiet:
-        print(f"clothsim {__version__}: recover {', '.join(free)} of {arguments.scene}", file=talk, flush=True)
-    loss = target_loss(arguments.target, build(scene).world, scale)
+        engine.refuse_earlier_run(arguments.output, arguments.overwrite)
+    messages(arguments, f"{', '.join(free)} of {arguments.scene}")
+    loss = gradients.target_loss(arguments.target, engine.build(scene).world, scale)
     pattern = None if arguments.pattern is None else meshed(arguments.pattern, arguments.size)
-    found = recover(scene, loss, free, starts, None if arguments.quiet else _shown, pattern=pattern)
+    found = clothsim.recover(scene, loss, free, starts, None if arguments.quiet else _shown, pattern=pattern)
     content = summary(found, type(loss).__name__)
     code = 0 if found.best.intersecting_pairs == 0 else 1
     if arguments.output is not None:
         code = max(code, _run(found, arguments))
-        (arguments.output / RECOVERY_NAME).write_text(to_json(content), encoding="utf-8")
-    if arguments.json:
-        print(to_json(content))
-    print("\n".join(lines(found, arguments.output)), file=talk)
-    return code
+        (arguments.output / RECOVERY_NAME).write_text(on_demand.to_json(content), encoding="utf-8")
+    return Report(content, "\n".join(lines(found, arguments.output)), code, verdict=True)
 
 
 def _run(found: "Recovery", arguments: argparse.Namespace) -> int:
-    run = simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
+    run = clothsim.simulate(found.scene, arguments.output, overwrite=arguments.overwrite)
     return 0 if run.status == "completed" else 1
 
 
@@ -98,7 +93,6 @@ def _shown(start: int, each: "Evaluation") -> None:
 
 def summary(found: "Recovery", loss: str) -> dict[str, Any]:
     """Return the content of recovery.json; errors that are infinite or not known are null."""
-    import numpy as np
 
     def finite(error: float) -> float | None:
         return error if np.isfinite(error) else None
@@ -135,8 +129,6 @@ def lines(found: "Recovery", directory: Path | None) -> list[str]:
 
 
 def _error(error: float) -> str:
-    import numpy as np
-
     if np.isnan(error):
         return "(no standard error: the loss is no sum of squares)"
     return f"+- {100 * error:.2g} %" if np.isfinite(error) else "(not determined by the target)"

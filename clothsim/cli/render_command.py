@@ -7,11 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from clothsim import open_run
+import clothsim
+from clothsim import engine, render
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_direction, as_limits, as_positive_number, as_printed_size
-from clothsim.engine import draw_frame, draw_movie, field_settings, upright
-from clothsim.render import VIEWS
+from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
     from clothsim import Run
@@ -26,9 +26,7 @@ Draw a frame of a run (.png) or all of them (.mp4, .gif).
 
 def add_to(commands: Any) -> None:
     """Add the command to the parser."""
-    render = commands.add_parser(
-        "render", description=_DESCRIPTION, usage="%(prog)s DIR [options]"
-    )
+    render = commands.add_parser("render", description=_DESCRIPTION, usage="%(prog)s DIR [options]")
     render.add_argument("directory", type=Path, metavar="DIR", help="the output of `clothsim run`")
     render.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help=".png, .mp4 or .gif (default DIR/picture.png)"
@@ -56,18 +54,18 @@ def add_to(commands: Any) -> None:
     render.set_defaults(handler=_render)
 
 
-def _render(arguments: argparse.Namespace) -> int:
-    run = open_run(arguments.directory)
+def _render(arguments: argparse.Namespace) -> Report:
+    run = clothsim.open_run(arguments.directory)
     target = arguments.output or run.directory / "picture.png"
     settings: dict[str, Any] = {
         "colour": arguments.colour or "auto",
         "style": arguments.style,
         "smooth": not arguments.true_mesh,
-        "view": as_direction("--view", arguments.view, VIEWS),
-        "up": upright(run.directory) if arguments.up is None else as_direction("--up", arguments.up),
+        "view": as_direction("--view", arguments.view, render.VIEWS),
+        "up": engine.upright(run.directory) if arguments.up is None else as_direction("--up", arguments.up),
     }
     if arguments.field is not None:
-        settings |= field_settings(run, arguments.field)
+        settings |= engine.field_settings(run, arguments.field)
     if arguments.range is not None:
         settings["limits"] = as_limits("--range", arguments.range)
     dots_per_inch = 0.0
@@ -76,13 +74,7 @@ def _render(arguments: argparse.Namespace) -> int:
     if not target.parent.is_dir():
         raise InputError(f"There is no directory {target.parent}.", "Make it first, or choose another with -o.")
     note = _drawn(run, target, arguments, settings, dots_per_inch)
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        print(to_json({"file": str(target), "note": note}))
-    elif not arguments.quiet:
-        print(f"{target}: {note}")
-    return 0
+    return Report({"file": str(target), "note": note}, f"{target}: {note}")
 
 
 def _drawn(
@@ -95,7 +87,7 @@ def _drawn(
         raise InputError(f"{option} is for movies.", "Leave it out, or name an .mp4 or .gif with -o.")
     if ending == ".png":
         frame = _frame(run, arguments.frame or "last")
-        return draw_frame(run.trajectory, target, frame=frame, dots_per_inch=dots_per_inch, **settings)
+        return engine.draw_frame(run.trajectory, target, frame=frame, dots_per_inch=dots_per_inch, **settings)
     if ending not in (".mp4", ".gif"):
         raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4 or .gif.")
     if arguments.frame is not None:
@@ -103,7 +95,7 @@ def _drawn(
     if arguments.frames_per_second is not None:
         settings["frames_per_second"] = as_positive_number("--frames-per-second", arguments.frames_per_second)
     counter = frame_counter(arguments.quiet)
-    return draw_movie(run.trajectory, target, progress=counter, follow=arguments.follow, **settings)
+    return engine.draw_movie(run.trajectory, target, progress=counter, follow=arguments.follow, **settings)
 
 
 def frame_counter(quiet: bool) -> Callable[[int, int], None]:

@@ -6,10 +6,15 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
-from clothsim.base.errors import InputError
+import clothsim
+from clothsim import engine, render
+from clothsim.base.errors import ClothsimError, InputError
+from clothsim.cli import precompile, progress, run_report, view_beside
 from clothsim.cli.arguments import as_count, as_length, as_positive_number
+from clothsim.cli.render_command import frame_counter
+from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
     from clothsim import Run, Scene
@@ -61,36 +66,32 @@ def add_to(commands: Any) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from clothsim import load_scene, simulate
-    from clothsim.cli import precompile, view_beside
-    from clothsim.engine import override, refuse_earlier_run, scene_file
-
     if arguments.scene.suffix == ".zip":
         raise InputError(f"{arguments.scene} is no scene file.", "`clothsim resume` replays an archive.")
-    scene = load_scene(scene_file(arguments.scene))
+    scene = clothsim.load_scene(engine.scene_file(arguments.scene))
     if arguments.preset is not None:
         scene = _with_preset(scene, arguments)
     for assignment in arguments.set:
-        scene = override(scene, assignment)
+        scene = engine.override(scene, assignment)
     if arguments.error is not None:
-        scene = override(scene, f"solver.error={as_length('--error', arguments.error)!r}")
+        scene = engine.override(scene, f"solver.error={as_length('--error', arguments.error)!r}")
     if arguments.estimate:
-        scene = override(scene, "solver.estimate=true")
+        scene = engine.override(scene, "solver.estimate=true")
     if arguments.frames_per_second is not None:
         rate = as_positive_number("--frames-per-second", arguments.frames_per_second)
         scene = replace(scene, run={**scene.run, "frames_per_second": rate})
     directory = arguments.output or Path(arguments.scene.stem)
     _dumped_step(arguments)
-    refuse_earlier_run(directory, arguments.overwrite)
+    engine.refuse_earlier_run(directory, arguments.overwrite)
     compiler = precompile.start()
     with view_beside.page_of(directory) if arguments.view else nullcontext():
         code = _execute(
             arguments,
             directory,
-            lambda **listeners: simulate(
+            lambda **listeners: clothsim.simulate(
                 scene,
                 directory,
-                message=_teller(arguments),
+                message=messages(arguments),
                 overwrite=arguments.overwrite,
                 force=arguments.force,
                 **listeners,
@@ -101,35 +102,21 @@ def _run(arguments: argparse.Namespace) -> int:
     return code
 
 
-def _teller(arguments: argparse.Namespace) -> "Callable[[str], None]":
-    """Print the lines of solver.error and solver.estimate."""
-    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
-    return (lambda line: None) if arguments.quiet else (lambda line: print(line, file=talk, flush=True))
-
-
 def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
     """The scene with the settings of a preset, whose error is estimated; prints them."""
-    from clothsim.engine import set_key, with_preset
-
-    scene, settings_text = with_preset(scene, arguments.preset)
-    if not arguments.quiet:
-        talk: IO[str] = sys.stderr if arguments.json else sys.stdout
-        print(f"preset {arguments.preset}: {settings_text}", file=talk, flush=True)
-    return set_key(scene, "solver.estimate", True)
+    scene, settings_text = engine.with_preset(scene, arguments.preset)
+    messages(arguments)(f"preset {arguments.preset}: {settings_text}")
+    return engine.set_key(scene, "solver.estimate", True)
 
 
 def _resume(arguments: argparse.Namespace) -> int:
-    from clothsim import resume
-
     directory = arguments.directory
     if directory.is_file():
-        from clothsim.engine import unpack_bundle
-
         archive, directory = directory, arguments.output or Path(directory.stem)
-        unpack_bundle(archive, directory)
+        engine.unpack_bundle(archive, directory)
     elif arguments.output is not None:
         raise InputError(f"{directory} is no archive.", "Leave -o out: a run continues in its own directory.")
-    return _execute(arguments, directory, lambda **listeners: resume(directory, **listeners))
+    return _execute(arguments, directory, lambda **listeners: clothsim.resume(directory, **listeners))
 
 
 def _dumped_step(arguments: argparse.Namespace) -> int | None:
@@ -138,17 +125,11 @@ def _dumped_step(arguments: argparse.Namespace) -> int | None:
 
 def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[..., Run]") -> int:
     """Run `job` with its callbacks, draw the pictures, print the result."""
-    from clothsim import __version__
-    from clothsim.cli import progress, run_report
-    from clothsim.engine import iterates_name
-
     subject = arguments.scene if arguments.command == "run" else directory
     step = _dumped_step(arguments)
     if step is not None:
-        (directory / iterates_name(step)).unlink(missing_ok=True)  # of an earlier run
-    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
-    if not arguments.quiet:
-        print(f"clothsim {__version__}: {arguments.command} {subject}", file=talk, flush=True)
+        (directory / engine.iterates_name(step)).unlink(missing_ok=True)  # of an earlier run
+    message = messages(arguments, subject)
     note = run_report.existing_files_note if arguments.command == "run" else run_report.resumption_note
     before = note(directory)
 
@@ -156,8 +137,7 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
 
     def announce(session: "Session") -> None:
         sessions.append(session)
-        if not arguments.quiet:
-            print(run_report.settings(session, directory, before), file=talk, flush=True)
+        message(run_report.settings(session, directory, before))
 
     try:
         with progress.shown(arguments.quiet) as listener:
@@ -166,14 +146,10 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     except KeyboardInterrupt:
         print(run_report.stopped(directory), file=sys.stderr)
         return INTERRUPTED
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        print(to_json(run.summary))
-    if step is not None and not (run.directory / iterates_name(step)).is_file():
-        trouble.append(f"No {iterates_name(step)}: the run took {run.summary['steps']} steps.")
-    print(run_report.verdict(run, trouble), file=talk)
-    return 0 if run.status == "completed" else 1
+    if step is not None and not (run.directory / engine.iterates_name(step)).is_file():
+        trouble.append(f"No {engine.iterates_name(step)}: the run took {run.summary['steps']} steps.")
+    code = 0 if run.status == "completed" else 1
+    return Report(run.summary, run_report.verdict(run, trouble), code, verdict=True).show(arguments)
 
 
 def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> list[str]:
@@ -181,36 +157,24 @@ def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> 
 
     Returns a line for each that could not be drawn, which does not change the status of the run.
     """
-    from clothsim.base.errors import ClothsimError
-    from clothsim.cli.render_command import frame_counter
-    from clothsim.engine import (
-        FAILURE_NAME,
-        GIF_NAME,
-        MOVIE_NAME,
-        PICTURE_NAME,
-        draw_failure,
-        draw_frame,
-        draw_movie,
-        upright,
-    )
-    from clothsim.render import has_ffmpeg
-
-    for name in (PICTURE_NAME, MOVIE_NAME, GIF_NAME, FAILURE_NAME):
+    for name in (engine.PICTURE_NAME, engine.MOVIE_NAME, engine.GIF_NAME, engine.FAILURE_NAME):
         (run.directory / name).unlink(missing_ok=True)
-    directory, up, trouble = run.directory, upright(run.directory), []
+    directory, up, trouble = run.directory, engine.upright(run.directory), []
     jobs: list[tuple[str, Callable[[], Any]]] = []
     if not arguments.no_picture:
-        jobs.append((PICTURE_NAME, lambda: draw_frame(run.trajectory, directory / PICTURE_NAME, up=up)))
+        jobs.append(
+            (engine.PICTURE_NAME, lambda: engine.draw_frame(run.trajectory, directory / engine.PICTURE_NAME, up=up))
+        )
         failure, world = run.summary.get("failure") or {}, session.built.world
         if failure.get("position") is not None:
-            target = directory / FAILURE_NAME
-            jobs.append((FAILURE_NAME, lambda: draw_failure(directory, failure, world, target, up)))
+            target = directory / engine.FAILURE_NAME
+            jobs.append((engine.FAILURE_NAME, lambda: engine.draw_failure(directory, failure, world, target, up)))
     if arguments.movie:
         counter = frame_counter(arguments.quiet)
-        film = MOVIE_NAME if has_ffmpeg() else GIF_NAME
-        if film == GIF_NAME:
-            trouble.append(f"{film}, not {MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")
-        jobs.append((film, lambda: draw_movie(run.trajectory, directory / film, counter, up=up)))
+        film = engine.MOVIE_NAME if render.has_ffmpeg() else engine.GIF_NAME
+        if film == engine.GIF_NAME:
+            trouble.append(f"{film}, not {engine.MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")
+        jobs.append((film, lambda: engine.draw_movie(run.trajectory, directory / film, counter, up=up)))
     for name, job in jobs:
         if not arguments.quiet:
             print(f"drawing {name}", file=sys.stderr, flush=True)

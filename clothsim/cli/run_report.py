@@ -3,13 +3,14 @@
 import os
 import shlex
 import sys
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from clothsim.base.safe_files.record import RECORD_NAME
+from clothsim import files
+from clothsim.cli import on_demand
 from clothsim.cli.progress import clock
 from clothsim.engine import certificate_rows, length, many
-from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, read_checkpoint
 
 if TYPE_CHECKING:
     from clothsim import Run
@@ -22,14 +23,14 @@ def existing_files_note(directory: Path) -> str:
     """A note on files that the output directory holds already; empty where there are none."""
     if not directory.is_dir() or not any(directory.iterdir()):
         return ""
-    if any((directory / name).is_file() for name in (RECORD_NAME, TRAJECTORY_NAME)):
+    if any((directory / name).is_file() for name in (on_demand.RECORD_NAME, files.TRAJECTORY_NAME)):
         return f"{directory} holds an earlier run, which is replaced."
     return f"{directory} holds other files. They stay; one named as a file of the run is replaced."
 
 
 def resumption_note(directory: Path) -> str:
     """A note on the time and frame of a run that is resumed."""
-    saved = read_checkpoint(directory / CHECKPOINT_NAME)
+    saved = files.read_checkpoint(directory / files.CHECKPOINT_NAME)
     return f"Continues at {saved.time:g} s, after frame {saved.frame}."
 
 
@@ -99,7 +100,7 @@ def verdict(run: "Run", trouble: list[str]) -> str:
 def _after_failure(run: "Run") -> list[str]:
     """The remedy, the last good state, and the commands that examine and pack the failure."""
     failure = run.summary["failure"]
-    saved = read_checkpoint(run.directory / CHECKPOINT_NAME)
+    saved = files.read_checkpoint(run.directory / files.CHECKPOINT_NAME)
     directory = shlex.quote(str(run.directory))
     return [
         failure["remedy"],
@@ -111,7 +112,7 @@ def _after_failure(run: "Run") -> list[str]:
 
 def stopped(directory: Path) -> str:
     """The line that follows Ctrl-C."""
-    if (directory / CHECKPOINT_NAME).is_file():
+    if (directory / files.CHECKPOINT_NAME).is_file():
         return f"Stopped. Continue with: {program()} resume {shlex.quote(str(directory))}"
     return "Stopped before the first step: there is nothing to resume."
 
@@ -121,8 +122,6 @@ _ENDINGS = (".vtkhdf", ".jsonl", ".json", ".npz", ".png", ".mp4", ".gif")
 
 def _row(name: str, text: str) -> str:
     """A name and its text, broken at WIDTH."""
-    import textwrap
-
     return textwrap.fill(
         text, WIDTH, initial_indent=f"  {name:<8} ", subsequent_indent=" " * 11, break_long_words=False
     )

@@ -3,7 +3,8 @@
 import argparse
 from typing import Any
 
-from clothsim.engine import example_scenes
+from clothsim import engine
+from clothsim.cli.report import Report
 
 _DESCRIPTION = """\
 List the example scenes. `clothsim run NAME` simulates one where no file has that name.
@@ -21,17 +22,12 @@ def add_to(commands: Any) -> None:
     scenes.set_defaults(handler=_scenes)
 
 
-def _scenes(arguments: argparse.Namespace) -> int:
-    scenes = example_scenes()
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        fields = ("file", "headline", "missing")
-        print(to_json({each.name: {key: getattr(each, key) for key in fields} for each in scenes}, indent=2))
-        return 0
+def _scenes(arguments: argparse.Namespace) -> Report:
+    scenes = engine.example_scenes()
+    fields, lines = ("file", "headline", "missing"), []
     width = max(len(each.name) for each in scenes)
     for each in scenes:
         needs = f" (needs {', '.join(name.rsplit('/', 1)[-1] for name in each.missing)})" if each.missing else ""
-        print(f"{each.name:<{width}}  {each.headline}{needs}")
-    print(f"\n{scenes[0].file.parent}")
-    return 0
+        lines.append(f"{each.name:<{width}}  {each.headline}{needs}")
+    document = {each.name: {key: getattr(each, key) for key in fields} for each in scenes}
+    return Report(document, "\n".join([*lines, f"\n{scenes[0].file.parent}"]))

@@ -7,18 +7,16 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any
 
-from clothsim import __version__, load_scene
+import clothsim
+from clothsim import engine
 from clothsim.base.errors import InputError
+from clothsim.cli import on_demand
 from clothsim.cli.arguments import as_count, as_seconds
 from clothsim.cli.loss_arguments import loss_of
 from clothsim.cli.progress import SECONDS_BETWEEN_LINES, clock, listener_for
-from clothsim.engine import build, override, scene_file
-from clothsim.study.answer import answer, settings_text
-from clothsim.study.goal_report import NamedGoal
-from clothsim.study.headline import UNFINISHED
-from clothsim.study.study import study_accuracy
+from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
     from clothsim import Scene
@@ -55,48 +53,43 @@ def add_to(commands: Any) -> None:
     study.set_defaults(handler=_study)
 
 
-def _study(arguments: argparse.Namespace) -> int:
+def _study(arguments: argparse.Namespace) -> Report:
     budget = as_seconds("--budget", arguments.budget)
     knobs = None if arguments.knobs is None else [name.strip() for name in arguments.knobs.split(",") if name.strip()]
     if knobs == []:
         raise InputError("--knobs names nothing.", "Give some, such as --knobs dt,cells.")
     workers = None if arguments.workers is None else as_count("--workers", arguments.workers)
-    scene = load_scene(scene_file(arguments.scene))
+    scene = clothsim.load_scene(engine.scene_file(arguments.scene))
     for assignment in arguments.set:
-        scene = override(scene, assignment)
+        scene = engine.override(scene, assignment)
     goal = None if arguments.goal is None else _goal(arguments.goal, scene)
     directory = arguments.output or Path(f"{arguments.scene.stem}_study")
-    talk: IO[str] = sys.stderr if arguments.json else sys.stdout
-    if not arguments.quiet:
-        print(f"clothsim {__version__}: study {arguments.scene}", file=talk, flush=True)
+    messages(arguments, arguments.scene)
     with shown(arguments.quiet) as on_progress, terminated() as stopped:
         named: dict[str, Any] = {"name": arguments.scene.stem, **({} if goal is None else {"goal": goal})}
-        done = study_accuracy(scene, directory, knobs, budget, workers, on_progress, stopped=stopped, **named)
-    if arguments.json:
-        print((done.directory / "study.json").read_text(encoding="utf-8"), end="")
-    lines = answer(done.result)
+        done = clothsim.study_accuracy(scene, directory, knobs, budget, workers, on_progress, stopped=stopped, **named)
+    lines = on_demand.answer(done.result)
     lines += [
-        f"  for <= {each['error']:g} mm: {settings_text(each['settings'])}, about {each['seconds']:.2g} s"
+        f"  for <= {each['error']:g} mm: {on_demand.settings_text(each['settings'])}, about {each['seconds']:.2g} s"
         for each in done.result["recommended"]
     ]
     if goal is not None:
-        from clothsim.study.goal_report import goal_lines
-
-        lines += goal_lines(done.result["goal"])
+        lines += on_demand.goal_lines(done.result["goal"])
     left = len(done.result["left_out"])
     if left:
         lines.append(f"{left} points exceeded the budget or are not valid: study.md names them.")
     files = ", ".join(
         name for name in ("study.md", "study.json", "study.png", "goal.png") if (directory / name).is_file()
     )
-    print("\n".join([*lines, f"  files     {directory}: {files}"]), file=talk)
-    return NO_ANSWER if done.result["headline"]["status"] == UNFINISHED else 0
+    document = on_demand.read_summary(done.directory / "study.json") if arguments.json else None
+    code = NO_ANSWER if done.result["headline"]["status"] == on_demand.UNFINISHED else 0
+    return Report(document, "\n".join([*lines, f"  files     {directory}: {files}"]), code, verdict=True)
 
 
 def _goal(text: str, scene: "Scene") -> "NamedGoal":
     """The goal of --goal; InputError for one that is none, before anything runs."""
-    loss_of(text, build(scene).world, "--goal")
-    return NamedGoal(text, lambda world: loss_of(text, world, "--goal"))
+    loss_of(text, engine.build(scene).world, "--goal")
+    return on_demand.NamedGoal(text, lambda world: loss_of(text, world, "--goal"))
 
 
 @contextmanager

@@ -5,15 +5,13 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from clothsim import load_scene
+import clothsim
+from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.base.text_table import text_table
+from clothsim.cli import on_demand
 from clothsim.cli.farm_command import terminated_like_interrupted
-from clothsim.engine import override, scene_file
-from clothsim.study.farm.plan import plan, refuse_unbuildable
-from clothsim.study.farm.recipe import make_recipe
-from clothsim.study.farm.status import write_manifest
-from clothsim.study.farm.work import work
+from clothsim.cli.report import Report
 
 _DESCRIPTION = """\
 Run a scene with every combination of the values of some keys, and list the verdicts: a farm in one process.
@@ -37,30 +35,25 @@ def add_to(commands: Any) -> None:
     sweep.set_defaults(handler=_sweep)
 
 
-def _sweep(arguments: argparse.Namespace) -> int:
+def _sweep(arguments: argparse.Namespace) -> Report | int:
     if not arguments.vary:
         raise InputError("Nothing varies.", "Write --vary solver.dt=.02,.01.")
-    scene = load_scene(scene_file(arguments.scene))
+    scene = clothsim.load_scene(engine.scene_file(arguments.scene))
     for assignment in arguments.set:
-        scene = override(scene, assignment)
+        scene = engine.override(scene, assignment)
     varied = dict(_values(text) for text in arguments.vary)
-    recipe = make_recipe(scene, {"until": scene.run_settings.until}, {}, varied)
-    refuse_unbuildable(recipe)
-    farm = plan(recipe, arguments.output or Path(f"{arguments.scene.stem}_sweep"))
+    recipe = on_demand.make_recipe(scene, {"until": scene.run_settings.until}, {}, varied)
+    on_demand.refuse_unbuildable(recipe)
+    farm = on_demand.plan(recipe, arguments.output or Path(f"{arguments.scene.stem}_sweep"))
     with terminated_like_interrupted():
         try:
-            work(farm)
+            on_demand.work(farm)
         except KeyboardInterrupt:
             print(f"Stopped: the same command, or `clothsim farm work {farm.directory}`, goes on.", file=sys.stderr)
             return 130
-    rows = write_manifest(farm)
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        print(to_json({"directory": str(farm.directory), "drapes": rows}))
-    elif not arguments.quiet:
-        print(_table(rows))
-    return 0 if all(row["usable"] for row in rows) else 1
+    rows = on_demand.write_manifest(farm)
+    code = 0 if all(row["usable"] for row in rows) else 1
+    return Report({"directory": str(farm.directory), "drapes": rows}, _table(rows), code)
 
 
 def _values(text: str) -> tuple[str, Any]:

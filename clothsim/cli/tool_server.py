@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from clothsim import open_run
+import clothsim
 from clothsim.base.errors import ClothsimError
 
 INSTRUCTIONS = """Finite-element cloth. Lengths in metres, times in seconds. Check a scene (.toml) before it is run; \
@@ -35,7 +35,7 @@ async def run(scene: str, output: str, settings: list[str], overwrite: bool = Fa
 async def certificate(run_directory: str) -> dict[str, Any]:
     """Status, reason, warnings and certificate of a run: intersections, least gap, stretch, residual, energy drift."""
     try:
-        found = open_run(Path(run_directory))
+        found = clothsim.open_run(Path(run_directory))
     except ClothsimError as error:
         raise _refusal(str(error)) from error
     kept = {key: found.summary.get(key) for key in ("warnings", "certificate")}

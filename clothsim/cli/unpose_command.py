@@ -5,13 +5,14 @@ import math
 from pathlib import Path
 from typing import Any
 
-from clothsim import load_scene, open_run
+import numpy as np
+
+import clothsim
+from clothsim import engine, files
 from clothsim.base.errors import InputError
+from clothsim.cli import on_demand
 from clothsim.cli.export_command import frame_number
-from clothsim.engine import scene_from_text
-from clothsim.files import CHECKPOINT_NAME, read_checkpoint, write_obj
-from clothsim.garments.unpose import character_of_scene, read_canonical, unposed, write_canonical
-from transfer.signed_distance import body_surface
+from clothsim.cli.report import Report
 
 _UNPOSE = """\
 Bring the garments of every frame of a run to the rest pose of its body model.
@@ -46,17 +47,14 @@ def add_to(commands: Any) -> None:
     repose.set_defaults(handler=_repose)
 
 
-def _unpose(arguments: argparse.Namespace) -> int:
-    import numpy as np
-
-
+def _unpose(arguments: argparse.Namespace) -> Report:
     _ends_in(arguments.output, ".npz")
     directory = arguments.directory
-    if not (directory / CHECKPOINT_NAME).is_file():
-        raise InputError(f"{directory} is no directory of a run (no {CHECKPOINT_NAME}).")
-    scene = scene_from_text(read_checkpoint(directory / CHECKPOINT_NAME).scene_text, directory)
-    made = unposed(open_run(directory), scene, arguments.field)
-    write_canonical(arguments.output, made)
+    if not (directory / files.CHECKPOINT_NAME).is_file():
+        raise InputError(f"{directory} is no directory of a run (no {files.CHECKPOINT_NAME}).")
+    scene = engine.scene_from_text(files.read_checkpoint(directory / files.CHECKPOINT_NAME).scene_text, directory)
+    made = on_demand.unposed(clothsim.open_run(directory), scene, arguments.field)
+    on_demand.write_canonical(arguments.output, made)
     near = float(np.mean(made.residuals <= 1e-3))
     figures = {
         "file": str(arguments.output),
@@ -65,42 +63,32 @@ def _unpose(arguments: argparse.Namespace) -> int:
         "worst_residual": float(made.residuals.max()),
         "within_1_mm": near,
     }
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        print(to_json(figures))
-        return 0
-    print(
+    return Report(
+        figures,
         f"{arguments.output}: {len(made.times)} frames of {made.positions.shape[1]} vertices. Posed again, "
-        f"{100 * near:.4g} % are within 1 mm, the worst within {1e3 * made.residuals.max():.3g} mm."
+        f"{100 * near:.4g} % are within 1 mm, the worst within {1e3 * made.residuals.max():.3g} mm.",
     )
-    return 0
 
 
-def _repose(arguments: argparse.Namespace) -> int:
+def _repose(arguments: argparse.Namespace) -> Report:
     _ends_in(arguments.output, ".obj")
-    made = read_canonical(arguments.file)
+    made = on_demand.read_canonical(arguments.file)
     rows = made.rows_of(arguments.cloth)
-    placed, _ = character_of_scene(load_scene(arguments.scene))
+    placed, _ = on_demand.character_of_scene(clothsim.load_scene(arguments.scene))
     time = _seconds(arguments.time)
     points = made.posed(frame_number(arguments.frame), placed, time)[rows]
     inside = (made.triangles >= rows.start).all(axis=1) & (made.triangles < rows.stop).all(axis=1)
-    write_obj(arguments.output, points, made.triangles[inside] - rows.start)
+    files.write_obj(arguments.output, points, made.triangles[inside] - rows.start)
     body = placed.character.vertices(placed.pose(time)) @ placed.linear.T + placed.shift
-    found = body_surface(body, placed.character.triangles).penetration(points)
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        figures = {"file": str(arguments.output), "vertices": len(points)}
-        print(to_json({**figures, "inside": int(found.count), "deepest": float(found.depth)}))
-        return 0
-    print(
+    found = on_demand.body_surface(body, placed.character.triangles).penetration(points)
+    figures = {"file": str(arguments.output), "vertices": len(points)}
+    text = (
         f"{arguments.output}: {len(points)} vertices, {found.count} of them inside the body, "
         f"the deepest by {1e3 * found.depth:.3g} mm."
     )
     if found.count:
-        print("  [seed] untangle = true, or `clothsim fit`, brings them out.")
-    return 0
+        text += "\n  [seed] untangle = true, or `clothsim fit`, brings them out."
+    return Report({**figures, "inside": int(found.count), "deepest": float(found.depth)}, text)
 
 
 def _seconds(text: str) -> float:

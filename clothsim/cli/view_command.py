@@ -3,14 +3,16 @@
 import argparse
 import sys
 import time
+import webbrowser
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from clothsim import open_run
+import clothsim
+from clothsim import files
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.cli.arguments import as_count
-from clothsim.files import TRAJECTORY_NAME
+from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
     from clothsim.viewer.served import Served
@@ -44,28 +46,18 @@ LONGEST_WAIT, PAUSE = 600.0, 0.3
 
 
 def _view(arguments: argparse.Namespace) -> int:
-    from clothsim.viewer.view import view
-
     port = as_count("--port", arguments.port)
     if arguments.wait:
         _await_frame(arguments.directory)
-    page = view(arguments.directory, port=port, host=arguments.host, colour=arguments.field)
+    page = clothsim.view(arguments.directory, port=port, host=arguments.host, colour=arguments.field)
     return served(page, arguments, arguments.directory)
 
 
 def served(page: "Served", arguments: argparse.Namespace, what: Path) -> int:
     """Tell the address of a page as --json, --quiet and --browser ask for it, and serve it until Ctrl-C."""
-    if arguments.json:
-        from clothsim.base.safe_files.record import to_json
-
-        print(to_json({"url": page.url}), flush=True)
-    elif not arguments.quiet:
-        print(f"{page.url} shows {what}. Ctrl-C ends it.", flush=True)
-    if arguments.browser:
-        import webbrowser
-
-        if not webbrowser.open(page.url):
-            print(f"No browser was found: open {page.url}.", file=sys.stderr)
+    Report({"url": page.url}, f"{page.url} shows {what}. Ctrl-C ends it.").show(arguments)
+    if arguments.browser and not webbrowser.open(page.url):
+        print(f"No browser was found: open {page.url}.", file=sys.stderr)
     page.wait()
     return 0
 
@@ -74,10 +66,10 @@ def _await_frame(directory: Path) -> None:
     """Return when a run that was begun after now has a frame. InputError after LONGEST_WAIT."""
     begun = time.time()
     for _ in range(int(LONGEST_WAIT / PAUSE)):
-        file = directory / TRAJECTORY_NAME
+        file = directory / files.TRAJECTORY_NAME
         if file.is_file() and file.stat().st_mtime >= begun:
             with suppress(ClothsimError):
-                if len(open_run(directory)):
+                if len(clothsim.open_run(directory)):
                     return
         time.sleep(PAUSE)
     raise InputError(f"{directory} had no frame after {LONGEST_WAIT:g} s.", "Start `clothsim view` when it has one.")

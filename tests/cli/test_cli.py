@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from command_line import FREE, SHEET, refused, with_keywords
 
+from clothsim import engine
 from clothsim.base.safe_files.record import read_summary
 from clothsim.cli import main
 from clothsim.cli.progress import Lines
@@ -99,11 +100,9 @@ def test_frames_per_second_replaces_the_scenes(finished, tmp_path):
 
 
 def test_picture_and_movie_are_left(capsys, tmp_path, monkeypatch):
-    from clothsim.run import pictures
-
     small = {"size": (64, 64)}
-    monkeypatch.setattr(pictures, "draw_frame", with_keywords(pictures.draw_frame, small))
-    monkeypatch.setattr(pictures, "draw_movie", with_keywords(pictures.draw_movie, small))
+    monkeypatch.setattr(engine, "draw_frame", with_keywords(engine.draw_frame, small))
+    monkeypatch.setattr(engine, "draw_movie", with_keywords(engine.draw_movie, small))
     assert main(["run", "free.toml", "--movie", "--frames-per-second", "25"]) == 0
     assert (tmp_path / "free/picture.png").read_bytes().startswith(b"\x89PNG")
     assert list((tmp_path / "free").glob("movie.*"))
@@ -111,11 +110,9 @@ def test_picture_and_movie_are_left(capsys, tmp_path, monkeypatch):
 
 
 def test_a_movie_without_ffmpeg_is_a_gif(tmp_path, monkeypatch):
-    from clothsim.run import pictures
-
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     small = {"size": (64, 64), "renderer": "ray"}
-    monkeypatch.setattr(pictures, "draw_movie", with_keywords(pictures.draw_movie, small))
+    monkeypatch.setattr(engine, "draw_movie", with_keywords(engine.draw_movie, small))
     assert main(["run", "free.toml", "--movie", "--no-picture", "--frames-per-second", "25", "--quiet"]) == 0
     assert [file.name for file in (tmp_path / "free").glob("movie.*")] == ["movie.gif"]
 

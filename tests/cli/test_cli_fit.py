@@ -8,7 +8,6 @@ from fitting_cases import capsule_figure, in_file, tube_garment
 
 from clothsim import InputError
 from clothsim.cli import main
-from clothsim.garments.fit import fit as module
 from clothsim.garments.fit import moving_body, pipeline
 from clothsim.mesh.generators.sheets import rectangle
 
@@ -129,7 +128,7 @@ def test_a_garment_may_be_an_installed_scene_by_name(monkeypatch):
         given.extend(arguments)
         raise InputError("Far enough.")
 
-    monkeypatch.setattr(module, "fit", recorded)
+    monkeypatch.setattr("clothsim.fit", recorded)
     assert main(["fit", "shirt", "--to", "shirt_large", "--quiet"]) == 2
     assert [file.name for file in given[:2]] == ["shirt.toml", "shirt_large.toml"]
     assert given[2] is None

@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from clothsim import InputError
-from clothsim.cli import _short, main
+from clothsim.cli import COMMANDS, GROUPS, _short, main, without_group
 from clothsim.cli.progress import Lines, clock
 from clothsim.run.summary import Progress
 
@@ -174,3 +174,43 @@ def test_a_remedy_names_the_section_of_a_key_and_of_nothing_else(sentence, named
     remedy = _short(InputError(sentence), ["explain"])[1]
     assert (f"clothsim keys {named}`" in remedy) is bool(named)
     assert remedy
+
+
+# --- groups of commands -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        (["garment", "fit", "a.obj"], ["fit", "a.obj"]),
+        (["garment", "penetration", "a.obj", "--on", "b.obj"], ["check", "a.obj", "--on", "b.obj"]),
+        (["design", "gradient", "sphere"], ["gradient", "sphere"]),
+        (["design", "skirt.toml"], ["design", "skirt.toml"]),
+        (["design", "design", "skirt.toml"], ["design", "skirt.toml"]),
+        (["study", "study", "-o", "out"], ["study", "study", "-o", "out"]),
+        (["farm", "sweep", "sphere"], ["sweep", "sphere"]),
+        (["farm", "plan", "recipe.toml"], ["farm", "plan", "recipe.toml"]),
+        (["farm", "check"], ["farm", "check"]),
+        (["run", "sphere"], ["run", "sphere"]),
+        ([], []),
+    ],
+)
+def test_a_group_is_left_out_of_the_words(given, meant):
+    assert without_group(given) == meant
+
+
+def test_every_command_is_in_a_group_and_is_imported_alone(capsys):
+    assert sorted(name for names in GROUPS.values() for name in names) == sorted(COMMANDS)
+    assert main(["garment"]) == 2
+    assert "unpose" in capsys.readouterr().out
+    assert main(["info", "keis"]) == 2
+    assert "'keys'" in capsys.readouterr().err
+    code = (
+        "import sys; from clothsim.cli import main\n"
+        "try: main(['export', '--help'])\n"
+        "except SystemExit: pass\n"
+        "names = [name for name in sys.modules if name.endswith('_command')]\n"
+        "print([*names, *(name for name in ('numpy', 'numba', 'scipy', 'vtk') if name in sys.modules)])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "['clothsim.cli.export_command']"

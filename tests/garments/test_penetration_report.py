@@ -105,7 +105,7 @@ def test_a_picture_that_cannot_be_written_is_bad_input(tmp_path, capsys, monkeyp
     def full(found, file):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("clothsim.garments.penetration_picture.draw_penetrations", full)
+    monkeypatch.setattr("clothsim.cli.on_demand.draw_penetrations", full)
     assert main(["check", loose, "--on", body, "-o", str(tmp_path / "a.png")]) == 2
     assert "a.png" in capsys.readouterr().err
 

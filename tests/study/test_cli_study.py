@@ -38,7 +38,7 @@ def sheet(tmp_path, monkeypatch):
     from clothsim.study import study
 
     original = study.study_accuracy
-    monkeypatch.setattr(study, "study_accuracy", lambda *args, **keys: original(*args, **keys, runners=runners))
+    monkeypatch.setattr("clothsim.study_accuracy", lambda *args, **keys: original(*args, **keys, runners=runners))
     return runners
 
 

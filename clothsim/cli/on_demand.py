@@ -1,0 +1,31 @@
+"""What commands use beside the doors, imported when it is used: `clothsim COMMAND --help` loads none of it."""
+
+from typing import TYPE_CHECKING
+
+from clothsim.base.lazy_names import lazy_names
+
+if TYPE_CHECKING:
+    from clothsim.base.kernel_cache import cached_kernels, can_store, is_cached
+    from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_summary, to_json
+    from clothsim.garments.dress.pictures import draw_dress, draw_sewing
+    from clothsim.garments.fit.before_after import draw_fit
+    from clothsim.garments.penetration_picture import draw_penetrations
+    from clothsim.garments.penetration_report import deepest_vertices, read_penetration_report
+    from clothsim.garments.unpose import character_of_scene, read_canonical, unposed, write_canonical
+    from clothsim.study.answer import answer, settings_text
+    from clothsim.study.farm.claims import worker_of
+    from clothsim.study.farm.contact_sheet import contact_page, contact_sheet
+    from clothsim.study.farm.dask_work import work_with_dask
+    from clothsim.study.farm.pack import pack
+    from clothsim.study.farm.plan import open_farm, plan, refuse_unbuildable
+    from clothsim.study.farm.recipe import load_recipe, make_recipe
+    from clothsim.study.farm.status import status, write_manifest
+    from clothsim.study.farm.verify import verify
+    from clothsim.study.farm.work import work
+    from clothsim.study.goal_report import NamedGoal, goal_lines
+    from clothsim.study.headline import UNFINISHED
+    from clothsim.study.learned.learn import learn
+    from clothsim.viewer.preview import preview
+    from transfer.signed_distance import body_surface
+
+__getattr__, __dir__, __all__ = lazy_names(__name__)
