@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from clothsim.run.certificate.intersection_check import IntersectionCheck, intersection_check_of
     from clothsim.run.certificate.intersection_history import intersection_warnings
     from clothsim.run.certificate_text import certificate_rows, length, many
-    from clothsim.run.cost import expected_cost, refuse_costly
+    from clothsim.run.check import Examination, examined
     from clothsim.run.example_scenes import (
         example_scenes,
         installed_pattern,

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from clothsim import files, patterns, render
+import clothsim
+from clothsim import engine, files, patterns, render
 from clothsim.base.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,28 +18,23 @@ SPACING = 0.02
 """Size of the mesh that a pattern is tried with [m]."""
 
 
-def check_pattern(arguments: argparse.Namespace) -> int:
-    """Print the panels, edges and seams of a pattern, and draw its edges with -o; 1 where it cannot be meshed."""
+def examined_pattern(arguments: argparse.Namespace) -> "engine.Examination":
+    """The panels, edges and seams of a pattern, drawn with -o; an error where it cannot be meshed."""
     others = ("body", "scale", "group", "component", "body_group", "body_scale", "part", "weld", "motion")
     wrong = [f"--{name.replace('_', '-')}" for name in others if getattr(arguments, name)]
     if wrong:
         raise InputError(f"{arguments.target} is a sewing pattern: {wrong[0]} is not for those.", "--seams and -o are.")
-    print(f"{arguments.target}, as a sewing pattern")
+    notes, findings = [], []
     try:
         pattern = _read(arguments)
-        for line in _lines(pattern):
-            print(f"  {line}")
+        notes += _lines(pattern)
         if arguments.output is not None:
-            print(
-                f"  drawn: {render.draw_pattern(arguments.output, pattern, arguments.target.name, edge_numbers=True)}"
-            )
+            drawn = render.draw_pattern(arguments.output, pattern, arguments.target.name, edge_numbers=True)
+            notes.append(f"drawn: {drawn}")
         _refuse_unmeshed(pattern)
     except InputError as error:
-        print(f"  error: {error.sentence}" + (f"\n    {error.remedy}" if error.remedy else ""))
-        print("1 error.")
-        return 1
-    print("Nothing is wrong.")
-    return 0
+        findings.append(clothsim.Finding("error", "pattern", error.sentence, error.remedy, np.zeros(0, np.int64)))
+    return engine.Examination(f"{arguments.target}, as a sewing pattern", tuple(notes), tuple(findings))
 
 
 def _read(arguments: argparse.Namespace) -> "Pattern":

@@ -1,10 +1,12 @@
 """`clothsim check GARMENT --on BODY`: penetration report."""
 
 import argparse
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+import clothsim
 from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.cli import on_demand
@@ -19,8 +21,8 @@ WORN = 0.1
 """A garment farther from the body than this fraction of its size is not worn."""
 
 
-def check_penetration(arguments: argparse.Namespace) -> int:
-    """Examine a garment on a body; 1 where a vertex is inside or triangles intersect."""
+def examined_penetration(arguments: argparse.Namespace) -> "engine.Examination":
+    """The examination of a garment on a body: an error where a vertex is inside or triangles intersect."""
 
     def number(option: str, text: str | None) -> float | None:
         return None if text is None else as_positive_number(option, text)
@@ -42,39 +44,37 @@ def check_penetration(arguments: argparse.Namespace) -> int:
         part=None if arguments.part is None else as_range("--part", arguments.part),
         weld=number("--weld", arguments.weld) or 0.0,
     )
-    print(f"{arguments.target} on {arguments.on}")
-    for line in (*report.notes, *_lines(report)):
-        print(f"  {line}")
+    notes, findings = list(report.notes), []
+    for entry in _entries(report):
+        (notes if isinstance(entry, str) else findings).append(entry)
     if arguments.output is not None:
         try:
-            print(f"  {arguments.output}: {on_demand.draw_penetrations(report, arguments.output)}")
+            notes.append(f"{arguments.output}: {on_demand.draw_penetrations(report, arguments.output)}")
         except OSError as error:
             raise InputError(
                 f"{arguments.output} cannot be written ({error.strerror}).", "Choose another with -o."
             ) from error
+    where = "" if report.counts.position is None else f", worst {report.counts.where}"
+    verdict = f"Not clean: {report.counts}{where}."
     if report.counts.clean:
         nearest = float(report.closest.signed_distance.min())
-        worn = nearest <= WORN * report.body.size
         far = f"Nothing intersects, but the garment is {length(nearest)} away from the body: give their units, --scale."
-        print("Nothing is wrong." if worn else far)
-        return 0
-    where = "" if report.counts.position is None else f", worst {report.counts.where}"
-    print(f"Not clean: {report.counts}{where}.")
-    return 1
+        verdict = "" if nearest <= WORN * report.body.size else far
+    return engine.Examination(f"{arguments.target} on {arguments.on}", tuple(notes), tuple(findings), verdict)
 
 
-def _lines(report: "PenetrationReport") -> list[str]:
-    """Penetrations as text, one line for each kind."""
-    counts, lines = report.counts, []
-    n = len(report.garment.positions)
+def _entries(report: "PenetrationReport") -> "Iterator[clothsim.Finding | str]":
+    """Findings and notes on each kind of penetration."""
+    counts, n = report.counts, len(report.garment.positions)
     if counts.penetrating_vertices:
         percent = 100 * counts.penetrating_vertices / n
-        lines.append(f"error: {counts.penetrating_vertices:,} of {n:,} vertices ({percent:.1f} %) are inside the body")
+        sentence = f"{counts.penetrating_vertices:,} of {n:,} vertices ({percent:.1f} %) are inside the body"
+        yield clothsim.Finding("error", "penetration", sentence, "", np.asarray(report.inside))
         for vertex, depth, position in on_demand.deepest_vertices(report):
-            lines.append(f"  vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(position)}")
+            yield f"vertex {vertex} is {1e3 * depth:.3g} mm deep, at {_at(position)}"
     else:
         nearest = float(report.closest.signed_distance.min())
-        lines.append(f"none of {n:,} vertices is inside the body; the nearest is {length(nearest)} away")
+        yield f"none of {n:,} vertices is inside the body; the nearest is {length(nearest)} away"
     x, own = report.garment.positions, report.garment.triangles
     for who, pairs, other in (
         ("the garment and the body", report.body_pairs, report.body.triangles + n),
@@ -82,10 +82,10 @@ def _lines(report: "PenetrationReport") -> list[str]:
     ):
         if len(pairs):
             position = engine.intersection_points(np.concatenate([x, report.body.positions]), own, other, pairs[:1])[0]
-            lines.append(f"error: {who} intersect in {len(pairs):,} pairs of triangles, the first near {_at(position)}")
+            sentence = f"{who} intersect in {len(pairs):,} pairs of triangles, the first near {_at(position)}"
+            yield clothsim.Finding("error", "intersection", sentence, "", pairs)
         else:
-            lines.append(f"{who} do not intersect")
-    return lines
+            yield f"{who} do not intersect"
 
 
 def _at(position: "Floats") -> str:

@@ -1,32 +1,82 @@
-"""Faults of a mesh or a scene, all at once."""
+"""Faults of a mesh, a scene or a run, all at once."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.mesh.checks import Finding, Role, examine
+from clothsim.files.meshes.mesh_file import read_mesh
+from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
+from clothsim.files.runs.trajectory import TRAJECTORY_NAME
+from clothsim.geometry.intersection.crossings import Crossing
+from clothsim.mesh.checks import Finding, Role, Severity, examine
 from clothsim.mesh.world_surfaces import world_surfaces
-from clothsim.run.certificate.intersection_check import intersection_check_of
+from clothsim.run.certificate.intersection_check import IntersectionCheck, intersection_check_of
+from clothsim.run.certificate.intersection_history import intersection_warnings
 from clothsim.run.cost import expected_cost
+from clothsim.run.results import Run, open_run
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.cloth_arrays import Body, Cloth
 from clothsim.scene.mesh_objects import surface_of
-from clothsim.scene.scene import Scene
+from clothsim.scene.scene import Scene, scene_from_text
 from clothsim.scene.toml_file import load_scene
+from clothsim.solve.pinch.pinch_record import exempted
 
 NO_INDICES = np.zeros(0, np.int64)
 
+ALLOWED = {"carried": "vertices carried through a pinch", "excluded": "excluded pairs"}
+"""Kinds of intersections that a scene allows."""
+_NO_BODY_CONTACT = "[effects.body_contact] is not on: from a start without intersections it lets none arise"
+_REASON = {
+    "cloth_cloth": "[effects.self_contact] is not on: from a start without intersections it lets none arise",
+    "cloth_body": _NO_BODY_CONTACT,
+    "rigid": _NO_BODY_CONTACT,
+    "excluded": "the scene excludes the pair from contact",
+    "carried": "vertices of these triangles are carried through a pinch (contact.pinch)",
+}
+
+
+@dataclass(frozen=True)
+class Examination:
+    """What a check found.
+
+    Parameters
+    ----------
+    subject : str
+        What was examined.
+    notes : tuple of str
+        Sizes, settings that were chosen, and what was looked for and is not there.
+    findings : tuple of Finding
+        Errors first.
+    verdict : str
+        A last line; empty: the numbers of errors and warnings.
+    """
+
+    subject: str
+    notes: tuple[str, ...]
+    findings: tuple[Finding, ...]
+    verdict: str = ""
+
+    def of(self, severity: Severity) -> list[Finding]:
+        """The errors, or the warnings."""
+        return [finding for finding in self.findings if finding.severity == severity]
+
 
 def check(what: Any, role: Role | None = None) -> list[Finding]:
-    """Examine a mesh, or build a scene and test its start for intersections.
+    """Examine a mesh; a scene, which is built and its start tested for intersections; or the frames of a run.
+
+    `clothsim check` prints the same findings. At the start of a scene an intersection is an error where a run would
+    refuse it, which contact is on for; without contact a run goes on with a warning, and so it is one here. In the
+    frames of a run each is an error, but those that the scene allows.
 
     Parameters
     ----------
     what : Scene, Cloth, Body, mesh object, (vertices, triangles), str or Path
-        A path names a scene (.toml) or a mesh file.
+        A path names a scene (.toml), a mesh file or the directory of a run.
     role : {"cloth", "sewn cloth", "body"}, optional
         What a mesh is to be: fewer faults matter in a body. None: a body for a `clothsim.Body`, else a cloth.
 
@@ -39,7 +89,7 @@ def check(what: Any, role: Role | None = None) -> list[Finding]:
     Raises
     ------
     InputError
-        Where `what` is neither a mesh nor a scene, or its file cannot be read.
+        Where `what` is none of these, or its file cannot be read.
 
     Examples
     --------
@@ -50,68 +100,188 @@ def check(what: Any, role: Role | None = None) -> list[Finding]:
     >>> [finding.kind for finding in clothsim.check((square, [[0, 1, 2], [2, 3, 9]]))]
     ['index out of range']
     """
-    if isinstance(what, str | Path) and Path(what).suffix.lower() == ".toml":
-        what = load_scene(what)
-    if isinstance(what, Scene):
-        return _of_scene(what)
-    name, vertices, triangles, usual = _mesh_of(what)
-    return sorted(examine(name, vertices, triangles, role or usual).findings, key=lambda finding: finding.severity)
+    return list(examined(what, role).findings)
 
 
-def _mesh_of(what: Any) -> tuple[str, Any, Any, Role]:
-    """Name, vertices, triangles and usual role of a mesh."""
+def examined(what: Any, role: Role | None = None, **part: Any) -> Examination:
+    """The findings of `check` with notes; part: scale, group and component of a mesh file."""
     if isinstance(what, str | Path):
-        from clothsim.files.meshes.mesh_file import read_mesh
+        if Path(what).is_dir():
+            return _of_run(Path(what))
+        if Path(what).suffix.lower() == ".toml":
+            return _of_scene_file(Path(what))
+    if isinstance(what, Scene):
+        return _of_scene(what, "scene")
+    name, vertices, triangles, usual, messages = _mesh_of(what, part)
+    role = role or usual
+    findings = examine(name, vertices, triangles, role).findings
+    try:
+        notes = (*sizes(np.asarray(vertices, float), np.asarray(triangles, np.int64)), *messages)
+    except (ValueError, TypeError, IndexError, OverflowError):  # of arrays that are no mesh, which the findings say
+        notes = messages
+    article = "a body" if role == "body" else "a cloth"
+    return Examination(f"{what if isinstance(what, str | Path) else name}, as {article}", notes, _sorted(findings))
 
-        mesh = read_mesh(what)
-        return Path(what).name, mesh.positions, mesh.triangles, "cloth"
+
+def sizes(positions: Floats, triangles: Ints) -> tuple[str, ...]:
+    """Counts and lengths of a mesh, which may have faults."""
+    corners = positions[triangles]
+    edges = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2)
+    box = " x ".join(f"{side:.3g}" for side in np.ptp(positions, axis=0))
+    return (
+        f"{len(positions):,} vertices, {len(triangles):,} triangles",
+        f"box {box} m",
+        f"edges {1e3 * edges.min():.3g} to {1e3 * edges.max():.3g} mm, median {1e3 * np.median(edges):.3g} mm",
+    )
+
+
+def _mesh_of(what: Any, part: dict[str, Any]) -> tuple[str, Any, Any, Role, tuple[str, ...]]:
+    """Name, vertices, triangles and usual role of a mesh, and messages of its reader."""
+    if isinstance(what, str | Path):
+        mesh = read_mesh(what, **part)
+        return Path(what).name, mesh.positions, mesh.triangles, "cloth", tuple(mesh.messages)
     if isinstance(what, Cloth):
         role: Role = "sewn cloth" if what.sewn or what.weld else "cloth"
-        return what.name or "cloth", what.arrays.vertices, what.arrays.triangles, role
+        return what.name or "cloth", what.arrays.vertices, what.arrays.triangles, role, ()
     if isinstance(what, Body):
-        return what.name or "body", what.arrays.vertices, what.arrays.triangles, "body"
+        return what.name or "body", what.arrays.vertices, what.arrays.triangles, "body", ()
     if isinstance(what, Sequence) and len(what) == 2:
         vertices, triangles = what
     else:
         vertices, triangles = surface_of("mesh", what)
-    return "mesh", vertices, triangles, "cloth"
+    return "mesh", vertices, triangles, "cloth", ()
 
 
-def _of_scene(scene: Scene) -> list[Finding]:
-    """The errors of building it, one a line; else what intersects at the start, which only contact makes an error.
+def _of_scene_file(path: Path) -> Examination:
+    """The examination of a scene file; what its text has wrong is a finding too, but not that it cannot be read."""
+    if not path.is_file():
+        raise InputError(f"There is no scene file {path}.")
+    try:
+        scene = load_scene(path)
+    except InputError as error:
+        return Examination(str(path), (), _refusals(error))
+    return _of_scene(scene, str(path))
+
+
+def _of_scene(scene: Scene, subject: str) -> Examination:
+    """The errors of building it, one a line; else what intersects at the start.
 
     One that is too large to be run is not built.
     """
     cost = expected_cost(scene)
-    costly = [
-        Finding(
-            "error" if cost.too_much else "warning",
-            "cost",
-            f"Expected: {cost}.",
-            "Take fewer cells or a larger dt.",
-            NO_INDICES,
-        )
-        for _ in range(cost.notable)
-    ]
+    remedy = "Take fewer cells, a larger solver.dt, or fewer frames; --force (force=True) runs it all the same."
+    severity: Severity = "error" if cost.too_much else "warning"
+    costly = [Finding(severity, "cost", f"Expected: {cost}.", remedy, NO_INDICES) for _ in range(cost.notable)]
     if cost.too_much:
-        return costly
+        return Examination(subject, (), tuple(costly))
     try:
         built = build(scene)
     except InputError as error:
-        return [
-            Finding("error", "scene", sentence, error.remedy, NO_INDICES) for sentence in error.sentence.splitlines()
-        ]
-    test = intersection_check_of(world_surfaces(built.world), scene.effects, built.energies)
-    crossings = test.crossings(built.world.start(), built.world.origin)
-    broken = test.violations(crossings)
-    selected = [
-        Finding(
-            "error" if crossing in broken else "warning",
-            "intersection",
-            f"{crossing.summary} at the start: {crossing.sentence}.",
-            "Move them apart, or let seed.untangle do it.",
-            crossing.pairs,
+        return Examination(subject, (), (*_refusals(error), *costly))
+    world = built.world
+    notes = [f"{each.name}, cloth: {'; '.join(sizes(each.positions, each.triangles))}" for each in world.cloths]
+    notes += [f"{each.name}, body: {'; '.join(sizes(each.positions, each.triangles))}" for each in world.bodies]
+    notes += [*built.notes, *(f"{name} is off: {reason}." for name, reason in built.off.items())]
+    test = intersection_check_of(world_surfaces(world), scene.effects, built.energies)
+    start = [("at the start", test.crossings(world.start(), world.origin))]
+    found, others = _intersections(test, start, "at the start", of_run=False)
+    return Examination(subject, (*notes, *others), _sorted([*found, *costly]))
+
+
+def _refusals(error: InputError) -> tuple[Finding, ...]:
+    """The sentences of an error of a scene."""
+    return tuple(Finding("error", "scene", each, error.remedy, NO_INDICES) for each in error.sentence.splitlines())
+
+
+def _of_run(directory: Path) -> Examination:
+    if not (directory / TRAJECTORY_NAME).is_file():
+        raise InputError(
+            f"{directory} is a directory without a run (no {TRAJECTORY_NAME}).",
+            "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` left.",
         )
-        for crossing in crossings
+    run = open_run(directory)
+    subject = f"{directory}: {run.status}, {len(run.times)} frames. {run.reason}"
+    failed = []
+    if run.status == "failed":
+        remedy = (run.summary.get("failure") or {}).get("remedy", "")
+        failed = [Finding("error", "run", f"The run failed: {run.reason}", remedy, NO_INDICES)]
+    if not len(run.times):
+        return Examination(subject, ("no frame",), tuple(failed))
+    checkpoint = directory / CHECKPOINT_NAME
+    effects = scene_from_text(read_checkpoint(checkpoint).scene_text).effects if checkpoint.is_file() else {}
+    test = intersection_check_of(run.trajectory.surfaces, effects, effects)
+    frames = ((f"in frame {k} at {time:g} s", _crossings(test, run, k)) for k, time in enumerate(run.times))
+    found, notes = _intersections(test, frames, f"in any of {len(run.times)} frames", of_run=True)
+    between, unknown = _between_frames(run)
+    return Examination(subject, (*notes, *unknown), _sorted([*failed, *found, *between]))
+
+
+def _crossings(test: IntersectionCheck, run: Run, frame: int) -> tuple[Crossing, ...]:
+    """The intersections of a frame, those of vertices that are carried through a pinch apart."""
+    found = test.crossings(np.concatenate([run.positions(frame), *(points for _, points, _ in run.bodies(frame))]))
+    if not found or "carried" not in run.trajectory.fields:
+        return found
+    return exempted(found, test.surfaces, np.flatnonzero(run.field("carried", frame)))
+
+
+def _between_frames(run: Run) -> tuple[list[Finding], list[str]]:
+    """What the certificate says of the steps between frames; a note where not all were checked."""
+    unseen = {kind: each for kind, each in run.intersections.items() if each["states"] and each["first_frame"] is None}
+    found = [
+        Finding(
+            "warning" if kind in ALLOWED else "error", "intersection", f"between two frames, {sentence}", "", NO_INDICES
+        )
+        for kind, sentence in zip(unseen, intersection_warnings(unseen), strict=True)
     ]
-    return sorted([*selected, *costly], key=lambda finding: finding.severity)
+    unknown = run.summary and run.intersection_free is None
+    return found, ["not all steps of the run were checked: what happened between its frames is not known"] * bool(
+        unknown
+    )
+
+
+def _intersections(
+    test: IntersectionCheck, frames: Iterable[tuple[str, Sequence[Crossing]]], anywhere: str, of_run: bool
+) -> tuple[list[Finding], list[str]]:
+    """The intersections of frames, each (when, crossings), and notes on the kinds that are not there.
+
+    Without the contact effect that would prevent it, only the first of a pair of surfaces is listed. Of a run each is
+    an error; of a start those alone that contact refuses; what the scene allows is a warning.
+    """
+    listed: set[str] = set()
+    kinds: list[str] = []
+    found = []
+    for when, crossings in frames:
+        refused = {crossing.summary for crossing in test.violations(crossings)}
+        for crossing in crossings:
+            if crossing.summary in listed - refused:
+                continue
+            listed.add(crossing.summary)
+            kinds.append(test.kind(crossing))
+            prevented = crossing.summary in refused
+            error = (of_run or prevented) and kinds[-1] not in ALLOWED
+            remedy = "Move them apart, or let seed.untangle do it." if prevented else _REASON[kinds[-1]]
+            remedy = (
+                "" if prevented and of_run else remedy + "; later frames are not listed" * (of_run and not prevented)
+            )
+            count = f"{len(crossing.pairs):,} pair{'' if len(crossing.pairs) == 1 else 's'} of triangles"
+            sentence = f"{crossing.summary} {when}, in {count}: {crossing.sentence}"
+            found.append(Finding("error" if error else "warning", "intersection", sentence, remedy, crossing.pairs))
+    allowed = sorted({kind for kind in kinds if kind in ALLOWED})
+    others = f", but for {' and '.join(ALLOWED[kind] for kind in allowed)}" if allowed else ""
+    notes = [] if test.bodies else ["no body, so nothing for cloth to intersect but itself"]
+    absent = {"cloth_body": test.bodies, "cloth_cloth": True, "rigid": test.rigid}
+    for kind, looked_for in absent.items():
+        if looked_for and kind not in kinds:
+            notes.append(f"{_SURFACES[kind]} do not intersect {anywhere}{others}")
+    return found, notes
+
+
+_SURFACES = {
+    "cloth_body": "cloth and body",
+    "cloth_cloth": "cloth and cloth",
+    "rigid": "rigid bodies and bodies",
+}
+
+
+def _sorted(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    return tuple(sorted(findings, key=lambda finding: finding.severity))

@@ -53,7 +53,7 @@ def test_a_run_is_a_document_and_events_of_progress(place, capsys):
         (["export", "out", "-o", "a.obj"], {"files", "frames", "rate", "interpolated", "up", "unit", "notes"}),
         (["bundle", "out"], {"file", "bytes"}),
         (["render", "out", "--size", "320x240"], {"file", "note"}),
-        (["check", "out"], {"target", "code", "errors", "warnings", "notes"}),
+        (["check", "out"], {"target", "code", "errors", "warnings", "notes", "findings"}),
     ):
         code, document, events = answer(capsys, *words)
         assert code == 0

@@ -1,5 +1,8 @@
 """Checks of meshes and scenes from Python."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,6 +10,7 @@ from small_scenes import BALL, EFFECTS, SHEET, small_scene
 
 import clothsim
 from clothsim import InputError
+from clothsim.cli import main
 
 SQUARE = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 SOUND, TWICE = [[0, 1, 2], [0, 2, 3]], [[0, 1, 2], [0, 2, 3], [0, 1, 2]]
@@ -57,3 +61,71 @@ def test_scenes():
     without = {name: keys for name, keys in EFFECTS.items() if name != "body_contact"}
     assert kinds(small_scene(cloth=through, effects=without)) == [("warning", "intersection")]
     assert kinds(small_scene(body=BALL | {"position": [0, 0, -9]}, effects=without)) == []
+
+
+CROSSED = """
+[cloth]
+mesh = "rectangle"
+cells = [3, 3]
+position = [0.0, 0.0, 0.2]
+[[body]]
+name = "ball"
+mesh = "sphere"
+radius = 0.3
+subdivisions = 1
+[effects.inertia]
+[effects.gravity]
+[effects.membrane]
+[run]
+duration = 0.01
+frames_per_second = 100
+"""
+CONTACT = "[effects.body_contact]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "severities"),
+    [
+        (CROSSED, ["warning"]),
+        (CROSSED + CONTACT, ["error"]),
+        (CROSSED.replace("0.2]", "0.31]") + CONTACT, []),
+        (CROSSED.replace("[3, 3]", "[9000, 9000]"), ["error"]),
+        (CROSSED.replace("[run]", "[runn]"), ["error"]),
+    ],
+    ids=["without contact", "with contact", "sound", "costly", "unknown key"],
+)
+def test_both_doors_give_one_answer_for_a_scene(text, severities, tmp_path, capsys):
+    file = tmp_path / "scene.toml"
+    file.write_text(text)
+    assert [finding.severity for finding in clothsim.check(file)] == severities
+    assert_one_answer(file, capsys)
+
+
+def test_both_doors_give_one_answer_for_a_run_and_a_mesh(tmp_path, capsys):
+    (tmp_path / "scene.toml").write_text(CROSSED)
+    scene = clothsim.load_scene(tmp_path / "scene.toml")
+    with pytest.warns(clothsim.IntersectionWarning):
+        run = clothsim.simulate(scene, tmp_path / "run")
+    assert kinds(run.directory) == [("error", "intersection")]
+    assert kinds(replace(scene, run={**scene.run, "duration": 1e9}))[0] == ("error", "cost")
+    (tmp_path / "square.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 1 0\nf 1 2 3\nf 1 2 3\n")
+    for target in (run.directory, tmp_path / "square.obj"):
+        assert clothsim.check(target)
+        assert_one_answer(target, capsys)
+
+
+def assert_one_answer(target, capsys):
+    """The command prints what Python returns, as text and as JSON, and its exit code follows."""
+    found = clothsim.check(target)
+    code = int(any(finding.severity == "error" for finding in found))
+    assert main(["check", str(target)]) == code
+    printed = capsys.readouterr().out
+    assert main(["check", str(target), "--json"]) == code
+    document = json.loads(capsys.readouterr().out)
+    assert document["code"] == code
+    assert [(each["severity"], each["kind"], each["sentence"], each["remedy"]) for each in document["findings"]] == [
+        (finding.severity, finding.kind, finding.sentence, finding.remedy) for finding in found
+    ]
+    assert document["errors"] == [finding.sentence for finding in found if finding.severity == "error"]
+    assert all(f"  {finding.severity}: {finding.sentence}" in printed for finding in found)
+    assert all(note in printed for note in document["notes"])
