@@ -24,8 +24,8 @@ class Hinges:
     rest_angles : (h,) float64
         Dihedral angle at rest [rad], 0 where flat.
     stiffness : (h,) float64
-        Bending stiffness D [N m], doubled on a clamp line (docs/validation.md, A3); where two fabrics meet that of
-        both sides in series (see `stiffness_in_series`).
+        Bending stiffness D [N m], doubled on a clamp line (docs/results/validation.md, A3); where two fabrics meet
+        that of both sides in series (see `stiffness_in_series`).
     held : (h,) int64
         Side whose triangle a clamp fixes and which does not bend: 0 the first, 1 the second, -1 neither.
     """

@@ -1,7 +1,7 @@
 """Swatch card: the Cusick drape of each named fabric, side by side.
 
 A disc of cloth of 30 cm is held between two discs of 18 cm, as in the drape tester, and hangs over their edge
-(docs/validation.md, A7). The meshes are coarse: for comparison by eye, not for measurement.
+(docs/results/validation.md, A7). The meshes are coarse: for comparison by eye, not for measurement.
 
 Membrane and bending are those of a scene that names no model. The model is elastic: the hysteresis of a real cloth, by
 which its drape depends on how it was laid, is not in it, so that a coefficient here is not one of a drape tester.

@@ -73,7 +73,7 @@ class Bench:
 
     @property
     def convergent(self) -> bool:
-        """True where the bending model converges to the fabric's own stiffness (docs/validation.md, A3)."""
+        """True where the bending model converges to the fabric's own stiffness (docs/results/validation.md, A3)."""
         bending = self.given.effects.get("bending")
         return bending is None or bending.get("model", Bending().model) == CONVERGENT
 

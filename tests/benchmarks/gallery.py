@@ -1,6 +1,6 @@
 """Gallery of the shipped scenes: a picture of the last frame of each, and the page that shows them.
 
-`python -m tests.benchmarks.gallery [NAME ...] [--page docs/gallery.md]`.
+`python -m tests.benchmarks.gallery [NAME ...] [--page docs/start/gallery.md]`.
 Runs the named scenes (all by default) to their end, writes docs/pictures/gallery/NAME.png, and lists every scene that
 has a picture between the marks of the page.
 """
@@ -58,7 +58,7 @@ def gallery_text(scenes: Sequence[Path], pictures: Path) -> str:
         name = scene.stem
         parts += [f"### {name}", "", description(scene), "", "```sh", f"clothsim run {name} -o {name}", "```", ""]
         if (ROOT / pictures / f"{name}.png").is_file():
-            parts += [f"![{description(scene).split('.')[0]}](pictures/gallery/{name}.png)", ""]
+            parts += [f"![{description(scene).split('.')[0]}](../pictures/gallery/{name}.png)", ""]
     return "\n".join(parts)
 
 
@@ -66,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Draw the named scenes and write the page."""
     parser = argparse.ArgumentParser(prog="python -m tests.benchmarks.gallery", description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="scenes to run (default: all)")
-    parser.add_argument("--page", type=Path, default=ROOT / "docs/gallery.md", metavar="FILE")
+    parser.add_argument("--page", type=Path, default=ROOT / "docs/start/gallery.md", metavar="FILE")
     parser.add_argument("--no-run", action="store_true", help="write the page from the pictures that are there")
     arguments = parser.parse_args(argv)
     scenes = sorted(SCENES.glob("*.toml"))

@@ -45,7 +45,7 @@ def all_of(*checks: Check) -> Check:
 
 
 def steps_descend(run: Run) -> str:
-    """Without prescribed motion (docs/validation.md, A4): |v1 - v0|^2_M/2 + Psi1 <= |v0|^2_M/2 + Psi0 to round-off."""
+    """Without prescribed motion (validation.md A4): |v1 - v0|^2_M/2 + Psi1 <= |v0|^2_M/2 + Psi0 to round-off."""
     rise = run.summary["certificate"]["step_energy_rise"]
     return "" if rise <= ENERGY_NOISE else f"a step ends {rise:.2g} of the energy above where it began"
 

@@ -1,4 +1,4 @@
-"""All hard cases, in the order of docs/hard_cases.md."""
+"""All hard cases, in the order of docs/results/hard_cases.md."""
 
 from tests.hard_cases import (
     bad_meshes,

@@ -20,7 +20,7 @@ CRITICAL = np.pi**2 * BENDING / LENGTH**2
 """Euler's load of a strip on hinges [N/m]."""
 CLOSE = 0.02
 SOFT = 1.24
-"""How much softer hinges bend a free strip on an alternating grid than its D (docs/validation.md, A3)."""
+"""How much softer hinges bend a free strip on an alternating grid than its D (docs/results/validation.md, A3)."""
 
 
 def squeeze(load: float) -> float:

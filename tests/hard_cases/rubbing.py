@@ -1,4 +1,4 @@
-"""Coulomb friction at speed and at rest: a pulled table cloth, leaning cards (docs/validation.md, A5).
+"""Coulomb friction at speed and at rest: a pulled table cloth, leaning cards (docs/results/validation.md, A5).
 
 Cards are stepped by backward Euler: with BDF2 the forces that friction lags swing, and a house of cards takes five
 times as many Newton iterations (2026-11-22).

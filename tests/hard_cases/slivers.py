@@ -1,4 +1,4 @@
-"""Sheets with slivers: the patch test of docs/validation.md, A1 must hold on them as on any other mesh."""
+"""Sheets with slivers: the patch test of docs/results/validation.md, A1 must hold on them as on any other mesh."""
 
 from collections.abc import Mapping
 
@@ -17,7 +17,7 @@ from clothsim.scene.scene import Scene
 from tests.hard_cases.case import MOST_NEWTON, Case, scene_of
 
 STRETCH, LAM = 1.5, 1.5
-"""Uniaxial stretch l1, and lam [N/m] for mu = 1 N/m: the figures of docs/validation.md, A1."""
+"""Uniaxial stretch l1, and lam [N/m] for mu = 1 N/m: the figures of docs/results/validation.md, A1."""
 CLOSE = 1e-8
 TURN = rotation_matrix(np.array([0.4, -1.1, 0.7]))
 

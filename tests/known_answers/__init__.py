@@ -1,1 +1,1 @@
-"""Known answers (docs/validation.md): `python -m tests.known_answers` computes each of them and prints the table."""
+"""Known answers (docs/results/validation.md): `python -m tests.known_answers` computes each and prints the table."""

@@ -13,7 +13,7 @@ from tests.known_answers.strips import lattice_strip, random_ring, random_strip
 from tests.known_answers.tied_plates import STIFFNESS, WIDTH, bent, end_shear, plate, tip, weight
 
 RATIOS = {1: "0.12456177", 10: "1.06680232", 100: "5.88810462"}
-"""Tip drop over tip reach of the cantilever as docs/validation.md prints it, by Gamma = rho_A g L^3/B."""
+"""Tip drop over tip reach of the cantilever as docs/results/validation.md prints it, by Gamma = rho_A g L^3/B."""
 SECOND = (1.9, 3.0)
 LOADS = (0.1, 0.2, 0.4, 0.7, 1.0)
 """Shares of a large weight that are laid on one after the other."""

@@ -1,4 +1,4 @@
-"""Flat strips under their own weight in their plane: the load at which they leave it (docs/validation.md, A3)."""
+"""Flat strips under their own weight in their plane: the load where they leave it (docs/results/validation.md A3)."""
 
 import numpy as np
 from scipy import sparse

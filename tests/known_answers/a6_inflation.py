@@ -196,7 +196,7 @@ ROWS = (
     Row("A6b", "sphere under pR/mu 1.26149699: stretch", partial(_sphere, 1.25, "1.26149699")),
     Row("A6c", "sphere, stretch at its largest pressure", _limit),
     Row("A6d", "clamped disc, pR/mu = 1: height / R", partial(_disc, 0, "0.53152270", 1e-3)),
-    # docs/validation.md prints 0.95787436; every tolerance of the ODE from 1e-8 on gives 0.95787438
+    # docs/results/validation.md prints 0.95787436; every tolerance of the ODE from 1e-8 on gives 0.95787438
     Row("A6e", "clamped disc, pR/mu = 1: volume / R^3", partial(_disc, 1, "0.9578744", 5e-3)),
     Row("A6f", "mylar balloon, 24 cells from pole to rim: r / a", partial(_mylar, 0, "0.76275976"), LOCKS),
     Row("A6g", "mylar balloon, 24 cells from pole to rim: V / a^3", partial(_mylar, 1, "1.21852422"), LOCKS),

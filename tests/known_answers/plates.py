@@ -1,4 +1,4 @@
-"""Hanging strip and loaded ring, exact for any bending model on any mesh (docs/validation.md, A3).
+"""Hanging strip and loaded ring, exact for any bending model on any mesh (docs/results/validation.md, A3).
 
 The strip is free at its sides, nu = 0. Its membrane is that of a sheet of 1/40 of its length, E t L^2/D = 2e4: its own
 stretch adds 0.1 % at the largest weight. A membrane that is five times stiffer locks on the strip that is cut at 135

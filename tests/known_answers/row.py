@@ -14,9 +14,9 @@ class Outcome:
     """A value beside the exact one.
 
     bar: the largest deviation that passes: a fraction of the exact value where unit is "", else in that unit; printed:
-    exact value as docs/validation.md prints it, which the computed one must agree with in every digit; order: observed,
-    to lie in orders; hinges: the value with hinges in place of the default bending. A row that compares nothing with a
-    known value (a spread, a largest error) has exact 0.
+    exact value as docs/results/validation.md prints it, with which the computed one must agree in every digit; order:
+    observed, to lie in orders; hinges: the value with hinges in place of the default bending. A row that compares
+    nothing with a known value (a spread, a largest error) has exact 0.
     """
 
     value: float

@@ -1,4 +1,4 @@
-"""All rows in the order of docs/validation.md, and their results as text, JSON and Markdown."""
+"""All rows in the order of docs/results/validation.md, and their results as text, JSON and Markdown."""
 
 from collections.abc import Iterable, Sequence
 from datetime import date

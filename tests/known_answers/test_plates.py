@@ -13,6 +13,7 @@ from tests.known_answers.a9_plates import (
     drum_modes,
     euler_load,
     plate_modes,
+    twisted,
 )
 from tests.known_answers.elastica import elastica_height
 from tests.known_answers.twisted_ribbon import (
@@ -23,6 +24,12 @@ from tests.known_answers.twisted_ribbon import (
     helicoid_torque,
     ribbon_torque,
 )
+
+
+@pytest.mark.parametrize("diagonals", ["right", "delaunay"])
+def test_a_twisted_plate_has_its_energy_and_hinges_have_more(diagonals):
+    assert twisted(6, diagonals, "midedge") == pytest.approx(1, abs=1e-5)
+    assert twisted(6, diagonals, "hinge") > 2
 
 
 def test_modes_of_plates_come_near_their_series_and_hinges_do_not():

@@ -1,4 +1,4 @@
-"""Cylindrical bending of plates: columns of vertices tied at a fixed distance (docs/validation.md, A3).
+"""Cylindrical bending of plates: columns of vertices tied at a fixed distance (docs/results/validation.md, A3).
 
 The unknowns are the slopes of the cells, x = P(slopes). So the numbers judge bending and the clamp alone, not the
 membrane. nu = 0, so B = D.

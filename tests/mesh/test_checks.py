@@ -1,4 +1,4 @@
-"""Mesh checks (docs/hard_cases.md, B15): each fault alone, all at once, and sound meshes."""
+"""Mesh checks (docs/results/hard_cases.md, B15): each fault alone, all at once, and sound meshes."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Plates bent to a cylinder, against the elastica (docs/validation.md, A3), and the mesh dependence of hinges."""
+"""Plates bent to a cylinder, against the elastica (docs/results/validation.md A3), and mesh dependence of hinges."""
 
 from dataclasses import fields
 

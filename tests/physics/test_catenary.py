@@ -1,4 +1,4 @@
-"""Catenary: a strip without bending between two level supports (docs/validation.md, A2)."""
+"""Catenary: a strip without bending between two level supports (docs/results/validation.md, A2)."""
 
 import numpy as np
 import pytest

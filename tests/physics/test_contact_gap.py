@@ -1,4 +1,4 @@
-"""Gap and reaction force of a sheet that rests on a slab (docs/validation.md, A5)."""
+"""Gap and reaction force of a sheet that rests on a slab (docs/results/validation.md, A5)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Unforced runs with contact and friction: energy inequality (docs/validation.md, A4), memory, bits."""
+"""Unforced runs with contact and friction: energy inequality (docs/results/validation.md, A4), memory, bits."""
 
 import tracemalloc
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Coulomb friction of a sheet on an incline and of a belt round a drum (docs/validation.md, A5)."""
+"""Coulomb friction of a sheet on an incline and of a belt round a drum (docs/results/validation.md, A5)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Drop of the lower end of a strip under its own weight, free to narrow (docs/validation.md, A1)."""
+"""Drop of the lower end of a strip under its own weight, free to narrow (docs/results/validation.md, A1)."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Patch test: an affine boundary makes an affine sheet, with slivers too (docs/validation.md, A1)."""
+"""Patch test: an affine boundary makes an affine sheet, with slivers too (docs/results/validation.md, A1)."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Backward Euler: free fall, free flight, the energy inequality of a step, and the order (docs/validation.md, A4)."""
+"""Backward Euler: free fall, free flight, the energy inequality of a step, order (docs/results/validation.md A4)."""
 
 import numpy as np
 import pytest

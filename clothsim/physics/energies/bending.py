@@ -30,7 +30,7 @@ def bending(world: World, *, model: str = "midedge", angle_degrees: Any = 0.0) -
     model : str
         "midedge" (curvature by triangle: convergent on any mesh, with the material's Poisson ratio), "hinge" (springs
         on dihedral angles) or "quadratic" (constant Hessian): the error of these two does not vanish with the mesh
-        (docs/validation.md, A3), and they know the fabric's bending_stiffness alone.
+        (docs/results/validation.md, A3), and they know the fabric's bending_stiffness alone.
     angle_degrees : number or values over the cloth
         Angle of the warp from the cloth's first axis (`kinematics.warp_weft`), for "midedge".
 

@@ -8,7 +8,7 @@ a grid the energy D kappa^2/2 per area; the common weight 3 |e|^2/(A1 + A2) is 3
 The model depends on the mesh, whatever the weight. It is exact for cylindrical bending on equilateral meshes and along
 the axes of right or alternating grids; along one diagonal of a right-diagonal grid it is 3 times too stiff; on random
 Delaunay meshes about 1.29 times, and refinement does not help; its Poisson ratio is the mesh's (0 on a right-diagonal
-grid), not the material's (docs/validation.md, A3).
+grid), not the material's (docs/results/validation.md, A3).
 
 The difference of angles is not wrapped. theta lies in [-pi, pi] and reaches +-pi only where the two triangles lie face
 to face, which contact prevents; up to there E is smooth. Wrapping would put a jump at theta0 +- pi, which is admissible

@@ -3,7 +3,7 @@
     psi(F) = mu/2 (I1 - 2 - 2 ln J) + lam/2 (ln J)^2,    I1 = tr F'F,  J = sqrt(det F'F),  F (3x2)
     psi_i  = mu s_i + b / s_i,                           b = lam ln J - mu
 
-(docs/validation.md, A1; the eigen-system of the Hessian in F follows Smith, de Goes, Kim 2019, "Analytic eigensystems
+(docs/results/validation.md, A1; eigen-system of the Hessian in F: Smith, de Goes, Kim 2019, "Analytic eigensystems
 for isotropic distortion energies", for 3x2 F.) mu, lam [N/m] per reference area; s1, s2 the stretches.
 """
 

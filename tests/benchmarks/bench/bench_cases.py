@@ -168,7 +168,7 @@ def windows() -> tuple[Case, ...]:
 
 
 def aims() -> tuple[Case, ...]:
-    """Target-time cases (docs/performance.md): 1 s from 10 mm above the ball at 40x40, 0.2 s of impact at 100x100."""
+    """Aims (docs/results/performance.md): 1 s from 10 mm above the ball at 40x40, 0.2 s of impact at 100x100."""
     above = {"height": 0.01, "fall": 0.0}
     draft, fine = (with_preset(sphere(cells, **above), "draft")[0] for cells in (40, 80))
     standard = with_preset(sphere(40, **above), "standard")[0]

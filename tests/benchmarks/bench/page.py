@@ -1,4 +1,4 @@
-"""Tables of docs/performance.md: time of a step by part, target times, contact against ipctk."""
+"""Tables of docs/results/performance.md: time of a step by part, target times, contact against ipctk."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,7 +19,7 @@ AIMS = {
     "aim standard 40x40": "below 25",
     "aim standard 100x100, impact": "below 100",
 }
-"""Processor seconds per simulated second to reach (docs/performance.md)."""
+"""Processor seconds per simulated second to reach (docs/results/performance.md)."""
 
 
 def grouped(row: Measured) -> Mapping[str, float]:
@@ -96,7 +96,7 @@ def aimed(cases: Mapping[str, Measured]) -> str:
 
 
 AT_LEAST = 10.0
-"""Least ratio of processor times, ipctk over this package (docs/performance.md)."""
+"""Least ratio of processor times, ipctk over this package (docs/results/performance.md)."""
 
 
 def against(cases: Mapping[str, Compared]) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

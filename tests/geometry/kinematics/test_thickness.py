@@ -32,7 +32,7 @@ def test_against_the_closed_form(nu):
 
 @pytest.mark.parametrize(("l1", "l3"), [(1.1, 0.95904309), (1.5, 0.82492364)])
 def test_published_digits(l1, l3):
-    """A1 of docs/validation.md: lam = 1.5 mu solves the same equation for its l2; 2 nu/(1 - 2 nu) = 1.5 is nu = .3."""
+    """docs/results/validation.md A1: lam = 1.5 mu solves the same equation for l2; 2 nu/(1 - 2 nu) = 1.5 is nu = .3."""
     assert round(float(thickness_stretch(l1, 1, 0.3)), 8) == l3
 
 

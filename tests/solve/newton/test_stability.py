@@ -72,7 +72,7 @@ def test_stability_is_that_of_the_dense_matrix(load, bends, linear):
 
 
 def test_a_strip_is_unstable_from_about_its_euler_load_on():
-    """Hinges are softer than the plate by up to a quarter (docs/validation.md, A3)."""
+    """Hinges are softer than the plate by up to a quarter (docs/results/validation.md, A3)."""
     assert pressed(1 - 0.7 * euler_strain()).is_stable
     assert not pressed(1 - 1.1 * euler_strain()).is_stable
     assert pressed(1 + euler_strain()).is_stable

@@ -1,4 +1,4 @@
-"""Failures: cause, element by name, position, remedy; infeasible motions (docs/hard_cases.md, B9, B20, B21)."""
+"""Failures: cause, element by name, position, remedy; infeasible motions (docs/results/hard_cases.md, B9, B20, B21)."""
 
 import numpy as np
 import pytest
