@@ -54,7 +54,7 @@ def add_to(commands: Any) -> None:
     worn.add_argument("-o", dest="output", type=Path, metavar="PNG", help="a picture with the bad places marked")
     check.add_argument("--seams", type=Path, metavar="TOML", help="of a .dxf: its seams; -o draws the numbers of edges")
     check.add_argument("--motion", action="store_true", help="of a scene: where parts of a moving body model meet")
-    check.add_argument("--json", action="store_true", help="as JSON: {target, code, errors, warnings, notes, findings}")
+    check.add_argument("--json", action="store_true", help="as JSON: {target, code, findings, ...}")
     check.add_argument("--debug", action="store_true", help="show tracebacks")
     check.set_defaults(handler=_check)
 
