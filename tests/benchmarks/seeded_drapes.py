@@ -20,9 +20,9 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.text_table import text_table
 from clothsim.garments.fit.guaranteed_path import clearings
-from clothsim.garments.fit.moving_body import Worn, draped, moved_with_body
+from clothsim.garments.fit.moving_body import StageSettings, draped, moved_with_body
 from clothsim.garments.fit.transfer_seed import transferred
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Garment
 from clothsim.mesh.generators.garments.shirt_skirt_trousers import shirt
 from clothsim.mesh.generators.mannequin.generator import mannequin
@@ -44,8 +44,8 @@ class Case:
     """A garment on the body that it was made for, another body of the same mesh, and which way is up."""
 
     garment: Garment
-    source: Figure
-    target: Figure
+    source: BodyMesh
+    target: BodyMesh
 
 
 def tube_on_capsule() -> Case:
@@ -56,8 +56,8 @@ def tube_on_capsule() -> Case:
     thick = upright * [1.15, 1.15, 1.0]
     return Case(
         Garment("tube", x[:, lying], cloth),
-        Figure("capsule", upright[:, lying], triangles, 1.0, ()),
-        Figure("thick capsule", thick[:, lying], triangles, 1.0, ()),
+        BodyMesh("capsule", upright[:, lying], triangles, 1.0, ()),
+        BodyMesh("thick capsule", thick[:, lying], triangles, 1.0, ()),
     )
 
 
@@ -68,8 +68,8 @@ def shirt_on_mannequin() -> Case:
     x, cloth = shirt(edge=0.03)
     return Case(
         Garment("shirt", x, cloth),
-        Figure("mannequin", body, triangles, 1.0, ()),
-        Figure("wide mannequin", other, triangles, 1.0, ()),
+        BodyMesh("mannequin", body, triangles, 1.0, ()),
+        BodyMesh("wide mannequin", other, triangles, 1.0, ()),
     )
 
 
@@ -120,7 +120,7 @@ def compare(case: Case, duration: float = DURATION, bound: float = REST) -> list
     began = process_time()
     seed = transferred(case.garment, case.source, case.target).positions
     seeding = process_time() - began
-    worn = Worn(case.garment, seed, FABRIC, case.target.triangles, self_contact=True)
+    worn = StageSettings(case.garment, seed, FABRIC, case.target.triangles, self_contact=True)
     with tempfile.TemporaryDirectory(prefix="clothsim-study-") as folder:
         warm_up(worn, seed, case, Path(folder) / "warm")
         first = _draped("transfer seed", worn, seed, case, Path(folder) / "seeded", duration, bound, seeding, 0)
@@ -137,14 +137,14 @@ def compare(case: Case, duration: float = DURATION, bound: float = REST) -> list
     return [first, second]
 
 
-def warm_up(worn: Worn, start: Floats, case: Case, folder: Path) -> None:
+def warm_up(worn: StageSettings, start: Floats, case: Case, folder: Path) -> None:
     """Compile what a drape compiles: that is nobody's cost."""
     draped(worn, start, case.target.positions, case.target.up, folder, None, None, 0.01)
 
 
 def _draped(
     start_name: str,
-    worn: Worn,
+    worn: StageSettings,
     start: Floats,
     case: Case,
     folder: Path,
