@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from clothsim.mesh.weld import mean_of_parts
     from clothsim.mesh.winding import facing_away
     from clothsim.mesh.world import World
-    from clothsim.mesh.world_surfaces import world_surfaces
     from clothsim.physics.contact.barrier import Barrier
     from clothsim.physics.contact.candidates import Candidates
     from clothsim.physics.contact.pair_list import Pairs
@@ -39,8 +38,6 @@ if TYPE_CHECKING:
     from clothsim.run.archive import unpack_bundle, write_bundle
     from clothsim.run.callbacks import refuse_uncallable
     from clothsim.run.certificate.certificate import Certificate
-    from clothsim.run.certificate.intersection_check import IntersectionCheck, intersection_check_of
-    from clothsim.run.certificate.intersection_history import intersection_warnings
     from clothsim.run.certificate_text import certificate_rows, length, many
     from clothsim.run.check import Examination, examined
     from clothsim.run.example_scenes import (
@@ -94,7 +91,6 @@ if TYPE_CHECKING:
     from clothsim.solve.linear.sparsity import make_pattern
     from clothsim.solve.linear.threads import available_cores
     from clothsim.solve.newton.potential import Potential
-    from clothsim.solve.pinch.pinch_record import exempted
     from clothsim.solve.problem import Problem, step
     from clothsim.solve.stepping.integrators import BACKWARD_EULER, BDF2, formula_of
     from clothsim.solve.stepping.prescribed import prescribed

@@ -141,7 +141,8 @@ def _of_motion(scene: "clothsim.Scene") -> "Iterator[clothsim.Finding | str]":
     if made.timeline is None:
         yield f"{name} has no motion"
         return
-    dt, contact = scene.solver_settings.dt, engine.build(scene).energies.get("body_contact")
+    dt = scene.solver_settings.dt
+    contact: Any = engine.build(scene).energies.get("body_contact")
     end = min(scene.run_settings.duration, made.timeline.duration)
     steps = np.arange(0.0, end + dt / 2, dt)
     times = steps[:: -(-len(steps) // MOST_TIMES)]

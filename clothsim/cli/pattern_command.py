@@ -24,7 +24,8 @@ def examined_pattern(arguments: argparse.Namespace) -> "engine.Examination":
     wrong = [f"--{name.replace('_', '-')}" for name in others if getattr(arguments, name)]
     if wrong:
         raise InputError(f"{arguments.target} is a sewing pattern: {wrong[0]} is not for those.", "--seams and -o are.")
-    notes, findings = [], []
+    notes: list[str] = []
+    findings: list[clothsim.Finding] = []
     try:
         pattern = _read(arguments)
         notes += _lines(pattern)

@@ -44,9 +44,9 @@ def examined_penetration(arguments: argparse.Namespace) -> "engine.Examination":
         part=None if arguments.part is None else as_range("--part", arguments.part),
         weld=number("--weld", arguments.weld) or 0.0,
     )
-    notes, findings = list(report.notes), []
-    for entry in _entries(report):
-        (notes if isinstance(entry, str) else findings).append(entry)
+    entries = list(_entries(report))
+    notes = [*report.notes, *(entry for entry in entries if isinstance(entry, str))]
+    findings = [entry for entry in entries if not isinstance(entry, str)]
     if arguments.output is not None:
         try:
             notes.append(f"{arguments.output}: {on_demand.draw_penetrations(report, arguments.output)}")

@@ -48,7 +48,7 @@ LONG = 0.5
 
 
 @dataclass(frozen=True)
-class Figure:
+class BodyMesh:
     """Body: positions (n, 3) [m], triangles (m, 3); scale [m per file unit]; notes: defaults used in reading."""
 
     name: str
@@ -81,9 +81,9 @@ class Figure:
         return np.eye(3)[1 if extent[1] >= extent[2] else 2]
 
 
-def read_figure(
+def read_body_mesh(
     path: str | Path, *, scale: float | None = None, group: str | None = None, option: str = "--scale"
-) -> Figure:
+) -> BodyMesh:
     """The body in a file: its `group`, else its largest closed piece, else its largest; or the first body of a scene.
 
     scale: metres per unit; None: what makes its largest extent that of a person. InputError where none does, with the
@@ -93,32 +93,32 @@ def read_figure(
     if scale is not None:
         scale = as_positive("scale", scale)
     if file.suffix.lower() == ".toml":
-        return _of_scene(file)
+        return _read_scene_body(file)
     if group is not None:
         mesh = read_mesh(file, group=group)
         remarks: tuple[str, ...] = ()
     else:
-        mesh, remarks = _largest(file, read_mesh(file))
+        mesh, remarks = _largest_piece(file, read_mesh(file))
     extent = float(np.ptp(mesh.positions, axis=0).max())
-    factor, unit = (scale, ()) if scale is not None else _unit(file, extent, option)
+    factor, unit = (scale, ()) if scale is not None else _guess_unit(file, extent, option)
     notes = tuple(f"{file.name}: {note}" for note in (*mesh.messages, *remarks, *unit))
-    return Figure(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
+    return BodyMesh(file.name, factor * mesh.positions, mesh.triangles, factor, notes)
 
 
-def _of_scene(file: Path) -> Figure:
+def _read_scene_body(file: Path) -> BodyMesh:
     """First body of a scene, as placed there."""
     scene = load_scene(file)
     if not scene.bodies:
         raise InputError(f"{file} has no body.", "Name a mesh file, or a scene with a [body].")
     body, notes = body_of(scene.bodies[0], "body", scene.directory)
-    return Figure(body.name, body.positions, body.triangles, 1.0, notes)
+    return BodyMesh(body.name, body.positions, body.triangles, 1.0, notes)
 
 
-def figure_of(body: Any) -> Figure:
+def as_body_mesh(body: Any) -> BodyMesh:
     """The body of a `clothsim.Body` or a mesh object, in metres. InputError for faults that no body may have."""
     given = body if isinstance(body, Body) else Body(body)
     made, notes = body_of(check_body("body", given.as_table()), "body", Path())
-    return Figure(made.name, made.positions, made.triangles, 1.0, notes)
+    return BodyMesh(made.name, made.positions, made.triangles, 1.0, notes)
 
 
 def garment_of(cloth: Any, weld: float) -> Garment:
@@ -195,7 +195,7 @@ def one_sided(shape: Shape) -> Shape:
     return replace(shape, triangles=np.delete(shape.triangles, flipped, axis=0), notes=(*shape.notes, note))
 
 
-def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
+def worn_in_scene(path: str | Path) -> tuple[Garment, BodyMesh]:
     """The first cloth of a scene in its initial positions, sewn and untangled per scene, and the first body.
 
     InputError for a scene without a body, or one that cannot be built.
@@ -212,10 +212,10 @@ def worn_in_scene(path: str | Path) -> tuple[Garment, Figure]:
     original = original_of_scene(scene.cloths[0], scene.directory, len(cloth.positions))
     notes = (*built.notes, *remarks)
     garment = Garment(cloth.name, cloth.positions + origin, cloth.triangles, notes, sewn=True, original=original)
-    return garment, Figure(body.name, body.positions + origin, body.triangles, 1.0, ())
+    return garment, BodyMesh(body.name, body.positions + origin, body.triangles, 1.0, ())
 
 
-def _largest(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
+def _largest_piece(file: Path, mesh: MeshFile) -> tuple[MeshFile, tuple[str, ...]]:
     """Largest closed piece of a file, by number of vertices, that is as long as a body.
 
     Eyes are closed too. Where none is closed, the largest of the long ones; where none is long, of all.
@@ -249,7 +249,7 @@ def is_closed(triangles: Ints) -> bool:
     return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
 
 
-def _unit(file: Path, extent: float, option: str) -> tuple[float, tuple[str, ...]]:
+def _guess_unit(file: Path, extent: float, option: str) -> tuple[float, tuple[str, ...]]:
     """The metres per unit that make `extent` that of a person, and the guess in words where it is not the metre."""
     for unit, factor in UNITS.items():
         if SMALLEST <= factor * extent <= LARGEST:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from PIL import Image, ImageDraw
 
 from clothsim.base.arrays import Floats
 from clothsim.garments.penetration_report import PenetrationReport
@@ -38,8 +39,6 @@ def draw_penetrations(report: PenetrationReport, file: Path) -> str:
     Marks that the body hides are left out: those of the other side are in the other half. The deepest is ringed where
     it is seen. Returns one line that names the renderer.
     """
-    from PIL import Image
-
     garment, figure = report.garment, report.figure
     none = np.zeros((0, 2))
     surfaces = [
@@ -73,8 +72,6 @@ def _towards(up: Floats, turn: float) -> Floats:
 
 
 def _mark(picture: Any, report: PenetrationReport, camera: Camera) -> None:
-    from PIL import ImageDraw
-
     pen = ImageDraw.Draw(picture, "RGBA")
     x, triangles = report.garment.positions, report.garment.triangles
     bad = np.unique(np.concatenate([report.body_pairs[:, 0], report.self_pairs.ravel()]))
@@ -112,8 +109,6 @@ def _dot(pen: Any, centre: Floats, depth_fraction: float) -> None:
 
 def _with_key(halves: np.ndarray, report: PenetrationReport) -> Any:
     """The picture with a legend of the marks below it."""
-    from PIL import Image, ImageDraw
-
     counts, em = report.counts, min(SIZE) / 48
     height, width = halves.shape[:2]
     picture = Image.new("RGB", (width, height + round(5 * em)), STRIP)

@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.garments.inputs import Figure, read_figure, read_garment
+from clothsim.garments.inputs import BodyMesh, read_body_mesh, read_garment
 from clothsim.garments.penetration import Counts, penetrations
 from clothsim.garments.stages import Garment
 from transfer.errors import TransferError
@@ -22,7 +22,7 @@ class PenetrationReport:
     """
 
     garment: Garment
-    figure: Figure
+    figure: BodyMesh
     body: BodySurface
     counts: Counts
     closest: Closest
@@ -44,7 +44,7 @@ class PenetrationReport:
         return (*self.garment.notes, *self.figure.notes, *(hole if open_edges else ()))
 
 
-def penetration_report(garment: Garment, figure: Figure) -> PenetrationReport:
+def penetration_report(garment: Garment, figure: BodyMesh) -> PenetrationReport:
     """Check `garment` on the body `figure`. InputError for a body without a volume."""
     try:
         body = body_surface(figure.positions, figure.triangles)
@@ -64,12 +64,12 @@ def read_penetration_report(
     part: tuple[int, int] | None = None,
     weld: float = 0.0,
 ) -> PenetrationReport:
-    """The garment in `path` on the body in `on`, checked; keywords as of `read_figure` and `read_garment`.
+    """The garment in `path` on the body in `on`, checked; keywords as of `read_body_mesh` and `read_garment`.
 
     scale: metres per unit of both files; body_scale: of the body's, where it is in another unit; then the garment's
     coordinates are in metres unless `scale` is given. MakeHuman clothes are placed by the body, so in its unit.
     """
-    figure = read_figure(on, scale=scale if body_scale is None else body_scale, group=body_group)
+    figure = read_body_mesh(on, scale=scale if body_scale is None else body_scale, group=body_group)
     own = scale if scale is not None else figure.scale if body_scale is None else 1.0
     on_base = Path(path).suffix.lower() == ".mhclo"
     return penetration_report(

@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import border_edges, components
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from transfer.body_parts import BodyParts
 from transfer.level_sets import girth, level_set, loops
 
@@ -46,7 +46,7 @@ class Band(NamedTuple):
     girth: float
 
 
-def with_waistbands(positions: Floats, triangles: Ints, body: Figure, parts: BodyParts) -> Banded:
+def with_waistbands(positions: Floats, triangles: Ints, body: BodyMesh, parts: BodyParts) -> Banded:
     """Close the waistbands of a garment at `positions` (n, 3) [m] on a body and its parts."""
     local = parts.frame.local(positions)
     rest, factors = local.copy(), []
@@ -62,7 +62,7 @@ def with_waistbands(positions: Floats, triangles: Ints, body: Figure, parts: Bod
     return Banded(parts.frame.world(rest) if factors else positions, tuple(factors))
 
 
-def bands(local: Floats, triangles: Ints, body: Figure, parts: BodyParts) -> list[Band]:
+def bands(local: Floats, triangles: Ints, body: BodyMesh, parts: BodyParts) -> list[Band]:
     """Topmost borders about the trunk, between crotch and armpits, of a garment at `local` (n, 3) [m]."""
     found = []
     on_body = parts.frame.local(body.positions)

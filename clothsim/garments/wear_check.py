@@ -7,7 +7,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats
 from clothsim.engine import deformation_gradients, principal_stretches, triangle_planes
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Garment
 from transfer.body_frame import BodyFrame
 from transfer.errors import TransferError
@@ -28,7 +28,7 @@ LOWEST = 0.02
 
 
 @dataclass(frozen=True)
-class Look:
+class WearCheck:
     """Measures of a worn garment.
 
     Attributes
@@ -65,7 +65,7 @@ class Look:
         return {name: getattr(self, name) for name in names} | {"place": list(self.place)}
 
 
-def look_of(garment: Garment, positions: Floats, source: Figure, target: Figure) -> Look:
+def check_wear(garment: Garment, positions: Floats, source: BodyMesh, target: BodyMesh) -> WearCheck:
     """Measures of the garment at `positions` (n, 3) [m] on the target against the garment as given on the source."""
     edges = edges_of(garment.triangles)
     before, after = (
@@ -93,10 +93,10 @@ def look_of(garment: Garment, positions: Floats, source: Figure, target: Figure)
         fault = f"its hem is {100 * abs(hem):.1f} % of the body's height {'higher' if hem > 0 else 'lower'}"
         place = positions[np.argmin(frames[1].local(positions)[:, 1])]
     x, y, z = (float(value) for value in place)
-    return Look(scale, low, high, distorted, front, hem, fault, (x, y, z))
+    return WearCheck(scale, low, high, distorted, front, hem, fault, (x, y, z))
 
 
-def _frames(source: Figure, target: Figure) -> tuple[BodyFrame, ...]:
+def _frames(source: BodyMesh, target: BodyMesh) -> tuple[BodyFrame, ...]:
     """Frames of both bodies; none where one is no standing body."""
     try:
         return source.frame, target.frame
@@ -110,7 +110,7 @@ def _facing(before: Floats, after: Floats, frames: tuple[BodyFrame, ...]) -> flo
     return float(min(np.corrcoef(local[0][:, axis], local[1][:, axis])[0, 1] for axis in (0, 2)))
 
 
-def _rise(garment: Garment, positions: Floats, source: Figure, target: Figure) -> float:
+def _rise(garment: Garment, positions: Floats, source: BodyMesh, target: BodyMesh) -> float:
     """Rise of the mean height of the lowest vertices as a fraction of the target's height.
 
     Against the height that they had on their own body, which becomes that of the other by crotch, armpits and neck: a

@@ -22,8 +22,8 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.text_table import text_table
 from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.garments.fit.pipeline import Task, seeded
-from clothsim.garments.inputs import Figure
+from clothsim.garments.fit.pipeline import Task, seed_fit
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import Counts, counted
 from clothsim.garments.stages import Garment
 from clothsim.garments.wear_check import Cost, cost_of
@@ -135,10 +135,10 @@ def measure(
 
 def chained(garment: Garment, body: BodySurface, depth: float) -> Row:
     """Result of the stages of a fit before its drape, for the body inflated by `depth` [m]."""
-    figure = Figure(f"the body {1e3 * depth:g} mm wider", body.positions, body.triangles, 1.0, ())
+    figure = BodyMesh(f"the body {1e3 * depth:g} mm wider", body.positions, body.triangles, 1.0, ())
     started = perf_counter()
     with tempfile.TemporaryDirectory(prefix="clothsim-study-") as folder:
-        found = seeded(Task(garment, figure, figure, FABRIC, False, Path(folder), lambda stage: None))
+        found = seed_fit(Task(garment, figure, figure, FABRIC, False, Path(folder), lambda stage: None))
     seconds = perf_counter() - started
     stages = ", ".join(f"{stage.name} {stage.seconds:.1f} s" for stage in found.stages)
     said = f"{stages}{f'; failed: {found.failure}' if found.failure else ''}"

@@ -16,9 +16,9 @@ import numpy as np
 
 import clothsim
 from clothsim.garments.fit.transfer_seed import Size, sized, transferred
-from clothsim.garments.inputs import Figure, read_figure, read_garment
+from clothsim.garments.inputs import BodyMesh, read_body_mesh, read_garment
 from clothsim.garments.stages import Garment
-from clothsim.garments.wear_check import Look, look_of
+from clothsim.garments.wear_check import WearCheck, check_wear
 from clothsim.mesh.generators.table import GENERATORS
 from tests.benchmarks.stored_tables import Record, markdown_table, read_record, when, write_between, write_record
 from transfer.body_frame import body_frame
@@ -43,13 +43,15 @@ SHOWN = ("chest", "waist", "hips", "trunk_length")
 DOCS = Path(__file__).parents[2] / "docs" / "howto" / "fit.md"
 
 
-def figure_named(name: str) -> Figure:
+def figure_named(name: str) -> BodyMesh:
     """Body of that name."""
     if name.startswith("mannequin"):
-        return Figure(name, *GENERATORS["mannequin"](**(LARGE if name.endswith("large") else {})), 1.0, ())
+        return BodyMesh(name, *GENERATORS["mannequin"](**(LARGE if name.endswith("large") else {})), 1.0, ())
     if name == "codim_ipc":
-        return replace(read_figure(DRESS), name=name)
-    figure = read_figure(BASE, group="body") if name == "makehuman" else read_figure(DATA / "bodies" / f"{name}.obj")
+        return replace(read_body_mesh(DRESS), name=name)
+    figure = (
+        read_body_mesh(BASE, group="body") if name == "makehuman" else read_body_mesh(DATA / "bodies" / f"{name}.obj")
+    )
     return replace(figure, name=name)
 
 
@@ -63,15 +65,15 @@ def garment_named(name: str) -> tuple[Garment, str]:
     return read_garment(DATA / "garments" / f"female_{name}01.mhclo", BASE, 0.1), "makehuman"
 
 
-def seed(garment: Garment, source: Figure, target: Figure) -> tuple[np.ndarray, Size, Look]:
+def seed(garment: Garment, source: BodyMesh, target: BodyMesh) -> tuple[np.ndarray, Size, WearCheck]:
     """Transferred and graded garment (n, 3) [m], its size, its look."""
     moved = transferred(garment, source, target)
     body = body_surface(target.positions, target.triangles)
     size = sized(garment, source, target, moved.positions, body, graded=True)
-    return size.positions, size, look_of(garment, size.positions, source, target)
+    return size.positions, size, check_wear(garment, size.positions, source, target)
 
 
-def draw(file: Path, garment: Garment, positions: np.ndarray, target: Figure) -> None:
+def draw(file: Path, garment: Garment, positions: np.ndarray, target: BodyMesh) -> None:
     """Front and back side by side."""
     from PIL import Image
 
@@ -100,7 +102,7 @@ def draw(file: Path, garment: Garment, positions: np.ndarray, target: Figure) ->
     Image.fromarray(np.hstack(panels)).save(file, format="PNG")
 
 
-def row(garment: Garment, source: Figure, target: Figure, stage: str, picture: Path) -> dict[str, Any]:
+def row(garment: Garment, source: BodyMesh, target: BodyMesh, stage: str, picture: Path) -> dict[str, Any]:
     """Measures of a fit; its picture."""
     started = process_time()
     if stage == "seed":

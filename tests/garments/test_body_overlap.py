@@ -8,8 +8,8 @@ from scipy.spatial import cKDTree
 
 from clothsim.garments.body_overlap import DEPTHS, NO_OVERLAP, carried_rows, overlaps_at
 from clothsim.garments.fit import pipeline
-from clothsim.garments.fit.pipeline import drape_stage, seeded
-from clothsim.garments.inputs import Figure
+from clothsim.garments.fit.pipeline import drape_fitted, seed_fit
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted
 from clothsim.garments.stages import Garment
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
@@ -26,7 +26,7 @@ def twice(positions, triangles, apart):
 
 
 ONE = capsule_figure()
-LEGS = Figure("legs", *twice(ONE.positions, ONE.triangles, 0.2 - THROUGH), 1.0, ())
+LEGS = BodyMesh("legs", *twice(ONE.positions, ONE.triangles, 0.2 - THROUGH), 1.0, ())
 BODY = body_surface(LEGS.positions, LEGS.triangles)
 
 
@@ -83,7 +83,7 @@ def test_cloth_between_the_legs_is_carried_and_all_other_is_free(tmp_path, monke
     tube = tube_garment(0.096, height=0.12, cells=(16, 3))
     garment = Garment("tubes", *twice(tube.positions, tube.triangles, 0.2 - THROUGH))
     coarse = capsule_figure(segments=12)
-    legs = Figure("legs", *twice(coarse.positions, coarse.triangles, 0.2 - THROUGH), 1.0, ())
+    legs = BodyMesh("legs", *twice(coarse.positions, coarse.triangles, 0.2 - THROUGH), 1.0, ())
     moved, ends = pipeline.moved_with_body, []
 
     class Blocked:
@@ -98,13 +98,13 @@ def test_cloth_between_the_legs_is_carried_and_all_other_is_free(tmp_path, monke
         return Blocked() if len(ends) < 3 else moved(*arguments, **keys)
 
     monkeypatch.setattr(pipeline, "moved_with_body", moved_with_body)
-    found = seeded(task(garment, legs, legs, tmp_path))
+    found = seed_fit(task(garment, legs, legs, tmp_path))
     assert not found.failure
     assert [stage.name for stage in found.stages[-2:]] == ["grow", "grow"]
     assert cKDTree(legs.positions).query(ends[0])[0].max() == 0
     assert cKDTree(found.overlap.opened).query(ends[2])[0].max() == 0  # of the part near the garment
     assert found.last.counts.penetrating_vertices  # counted on the body as it is
-    ended = drape_stage(task(garment, legs, legs, tmp_path), found, None)
+    ended = drape_fitted(task(garment, legs, legs, tmp_path), found, None)
     assert ended.status == "completed", ended.reason
     assert ended.stages[-1].counts.clean
     assert 0 < len(ended.carried) < 16

@@ -7,7 +7,7 @@ import pytest
 from fitting_cases import capsule_figure, in_file, moebius_strip, tube_garment
 
 from clothsim.base.errors import InputError
-from clothsim.garments.inputs import is_closed, read_figure, read_garment, worn_in_scene
+from clothsim.garments.inputs import is_closed, read_body_mesh, read_garment, worn_in_scene
 from clothsim.mesh.generators.shapes import capsule, slab, sphere
 from clothsim.mesh.generators.sheets import rectangle, tube
 
@@ -40,7 +40,7 @@ def stacked(*meshes):
 @pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("dm", 0.1), ("cm", 0.01), ("mm", 0.001)])
 def test_the_unit_is_guessed_from_the_height(tmp_path, unit, metres):
     file = in_file(tmp_path, "body.obj", CAPSULE[0] / metres, CAPSULE[1])
-    figure = read_figure(file)
+    figure = read_body_mesh(file)
     assert figure.scale == metres
     np.testing.assert_allclose(figure.positions, CAPSULE[0], atol=1e-6)
     guesses = [note for note in figure.notes if "read as" in note]
@@ -49,22 +49,22 @@ def test_the_unit_is_guessed_from_the_height(tmp_path, unit, metres):
 
 @pytest.mark.parametrize(("extent", "metres"), [(0.501, 1.0), (2.99, 1.0), (5.01, 0.1), (29.9, 0.1), (50.1, 0.01)])
 def test_the_bounds_of_the_guess(tmp_path, extent, metres):
-    assert read_figure(in_file(tmp_path, "body.obj", CAPSULE[0] * extent / 1.7, CAPSULE[1])).scale == metres
+    assert read_body_mesh(in_file(tmp_path, "body.obj", CAPSULE[0] * extent / 1.7, CAPSULE[1])).scale == metres
 
 
 @pytest.mark.parametrize("extent", [0.4, 3.01, 30.5, 4000.0, 1e-9])
 def test_what_is_a_person_in_no_unit_is_refused(tmp_path, extent):
     file = in_file(tmp_path, "body.obj", CAPSULE[0] * extent / 1.7, CAPSULE[1])
     with pytest.raises(InputError, match="--scale"):
-        read_figure(file)
-    assert np.ptp(read_figure(file, scale=1.7 / extent).positions[:, 2]) == pytest.approx(1.7, rel=1e-5)
+        read_body_mesh(file)
+    assert np.ptp(read_body_mesh(file, scale=1.7 / extent).positions[:, 2]) == pytest.approx(1.7, rel=1e-5)
 
 
 def test_the_largest_closed_long_piece_is_the_body(tmp_path):
     eye = sphere(radius=0.02, subdivisions=3)  # closed, more vertices, but short
     cloak = tube(radius=0.4, height=1.6, cells=(30, 20))  # long and larger, but open
     x, triangles = stacked(eye, CAPSULE, cloak)
-    figure = read_figure(in_file(tmp_path, "all.obj", x, triangles))
+    figure = read_body_mesh(in_file(tmp_path, "all.obj", x, triangles))
     assert len(figure.positions) == len(CAPSULE[0])
     np.testing.assert_allclose(figure.positions, CAPSULE[0], atol=1e-6)
     assert any(re.search(r"\b3\b", note) for note in figure.notes)
@@ -73,14 +73,14 @@ def test_the_largest_closed_long_piece_is_the_body(tmp_path):
 def test_where_no_piece_is_closed_the_largest_is_the_body_and_reported(tmp_path):
     open_capsule = CAPSULE[0], CAPSULE[1][:-1]
     x, triangles = stacked(tube(radius=0.1, height=1.5, cells=(8, 4)), open_capsule)
-    figure = read_figure(in_file(tmp_path, "open.obj", x, triangles))
+    figure = read_body_mesh(in_file(tmp_path, "open.obj", x, triangles))
     assert len(figure.positions) == len(CAPSULE[0])
     assert any("not closed" in note for note in figure.notes)
 
 
 def test_of_two_closed_bodies_far_apart_one_is_taken_and_called_closed(tmp_path):
     x, triangles = stacked(sphere(radius=0.3, subdivisions=1), (sphere(radius=0.3)[0] + [1, 0, 0], sphere()[1]))
-    figure = read_figure(in_file(tmp_path, "two.obj", x, triangles))
+    figure = read_body_mesh(in_file(tmp_path, "two.obj", x, triangles))
     assert len(figure.positions) == len(sphere()[0])
     assert any(re.search(r"\b2\b", note) for note in figure.notes)
 
@@ -100,10 +100,10 @@ def test_a_group_of_the_file_is_taken_as_it_is(tmp_path):
     for name, rows in (("skin", triangles[:split]), ("ball", triangles[split:])):
         lines += [f"g {name}", *(f"f {a} {b} {c}" for a, b, c in (rows + 1).tolist())]
     file.write_text("\n".join(lines))
-    assert len(read_figure(file, group="skin").positions) == len(CAPSULE[0])
-    assert len(read_figure(file, group="ball").positions) == 42
+    assert len(read_body_mesh(file, group="skin").positions) == len(CAPSULE[0])
+    assert len(read_body_mesh(file, group="ball").positions) == 42
     with pytest.raises(InputError, match="hair"):
-        read_figure(file, group="hair")
+        read_body_mesh(file, group="hair")
 
 
 def test_up_is_the_longer_of_y_and_z():
@@ -189,7 +189,7 @@ def test_the_cloth_and_the_body_of_a_scene(tmp_path):
     assert (garment.name, figure.name, figure.scale) == ("sheet", "post", 1.0)
     np.testing.assert_allclose(garment.positions[:, 2], 0.9)
     np.testing.assert_allclose(figure.positions, CAPSULE[0], atol=1e-12)
-    alone = read_figure(file)
+    alone = read_body_mesh(file)
     np.testing.assert_array_equal(alone.positions, figure.positions)
 
 
@@ -220,4 +220,4 @@ def test_a_scene_without_a_body_is_refused(tmp_path):
     with pytest.raises(InputError, match="body"):
         worn_in_scene(file)
     with pytest.raises(InputError, match="body"):
-        read_figure(file)
+        read_body_mesh(file)

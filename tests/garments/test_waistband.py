@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.waistband import LEAST, TIGHT, border_loops, girth_at, turns_about, with_waistbands
 from clothsim.mesh.generators.sheets import tube
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.body_parts import body_parts
 from transfer.level_sets import girth, level_set, loops
 
-BODY = Figure("mannequin", *GENERATORS["mannequin"](), 1.0, ())
+BODY = BodyMesh("mannequin", *GENERATORS["mannequin"](), 1.0, ())
 PARTS = body_parts(BODY.positions, BODY.triangles)
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 

@@ -4,20 +4,22 @@ import numpy as np
 import pytest
 
 from clothsim.garments.fit.transfer_seed import sized
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Garment
-from clothsim.garments.wear_check import look_of
+from clothsim.garments.wear_check import check_wear
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.body_parts import body_parts
 from transfer.signed_distance import body_surface
 
-FIGURE = Figure("mannequin", *GENERATORS["mannequin"](), 1.0, ())
+FIGURE = BodyMesh("mannequin", *GENERATORS["mannequin"](), 1.0, ())
 SHIRT = Garment("shirt", *GENERATORS["shirt"]())
 
 
 def test_a_garment_as_given_meets_the_bar_at_any_size_and_turn():
     for x, body in ((SHIRT.positions, FIGURE.positions), (1.3 * SHIRT.positions, 1.3 * FIGURE.positions)):
-        look = look_of(SHIRT, x * [-1, -1, 1], FIGURE, Figure("turned", body * [-1, -1, 1], FIGURE.triangles, 1.0, ()))
+        look = check_wear(
+            SHIRT, x * [-1, -1, 1], FIGURE, BodyMesh("turned", body * [-1, -1, 1], FIGURE.triangles, 1.0, ())
+        )
         assert look.fault == ""
         assert (look.edge_low, look.edge_high, look.front) == pytest.approx((1, 1, 1))
         assert abs(look.hem) < 1e-9
@@ -32,24 +34,24 @@ def test_a_garment_as_given_meets_the_bar_at_any_size_and_turn():
     ],
 )
 def test_each_fault_is_named(change, word):
-    look = look_of(SHIRT, change(SHIRT.positions), FIGURE, FIGURE)
+    look = check_wear(SHIRT, change(SHIRT.positions), FIGURE, FIGURE)
     assert word in look.fault
     assert len(look.place) == 3
     assert look.as_dict()["fault"] == look.fault
 
 
 def test_a_figure_that_is_no_body_leaves_the_transferred_shape():
-    ball = Figure("ball", *GENERATORS["sphere"](subdivisions=2), 1.0, ())
+    ball = BodyMesh("ball", *GENERATORS["sphere"](subdivisions=2), 1.0, ())
     size = sized(SHIRT, ball, FIGURE, SHIRT.positions, body_surface(FIGURE.positions, FIGURE.triangles), graded=True)
     assert size.kind == "transferred"
     assert size.positions is SHIRT.positions
 
 
 def test_own_size_on_a_larger_body_keeps_the_edges():
-    large = Figure("large", FIGURE.positions * 1.1, FIGURE.triangles, 1.0, ())
+    large = BodyMesh("large", FIGURE.positions * 1.1, FIGURE.triangles, 1.0, ())
     body = body_surface(large.positions, large.triangles)
     own, graded = (sized(SHIRT, FIGURE, large, 1.1 * SHIRT.positions, body, graded=flag) for flag in (False, True))
-    scales = [look_of(SHIRT, size.positions, FIGURE, large).scale for size in (own, graded)]
+    scales = [check_wear(SHIRT, size.positions, FIGURE, large).scale for size in (own, graded)]
     assert scales[0] == pytest.approx(1.0, abs=0.04)
     assert scales[1] == pytest.approx(1.1, rel=0.01)
     assert graded.factors["chest"] == pytest.approx(1.1)
@@ -64,8 +66,8 @@ def test_a_hem_is_where_it_was_between_landmarks_of_a_body_with_longer_legs():
     def longer(x):
         return x + np.outer(0.2 * np.minimum(x[:, 2], crotch), [0, 0, 1])
 
-    tall = Figure("tall", longer(FIGURE.positions), FIGURE.triangles, 1.0, ())
-    look = look_of(skirt, longer(skirt.positions), FIGURE, tall)
+    tall = BodyMesh("tall", longer(FIGURE.positions), FIGURE.triangles, 1.0, ())
+    look = check_wear(skirt, longer(skirt.positions), FIGURE, tall)
     assert abs(look.hem) < 0.005
     by_height = longer(skirt.positions)[:, 2].min() / tall.frame.height - skirt.positions[:, 2].min() / 1.7
     assert by_height > 0.015  # by the whole height it would seem to have risen
@@ -76,8 +78,8 @@ def test_the_parts_of_a_figure_are_found_once(monkeypatch):
 
     calls = []
     monkeypatch.setattr(inputs, "body_parts", lambda *mesh: calls.append(mesh) or body_parts(*mesh))
-    large = Figure("large", FIGURE.positions * 1.1, FIGURE.triangles, 1.0, ())
+    large = BodyMesh("large", FIGURE.positions * 1.1, FIGURE.triangles, 1.0, ())
     body = body_surface(large.positions, large.triangles)
     size = sized(SHIRT, large, large, 1.1 * SHIRT.positions, body, graded=True)
-    look_of(SHIRT, size.positions, large, large)
+    check_wear(SHIRT, size.positions, large, large)
     assert len(calls) == 1

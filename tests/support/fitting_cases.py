@@ -4,7 +4,7 @@ import numpy as np
 
 from clothsim.files.meshes.obj_writer import write_obj
 from clothsim.garments.fit.pipeline import Task
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Garment
 from clothsim.mesh.generators.shapes import capsule
 from clothsim.mesh.generators.sheets import rectangle, tube
@@ -14,12 +14,12 @@ RADIUS = 0.1
 
 def capsule_figure(radius=RADIUS, segments=16, name="capsule"):
     """A capsule 1 m high."""
-    return Figure(name, *capsule(radius=radius, height=1.0, segments=segments), 1.0, ())
+    return BodyMesh(name, *capsule(radius=radius, height=1.0, segments=segments), 1.0, ())
 
 
 def wider(figure, factor, name="wide"):
     """The figure with the same mesh, wider across its axis."""
-    return Figure(name, figure.positions * [factor, factor, 1.0], figure.triangles, 1.0, ())
+    return BodyMesh(name, figure.positions * [factor, factor, 1.0], figure.triangles, 1.0, ())
 
 
 def tube_garment(radius, height=0.3, cells=(24, 10)):

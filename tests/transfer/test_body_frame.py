@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from real_data import DATA, needs_data
 
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.table import GENERATORS
 from transfer.body_frame import body_frame
 from transfer.errors import TransferError
@@ -42,7 +42,7 @@ def test_y_up_is_found_with_level_arms_along_z():
     frame = body_frame(sideways, MANNEQUIN[1])
     np.testing.assert_allclose(frame.up, [0, 1, 0])
     np.testing.assert_allclose(frame.front, [1, 0, 0], atol=0.02)
-    assert Figure("sideways", sideways, MANNEQUIN[1], 1.0, ()).up.tolist() == [0, 1, 0]
+    assert BodyMesh("sideways", sideways, MANNEQUIN[1], 1.0, ()).up.tolist() == [0, 1, 0]
 
 
 def test_a_ball_is_no_standing_body():

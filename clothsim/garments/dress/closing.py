@@ -20,8 +20,8 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import IntersectionWarning
 from clothsim.engine import ContactGap, Listener, build
 from clothsim.garments.dress.placement import is_of_arm
-from clothsim.garments.dress.sewing_state import Fabrics, SewingState, runs_through, sewn_cloth
-from clothsim.garments.inputs import Figure
+from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted
 from clothsim.patterns import Panel, Seam
 from transfer.signed_distance import BodySurface
@@ -31,7 +31,7 @@ SPEED = 0.5
 SHORTEST = 0.3
 """Shortest time of closing [s]."""
 STIFFNESS, STIFFER = 100.0, 5.0
-"""Stiffness of a string [N/m] and its growth in each round after all are closed: stiffer strings pull the fabric into
+"""Stiffness of a spring [N/m] and its growth in each round after all are closed: stiffer springs pull the fabric into
 folds and take twice the iterations."""
 FURTHER = 3
 """Bound on the rounds after all seams were drawn together once."""
@@ -43,8 +43,8 @@ another, seams that join the rest to the torso."""
 
 
 @dataclass(frozen=True)
-class Strings:
-    """Strings of one seam.
+class SeamSprings:
+    """SeamSprings of one seam.
 
     Attributes
     ----------
@@ -60,15 +60,15 @@ class Strings:
 
 
 @dataclass(frozen=True)
-class Round:
-    """One round of closing.
+class PhaseSprings:
+    """Springs of a sewing phase from given positions, and what is held.
 
     Attributes
     ----------
-    strings : tuple of Strings
+    springs : tuple of SeamSprings
         Seams that are drawn together or kept together.
     stiffness : float
-        Of each string [N/m].
+        Of each spring [N/m].
     held : (h,) int array
         Vertices that do not move.
     duration : float
@@ -77,7 +77,7 @@ class Round:
         True for friction with the body.
     """
 
-    strings: tuple[Strings, ...]
+    springs: tuple[SeamSprings, ...]
     stiffness: float
     held: Ints
     duration: float
@@ -85,8 +85,8 @@ class Round:
 
 
 @dataclass(frozen=True)
-class Turn:
-    """Seams that a round closes.
+class SewingPhase:
+    """Seams that one round of closing draws together.
 
     Attributes
     ----------
@@ -97,10 +97,10 @@ class Turn:
     hold : bool
         True: the torso does not move.
     friction : bool
-        True: friction with the body; strings would pull a garment off that is closed round it.
+        True: friction with the body; springs would pull a garment off that is closed round it.
     patient : bool
-        True: pairs whose string runs through the body wait. Once their neighbours are closed the panels lie on the
-        torso, and a string that ran through an arm passes below it.
+        True: pairs whose spring runs through the body wait. Once their neighbours are closed the panels lie on the
+        torso, and a spring that ran through an arm passes below it.
     """
 
     closing: tuple[Seam, ...]
@@ -110,35 +110,35 @@ class Turn:
     friction: bool = False
     patient: bool = False
 
-    def made(self, state: SewingState, surface: BodySurface) -> Round:
-        """The round from the positions of `state`."""
+    def springs(self, state: SewingState, surface: BodySurface) -> PhaseSprings:
+        """The springs from the positions of `state`."""
         darts = [seam for seam in self.closing if order_of(seam, state) == DART]
         others = [seam for seam in self.closing if order_of(seam, state) != DART]
         parts, time = [], 0.0
         for group in (darts, others):
-            strings = [pairs for seam in group if len(pairs := self.drawn(state, seam, surface))]
-            if strings:
-                span = max(SHORTEST, max(float(state.distances(pairs).max()) for pairs in strings) / SPEED)
-                parts += [Strings(pairs, time, time + span) for pairs in strings]
+            springs = [pairs for seam in group if len(pairs := self.drawn_pairs(state, seam, surface))]
+            if springs:
+                span = max(SHORTEST, max(float(state.distances(pairs).max()) for pairs in springs) / SPEED)
+                parts += [SeamSprings(pairs, time, time + span) for pairs in springs]
                 time += span
-        parts += [Strings(state.pairs(seam), 0.0, SHORTEST) for seam in self.closed if len(state.pairs(seam))]
+        parts += [SeamSprings(state.pairs(seam), 0.0, SHORTEST) for seam in self.closed if len(state.pairs(seam))]
         held = torso(state) if self.hold else np.zeros(0, np.int64)
-        return Round(tuple(parts), self.factor * STIFFNESS, held, time, self.friction)
+        return PhaseSprings(tuple(parts), self.factor * STIFFNESS, held, time, self.friction)
 
     def is_partial(self, state: SewingState, surface: BodySurface) -> bool:
-        """True where open pairs of the seams wait, since their strings run through the body."""
+        """True where open pairs of the seams wait, since their springs run through the body."""
         return self.patient and any(
-            len(self.drawn(state, seam, surface)) < len(state.pairs(seam)) for seam in self.closing
+            len(self.drawn_pairs(state, seam, surface)) < len(state.pairs(seam)) for seam in self.closing
         )
 
-    def drawn(self, state: SewingState, seam: Seam, surface: BodySurface) -> Ints:
+    def drawn_pairs(self, state: SewingState, seam: Seam, surface: BodySurface) -> Ints:
         """Pairs of a seam that are drawn together, (k, 2)."""
         pairs = state.pairs(seam)
-        return pairs[~runs_through(state.positions[pairs], surface)] if self.patient and len(pairs) else pairs
+        return pairs[~crosses_body(state.positions[pairs], surface)] if self.patient and len(pairs) else pairs
 
 
-def turns(state: SewingState) -> list[Turn]:
-    """Turns that draw every open seam together once; strings through the body wait.
+def sewing_phases(state: SewingState) -> list[SewingPhase]:
+    """Phases that draw every open seam together once; springs through the body wait.
 
     A skirt is sewn to a bodice that hangs on its closed shoulders: drawn together with them it would pull them down.
     """
@@ -149,17 +149,17 @@ def turns(state: SewingState) -> list[Turn]:
         for places in ((DART, WITHIN), (BELOW,), (ONTO,))
     )
     planned = (
-        Turn(within, patient=True),
-        Turn(below, within, patient=True),
-        Turn(onto, within + below, hold=True, patient=True),
+        SewingPhase(within, patient=True),
+        SewingPhase(below, within, patient=True),
+        SewingPhase(onto, within + below, hold=True, patient=True),
     )
-    return [turn for turn in planned if turn.closing]
+    return [phase for phase in planned if phase.closing]
 
 
-def further_turns(state: SewingState) -> list[Turn]:
-    """Turns with stiffer and stiffer strings, for seams that are not closed yet."""
+def stiffer_phases(state: SewingState) -> list[SewingPhase]:
+    """Phases with stiffer and stiffer springs, for seams that are not closed yet."""
     seams = tuple(state.mesh.seams[k] for k in state.open_seams)
-    return [Turn(seams, factor=STIFFER**number, friction=True) for number in range(1, FURTHER + 1)]
+    return [SewingPhase(seams, factor=STIFFER**number, friction=True) for number in range(1, FURTHER + 1)]
 
 
 def order_of(seam: Seam, state: SewingState) -> int:
@@ -174,11 +174,11 @@ def order_of(seam: Seam, state: SewingState) -> int:
         return ONTO
     if is_of_arm(first) != is_of_arm(second):
         return ONTO
-    across, up, ahead = np.abs(_middle(second) - _middle(first))
+    across, up, ahead = np.abs(_panel_middle(second) - _panel_middle(first))
     return BELOW if up > max(across, ahead) and not is_of_arm(first) else WITHIN
 
 
-def _middle(panel: Panel) -> Floats:
+def _panel_middle(panel: Panel) -> Floats:
     """Middle of the corners of a panel where the pattern places it, y upward, (3,) [m]."""
     return np.asarray(panel.placed(panel.vertices).mean(axis=0), np.float64)
 
@@ -200,7 +200,7 @@ def welded_where_closed(state: SewingState, limit: float, surface: BodySurface) 
 
     All pairs are tried at one time; pairs that would intersect are halved, seam after seam, down to single ones.
     """
-    groups = [pairs for k in state.open_seams if len(pairs := _closed_pairs(state, k, limit))]
+    groups = [pairs for k in state.open_seams if len(pairs := _find_closed_pairs(state, k, limit))]
     if not groups:
         return state
     clean = lambda tried: counted(tried.positions, tried.triangles, surface).clean  # noqa: E731
@@ -208,11 +208,11 @@ def welded_where_closed(state: SewingState, limit: float, surface: BodySurface) 
     if clean(whole):
         return whole
     for pairs in groups:
-        state = _halved(state, pairs, clean)
+        state = _weld_by_halving(state, pairs, clean)
     return state
 
 
-def _halved(state: SewingState, pairs: Ints, clean: Callable[[SewingState], bool]) -> SewingState:
+def _weld_by_halving(state: SewingState, pairs: Ints, clean: Callable[[SewingState], bool]) -> SewingState:
     """State with as many of these neighbouring pairs welded as halving finds."""
     tried = state.join(pairs)
     if clean(tried):
@@ -220,10 +220,10 @@ def _halved(state: SewingState, pairs: Ints, clean: Callable[[SewingState], bool
     if len(pairs) == 1:
         return state
     middle = len(pairs) // 2
-    return _halved(_halved(state, pairs[:middle], clean), pairs[middle:], clean)
+    return _weld_by_halving(_weld_by_halving(state, pairs[:middle], clean), pairs[middle:], clean)
 
 
-def _closed_pairs(state: SewingState, seam: int, limit: float) -> Ints:
+def _find_closed_pairs(state: SewingState, seam: int, limit: float) -> Ints:
     """Pairs of vertices of the panels in a seam that are closed and not welded yet, (k, 2)."""
     pairs = state.mesh.seams[seam].pairs
     ends = state.number[pairs]
@@ -236,12 +236,12 @@ HOLD = 0.3
 THICKNESS = 0.1
 """Distance at which contact begins, as a fraction of the mean edge."""
 FRICTION = 0.5
-"""Friction with the body once all seams were drawn together: stiffer strings would pull the garment off."""
+"""Friction with the body once all seams were drawn together: stiffer springs would pull the garment off."""
 CLOSED = 1.5
 """Gap of a closed seam while others are open, as a multiple of the distance at which contact begins."""
 NEAR = 0.5
 """Gap of a closed seam once all were drawn together, as a fraction of the mean edge: at corners of several panels, in
-cuffs and armpits contact keeps strings apart that the weld closes. It moves a vertex by a quarter of an edge at most,
+cuffs and armpits contact keeps springs apart that the weld closes. It moves a vertex by a quarter of an edge at most,
 which turns no triangle over; the drape relaxes it."""
 SETTINGS: dict[str, Any] = {
     "effects": {
@@ -255,7 +255,7 @@ SETTINGS: dict[str, Any] = {
 
 
 @dataclass(frozen=True)
-class Closing:
+class ClosingResult:
     """End of the closing.
 
     Attributes
@@ -277,32 +277,32 @@ class Closing:
 
 
 def close(
-    state: SewingState, body: Figure, surface: BodySurface, fabrics: Fabrics, folder: Path, listener: Listener | None
-) -> Closing:
+    state: SewingState, body: BodyMesh, surface: BodySurface, fabrics: Fabrics, folder: Path, listener: Listener | None
+) -> ClosingResult:
     """Draw all open seams together. InputError for a start that cannot be simulated.
 
-    After each round the pairs that are closed are welded: at the corners of several panels strings against contact
+    After each round the pairs that are closed are welded: at the corners of several panels springs against contact
     would keep one another apart.
     """
     runs: list[Run] = []
-    waiting, further = deque(turns(state)), deque(further_turns(state))
+    waiting, further = deque(sewing_phases(state)), deque(stiffer_phases(state))
     largest, name, limit = 0.0, "", np.inf
     while waiting or (state.open_seams and further):
-        turn = waiting.popleft() if waiting else further.popleft()
-        made = turn.made(state, surface)
-        if turn.is_partial(state, surface):
-            waiting.appendleft(replace(turn, patient=False))
-        if not made.strings:
+        phase = waiting.popleft() if waiting else further.popleft()
+        springs = phase.springs(state, surface)
+        if phase.is_partial(state, surface):
+            waiting.appendleft(replace(phase, patient=False))
+        if not springs.springs:
             continue
-        scene = _scene(state, body, fabrics, made)
+        scene = _scene(state, body, fabrics, springs)
         limit = CLOSED * contact_gap(scene) if waiting else NEAR * mean_edge(state)
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", IntersectionWarning)
             run = simulate(scene, folder / f"close{len(runs)}", listener, overwrite=True)
         runs.append(run)
-        state = state.at(run.positions(-1))
+        state = state.moved_to(run.positions(-1))
         if run.status != "completed":
-            return Closing(state, f"While the seams were closed: {run.reason}", "", tuple(runs))
+            return ClosingResult(state, f"While the seams were closed: {run.reason}", "", tuple(runs))
         state = welded_where_closed(state, limit, surface)
         largest, name = worst_gap(state)
     seconds = sum(float(run.times[-1]) for run in runs)
@@ -311,7 +311,7 @@ def close(
     failure = ""
     if largest > limit:
         failure = f"Seam {name} stays open by {1e3 * largest:.3g} mm (closed: {1e3 * limit:.2g} mm)."
-    return Closing(state, failure, description, tuple(runs))
+    return ClosingResult(state, failure, description, tuple(runs))
 
 
 def worst_gap(state: SewingState) -> tuple[float, str]:
@@ -327,32 +327,32 @@ def contact_gap(scene: Scene) -> float:
     return float(contact.activation_distance)
 
 
-def _scene(state: SewingState, body: Figure, fabrics: Fabrics, turn: Round) -> Scene:
+def _scene(state: SewingState, body: BodyMesh, fabrics: Fabrics, phase: PhaseSprings) -> Scene:
     """Scene of a round."""
     contact = {"d_hat": THICKNESS * mean_edge(state)}
     effects = {
         **SETTINGS["effects"],
         "body_contact": contact,
         "self_contact": contact,
-        "seams": {"seam": [_seam_table(strings, turn.stiffness) for strings in turn.strings]},
+        "seams": {"seam": [_seam_table(springs, phase.stiffness) for springs in phase.springs]},
     }
-    if turn.friction:
+    if phase.friction:
         effects["friction"] = {"coefficient": FRICTION}
-    if len(turn.held):
-        effects["pins"] = {"select": turn.held.tolist()}
+    if len(phase.held):
+        effects["pins"] = {"select": phase.held.tolist()}
     return Scene(
         cloth=sewn_cloth(state, fabrics),
         body=Body(body.positions, body.triangles, name="body"),
         effects=effects,
         solver=SETTINGS["solver"],
-        run={"duration": turn.duration + HOLD, "frames_per_second": 10},
+        run={"duration": phase.duration + HOLD, "frames_per_second": 10},
     )
 
 
-def _seam_table(strings: Strings, stiffness: float) -> dict[str, Any]:
-    first, second = strings.pairs.T
+def _seam_table(springs: SeamSprings, stiffness: float) -> dict[str, Any]:
+    first, second = springs.pairs.T
     lines = {"from": {"vertices": first.tolist()}, "to": {"vertices": second.tolist()}, "match": "vertices"}
-    return {**lines, "start": strings.start, "end": strings.end, "stiffness": stiffness}
+    return {**lines, "start": springs.start, "end": springs.end, "stiffness": stiffness}
 
 
 def mean_edge(state: SewingState) -> float:

@@ -10,6 +10,7 @@ draw its ends inward while its middle lags behind: the panel bows, its shoulders
 garment slips down.
 """
 
+import igl
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -18,8 +19,8 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.engine import intersecting_pairs
 from clothsim.garments.dress.closing import WITHIN, is_on_top, order_of
 from clothsim.garments.dress.placement import arm_line, front_of, is_of_arm, middle_of
-from clothsim.garments.dress.sewing_state import SewingState, strings_through
-from clothsim.garments.inputs import Figure
+from clothsim.garments.dress.sewing_state import SewingState, count_crossing_body
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted, penetrations
 from transfer.signed_distance import BodySurface
 
@@ -29,7 +30,7 @@ LEAST = 0.005
 """Least displacement that is worth it [m]."""
 
 
-def approached(state: SewingState, body: Figure, surface: BodySurface) -> tuple[SewingState, str]:
+def approached(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[SewingState, str]:
     """State whose groups of panels moved rigidly toward the body; and a description.
 
     A group of panels that touch moves against its outward normal, those nearest to the body first, until
@@ -37,20 +38,20 @@ def approached(state: SewingState, body: Figure, surface: BodySurface) -> tuple[
     """
     group = rigid_groups(state)
     outward = outward_of_groups(state, body)
-    ahead = [_way_ahead(state, group == k, -outward[k], body) for k in range(len(outward))]
+    ahead = [_free_distance(state, group == k, -outward[k], body) for k in range(len(outward))]
     moved_by = np.zeros(len(outward))
     order = np.argsort(ahead)
     for k in [*order, *order]:  # once more, since a group may have stood before another
-        way = _way_ahead(state, group == k, -outward[k], body) - CLEARANCE
-        if not LEAST < way < np.inf:
+        distance = _free_distance(state, group == k, -outward[k], body) - CLEARANCE
+        if not LEAST < distance < np.inf:
             continue
-        moved = state.at(state.positions - (way * (group == k))[:, None] * outward[k])
+        moved = state.moved_to(state.positions - (distance * (group == k))[:, None] * outward[k])
         if counted(moved.positions, moved.triangles, surface).clean:
-            state, moved_by[k] = moved, moved_by[k] + way
+            state, moved_by[k] = moved, moved_by[k] + distance
     return state, f"moved toward the body by at most {1e3 * moved_by.max(initial=0.0):.3g} mm"
 
 
-def _way_ahead(state: SewingState, chosen: Ints, direction: Floats, body: Figure) -> float:
+def _free_distance(state: SewingState, chosen: Ints, direction: Floats, body: BodyMesh) -> float:
     """Way [m] that the chosen vertices can move along a direction before they meet the body or the rest; or inf.
 
     Measured at vertices of both sides: rays of the moving ones forward, rays of what they may meet backward.
@@ -66,8 +67,6 @@ def _way_ahead(state: SewingState, chosen: Ints, direction: Floats, body: Figure
 
 def first_hits(points: Floats, directions: Floats, positions: Floats, triangles: Ints) -> Floats:
     """Distance to the first triangle that each ray meets, (k,) [m]; inf for none. Unit directions: (3,) or (k, 3)."""
-    import igl
-
     tree = igl.AABB()
     tree.init(positions, np.ascontiguousarray(triangles))
     rays = np.ascontiguousarray(np.broadcast_to(directions, points.shape))
@@ -84,7 +83,7 @@ MARGIN = 0.004
 """Further displacement of all panels that were moved [m]: contact begins at a distance."""
 
 
-def separated(state: SewingState, body: Figure, surface: BodySurface) -> tuple[SewingState, str]:
+def separated(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[SewingState, str]:
     """State whose panels are moved rigidly, away from the body's axis, until none intersects; and a description.
 
     In each round the panels with an intersection move outward: along the normal of their plane, to the side that is
@@ -99,15 +98,15 @@ def separated(state: SewingState, body: Figure, surface: BodySurface) -> tuple[S
         counts, with_body, own = penetrations(positions, state.triangles, surface)
         if counts.clean:
             break
-        moving = _moving(state, positions, with_body, own, surface, of_panel, shift)
+        moving = _groups_to_move(state, positions, with_body, own, surface, of_panel, shift)
         shift[moving] += STEP
         positions = state.positions + (shift[:, None] * outward)[of_panel]
     if shift.any():
         extended = state.positions + ((shift + MARGIN * (shift > 0))[:, None] * outward)[of_panel]
         if penetrations(extended, state.triangles, surface)[0].clean:
             positions = extended
-    text = ", ".join(name for name, moved in zip(_names(state, of_panel), shift, strict=True) if moved > 0)
-    return state.at(positions), f"moved outward by at most {1e3 * shift.max():.3g} mm: {text}"
+    text = ", ".join(name for name, moved in zip(_group_names(state, of_panel), shift, strict=True) if moved > 0)
+    return state.moved_to(positions), f"moved outward by at most {1e3 * shift.max():.3g} mm: {text}"
 
 
 def panels_in_contact(state: SewingState, surface: BodySurface) -> list[str]:
@@ -128,7 +127,7 @@ def crossing_panels(state: SewingState) -> set[str]:
     return {names[k] for k in np.unique(panels[panels[:, 0] != panels[:, 1]])}
 
 
-def _names(state: SewingState, of_panel: np.ndarray) -> list[str]:
+def _group_names(state: SewingState, of_panel: np.ndarray) -> list[str]:
     """Name of the first panel of each group."""
     found: dict[int, str] = {}
     for name, rows in state.mesh.vertices.items():
@@ -145,7 +144,7 @@ def rigid_groups(state: SewingState) -> np.ndarray:
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
-def outward_of_groups(state: SewingState, body: Figure) -> Floats:
+def outward_of_groups(state: SewingState, body: BodyMesh) -> Floats:
     """Unit normal of each group, horizontal where it can be, on the side away from the body's axis, (g, 3)."""
     label = rigid_groups(state)
     middle = (body.positions.max(axis=0) + body.positions.min(axis=0)) / 2
@@ -162,7 +161,7 @@ def outward_of_groups(state: SewingState, body: Figure) -> Floats:
     return np.array(found)
 
 
-def _moving(
+def _groups_to_move(
     state: SewingState,
     positions: Floats,
     with_body: np.ndarray,
@@ -184,36 +183,36 @@ def _moving(
 LIFTS = np.arange(0.0, 0.151, 0.01)
 """Lifts that are tried [m]."""
 LIFT_CLEAR = 0.01
-"""Further lift above the least that frees the most strings [m]."""
+"""Further lift above the least that frees the most springs [m]."""
 
 
-def lifted(state: SewingState, body: Figure, surface: BodySurface) -> tuple[SewingState, str]:
-    """State with the torso lifted by the least height at which the fewest strings run through the body; and a note."""
+def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[SewingState, str]:
+    """State with the torso lifted by the least height at which the fewest springs run through the body; and a note."""
     pairs = [
         state.pairs(state.mesh.seams[k])
         for k in state.open_seams
         if order_of(state.mesh.seams[k], state) == WITHIN and not _of_arm(state, k)
     ]
-    rows = np.unique(np.concatenate([np.zeros(0, np.int64), *(_torso(state))]))
+    rows = np.unique(np.concatenate([np.zeros(0, np.int64), *(_torso_rows(state))]))
     if not pairs or not len(rows):
         return state, ""
     joined = np.concatenate(pairs)
-    through = [strings_through(state.positions[joined] + lift * body.up, surface) for lift in LIFTS]
+    through = [count_crossing_body(state.positions[joined] + lift * body.up, surface) for lift in LIFTS]
     best = int(np.argmin(through))
     if best == 0:
         return state, ""
     positions = state.positions.copy()
     height = LIFTS[best] + LIFT_CLEAR
     positions[rows] += height * body.up
-    note = f"the torso was lifted by {1e3 * height:.0f} mm: {through[0]} strings of its seams ran through the body"
-    return state.at(positions), f"{note}, {through[best]} do now"
+    note = f"the torso was lifted by {1e3 * height:.0f} mm: {through[0]} springs of its seams ran through the body"
+    return state.moved_to(positions), f"{note}, {through[best]} do now"
 
 
 def _of_arm(state: SewingState, seam: int) -> bool:
     return any(is_of_arm(state.mesh.pattern.panels[side.panel]) for side in state.mesh.seams[seam].stitch.sides)
 
 
-def _torso(state: SewingState) -> list[np.ndarray]:
+def _torso_rows(state: SewingState) -> list[np.ndarray]:
     """Vertices of each panel that is not of an arm."""
     panels = state.mesh.pattern.panels.values()
     return [state.number[state.mesh.vertices[panel.name]] for panel in panels if not is_of_arm(panel)]
@@ -222,50 +221,50 @@ def _torso(state: SewingState) -> list[np.ndarray]:
 SHIFTS = np.arange(0.0, 0.301, 0.01)
 """Ways along the arm that are tried [m]."""
 SHIFT_CLEAR = 0.02
-"""Further way beyond the least that frees the most strings [m]."""
+"""Further distance beyond the least that frees the most springs [m]."""
 
 
-def sleeves_cleared(state: SewingState, body: Figure) -> tuple[SewingState, tuple[str, ...]]:
+def sleeves_cleared(state: SewingState, body: BodyMesh) -> tuple[SewingState, tuple[str, ...]]:
     """State with each sleeve moved along its arm, and a note for each that was moved.
 
-    By the least way at which the fewest strings of the torso run through its panels; sleeves that are welded to
+    By the least distance at which the fewest springs of the torso run through its panels; sleeves that are welded to
     other panels stay.
     """
     right, middle = np.cross(body.up, front_of(body)), middle_of(body)
-    strings = _strings_of_torso(state)
+    springs = _torso_springs(state)
     positions, notes = state.positions.copy(), []
     for side in (1.0, -1.0):
         names = [
             name
             for name, panel in state.mesh.pattern.panels.items()
-            if is_of_arm(panel) and side * (_rows(state, name) - middle).mean(axis=0) @ right > 0
+            if is_of_arm(panel) and side * (_panel_positions(state, name) - middle).mean(axis=0) @ right > 0
         ]
         arm = arm_line(body, side * right, middle)
-        if not names or not len(strings) or arm is None:
+        if not names or not len(springs) or arm is None:
             continue
         faces = np.concatenate([state.triangles[state.mesh.faces[name]] for name in names])
         others = [state.triangles[rows] for name, rows in state.mesh.faces.items() if name not in names]
         if np.isin(faces, np.concatenate([np.zeros((0, 3), np.int64), *others])).any():
             continue
-        through = [_through(strings - shift * arm.direction, state.positions, faces) for shift in SHIFTS]
+        through = [_count_crossing(springs - shift * arm.direction, state.positions, faces) for shift in SHIFTS]
         best = int(np.argmin(through))
         if best:
-            way = SHIFTS[best] + SHIFT_CLEAR
-            positions[np.unique(faces)] += way * arm.direction
+            distance = SHIFTS[best] + SHIFT_CLEAR
+            positions[np.unique(faces)] += distance * arm.direction
             notes.append(
-                f"{', '.join(names)} moved by {1e3 * way:.0f} mm along the arm: {through[0]} strings of the torso ran"
-                f" through, {through[best]} do now"
+                f"{', '.join(names)} moved by {1e3 * distance:.0f} mm along the arm: {through[0]} springs of the torso"
+                f" ran through, {through[best]} do now"
             )
-    return state.at(positions), tuple(notes)
+    return state.moved_to(positions), tuple(notes)
 
 
-def _rows(state: SewingState, panel: str) -> Floats:
+def _panel_positions(state: SewingState, panel: str) -> Floats:
     """Positions of the vertices of a panel, (k, 3) [m]."""
     return np.asarray(state.positions[state.number[state.mesh.vertices[panel]]], np.float64)
 
 
-def _strings_of_torso(state: SewingState) -> Floats:
-    """Ends of the strings of all seams between two panels of the torso, (k, 2, 3) [m]."""
+def _torso_springs(state: SewingState) -> Floats:
+    """Ends of the springs of all seams between two panels of the torso, (k, 2, 3) [m]."""
     panels = state.mesh.pattern.panels
     found: list[Ints] = [np.zeros((0, 2), np.int64)]
     for k in state.open_seams:
@@ -275,9 +274,9 @@ def _strings_of_torso(state: SewingState) -> Floats:
     return np.asarray(state.positions[np.concatenate(found)], np.float64)
 
 
-def _through(strings: Floats, positions: Floats, triangles: Ints) -> int:
+def _count_crossing(springs: Floats, positions: Floats, triangles: Ints) -> int:
     """Number of the segments (k, 2, 3) that meet a triangle."""
-    along = strings[:, 1] - strings[:, 0]
+    along = springs[:, 1] - springs[:, 0]
     lengths = np.linalg.norm(along, axis=1)
     directions = along / np.maximum(lengths, np.finfo(float).tiny)[:, None]
-    return int((first_hits(strings[:, 0], directions, positions, triangles) < lengths).sum())
+    return int((first_hits(springs[:, 0], directions, positions, triangles) < lengths).sum())

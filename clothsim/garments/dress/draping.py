@@ -16,7 +16,7 @@ from clothsim.base.arrays import Floats
 from clothsim.base.errors import IntersectionWarning
 from clothsim.engine import Announcement, Listener
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 
 LONGEST = 3.0
 """Bound on the time of a drape [s]."""
@@ -52,7 +52,7 @@ def open_seam_tables(state: SewingState) -> list[dict[str, Any]]:
 
 def drape(
     state: SewingState,
-    body: Figure,
+    body: BodyMesh,
     fabrics: Fabrics,
     folder: Path,
     listener: Listener | None,
@@ -73,11 +73,11 @@ def drape(
             return shaken
         sank = (state.positions @ body.up).max() - (shaken.positions(-1) @ body.up).max()
         if sank < SANK * np.ptp(body.positions @ body.up):
-            state = state.at(shaken.positions(-1))
+            state = state.moved_to(shaken.positions(-1))
     return _run(state, body, fabrics, folder, FRICTION, listener, announce)
 
 
-def hangs_on_shoulders(positions: Floats, body: Figure) -> bool:
+def hangs_on_shoulders(positions: Floats, body: BodyMesh) -> bool:
     """True where a garment reaches over the level of the shoulders of its body."""
     levels = body.positions @ body.up
     return bool((positions @ body.up).max() > levels.min() + SHOULDERS * np.ptp(levels))
@@ -85,7 +85,7 @@ def hangs_on_shoulders(positions: Floats, body: Figure) -> bool:
 
 def _run(
     state: SewingState,
-    body: Figure,
+    body: BodyMesh,
     fabrics: Fabrics,
     folder: Path,
     friction: float,

@@ -29,7 +29,7 @@ from clothsim.garments.dress.held_edges import edges_held, parts_for_edges, slid
 from clothsim.garments.dress.measurements import tight_notes
 from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
-from clothsim.garments.inputs import Figure, figure_of, read_figure
+from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
 from clothsim.garments.stages import Stage, StageCallback, staged
 from clothsim.patterns import TOUCHING, Pattern, mesh_pattern, sewn_vertices
 from transfer.errors import TransferError
@@ -43,7 +43,7 @@ SLID = 0.07
 class _Task:
     """What all stages share: the body and its surface, fabric, directory and listeners."""
 
-    body: Figure
+    body: BodyMesh
     surface: BodySurface
     fabrics: Fabrics
     hold: bool
@@ -105,11 +105,11 @@ def dress(
     cut_for : str, Path, Body or mesh object, optional
         The body that the pattern was cut for: it is graded from its girths and lengths to those of `on`. None: as cut.
     grade : mapping of str to float, optional
-        Factors by name (`body_sizes.NAMES`) in place of those between both bodies; without `cut_for` the others are 1.
+        Factors by name (`grading.NAMES`) in place of those between both bodies; without `cut_for` the others are 1.
     hold : bool
         True: upper edges that would slide are taken in to the girth of the body before the drape (`held_edges`).
     origin : str
-        Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placing.placed_on`).
+        Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
     rotation_order : str
         Order of the rotations of the panels, "zyx" or "xyz".
     seams : str or Path, optional
@@ -149,7 +149,7 @@ def dress(
     read = pattern if isinstance(pattern, Pattern) else read_pattern(pattern, rotation_order, seams)
     of_panels = chosen.of(read)
     name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
-    body = read_figure(on, scale=scale, group=body_group) if isinstance(on, str | Path) else figure_of(on)
+    body = read_body_mesh(on, scale=scale, group=body_group) if isinstance(on, str | Path) else as_body_mesh(on)
     refuse_unsuitable(body)
     if hold:
         parts_for_edges(body)  # an error now, not after the closing
@@ -210,15 +210,17 @@ def _directory(output: str | Path | None, overwrite: bool) -> Path:
     return directory
 
 
-def _graded(pattern: Pattern, body: Figure, cut_for: Any, factors: Mapping[str, float], origin: str) -> Grading | None:
+def _graded(
+    pattern: Pattern, body: BodyMesh, cut_for: Any, factors: Mapping[str, float], origin: str
+) -> Grading | None:
     """The pattern graded for a body; None where it is sewn as cut."""
     if cut_for is None:
         return graded(pattern, body, body, origin, factors) if factors else None
-    source = read_figure(cut_for, option="cut_for") if isinstance(cut_for, str | Path) else figure_of(cut_for)
+    source = read_body_mesh(cut_for, option="cut_for") if isinstance(cut_for, str | Path) else as_body_mesh(cut_for)
     return graded(pattern, source, body, origin, factors)
 
 
-def _surface(body: Figure) -> BodySurface:
+def _surface(body: BodyMesh) -> BodySurface:
     try:
         return body_surface(body.positions, body.triangles)
     except TransferError as error:
@@ -234,7 +236,9 @@ def _sewn(task: _Task, done: _Progress) -> _Progress:
     return done
 
 
-def _after(task: _Task, done: _Progress, name: str, state: SewingState, description: str, started: float) -> _Progress:
+def _add_stage(
+    task: _Task, done: _Progress, name: str, state: SewingState, description: str, started: float
+) -> _Progress:
     """The garment after a stage."""
     made = lambda: (state.positions, description)  # noqa: E731
     stage = staged(name, state.triangles, task.surface, made, task.on_stage, started)
@@ -258,7 +262,7 @@ def _placed(task: _Task, done: _Progress) -> _Progress:
     done = replace(done, notes=(*done.notes, *([lift_note] if lift_note else []), *sleeve_notes))
     panels, seams = len(state.mesh.pattern.panels), len(state.mesh.seams)
     size = f"{panels} panels, {seams} seams, {len(state.positions):,} vertices"
-    return _after(task, done, "place", state, f"{size}, {len(touching)} seams touch" if touching else size, started)
+    return _add_stage(task, done, "place", state, f"{size}, {len(touching)} seams touch" if touching else size, started)
 
 
 def _separated(task: _Task, done: _Progress) -> _Progress:
@@ -267,7 +271,7 @@ def _separated(task: _Task, done: _Progress) -> _Progress:
         return done
     started = perf_counter()
     state, description = separated(done.state, task.body, task.surface)
-    done = _after(task, done, "separate", state, description, started)
+    done = _add_stage(task, done, "separate", state, description, started)
     counts = done.stages[-1].counts
     if counts.clean:
         return done
@@ -280,7 +284,7 @@ def _approached(task: _Task, done: _Progress) -> _Progress:
     if not done.state.open_seams:
         return done
     started = perf_counter()
-    return _after(task, done, "approach", *approached(done.state, task.body, task.surface), started)
+    return _add_stage(task, done, "approach", *approached(done.state, task.body, task.surface), started)
 
 
 def _closed(task: _Task, done: _Progress) -> _Progress:
@@ -292,19 +296,21 @@ def _closed(task: _Task, done: _Progress) -> _Progress:
         closing = close(done.state, task.body, task.surface, task.fabrics, task.directory, task.progress)
     except InputError as error:
         return replace(done, failure=f"The closing could not start: {error.sentence}")
-    done = _after(task, done, "close", closing.state, closing.description, started)
+    done = _add_stage(task, done, "close", closing.state, closing.description, started)
     return replace(done, failure=closing.failure, closing=closing.runs)
 
 
 def _welded(task: _Task, done: _Progress) -> _Progress:
-    """Seams welded; those whose weld would intersect stay strings, and are named."""
+    """Seams welded; those whose weld would intersect stay springs, and are named."""
     started, state = perf_counter(), welded_where_closed(done.state, np.inf, task.surface)
-    strings = [state.mesh.seams[k].name for k in state.open_seams]
-    if strings:
-        note = f"stay strings, as their weld would intersect: {', '.join(strings)}"
+    springs = [state.mesh.seams[k].name for k in state.open_seams]
+    if springs:
+        note = f"stay springs, as their weld would intersect: {', '.join(springs)}"
         done = replace(done, notes=(*done.notes, note))
     welded = f"{len(state.welded)} seams"
-    return _after(task, done, "weld", state, f"{welded}, {len(strings)} stay strings" if strings else welded, started)
+    return _add_stage(
+        task, done, "weld", state, f"{welded}, {len(springs)} stay springs" if springs else welded, started
+    )
 
 
 def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
@@ -320,7 +326,7 @@ def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
     if run.status != "completed":
         return replace(done, run=run), "sewn", run.reason
     ended = f"draped for {run.times[-1]:.3g} s"
-    draped = _after(task, done, "drape", done.state.at(run.positions(-1)), ended, started)
+    draped = _add_stage(task, done, "drape", done.state.moved_to(run.positions(-1)), ended, started)
     draped = replace(draped, run=run)
     counts = draped.stages[-1].counts
     if not counts.clean:
@@ -332,7 +338,7 @@ def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
         return draped, "failed", f"The garment falls off {task.body.name}: it moved by {moved:.2g} m."
     gap, name = worst_gap(draped.state)
     if gap > mean_edge(draped.state):
-        return draped, "failed", f"Seam {name}, held by strings, opened to {1e3 * gap:.3g} mm in the drape."
+        return draped, "failed", f"Seam {name}, held by springs, opened to {1e3 * gap:.3g} mm in the drape."
     below = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
     if below > SLID * height:
         note = f"the top of the garment lies {1e3 * below:.0f} mm below where its pattern places it"
@@ -348,6 +354,6 @@ def _closed_seams(state: SewingState, body: str) -> str:
     if not state.open_seams:
         return f"All {seams} seams are closed and the garment rests on {body}."
     return (
-        f"{len(state.welded)} of {seams} seams are welded throughout, strings hold the rest, within {1e3 * gap:.2g} mm"
+        f"{len(state.welded)} of {seams} seams are welded throughout, springs hold the rest, within {1e3 * gap:.2g} mm"
         f" ({name}); the garment rests on {body}."
     )

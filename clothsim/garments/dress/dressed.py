@@ -16,7 +16,7 @@ from clothsim.garments.dress.closing import stretch_range
 from clothsim.garments.dress.grading import Grading
 from clothsim.garments.dress.measurements import measurement_entries
 from clothsim.garments.dress.sewing_state import SewingState
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import Counts
 from clothsim.garments.stages import Stage
 from clothsim.patterns import Pattern, largest_gap, write_specification
@@ -42,7 +42,7 @@ class Dress:
         Panels as placed.
     state : SewingState
         Garment at the end: positions, triangles, welded seams.
-    body : Figure
+    body : BodyMesh
         Body that wears it.
     stages : tuple of Stage
         Stages in order, each with positions and penetration counts.
@@ -71,7 +71,7 @@ class Dress:
     pattern: Pattern
     placed: SewingState
     state: SewingState
-    body: Figure
+    body: BodyMesh
     stages: tuple[Stage, ...]
     run: Run | None
     notes: tuple[str, ...]

@@ -15,7 +15,7 @@ from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
 from clothsim.engine import nearest
 from clothsim.garments.dress.placement import chosen_origin, height_of_origin, is_of_arm, is_of_leg
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import Panel, Pattern, PlaneMap, Side, factors_of_seams, mapped_panel, with_seams_alike
 from transfer.body_parts import BodyParts
 from transfer.errors import TransferError
@@ -78,7 +78,7 @@ class BodySizes:
         return np.where(heights < crotch, legs * heights, legs * crotch + trunk * (heights - crotch))
 
 
-def sizes_between(source: Figure, target: Figure, given: Mapping[str, float]) -> BodySizes:
+def sizes_between(source: BodyMesh, target: BodyMesh, given: Mapping[str, float]) -> BodySizes:
     """Factors from one body to another; `given` ones, by name, replace those of the bodies.
 
     Raises
@@ -100,10 +100,10 @@ def sizes_between(source: Figure, target: Figure, given: Mapping[str, float]) ->
             raise InputError(
                 f"{body.name} has no girths to grade by: {error}", "Give the pattern as it is cut."
             ) from error
-    return BodySizes(parts[0], _with(size_factors(*parts), parts[0], given))
+    return BodySizes(parts[0], _apply_given(size_factors(*parts), parts[0], given))
 
 
-def _with(factors: SizeFactors, parts: BodyParts, given: Mapping[str, float]) -> SizeFactors:
+def _apply_given(factors: SizeFactors, parts: BodyParts, given: Mapping[str, float]) -> SizeFactors:
     """The factors with those that are given: girths of the trunk change between the named levels in proportion."""
     crotch, armpit = parts.landmarks["crotch"], parts.landmarks["armpit"]
     change = {name: given.get(name, factors.named[name]) / factors.named[name] for name in NAMES}
@@ -182,7 +182,11 @@ class Grading:
 
 
 def graded(
-    pattern: Pattern, source: Figure, target: Figure, origin: str = "auto", factors: Mapping[str, float] | None = None
+    pattern: Pattern,
+    source: BodyMesh,
+    target: BodyMesh,
+    origin: str = "auto",
+    factors: Mapping[str, float] | None = None,
 ) -> Grading:
     """Grade a pattern.
 
@@ -190,10 +194,10 @@ def graded(
     ----------
     pattern : Pattern
         Pattern as it is placed round `source`.
-    source, target : Figure
+    source, target : BodyMesh
         The body that it was cut for, and the other one.
     origin : str
-        Level y = 0 of the pattern (see `placing.placed_on`).
+        Level y = 0 of the pattern (see `placement.placed_on`).
     factors : mapping of str to float, optional
         Factors by name in place of those between the bodies.
 
@@ -210,9 +214,9 @@ def graded(
     panels = {}
     for name, panel in pattern.panels.items():
         if is_of_arm(panel):
-            panels[name] = _along_arm(panel, pattern, sizes, levels, float(middle[0]))
+            panels[name] = _grade_along_arm(panel, pattern, sizes, levels, float(middle[0]))
         else:
-            panels[name] = _along_trunk(panel, sizes, levels)
+            panels[name] = _grade_along_trunk(panel, sizes, levels)
     scaled = replace(pattern, panels=panels)
     alike = with_seams_alike(scaled, pattern)
     before = [abs(a - b) for a, b in factors_of_seams(scaled, pattern).values()]
@@ -228,7 +232,7 @@ def graded(
     )
 
 
-def _along_trunk(panel: Panel, sizes: BodySizes, levels: list[float]) -> Panel:
+def _grade_along_trunk(panel: Panel, sizes: BodySizes, levels: list[float]) -> Panel:
     """Panel of the trunk or of a leg, graded by height about the middle of the body."""
     girth = sizes.leg_girth if is_of_leg(panel) else sizes.trunk_girth
     upward = panel.matrix[1, :2]
@@ -254,10 +258,10 @@ def _along_trunk(panel: Panel, sizes: BodySizes, levels: list[float]) -> Panel:
     before = panel.placed(middle[None])[0]
     wider = max(1.0, float(girth(np.array([height]))[0]))
     above = float(sizes.height(np.array([height]))[0]) - levels[1]
-    return _replaced(mapped_panel(panel, image), middle, np.array([wider * before[0], above, wider * before[2]]))
+    return _translate_to(mapped_panel(panel, image), middle, np.array([wider * before[0], above, wider * before[2]]))
 
 
-def _along_arm(panel: Panel, pattern: Pattern, sizes: BodySizes, levels: list[float], middle: float) -> Panel:
+def _grade_along_arm(panel: Panel, pattern: Pattern, sizes: BodySizes, levels: list[float], middle: float) -> Panel:
     """Panel of a sleeve, graded along the line from the seams of the sleeve with the trunk to its free edges."""
     side = panel.placed(panel.vertices)[:, 0].mean() > middle
     sleeve = {
@@ -279,7 +283,7 @@ def _along_arm(panel: Panel, pattern: Pattern, sizes: BodySizes, levels: list[fl
         image = PlaneMap(origin, along / slope, lambda t: sizes.arm_girth(slope * t), lambda t: length * t)
     before = panel.placed(origin[None])[0]
     off = (before - root) * max(1.0, float(sizes.factors.named["arm"]))
-    return _replaced(mapped_panel(panel, image), origin, root + moved + off)
+    return _translate_to(mapped_panel(panel, image), origin, root + moved + off)
 
 
 def _ends_of_sleeve(sleeve: Mapping[str, Panel], pattern: Pattern) -> tuple[Floats, Floats]:
@@ -290,9 +294,9 @@ def _ends_of_sleeve(sleeve: Mapping[str, Panel], pattern: Pattern) -> tuple[Floa
         for side, other in (stitch.sides, stitch.sides[::-1]):
             sewn.add(side)
             if side.panel in sleeve and other.panel not in sleeve:
-                roots.append(_middle_of(sleeve[side.panel], side.edge))
+                roots.append(_edge_middle(sleeve[side.panel], side.edge))
     for name, panel in sleeve.items():
-        tips += [_middle_of(panel, k) for k in range(len(panel.edges)) if Side(name, k) not in sewn]
+        tips += [_edge_middle(panel, k) for k in range(len(panel.edges)) if Side(name, k) not in sewn]
     if roots and tips:
         return np.mean(roots, axis=0), np.mean(tips, axis=0)
     points = np.concatenate([panel.placed(panel.vertices) for panel in sleeve.values()])
@@ -300,10 +304,10 @@ def _ends_of_sleeve(sleeve: Mapping[str, Panel], pattern: Pattern) -> tuple[Floa
     return points[order[0]], points[order[-1]]
 
 
-def _middle_of(panel: Panel, edge: int) -> Floats:
+def _edge_middle(panel: Panel, edge: int) -> Floats:
     return np.asarray(panel.placed(panel.edge_points(edge, np.array([0.5])))[0], np.float64)
 
 
-def _replaced(panel: Panel, point: Floats, at: Floats) -> Panel:
+def _translate_to(panel: Panel, point: Floats, at: Floats) -> Panel:
     """Panel translated so that `point` (2,) of its plane is at `at` (3,) [m]."""
     return replace(panel, translation=panel.translation + at - panel.placed(point[None])[0])

@@ -14,7 +14,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.engine import border_edges, deformation_gradients
 from clothsim.garments.dress.sewing_state import SewingState
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.waistband import TIGHT, Band, bands, girth_at, nearness
 from transfer.body_parts import BodyParts
 from transfer.errors import TransferError
@@ -25,7 +25,7 @@ SLID = 0.02
 """Way down of an upper edge in the drape, as a fraction of the body's height, beyond which a note says so."""
 
 
-def parts_for_edges(body: Figure) -> BodyParts:
+def parts_for_edges(body: BodyMesh) -> BodyParts:
     """Trunk of a body. InputError where it has none that could hold a garment."""
     try:
         return body.parts
@@ -33,7 +33,7 @@ def parts_for_edges(body: Figure) -> BodyParts:
         raise InputError(f"{body.name} has no trunk that could hold an edge: {error}", "Leave hold out.") from error
 
 
-def edges_held(state: SewingState, body: Figure) -> tuple[SewingState, tuple[str, ...]]:
+def edges_held(state: SewingState, body: BodyMesh) -> tuple[SewingState, tuple[str, ...]]:
     """State whose upper edges are taken in to `TIGHT` of the body's girth at their height, and a note for each.
 
     Edges that are shorter already, and garments with shoulders or straps, stay as they are. The positions stay; what
@@ -105,7 +105,7 @@ def panels_at(state: SewingState, edges: Ints) -> list[str]:
     return [name for name, number in count.most_common() if number]
 
 
-def slid(before: SewingState, after: SewingState, body: Figure) -> tuple[str, ...]:
+def slid(before: SewingState, after: SewingState, body: BodyMesh) -> tuple[str, ...]:
     """How far each upper edge moved down in the drape, with its girth and the body's before and after."""
     try:
         parts = body.parts

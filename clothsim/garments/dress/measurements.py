@@ -16,8 +16,9 @@ from clothsim.engine import Fabric, border_edges, components
 from clothsim.garments.dress.closing import is_on_top
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import SewingState
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import Pattern
+from clothsim.render import outline
 
 SECTORS = 24
 """Directions from the axis of the body in all of which a line round it lies."""
@@ -49,7 +50,7 @@ def ends_of(edges: Ints, fractions: Floats, positions: Floats) -> Floats:
     return np.asarray((1 - fractions) * first + fractions * second, np.float64)
 
 
-def girth_along_cloth(state: SewingState, body: Figure, level: float, highest: bool = False) -> float:
+def girth_along_cloth(state: SewingState, body: BodyMesh, level: float, highest: bool = False) -> float:
     """Length [m], as worn, of the line that is level in the pattern as placed and is worn at a mean height `level` [m].
 
     Of the panels of the torso without collars and hoods, of lines that go round the body: one through an armhole or a
@@ -71,7 +72,7 @@ def girth_along_cloth(state: SewingState, body: Figure, level: float, highest: b
             sides = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
             heights.append(float(np.average((ends @ body.up).mean(axis=1), weights=sides)))
             lengths.append(float(sides.sum()))
-    return _at(np.array(heights), np.array(lengths), level, highest)
+    return _interpolate_length(np.array(heights), np.array(lengths), level, highest)
 
 
 def goes_round(segments: Floats) -> bool:
@@ -81,18 +82,18 @@ def goes_round(segments: Floats) -> bool:
     return len(np.unique(np.floor(angle / (2 * np.pi) * SECTORS).astype(np.int64) % SECTORS)) == SECTORS
 
 
-def across(body: Figure) -> list[int]:
+def across(body: BodyMesh) -> list[int]:
     """Horizontal axes."""
     return [k for k in range(3) if body.up[k] == 0]
 
 
-def axis_of(body: Figure) -> Floats:
+def axis_of(body: BodyMesh) -> Floats:
     """Vertical line through the middle of the bounding box, (2,) [m]."""
     flat = body.positions[:, across(body)]
     return np.asarray((flat.min(axis=0) + flat.max(axis=0)) / 2, np.float64)
 
 
-def _at(heights: Floats, lengths: Floats, level: float, highest: bool) -> float:
+def _interpolate_length(heights: Floats, lengths: Floats, level: float, highest: bool) -> float:
     """Length at a level where the heights of the lines, from below, first pass it."""
     passing = np.flatnonzero((heights[:-1] <= level) & (heights[1:] >= level))
     if len(passing):
@@ -172,7 +173,7 @@ class Girth:
         return self.garment - self.body
 
 
-def girths(state: SewingState, body: Figure) -> list[Girth]:
+def girths(state: SewingState, body: BodyMesh) -> list[Girth]:
     """Girths at chest, waist and hip where the garment reaches, and at its hem."""
     low, high = _span(body.positions @ body.up)
     garment_low, garment_high = _span(state.positions @ body.up)
@@ -184,20 +185,20 @@ def girths(state: SewingState, body: Figure) -> list[Girth]:
         if both:
             girth, level = min(both) if name == "waist" else max(both)
             if garment_low <= level <= garment_high:
-                outline = _outline(section(state.positions, torso, body.up, level)[0], body)
+                outline = _hull_girth(section(state.positions, torso, body.up, level)[0], body)
                 along = girth_along_cloth(state, body, level, highest=name == "chest")
                 found.append(Girth(name, level - low, girth, along or outline, outline))
     length, level, loop = _hem(state, body)
     around = torso_girth(body, level) or _girth_of_legs(body, level)
-    return [*found, Girth("hem", level - low, around, length, _outline(state.positions[loop], body))]
+    return [*found, Girth("hem", level - low, around, length, _hull_girth(state.positions[loop], body))]
 
 
-def hem_of(state: SewingState, body: Figure) -> tuple[float, float]:
+def hem_of(state: SewingState, body: BodyMesh) -> tuple[float, float]:
     """Length of the lowest border loop of the garment [m], and its mean level [m]; the ends of sleeves do not count."""
     return _hem(state, body)[:2]
 
 
-def _hem(state: SewingState, body: Figure) -> tuple[float, float, Ints]:
+def _hem(state: SewingState, body: BodyMesh) -> tuple[float, float, Ints]:
     """Length [m], mean level [m] and vertices of the lowest border loop."""
     edges = border_edges(state.triangles)[0]
     loop = components(np.column_stack([edges, edges[:, 1]]), len(state.positions))[edges[:, 0]]
@@ -221,28 +222,28 @@ def section(positions: Floats, triangles: Ints, up: Floats, level: float) -> tup
     return ends_of(edges, fractions, positions).reshape(-1, 3)[first], number.reshape(-1, 2)
 
 
-def torso_girth(body: Figure, level: float) -> float:
+def torso_girth(body: BodyMesh, level: float) -> float:
     """Girth of the convex hull of that loop of the body's section that goes round its axis [m]; 0 without one."""
-    points, label = _loops(body, level)
+    points, label = _section_loops(body, level)
     axis = axis_of(body)
-    hulls = [_hull(points[label == name]) for name in np.unique(label)]
+    hulls = [_convex_hull(points[label == name]) for name in np.unique(label)]
     round_axis = [hull for hull in hulls if hull is not None and (hull.equations @ [*axis, 1.0] < 0).all()]
     return max((float(hull.area) for hull in round_axis), default=0.0)
 
 
-def _girth_of_legs(body: Figure, level: float) -> float:
+def _girth_of_legs(body: BodyMesh, level: float) -> float:
     """Girth of the convex hull of both legs [m]; 0 below the feet."""
-    points, label = _loops(body, level)
+    points, label = _section_loops(body, level)
     reach, axis = ASIDE * float(np.ptp(body.positions @ body.up)), axis_of(body)
     legs = [points[label == name] for name in np.unique(label)]
     legs = [leg for leg in legs if np.linalg.norm(leg.mean(axis=0) - axis) < reach]
-    hull = _hull(np.concatenate(legs)) if legs else None
+    hull = _convex_hull(np.concatenate(legs)) if legs else None
     return 0.0 if hull is None else float(hull.area)
 
 
-def _outline(points: Floats, body: Figure) -> float:
+def _hull_girth(points: Floats, body: BodyMesh) -> float:
     """Girth of the convex hull of points (k, 3) seen from above [m]; 0 without one."""
-    hull = _hull(points[:, across(body)])
+    hull = _convex_hull(points[:, across(body)])
     return 0.0 if hull is None else float(hull.area)
 
 
@@ -261,7 +262,7 @@ def areas_of_panels(state: SewingState) -> dict[str, float]:
     return {name: float(areas[rows].sum()) for name, rows in state.mesh.faces.items()}
 
 
-def measurement_entries(state: SewingState, body: Figure, fabrics: Mapping[str, Fabric]) -> dict[str, Any]:
+def measurement_entries(state: SewingState, body: BodyMesh, fabrics: Mapping[str, Fabric]) -> dict[str, Any]:
     """Measurements as in summary.json; fabrics: of each panel."""
     areas = areas_of_panels(state)
     rows = [{**asdict(girth), "ease": girth.ease} for girth in girths(state, body)]
@@ -284,8 +285,6 @@ def marker(pattern: Pattern) -> tuple[float, float]:
 
     Bounding boxes in rows, the longest panels first: an upper bound of what a marker needs.
     """
-    from clothsim.render import outline
-
     sizes = sorted(
         (np.ptp(outline(panel), axis=0) + SELVEDGE for panel in pattern.panels.values()), key=lambda s: -s[1]
     )
@@ -302,13 +301,13 @@ def _span(levels: Floats) -> tuple[float, float]:
     return float(levels.min()), float(levels.max())
 
 
-def _loops(body: Figure, level: float) -> tuple[Floats, Ints]:
+def _section_loops(body: BodyMesh, level: float) -> tuple[Floats, Ints]:
     """Points (k, 2) [m] of a section of the body, and the loop that each is of (k,)."""
     points, segments = section(body.positions, body.triangles, body.up, level)
     return points[:, across(body)], components(np.column_stack([segments, segments[:, 1]]), len(points))
 
 
-def _hull(points: Floats) -> Any:
+def _convex_hull(points: Floats) -> Any:
     """Convex hull of points (k, 2), whose `area` is its girth; None without one."""
     try:
         return ConvexHull(points) if len(points) > 2 else None

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
 
 from clothsim import Run
 from clothsim.base.arrays import Floats, Ints
@@ -13,9 +14,8 @@ from clothsim.engine import Fabric
 from clothsim.garments.dress.dress import touching_seams
 from clothsim.garments.dress.placement import front_of
 from clothsim.garments.dress.sewing_state import SewingState
-from clothsim.garments.inputs import Figure
-from clothsim.render import WIDTHS, Surface, picture_setup, rendered, vertex_normals
-from clothsim.render import write_movie as movie
+from clothsim.garments.inputs import BodyMesh
+from clothsim.render import WIDTHS, Surface, picture_setup, rendered, vertex_normals, write_movie
 
 if TYPE_CHECKING:
     from clothsim.garments.dress.dressed import Dress
@@ -53,7 +53,7 @@ def numbers_of_fabrics(state: SewingState, fabrics: Mapping[str, Fabric]) -> Int
     return numbers
 
 
-def body_surface_look(body: Figure) -> Surface:
+def body_surface_look(body: BodyMesh) -> Surface:
     """The body."""
     return Surface(body.name, body.positions, body.triangles, "body", np.zeros((0, 2)))
 
@@ -92,11 +92,8 @@ def draw_dress(done: "Dress") -> list[Path]:
     ]
 
 
-def _pair(file: Path, title: str, garment: Surface, body: Figure) -> Path:
+def _pair(file: Path, title: str, garment: Surface, body: BodyMesh) -> Path:
     """Write a picture from the front and from the back side by side."""
-    from PIL import Image
-
-
     surfaces = [garment, body_surface_look(body)]
     panels = []
     for side, view in VIEWS:
@@ -115,14 +112,14 @@ def _pair(file: Path, title: str, garment: Surface, body: Figure) -> Path:
     return file
 
 
-def view_of(view: tuple[float, float, float], body: Figure) -> Floats:
+def view_of(view: tuple[float, float, float], body: BodyMesh) -> Floats:
     """Direction (3,) from a body to the camera, given along its left, up and front."""
     left, up, front = view
     forward = front_of(body)
     return np.asarray(left * np.cross(body.up, forward) + up * body.up + front * forward, np.float64)
 
 
-def _focus(positions: Floats, body: Figure) -> Floats:
+def _focus(positions: Floats, body: BodyMesh) -> Floats:
     """Points that the picture shows: the garment, and the body beside it."""
     levels, own = body.positions @ body.up, positions @ body.up
     room = ABOVE * float(np.ptp(own))
@@ -142,7 +139,7 @@ def draw_sewing(done: "Dress", target: Path, progress: Callable[[int, int], None
 
     InputError for another ending; MissingPackageError for an .mp4 without the extra `movies`.
     """
-    return movie(
+    return write_movie(
         target,
         frames_of(done),
         frames_per_second=RATE,

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import Panel, PatternMesh
 from transfer.body_frame import body_frame
 from transfer.errors import TransferError
@@ -26,7 +26,7 @@ FARTHEST = 1e5
 """Largest coordinate of a body [m]: beyond, the distance of contact would lose its digits."""
 
 
-def refuse_unsuitable(body: Figure) -> None:
+def refuse_unsuitable(body: BodyMesh) -> None:
     """InputError for a body of no person's size, or so far away that contact would lose its digits."""
     extent, farthest = float(np.ptp(body.positions @ body.up)), float(np.abs(body.positions).max())
     if not farthest <= FARTHEST:
@@ -43,7 +43,7 @@ def usual_front(up: Floats) -> Floats:
     return np.array([0.0, 0.0, 1.0]) if up[1] else np.array([0.0, -1.0, 0.0])
 
 
-def front_of(body: Figure) -> Floats:
+def front_of(body: BodyMesh) -> Floats:
     """Unit direction that a body faces, (3,): that of its feet where it is far from the usual one, else the usual."""
     usual = usual_front(body.up)
     try:
@@ -53,7 +53,7 @@ def front_of(body: Figure) -> Floats:
     return usual if front @ usual > np.cos(np.radians(ASIDE_DEGREES)) else np.asarray(front, np.float64)
 
 
-def turn_to_front(body: Figure, front: Floats) -> Rotation:
+def turn_to_front(body: BodyMesh, front: Floats) -> Rotation:
     """Rotation about the vertical that takes the usual front to `front`."""
     usual = usual_front(body.up)
     angle = np.arctan2(np.cross(usual, front) @ body.up, usual @ front)
@@ -69,14 +69,14 @@ ASIDE = 0.2
 """Distance of a body from the vertical axis [m] beyond which the pattern follows it."""
 
 
-def placed_on(mesh: PatternMesh, body: Figure, origin: str = "auto") -> tuple[PatternMesh, tuple[str, ...]]:
+def placed_on(mesh: PatternMesh, body: BodyMesh, origin: str = "auto") -> tuple[PatternMesh, tuple[str, ...]]:
     """The mesh placed on a body, and notes.
 
     Parameters
     ----------
     mesh : PatternMesh
         Panels as placed in the file, y upward.
-    body : Figure
+    body : BodyMesh
         The body, y or z upward.
     origin : str
         Level y = 0 of the file: "floor", the lowest vertex of the body (GarmentCode), or "waist", the origin of SMPL's
@@ -99,7 +99,7 @@ def placed_on(mesh: PatternMesh, body: Figure, origin: str = "auto") -> tuple[Pa
     if np.linalg.norm(middles) > ASIDE:
         shift = shift + middles[0] * across[0] + middles[1] * across[1]
         notes.append("the body is away from the vertical axis: the pattern follows it")
-    positions = _upright(mesh.positions, body.up)
+    positions = _turn_upright(mesh.positions, body.up)
     front = front_of(body)
     if front @ usual_front(body.up) < 1:
         positions = turn_to_front(body, front).apply(positions)
@@ -118,12 +118,12 @@ def chosen_origin(heights: Floats, origin: str) -> str:
     return "waist" if heights.min() < -BELOW and heights.max() < LOW else "floor"
 
 
-def height_of_origin(body: Figure, origin: str) -> float:
+def height_of_origin(body: BodyMesh, origin: str) -> float:
     """Height of the origin of a pattern, "floor" or "waist", above the floor of a body [m]."""
     return ORIGIN_HEIGHT * float(np.ptp(body.positions @ body.up)) if origin == "waist" else 0.0
 
 
-def _upright(positions: Floats, up: Floats) -> Floats:
+def _turn_upright(positions: Floats, up: Floats) -> Floats:
     """Positions with y upward turned so that `up` is: y to z about the x axis, or as they are."""
     return positions if up[1] else positions[:, [0, 2, 1]] * [1, -1, 1]
 
@@ -144,7 +144,7 @@ class Arm:
     direction: Floats
 
 
-def turned_to_arms(mesh: PatternMesh, body: Figure) -> tuple[PatternMesh, tuple[str, ...]]:
+def turned_to_arms(mesh: PatternMesh, body: BodyMesh) -> tuple[PatternMesh, tuple[str, ...]]:
     """Mesh whose sleeves lie along the arms, and a note for each that was turned.
 
     The panels of an arm are those named so on one side of the body. Their axis leads from the middle of their seams
@@ -159,7 +159,7 @@ def turned_to_arms(mesh: PatternMesh, body: Figure) -> tuple[PatternMesh, tuple[
             for name, panel in mesh.pattern.panels.items()
             if is_of_arm(panel) and side * (positions[mesh.vertices[name]].mean(axis=0) - middle) @ right > 0
         ]
-        ends = _ends(mesh, names)
+        ends = _find_ends(mesh, names)
         arm = arm_line(body, side * right, middle)
         if ends is None or arm is None:
             continue
@@ -184,7 +184,7 @@ def is_of_arm(panel: Panel) -> bool:
     return any(word in panel.name.lower() for word in ARM_WORDS)
 
 
-def _ends(mesh: PatternMesh, names: list[str]) -> tuple[Floats, Floats] | None:
+def _find_ends(mesh: PatternMesh, names: list[str]) -> tuple[Floats, Floats] | None:
     """Middle of the seams of these panels with others, and of their free edges, each (3,) [m]; None without either."""
     inside = set(names)
     sewn, root = set(), []
@@ -204,7 +204,7 @@ def _ends(mesh: PatternMesh, names: list[str]) -> tuple[Floats, Floats] | None:
     return np.mean(root, axis=0), np.mean(free, axis=0)
 
 
-def arm_line(body: Figure, outward: Floats, middle: Floats) -> Arm | None:
+def arm_line(body: BodyMesh, outward: Floats, middle: Floats) -> Arm | None:
     """Line through the vertices of a body beyond its torso on the side `outward`; None where the arm hangs down."""
     reach = (body.positions - middle) @ outward
     chosen = body.positions[reach > BEYOND * reach.max()]
@@ -214,7 +214,7 @@ def arm_line(body: Figure, outward: Floats, middle: Floats) -> Arm | None:
     return Arm(centre, direction) if direction @ outward > np.cos(np.radians(75)) else None
 
 
-def middle_of(body: Figure) -> Floats:
+def middle_of(body: BodyMesh) -> Floats:
     """Middle of the bounding box of a body, (3,) [m]."""
     return np.asarray((body.positions.min(axis=0) + body.positions.max(axis=0)) / 2, np.float64)
 
@@ -226,18 +226,18 @@ LOW_LEVEL = 0.3
 HEM = 0.04
 """Height of the lowest part of a panel that is its hem, and of the slice of the leg there [m]."""
 CLEARANCE = 0.025
-"""Distance from the body that every string should keep [m]."""
+"""Distance from the body that every spring should keep [m]."""
 ACROSS = 0.01
 """Distance by which a panel of one leg may reach across the middle of the body [m]; panels of a skirt reach further."""
 SAMPLES = np.linspace(0.0, 1.0, 12)
-"""Points of a string at which its distance is measured."""
+"""Points of a spring at which its distance is measured."""
 
 
-def turned_to_legs(mesh: PatternMesh, body: Figure, surface: BodySurface) -> tuple[PatternMesh, tuple[str, ...]]:
+def turned_to_legs(mesh: PatternMesh, body: BodyMesh, surface: BodySurface) -> tuple[PatternMesh, tuple[str, ...]]:
     """Mesh whose legs are turned to those of the body, and a note for each that was turned.
 
-    Where strings of the seams of a leg come close to the body, its front and its back turn in the body's frontal plane,
-    each by the angle that brings the middle of its hem over the leg. A turn that frees no string is not made.
+    Where springs of the seams of a leg come close to the body, its front and its back turn in the body's frontal plane,
+    each by the angle that brings the middle of its hem over the leg. A turn that frees no spring is not made.
     """
     front = front_of(body)
     right = np.cross(body.up, front)
@@ -250,23 +250,23 @@ def turned_to_legs(mesh: PatternMesh, body: Figure, surface: BodySurface) -> tup
             if is_of_leg(panel)
         }
         names = [name for name, points in place.items() if (side * points @ right).min() > -ACROSS]
-        pairs = _strings(mesh, names)
+        pairs = _leg_seam_pairs(mesh, names)
         if not len(pairs):
             continue
         middles = mesh.positions[pairs].mean(axis=1)
         crotch = middles[np.argmin(np.abs((middles - middle) @ right))]
         turned, angles = positions, []
         for facing in (1.0, -1.0):
-            rows = _rows(mesh, [name for name in names if facing * place[name].mean(axis=0) @ front > 0])
+            rows = _panel_rows(mesh, [name for name in names if facing * place[name].mean(axis=0) @ front > 0])
             angle = _angle_to_leg(positions[rows], crotch, body, side * right) if len(rows) else 0.0
             axis = np.cross(body.up, side * right)
-            turned = _turned(turned, rows, crotch, angle * axis, side * right)
+            turned = _turn_rows(turned, rows, crotch, angle * axis, side * right)
             angles.append(abs(np.degrees(angle)))
-        if _missing(turned[pairs], surface) < _missing(positions[pairs], surface):
+        if _missing_clearance(turned[pairs], surface) < _missing_clearance(positions[pairs], surface):
             positions = turned
             notes.append(
                 f"{', '.join(names)} turned about the crotch to the leg, the front by {angles[0]:.0f} and the back by"
-                f" {angles[1]:.0f} degrees: strings of the seams would run through the leg, or close to it"
+                f" {angles[1]:.0f} degrees: springs of the seams would run through the leg, or close to it"
             )
     return replace(mesh, positions=positions), tuple(notes)
 
@@ -278,7 +278,7 @@ def is_of_leg(panel: Panel) -> bool:
     return any(word in panel.name.lower() for word in LEG_WORDS)
 
 
-def _strings(mesh: PatternMesh, names: list[str]) -> Ints:
+def _leg_seam_pairs(mesh: PatternMesh, names: list[str]) -> Ints:
     """Pairs of vertices of all seams between two panels of one leg, (k, 2)."""
     inside = set(names)
     pairs = [
@@ -289,13 +289,13 @@ def _strings(mesh: PatternMesh, names: list[str]) -> Ints:
     return np.concatenate([np.zeros((0, 2), np.int64), *pairs])
 
 
-def _rows(mesh: PatternMesh, names: list[str]) -> Ints:
+def _panel_rows(mesh: PatternMesh, names: list[str]) -> Ints:
     """Vertices of some panels."""
     every = np.arange(len(mesh.positions))
     return np.concatenate([np.zeros(0, np.int64), *(every[mesh.vertices[name]] for name in names)])
 
 
-def _angle_to_leg(points: Floats, crotch: Floats, body: Figure, outward: Floats) -> float:
+def _angle_to_leg(points: Floats, crotch: Floats, body: BodyMesh, outward: Floats) -> float:
     """Angle [rad] that brings the middle of the hem of a panel over the leg; 0 for a hem above the legs."""
     up = body.up
     lowest = float((points @ up).min())
@@ -312,7 +312,7 @@ def _angle_to_leg(points: Floats, crotch: Floats, body: Figure, outward: Floats)
     return float(np.arctan2(along, below) - np.arctan2(target - crotch @ outward, below))
 
 
-def _turned(positions: Floats, rows: Ints, pivot: Floats, rotation: Floats, outward: Floats) -> Floats:
+def _turn_rows(positions: Floats, rows: Ints, pivot: Floats, rotation: Floats, outward: Floats) -> Floats:
     """Positions of which `rows` are turned about a pivot, then moved outward until none is nearer to the middle."""
     if not len(rows):
         return positions
@@ -323,8 +323,8 @@ def _turned(positions: Floats, rows: Ints, pivot: Floats, rotation: Floats, outw
     return moved
 
 
-def _missing(ends: Floats, surface: BodySurface) -> float:
-    """Sum over strings (k, 2, 3) of what each lacks of `CLEARANCE` from the body, the depth inside it included [m]."""
+def _missing_clearance(ends: Floats, surface: BodySurface) -> float:
+    """Sum over springs (k, 2, 3) of what each lacks of `CLEARANCE` from the body, the depth inside it included [m]."""
     points = ends[:, :1] + SAMPLES[:, None] * (ends[:, 1:] - ends[:, :1])
     distance = surface.closest(points.reshape(-1, 3)).signed_distance.reshape(len(ends), -1)
     return float(np.maximum(CLEARANCE - distance.min(axis=1), 0.0).sum())

@@ -74,7 +74,7 @@ class SewingState:
         number = joined_vertices(self.mesh, joined)
         return replace(self, number=number, positions=mean_of_parts(self.positions[self.number], number), joined=joined)
 
-    def at(self, positions: Floats) -> "SewingState":
+    def moved_to(self, positions: Floats) -> "SewingState":
         """Copy at other positions (k, 3) [m]."""
         return replace(self, positions=positions)
 
@@ -95,12 +95,12 @@ def as_placed(mesh: PatternMesh) -> SewingState:
     return SewingState(mesh, np.arange(len(mesh.positions)), mesh.positions)
 
 
-def strings_through(ends: Floats, surface: BodySurface) -> int:
+def count_crossing_body(ends: Floats, surface: BodySurface) -> int:
     """Number of the segments (k, 2, 3) that meet the body."""
-    return int(runs_through(ends, surface).sum())
+    return int(crosses_body(ends, surface).sum())
 
 
-def runs_through(ends: Floats, surface: BodySurface) -> NDArray[np.bool_]:
+def crosses_body(ends: Floats, surface: BodySurface) -> NDArray[np.bool_]:
     """True for each segment (k, 2, 3) that meets the body, (k,)."""
     along = ends[:, 1] - ends[:, 0]
     lengths = np.linalg.norm(along, axis=1)

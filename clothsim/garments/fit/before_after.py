@@ -5,9 +5,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
 
 from clothsim.base.arrays import Floats
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Garment
 from clothsim.render import Surface, picture_setup, rendered
 
@@ -25,9 +26,6 @@ def draw_fit(done: "Fit", file: Path) -> str:
 
     All panels have one camera, moved with the body, so that bodies and garments are drawn in one size.
     """
-    from PIL import Image
-
-
     panels = _panels(done)
     title, _, target, _ = panels[-1]
     surfaces = [_surfaces(done.garment, points, figure, each) for _, points, figure, each in panels]
@@ -40,18 +38,21 @@ def draw_fit(done: "Fit", file: Path) -> str:
         title=title,
         renderer="auto",
         smooth=done.status in ("completed", "distorted"),  # in others triangles may cross, and are drawn as they are
-        focus=np.concatenate([points + _away(figure, target) for _, points, figure, _ in panels]
-                             + [figure.positions + _away(figure, target) for _, _, figure, _ in panels]),
+        focus=np.concatenate([points + _displacement_to(figure, target) for _, points, figure, _ in panels]
+                             + [figure.positions + _displacement_to(figure, target) for _, _, figure, _ in panels]),
     )  # fmt: skip
     pictures = [
-        rendered(replace(_moved(setup, -_away(figure, target)), scale=None, title=name, smooth=False), drawn)
+        rendered(
+            replace(_displace_camera(setup, -_displacement_to(figure, target)), scale=None, title=name, smooth=False),
+            drawn,
+        )
         for (name, _, figure, _), drawn in zip(panels[:-1], surfaces[:-1], strict=True)
     ]
     Image.fromarray(np.hstack([*pictures, rendered(setup, surfaces[-1])])).save(file, format="PNG")
     return setup.note
 
 
-def _away(figure: Figure, target: Figure) -> Floats:
+def _displacement_to(figure: BodyMesh, target: BodyMesh) -> Floats:
     """Displacement from one body's middle to the other's, (3,) [m]; 0 where their upward axes differ."""
     if not np.allclose(figure.up, target.up):
         return np.zeros(3)
@@ -59,12 +60,12 @@ def _away(figure: Figure, target: Figure) -> Floats:
     return np.asarray(other.mean(axis=0) - own.mean(axis=0), np.float64)
 
 
-def _moved(setup: "PictureSetup", displacement: Floats) -> "PictureSetup":
+def _displace_camera(setup: "PictureSetup", displacement: Floats) -> "PictureSetup":
     """The setup with its camera displaced [m]."""
     return replace(setup, camera=replace(setup.camera, position=setup.camera.position + displacement))
 
 
-def _panels(done: "Fit") -> list[tuple[str, Floats, Figure, Floats]]:
+def _panels(done: "Fit") -> list[tuple[str, Floats, BodyMesh, Floats]]:
     plain = np.zeros((0, 2))
     first = done.stages[0]
     panels = [(f"before, on {done.source.name}", first.positions, done.source, plain)]
@@ -81,11 +82,11 @@ def _panels(done: "Fit") -> list[tuple[str, Floats, Figure, Floats]]:
     return panels
 
 
-def _surfaces(garment: Garment, positions: Floats, figure: Figure, stretches: Floats) -> list[Surface]:
+def _surfaces(garment: Garment, positions: Floats, figure: BodyMesh, stretches: Floats) -> list[Surface]:
     body = Surface(figure.name, figure.positions, figure.triangles, "body", np.zeros((0, 2)))
     return [Surface(garment.name, positions, garment.triangles, "cloth", stretches), body]
 
 
-def _view(figure: Figure) -> tuple[float, float, float]:
+def _view(figure: BodyMesh) -> tuple[float, float, float]:
     right, up, front = FRONT
     return (right, up, front) if figure.up[1] else (right, -front, up)

@@ -19,12 +19,12 @@ from clothsim.engine import FITTED, Announcement, Listener, fabric_named, refuse
 from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, obj_text
 from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START
 from clothsim.garments.fit.original_file import fitted_text
-from clothsim.garments.fit.pipeline import Ended, Seeded, Task, drape_stage, seeded
+from clothsim.garments.fit.pipeline import DrapeOutcome, FitState, Task, drape_fitted, seed_fit
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, read_markers
-from clothsim.garments.inputs import Figure, figure_of, garment_of, read_figure, read_garment, worn_in_scene
+from clothsim.garments.inputs import BodyMesh, as_body_mesh, garment_of, read_body_mesh, read_garment, worn_in_scene
 from clothsim.garments.penetration import NO_ROWS, Counts
 from clothsim.garments.stages import Garment, Stage, StageCallback, best_stage
-from clothsim.garments.wear_check import Cost, Look, cost_of, look_of
+from clothsim.garments.wear_check import Cost, WearCheck, check_wear, cost_of
 from transfer.body_frame import legs_score
 from transfer.errors import TransferError
 
@@ -49,7 +49,7 @@ class Fit:
         Reason for the status, one sentence.
     garment : Garment
         Garment as given.
-    source, target : Figure
+    source, target : BodyMesh
         Body that the garment was made for, and body that it is fitted to.
     stages : tuple of Stage
         Stages in order, each with positions and penetration counts.
@@ -61,7 +61,7 @@ class Fit:
         Stretches and displacement of the garment.
     size : Size
         Whether it is graded, and its factors of girths and lengths.
-    look : Look
+    look : WearCheck
         Measures of a garment that looks worn, and the fault of one that does not.
     notes : tuple of str
         Defaults used in reading and fitting.
@@ -81,14 +81,14 @@ class Fit:
     status: str
     reason: str
     garment: Garment
-    source: Figure
-    target: Figure
+    source: BodyMesh
+    target: BodyMesh
     stages: tuple[Stage, ...]
     answer: Stage
     run: Run | None
     cost: Cost
     size: Size
-    look: Look
+    look: WearCheck
     notes: tuple[str, ...]
     carried: Ints = field(default_factory=lambda: NO_ROWS)
 
@@ -222,15 +222,15 @@ def fit(
     placed_markers = NO_MARKERS if markers is None else read_markers(markers)
     _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
     task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress)
-    return _simulated(task, seeded(task), started, announce)
+    return _simulated(task, seed_fit(task), started, announce)
 
 
-def _figure(body: Any, scale: float | None, group: str | None) -> Figure:
+def _figure(body: Any, scale: float | None, group: str | None) -> BodyMesh:
     """A body from a file or from memory."""
-    return read_figure(body, scale=scale, group=group) if isinstance(body, str | Path) else figure_of(body)
+    return read_body_mesh(body, scale=scale, group=group) if isinstance(body, str | Path) else as_body_mesh(body)
 
 
-def _target(body: Any, scale: float | None, group: str | None) -> Figure:
+def _target(body: Any, scale: float | None, group: str | None) -> BodyMesh:
     """The body that shall wear the garment. InputError for a unit of what has its own."""
     in_file = isinstance(body, str | Path)
     if scale is not None and (not in_file or Path(body).suffix.lower() == ".toml"):
@@ -238,7 +238,7 @@ def _target(body: Any, scale: float | None, group: str | None) -> Figure:
             "scale_to is for the mesh file of a body: a scene and a mesh in memory are in metres.",
             "Leave --scale-to (scale_to) out.",
         )
-    return read_figure(body, scale=scale, group=group, option="--scale-to") if in_file else figure_of(body)
+    return read_body_mesh(body, scale=scale, group=group, option="--scale-to") if in_file else as_body_mesh(body)
 
 
 def _refuse_file_options(scale: float | None, part: tuple[int, int] | None) -> None:
@@ -246,16 +246,16 @@ def _refuse_file_options(scale: float | None, part: tuple[int, int] | None) -> N
         raise InputError("scale and part are for the file of a garment.", "Give clothsim.Cloth(..., scale=...).")
 
 
-def _simulated(task: Task, seeded_fit: Seeded, started: float, announce: Announcement | None) -> Fit:
+def _simulated(task: Task, state: FitState, started: float, announce: Announcement | None) -> Fit:
     """Drape the garment and write the results."""
-    ended = Ended("failed", seeded_fit.failure, None, seeded_fit.stages)
-    if not seeded_fit.failure:
-        ended = drape_stage(task, seeded_fit, announce)
+    ended = DrapeOutcome("failed", state.failure, None, state.stages)
+    if not state.failure:
+        ended = drape_fitted(task, state, announce)
     status, reason, run, stages, carried = ended
     if not stages[-1].counts.clean:  # self_contact was off, or nothing freed it
         status = "failed"
-    answer = stages[-1] if status != "failed" else stages[best_stage(stages, seeded_fit.on_target)]
-    look = look_of(task.garment, answer.positions, task.source, task.target)
+    answer = stages[-1] if status != "failed" else stages[best_stage(stages, state.on_target)]
+    look = check_wear(task.garment, answer.positions, task.source, task.target)
     if status == "completed" and look.fault:
         status, reason = "distorted", f"The garment is intersection-free, but {look.fault}."
     done = Fit(
@@ -268,10 +268,10 @@ def _simulated(task: Task, seeded_fit: Seeded, started: float, announce: Announc
         stages,
         answer,
         run,
-        cost_of(task.garment, answer.positions, seeded_fit.place),
-        seeded_fit.size,
+        cost_of(task.garment, answer.positions, state.place),
+        state.size,
         look,
-        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *seeded_fit.notes),
+        (*task.garment.notes, *task.source.notes, *(() if task.same_body else task.target.notes), *state.notes),
         carried if answer is stages[-1] else NO_ROWS,
     )
     _write(done, perf_counter() - started)
@@ -320,7 +320,7 @@ def _same(one: Any, other: Any) -> bool:
     return one is other
 
 
-def _refuse_a_body(worn: Garment, *figures: Figure) -> None:
+def _refuse_a_body(worn: Garment, *figures: BodyMesh) -> None:
     for figure in figures:
         if np.array_equal(worn.positions, figure.positions):
             raise InputError(
@@ -351,7 +351,7 @@ OTHERS = {"+x": (1, 0, 0), "-x": (-1, 0, 0), "-y": (0, -1, 0), "-z": (0, 0, -1)}
 """Directions from legs to head in which no body stands."""
 
 
-def refuse_lying(figure: Figure) -> None:
+def refuse_lying(figure: BodyMesh) -> None:
     """InputError for a body whose legs and head are clearly along x, -y or -z, and not along y or z."""
 
     def score(axis: tuple[int, int, int]) -> float:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.spatial import cKDTree  # a tenth of the start of the program, for fits that grow or morph
+from scipy.spatial import cKDTree
 
 from clothsim import Run, Scene, simulate
 from clothsim.base.arrays import Floats, Ints
@@ -76,7 +76,7 @@ NO_POSITIONS: Floats = np.zeros((0, 3))
 
 
 @dataclass(frozen=True)
-class Worn:
+class StageSettings:
     """Settings common to the scenes of a fit.
 
     garment; rest (n, 3) [m]: its rest shape; fabric: its name; body_triangles (m, 3): the body's; self_contact: True
@@ -91,7 +91,12 @@ class Worn:
 
 
 def moved_with_body(
-    worn: Worn, start: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None, slips: bool = False
+    worn: StageSettings,
+    start: Floats,
+    frames: Sequence[Floats],
+    folder: Path,
+    listener: Listener | None,
+    slips: bool = False,
 ) -> Run:
     """Run without gravity from `start` (n, 3) [m] under a body that moves through `frames`, each (k, 3) [m].
 
@@ -109,7 +114,7 @@ def moved_with_body(
     return _run(_scene(worn, start, body, {**MORPH_SETTINGS, "effects": effects}, folder), folder, listener)
 
 
-def _stiff_contact(worn: Worn, body: Floats) -> dict[str, Any]:
+def _stiff_contact(worn: StageSettings, body: Floats) -> dict[str, Any]:
     """Contact effects with `carrying_stiffness`."""
     keys = {"stiffness": carrying_stiffness(worn.fabric, body)}
     return {"body_contact": keys, **({"self_contact": keys} if worn.self_contact else {})}
@@ -127,7 +132,7 @@ def carrying_stiffness(fabric: str, body: Floats) -> float:
 
 
 def draped(
-    worn: Worn,
+    worn: StageSettings,
     start: Floats,
     body: Floats,
     up: Floats,
@@ -177,7 +182,7 @@ def _run(scene: Scene, folder: Path, listener: Listener | None, announce: Announ
         return simulate(scene, folder, listener, announce, overwrite=True)
 
 
-def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, Any], folder: Path) -> Scene:
+def _scene(worn: StageSettings, start: Floats, body: dict[str, Any], settings: dict[str, Any], folder: Path) -> Scene:
     write_obj(folder / REST, worn.rest, worn.garment.triangles)
     write_obj(folder / START, start, worn.garment.triangles)
     own: dict[str, Any] = {"self_contact": {}} if worn.self_contact else {}
@@ -194,7 +199,7 @@ def _scene(worn: Worn, start: Floats, body: dict[str, Any], settings: dict[str, 
     )
 
 
-def _seams(worn: Worn) -> dict[str, Any]:
+def _seams(worn: StageSettings) -> dict[str, Any]:
     """Seams of the pieces that are stitched to another."""
     lines = [{"vertices": vertices.tolist()} for vertices in worn.garment.division.stitched]
     keys = {"to": {"nearest": True}, "end": STITCHING_SECONDS, "bends": False}

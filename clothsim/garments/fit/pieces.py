@@ -8,6 +8,7 @@ follows it, in the frames of its triangles or rigid; what touches it only in par
 from collections import Counter
 from dataclasses import dataclass, replace
 
+import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -47,7 +48,7 @@ class Followers:
         moved[:, 2] = side * np.maximum(side * height, clearance)
         return replace(self, offsets=moved)
 
-    def at(self, positions: Floats) -> Floats:
+    def positions_on(self, positions: Floats) -> Floats:
         """Return the positions (k, 3) on the host at `positions (n, 3)` [m]."""
         points = np.einsum("ij,ijk->ik", self.weights, positions[self.corners])
         free = points + np.einsum("ijk,ij->ik", _frames(positions[self.corners]), self.offsets)
@@ -74,7 +75,7 @@ def completed(positions: Floats, vertices: Ints, followers: tuple[Followers, ...
     whole = np.zeros((size, 3))
     whole[vertices] = positions
     for piece in followers:
-        whole[piece.vertices] = piece.at(positions)
+        whole[piece.vertices] = piece.positions_on(positions)
     return whole
 
 
@@ -205,8 +206,6 @@ class _Surface:
     """Surface with a tree for nearest points."""
 
     def __init__(self, positions: Floats, triangles: Ints) -> None:
-        import igl
-
         self.positions, self.triangles, self.boxes = np.ascontiguousarray(positions), triangles, igl.AABB()
         self.boxes.init(self.positions, self.triangles)
 

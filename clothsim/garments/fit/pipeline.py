@@ -21,10 +21,10 @@ from clothsim.base.errors import InputError
 from clothsim.engine import Announcement, Listener, facing_away, untangle
 from clothsim.garments.body_overlap import NO_OVERLAP, Overlap, carried_rows, overlaps_at
 from clothsim.garments.fit.guaranteed_path import Clearing, clearings
-from clothsim.garments.fit.moving_body import Worn, draped, moved_with_body, named_stage, near_body
+from clothsim.garments.fit.moving_body import StageSettings, draped, moved_with_body, named_stage, near_body
 from clothsim.garments.fit.pieces import layers_of
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, Transferred, sized, transferred, worn_positions
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import NO_ROWS, counted
 from clothsim.garments.stages import Garment, Stage, StageCallback, staged
 from transfer.errors import TransferError
@@ -45,8 +45,8 @@ class Task:
     """
 
     garment: Garment
-    source: Figure
-    target: Figure
+    source: BodyMesh
+    target: BodyMesh
     fabric: str
     resize: bool
     folder: Path
@@ -67,7 +67,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Seeded:
+class FitState:
     """Start of a simulation: the last of `stages` where failure is empty; worn: how the scenes wear it.
 
     place (n, 3) [m]: where the garment was worn, on the target; on_target: the first stage that is counted there;
@@ -76,7 +76,7 @@ class Seeded:
     """
 
     stages: tuple[Stage, ...]
-    worn: Worn
+    worn: StageSettings
     place: Floats
     on_target: int
     body: BodySurface
@@ -91,27 +91,27 @@ class Seeded:
         """Last stage."""
         return self.stages[-1]
 
-    def after(self, stage: Stage) -> "Seeded":
+    def with_stage(self, stage: Stage) -> "FitState":
         """Copy with one more stage."""
         return replace(self, stages=(*self.stages, stage))
 
 
-def seeded(task: Task) -> Seeded:
+def seed_fit(task: Task) -> FitState:
     """Run the stages until one is clean. InputError for a garment or a body that no stage can take."""
     try:
         body = body_surface(task.target.positions, task.target.triangles)
         worn_by = body if task.same_body else body_surface(task.source.positions, task.source.triangles)
-        stages = _as_it_came(task, worn_by)
+        stages = _first_stages(task, worn_by)
         on_target = 0 if task.same_body else len(stages)
         carrier, rest, place = task.target.positions, task.garment.positions, task.garment.positions
         size = Size(rest, "own", rest)
         if stages[-1].counts.self_pairs:  # nothing later parts what cannot be parted on its own body
-            worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
-            return Seeded(tuple(stages), worn, place, 0, body, size, _meets_itself(stages[-1]))
+            worn = StageSettings(task.garment, rest, task.fabric, body.triangles, self_contact=True)
+            return FitState(tuple(stages), worn, place, 0, body, size, _self_intersection_reason(stages[-1]))
         came = partial(staged, triangles=task.garment.triangles, on_stage=task.on_stage)
         if not task.same_body:
             moved: list[Transferred] = []
-            stages.append(came("transfer", body=body, make=partial(_moved, stages[-1].positions, task, moved)))
+            stages.append(came("transfer", body=body, make=partial(_transfer, stages[-1].positions, task, moved)))
             carrier = moved[0].body
             started, shape = perf_counter(), stages[-1].positions
             size = sized(task.garment, task.source, task.target, shape, body, graded=task.resize)
@@ -122,30 +122,30 @@ def seeded(task: Task) -> Seeded:
             place = worn_positions(task.garment.positions, worn_by, carrier)
         if stages[-1].counts.body_pairs:
             wider = replace(body, positions=body.positions + MARGIN * body.vertex_normals)
-            tries = (_untangled(rest, stages[-1], beside, body, task, "clear") for beside in (wider, body))
+            tries = (_untangle(rest, stages[-1], beside, body, task, "clear") for beside in (wider, body))
             cleared = next((stage for stage in tries if stage is not None), None)
             stages += [] if cleared is None else [cleared]
         if not stages[-1].counts.clean:
             shape = stages[-1].positions
-            stages.append(came("refine", body=body, make=partial(_refined, shape, task, body, along_normals=False)))
+            stages.append(came("refine", body=body, make=partial(_refine, shape, task, body, along_normals=False)))
             if not stages[-1].counts.on_body:  # thin limbs: the closest point may be on the wrong side
-                stages.append(came("refine", body=body, make=partial(_refined, shape, task, body, along_normals=True)))
+                stages.append(came("refine", body=body, make=partial(_refine, shape, task, body, along_normals=True)))
     except TransferError as error:
         raise InputError(error.sentence, error.remedy) from error
-    worn = Worn(task.garment, rest, task.fabric, body.triangles, self_contact=True)
-    state = Seeded(tuple(stages), worn, place, on_target, body, size)
-    return state if state.last.counts.clean else _guaranteed(state, task, body, carrier)
+    worn = StageSettings(task.garment, rest, task.fabric, body.triangles, self_contact=True)
+    state = FitState(tuple(stages), worn, place, on_target, body, size)
+    return state if state.last.counts.clean else _run_guaranteed_path(state, task, body, carrier)
 
 
-def _as_it_came(task: Task, worn_by: BodySurface) -> list[Stage]:
+def _first_stages(task: Task, worn_by: BodySurface) -> list[Stage]:
     """The garment on its own body, and freed of intersections with itself where it has some."""
     garment, description = task.garment, f"as it lies on {task.source.name}"
     stages = [staged("garment", garment.triangles, worn_by, lambda: (garment.positions, description), task.on_stage)]
-    freed = _untangled(garment.positions, stages[0], None, worn_by, task) if stages[0].counts.self_pairs else None
+    freed = _untangle(garment.positions, stages[0], None, worn_by, task) if stages[0].counts.self_pairs else None
     return stages if freed is None else [*stages, freed]
 
 
-def _moved(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats, str]:
+def _transfer(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats, str]:
     moved.append(transferred(replace(task.garment, positions=shape), task.source, task.target, task.markers))
     return moved[0].positions, moved[0].description
 
@@ -154,23 +154,23 @@ def _described(size: Size) -> tuple[Floats, str]:
     return size.positions, str(size)
 
 
-def _refined(positions: Floats, task: Task, body: BodySurface, along_normals: bool) -> tuple[Floats, str]:
+def _refine(positions: Floats, task: Task, body: BodySurface, along_normals: bool) -> tuple[Floats, str]:
     done = refined_on(body, positions, task.garment.triangles, along_normals=along_normals)
     how = ", along the garment's normals" if along_normals else ""
     return done.positions, f"DRAPE, eps {1e3 * np.min(done.eps):.2g} to {1e3 * np.max(done.eps):.2g} mm{how}"
 
 
-def _guaranteed(state: Seeded, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
+def _run_guaranteed_path(state: FitState, task: Task, body: BodySurface, carrier: Floats) -> FitState:
     """Deflate and grow; where no depth frees any shape, morph the one body into the other first."""
     own = [stage for stage in state.stages if stage.name in ("garment", "untangle")][-1]
-    done = _freed(state, state.stages[state.on_target :], task, body)
+    done = _free_of_body(state, state.stages[state.on_target :], task, body)
     if (done is None or done.failure) and not task.same_body and own.counts.on_body:
         if done is not None:
             state = replace(state, stages=done.stages, notes=(*done.notes, done.failure))
-        state = _morphed(state, own, task, body, carrier)
+        state = _morph_body(state, own, task, body, carrier)
         if state.failure or state.last.counts.clean:
             return state
-        done = _freed(state, [state.last], task, body)
+        done = _free_of_body(state, [state.last], task, body)
     if done is None:
         counts = state.last.counts
         description = f"No deflation of {task.target.name} frees the garment: {counts}, worst {counts.where}."
@@ -178,7 +178,7 @@ def _guaranteed(state: Seeded, task: Task, body: BodySurface, carrier: Floats) -
     return done
 
 
-def _freed(state: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface) -> Seeded | None:
+def _free_of_body(state: FitState, tried: Sequence[Stage], task: Task, body: BodySurface) -> FitState | None:
     """The shape of one of the stages `tried`, clear of the body and, where that can be had, of itself.
 
     The shape with the fewest intersections with itself comes first: they are harder to mend than those with the body.
@@ -193,11 +193,11 @@ def _freed(state: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
             freed: Stage | None = stage
             if stage.counts.self_pairs:
                 thin = body_surface(start.body, body.triangles)
-                freed = _untangled(state.worn.rest, stage, thin, thin, task)
+                freed = _untangle(state.worn.rest, stage, thin, thin, task)
             if freed is None:
                 continue
-            before = state if freed is stage else state.after(freed)
-            grown = _grown(before, stage, start, freed.positions, task, body)
+            before = state if freed is stage else state.with_stage(freed)
+            grown = _grow_body(before, stage, start, freed.positions, task, body)
             if not grown.failure:
                 return grown
             failed = grown
@@ -208,10 +208,10 @@ def _freed(state: Seeded, tried: Sequence[Stage], task: Task, body: BodySurface)
     if failed is not None:
         return failed
     stage = min((stage for stage, _ in clear), key=lambda one: one.counts.self_pairs)
-    return replace(state, failure=_meets_itself(stage))
+    return replace(state, failure=_self_intersection_reason(stage))
 
 
-def _meets_itself(stage: Stage) -> str:
+def _self_intersection_reason(stage: Stage) -> str:
     """Sentence for a garment that cannot be untangled: a drape would end as it began."""
     return (
         f"The garment intersects itself in {stage.counts.self_pairs:,} triangle pairs after the stage {stage.name}, "
@@ -219,7 +219,7 @@ def _meets_itself(stage: Stage) -> str:
     )
 
 
-def _untangled(
+def _untangle(
     rest: Floats,
     stage: Stage,
     beside: BodySurface | None,
@@ -241,12 +241,14 @@ def _untangled(
     return staged(name, triangles, counted_on, lambda: (done.positions, said), task.on_stage, started)
 
 
-def _grown(state: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface) -> Seeded:
+def _grow_body(
+    state: FitState, stage: Stage, start: Clearing, shape: Floats, task: Task, body: BodySurface
+) -> FitState:
     """The thin body grows back to its size as a moving obstacle; nothing to do where it is not thinner."""
     if len(start.frames) == 1:
-        return state if state.last.positions is shape else state.after(replace(stage, seconds=0.0))
+        return state if state.last.positions is shape else state.with_stage(replace(stage, seconds=0.0))
     description = f"the body {start.description}, from {stage.name}, grown back under IPC"
-    grown = _after_motion(state, "grow", shape, start.frames, task, body, description)
+    grown = _move_body(state, "grow", shape, start.frames, task, body, description)
     if not grown.failure or grown.stopped_at is None:
         return grown
     for overlap in overlaps_at(body, grown.stopped_at):
@@ -254,23 +256,23 @@ def _grown(state: Seeded, stage: Stage, start: Clearing, shape: Floats, task: Ta
         notes = (*grown.notes, f"Tried {start.description}: {grown.failure}")
         frames = (*start.frames[:-1], overlap.opened)
         before, end = replace(grown, failure="", notes=notes), body_surface(overlap.opened, body.triangles)
-        opened = _after_motion(before, "grow", shape, frames, task, body, how, end)
+        opened = _move_body(before, "grow", shape, frames, task, body, how, end)
         if not opened.failure:
             return replace(opened, overlap=overlap)
     return grown
 
 
-def _morphed(state: Seeded, start: Stage, task: Task, body: BodySurface, carrier: Floats) -> Seeded:
+def _morph_body(state: FitState, start: Stage, task: Task, body: BodySurface, carrier: Floats) -> FitState:
     """The source body becomes the target, with the garment of the stage `start` on it."""
     worn = replace(state.worn, body_triangles=task.source.triangles)
     description = f"{task.source.name} became {task.target.name} under IPC"
     frames = [task.source.positions, carrier]
-    done = _after_motion(replace(state, worn=worn), "morph", start.positions, frames, task, body, description)
+    done = _move_body(replace(state, worn=worn), "morph", start.positions, frames, task, body, description)
     return replace(done, worn=state.worn)
 
 
-def _after_motion(
-    state: Seeded,
+def _move_body(
+    state: FitState,
     name: str,
     shape: Floats,
     frames: Sequence[Floats],
@@ -278,13 +280,13 @@ def _after_motion(
     body: BodySurface,
     description: str,
     end: BodySurface | None = None,
-) -> Seeded:
+) -> FitState:
     """Move a body through `frames` under the garment; end: the body there, where it is not yet `body`."""
     folder, ended = task.folder / name, []
     places: list[Floats | None] = []
 
     def make() -> tuple[Floats, str]:
-        moved = _carried(state.worn, shape, frames, folder, named_stage(name, task.progress), end or body)
+        moved = _move_through_frames(state.worn, shape, frames, folder, named_stage(name, task.progress), end or body)
         ended.append(moved.failure)
         places.append(moved.place)
         return moved.positions, f"{description}{moved.how}"
@@ -294,10 +296,10 @@ def _after_motion(
     except InputError as error:
         return replace(state, failure=f"The stage {name} could not start: {error.sentence}")
     failure = ended[0] and f"In the stage {name}: {ended[0]}"
-    return replace(state.after(stage), failure=failure, stopped_at=places[-1])
+    return replace(state.with_stage(stage), failure=failure, stopped_at=places[-1])
 
 
-class _Moved(NamedTuple):
+class MotionResult(NamedTuple):
     """Shape after the motion of a body, what was changed for it, failure of the run, and its place [m]."""
 
     positions: Floats
@@ -306,9 +308,14 @@ class _Moved(NamedTuple):
     place: Floats | None
 
 
-def _carried(
-    worn: Worn, shape: Floats, frames: Sequence[Floats], folder: Path, listener: Listener | None, end: BodySurface
-) -> _Moved:
+def _move_through_frames(
+    worn: StageSettings,
+    shape: Floats,
+    frames: Sequence[Floats],
+    folder: Path,
+    listener: Listener | None,
+    end: BodySurface,
+) -> MotionResult:
     """Move the body through `frames` under the garment.
 
     First with the part of the body near the garment: the check of the stage has the whole one. Where the garment is not
@@ -327,16 +334,16 @@ def _carried(
         if run.status != "completed" or counted(positions, worn.garment.triangles, end).on_body:
             break
     if run.status == "completed":
-        return _Moved(positions, how, "", None)
+        return MotionResult(positions, how, "", None)
     place = run.summary["failure"]["position"]
-    return _Moved(positions, how, run.reason, None if place is None else np.asarray(place, np.float64))
+    return MotionResult(positions, how, run.reason, None if place is None else np.asarray(place, np.float64))
 
 
 FALLING = 0.5
 """Largest speed at the end of a drape [m/s] for a garment that rests on the body."""
 
 
-class Ended(NamedTuple):
+class DrapeOutcome(NamedTuple):
     """End of a drape."""
 
     status: str
@@ -346,41 +353,39 @@ class Ended(NamedTuple):
     carried: Ints = NO_ROWS
 
 
-def drape_stage(task: Task, seeded_fit: Seeded, announce: Announcement | None) -> Ended:
+def drape_fitted(task: Task, state: FitState, announce: Announcement | None) -> DrapeOutcome:
     """Drape; where it cannot start or complete, its start is the result, with status refined."""
-    body = seeded_fit.body
+    body = state.body
     runs: list[Run] = []
 
     def make() -> tuple[Floats, str]:
-        start, up = seeded_fit.last.positions, task.target.up
+        start, up = state.last.positions, task.target.up
         progress = named_stage("simulate", task.progress)
-        worn, folder, opened = seeded_fit.worn, task.folder, seeded_fit.overlap.opened
+        worn, folder, opened = state.worn, task.folder, state.overlap.opened
         runs.append(draped(worn, start, body.positions, up, folder, progress, announce, opened=opened))
         return runs[0].positions(-1), f"draped for {runs[0].times[-1]:g} s"
 
     def carried() -> Ints:
-        if not len(seeded_fit.overlap):
+        if not len(state.overlap):
             return NO_ROWS
-        return carried_rows(seeded_fit.overlap, runs[0].positions(-1), runs[0].field("carried", -1) > 0)
+        return carried_rows(state.overlap, runs[0].positions(-1), runs[0].field("carried", -1) > 0)
 
     try:
         stage = staged("simulate", task.garment.triangles, body, make, task.on_stage, carried=carried)
     except InputError as error:
-        return Ended("refined", f"The drape could not start: {error.sentence}", None, seeded_fit.stages)
+        return DrapeOutcome("refined", f"The drape could not start: {error.sentence}", None, state.stages)
     run = runs[0]
     if run.status != "completed":
-        return Ended("refined", run.reason, run, seeded_fit.stages)
+        return DrapeOutcome("refined", run.reason, run, state.stages)
     if not stage.counts.clean:
         reason = f"The drape ended with {stage.counts}, {stage.counts.where}."
-        return Ended(
-            "refined", reason, run, seeded_fit.stages if seeded_fit.last.counts.clean else (*seeded_fit.stages, stage)
-        )
-    fallen = _fallen(run, task.target.name)
-    stages = (*seeded_fit.stages, stage)
-    return Ended("failed" if fallen else "completed", fallen or run.reason, run, stages, carried())
+        return DrapeOutcome("refined", reason, run, state.stages if state.last.counts.clean else (*state.stages, stage))
+    fallen = _falling_reason(run, task.target.name)
+    stages = (*state.stages, stage)
+    return DrapeOutcome("failed" if fallen else "completed", fallen or run.reason, run, stages, carried())
 
 
-def _fallen(run: Run, body: str) -> str:
+def _falling_reason(run: Run, body: str) -> str:
     """Sentence for a garment that is still falling at the end of the drape; empty where it rests on the body."""
     record = run.record()
     fastest = record[-1]["fastest"] if record else 0.0

@@ -10,7 +10,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.regular_file import read_regular_file
 from clothsim.garments.fit.guaranteed_path import smoothed
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.stages import Garment
 from clothsim.garments.waistband import with_waistbands
 from transfer.body_parts import BodyParts
@@ -51,7 +51,7 @@ def read_markers(path: str | Path) -> Floats:
     return np.array(rows)
 
 
-def marked_vertices(points: Floats, source: Figure, target: Figure) -> Ints:
+def marked_vertices(points: Floats, source: BodyMesh, target: BodyMesh) -> Ints:
     """The vertices (k, 2) of source and target nearest to the `points` (k, 6), which are in their files' units.
 
     InputError for a point that is FARTHEST from its body.
@@ -79,7 +79,7 @@ class Transferred:
     description: str
 
 
-def transferred(garment: Garment, source: Figure, target: Figure, markers: Floats = NO_MARKERS) -> Transferred:
+def transferred(garment: Garment, source: BodyMesh, target: BodyMesh, markers: Floats = NO_MARKERS) -> Transferred:
     """The garment on the target, each triangle deformed as the body below it. TransferError as `transfer` has them.
 
     markers (k, 6): corresponding points of both (see `markers`); none: derived where the bodies differ in mesh.
@@ -98,7 +98,7 @@ def transferred(garment: Garment, source: Figure, target: Figure, markers: Float
     return Transferred(placed, body, description)
 
 
-def _parts(*figures: Figure) -> tuple[BodyParts, BodyParts] | None:
+def _parts(*figures: BodyMesh) -> tuple[BodyParts, BodyParts] | None:
     """Parts of both bodies; None where one is no standing body."""
     try:
         source, target = (figure.parts for figure in figures)
@@ -130,7 +130,9 @@ class Size:
         return ", ".join(f"{name.replace('_', ' ')} {value:.2f}" for name, value in self.factors.items())
 
 
-def sized(garment: Garment, source: Figure, target: Figure, positions: Floats, body: BodySurface, graded: bool) -> Size:
+def sized(
+    garment: Garment, source: BodyMesh, target: BodyMesh, positions: Floats, body: BodySurface, graded: bool
+) -> Size:
     """The garment near `positions` (n, 3) [m] on the target, `body`, with its own or with graded lengths."""
     try:
         parts = [figure.parts for figure in (source, target)]

@@ -8,7 +8,7 @@ from sewing_patterns import panel, skirt, specification, stitch
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments.dress.placement import refuse_unsuitable
-from clothsim.garments.inputs import Figure, read_figure
+from clothsim.garments.inputs import BodyMesh, read_body_mesh
 from clothsim.patterns.specification import pattern_of
 
 POSITIONS, TRIANGLES = person(0.1)
@@ -58,8 +58,8 @@ def test_an_output_that_is_a_file_is_refused(tmp_path):
 @pytest.mark.parametrize("scale", [0.0, -1.0, float("nan"), "cm"])
 def test_scale_must_be_positive(scale):
     with pytest.raises(InputError):
-        read_figure("body.obj", scale=scale)
+        read_body_mesh("body.obj", scale=scale)
 
 
 def test_a_doll_is_a_body():
-    refuse_unsuitable(Figure("doll", POSITIONS / 6, TRIANGLES, 1.0, ()))
+    refuse_unsuitable(BodyMesh("doll", POSITIONS / 6, TRIANGLES, 1.0, ()))

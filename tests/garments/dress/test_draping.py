@@ -8,26 +8,26 @@ from sewing_patterns import panel, specification
 
 from clothsim.garments.dress.draping import drape, hangs_on_shoulders
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
 from clothsim.run.results import open_run
 
 
 @pytest.fixture(scope="module")
-def ball() -> Figure:
+def ball() -> BodyMesh:
     """A ball of .3 m about the origin, as a body."""
     made = trimesh.creation.icosphere(subdivisions=3, radius=0.3)
-    return Figure("ball", np.asarray(made.vertices), np.asarray(made.faces), 1.0, ())
+    return BodyMesh("ball", np.asarray(made.vertices), np.asarray(made.faces), 1.0, ())
 
 
-def sheet_over(body: Figure, aside: float = 0.0) -> SewingState:
+def sheet_over(body: BodyMesh, aside: float = 0.0) -> SewingState:
     """A square of 30 cm, level, 5 mm above the ball, its middle `aside` metres from the axis."""
     state = as_placed(mesh_pattern(pattern_of(specification({"a": panel([[0, 0], [30, 0], [30, 30], [0, 30]])})), 0.06))
     flat = state.positions - state.positions.mean(axis=0)
     first = np.roll(body.up, 1)
     across = np.cross(body.up, first)
-    return state.at(0.305 * body.up + (flat[:, :1] + aside) * first + flat[:, 1:2] * across)
+    return state.moved_to(0.305 * body.up + (flat[:, :1] + aside) * first + flat[:, 1:2] * across)
 
 
 def test_what_hangs_on_the_shoulders_is_shaken_down(ball, tmp_path):
@@ -48,7 +48,7 @@ def test_what_friction_alone_holds_is_draped_as_it_was_sewn(ball, tmp_path):
 
 @pytest.mark.parametrize(("top", "hangs"), [(0.85, True), (0.76, False)])
 def test_the_level_of_the_shoulders_decides(top, hangs):
-    body = Figure("person", *person(0.1), 1.0, ())
+    body = BodyMesh("person", *person(0.1), 1.0, ())
     levels = body.positions @ body.up
     positions = np.outer(levels.min() + np.linspace(0.4, top, 5) * np.ptp(levels), body.up)
     assert hangs_on_shoulders(positions, body) == hangs

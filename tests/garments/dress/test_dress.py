@@ -11,13 +11,13 @@ from sewing_patterns import panel, specification, stitch
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments.dress import pictures
-from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, turns, worst_gap
+from clothsim.garments.dress.closing import BELOW, DART, ONTO, WITHIN, order_of, sewing_phases, worst_gap
 from clothsim.garments.dress.corrections import approached, crossing_panels, lifted, separated
 from clothsim.garments.dress.dress import _closed_seams
 from clothsim.garments.dress.pictures import frames_of, seam_strokes
 from clothsim.garments.dress.placement import placed_on, turned_to_arms
-from clothsim.garments.dress.sewing_state import as_placed, strings_through
-from clothsim.garments.inputs import Figure
+from clothsim.garments.dress.sewing_state import as_placed, count_crossing_body
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted
 from clothsim.keys.fabrics import fabric_named
 from clothsim.mesh.cloth import make_cloth
@@ -57,10 +57,10 @@ def shirt() -> dict:
 
 
 @pytest.fixture(scope="module")
-def body() -> Figure:
+def body() -> BodyMesh:
     """A person of capsules, 1.7 m tall, arms half raised."""
     positions, triangles = person(0.05)
-    return Figure("person", positions, triangles, 1.0, ())
+    return BodyMesh("person", positions, triangles, 1.0, ())
 
 
 @pytest.fixture(scope="module")
@@ -183,7 +183,7 @@ def test_placement_by_axes_and_origin(body):
     mesh = mesh_pattern(pattern_of(skirt()), SPACING)
     placed, _ = placed_on(mesh, body)
     assert np.allclose(placed.positions - mesh.positions, [0, body.positions[:, 1].min(), 0])
-    turned = Figure("z up", body.positions[:, [0, 2, 1]] * [1, -1, 1], body.triangles, 1.0, ())
+    turned = BodyMesh("z up", body.positions[:, [0, 2, 1]] * [1, -1, 1], body.triangles, 1.0, ())
     upright, _ = placed_on(mesh, turned)
     assert np.allclose(upright.positions[:, [0, 2, 1]] * [1, 1, -1], placed.positions)
     with pytest.raises(InputError):
@@ -215,13 +215,13 @@ def test_order_of_seams():
     entries["pattern"]["stitches"].append(stitch(("front", 0), ("left_sleeve_f", 1)))
     state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
     assert order_of(state.mesh.seams[-1], state) == ONTO
-    assert [len(turn.closing) for turn in turns(state)] == [len(state.mesh.seams) - 1, 1]
+    assert [len(turn.closing) for turn in sewing_phases(state)] == [len(state.mesh.seams) - 1, 1]
     entries["pattern"]["panels"]["skirt"] = panel([[-25, -40], [25, -40], [25, 0], [-25, 0]], translation=[0, 80, 22])
     entries["pattern"]["stitches"].append(stitch(("back", 0), ("skirt", 2)))
     state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
     assert order_of(state.mesh.seams[-1], state) == BELOW
-    assert [len(turn.closing) for turn in turns(state)] == [len(state.mesh.seams) - 2, 1, 1]
-    assert [turn.hold for turn in turns(state)] == [False, False, True]
+    assert [len(turn.closing) for turn in sewing_phases(state)] == [len(state.mesh.seams) - 2, 1, 1]
+    assert [turn.hold for turn in sewing_phases(state)] == [False, False, True]
     dart = panel([[0, 0], [4, 0], [5, 8], [6, 0], [10, 0], [10, 20], [0, 20]])
     state = as_placed(mesh_pattern(pattern_of(specification({"a": dart}, [stitch(("a", 1), ("a", 2))])), 0.02))
     assert order_of(state.mesh.seams[0], state) == DART
@@ -242,19 +242,19 @@ def test_panels_approach_the_body(body):
     assert np.abs(moved).max() > 0.3
 
 
-def test_strings_through_the_body_wait_for_a_second_turn(body):
+def test_springs_through_the_body_wait_for_a_second_phase(body):
     surface = body_surface(body.positions, body.triangles)
     state = as_placed(placed_on(mesh_pattern(pattern_of(shirt()), SPACING), body)[0])
-    first = turns(state)[0]
-    through = sum(strings_through(state.positions[state.pairs(seam)], surface) for seam in first.closing)
-    drawn = sum(len(first.drawn(state, seam, surface)) for seam in first.closing)
+    first = sewing_phases(state)[0]
+    through = sum(count_crossing_body(state.positions[state.pairs(seam)], surface) for seam in first.closing)
+    drawn = sum(len(first.drawn_pairs(state, seam, surface)) for seam in first.closing)
     assert through > 0
     assert first.is_partial(state, surface)
     every = sum(len(state.pairs(seam)) for seam in first.closing)
     assert drawn == every - through
     second = replace(first, patient=False)
     assert not second.is_partial(state, surface)
-    assert sum(len(second.drawn(state, seam, surface)) for seam in first.closing) == every
+    assert sum(len(second.drawn_pairs(state, seam, surface)) for seam in first.closing) == every
 
 
 def test_low_shoulders_are_lifted(body):
@@ -265,7 +265,7 @@ def test_low_shoulders_are_lifted(body):
     state = as_placed(mesh_pattern(pattern_of(entries), SPACING))
     moved, note = lifted(state, body, surface)
     before, after = (
-        sum(strings_through(each.positions[each.pairs(seam)], surface) for seam in each.mesh.seams[:4])
+        sum(count_crossing_body(each.positions[each.pairs(seam)], surface) for seam in each.mesh.seams[:4])
         for each in (state, moved)
     )
     assert after < before

@@ -8,22 +8,22 @@ from sewing_patterns import skirt
 
 from clothsim.garments.dress.pictures import view_of
 from clothsim.garments.dress.placement import front_of, placed_on, turn_to_front, usual_front
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
 
 
 @pytest.fixture(scope="module")
-def mannequin() -> Figure:
+def mannequin() -> BodyMesh:
     """A body with feet, z upward."""
-    return Figure("mannequin", *GENERATORS["mannequin"](), 1.0, ())
+    return BodyMesh("mannequin", *GENERATORS["mannequin"](), 1.0, ())
 
 
 @pytest.mark.parametrize("degrees", [0, 10, 90, 180, -120])
 def test_front_of_a_turned_body(mannequin, degrees):
     turn = Rotation.from_euler("z", degrees, degrees=True)
-    body = Figure("turned", turn.apply(mannequin.positions), mannequin.triangles, 1.0, ())
+    body = BodyMesh("turned", turn.apply(mannequin.positions), mannequin.triangles, 1.0, ())
     expected = usual_front(body.up) if abs(degrees) <= 10 else turn.apply([0, -1, 0])
     assert np.allclose(front_of(body), expected, atol=1e-3)
     placed, notes = placed_on(mesh_pattern(pattern_of(skirt()), 0.05), body)
@@ -33,7 +33,7 @@ def test_front_of_a_turned_body(mannequin, degrees):
 
 
 def test_a_body_without_feet_faces_the_usual_way():
-    body = Figure("person", *person(0.1), 1.0, ())
+    body = BodyMesh("person", *person(0.1), 1.0, ())
     assert np.array_equal(front_of(body), [0, 0, 1])
     assert np.array_equal(view_of((0.3, 0.1, 1.0), body), [0.3, 0.1, 1.0])
 
@@ -41,6 +41,6 @@ def test_a_body_without_feet_faces_the_usual_way():
 @pytest.mark.parametrize("up", [[0, 1, 0], [0, 0, 1]])
 def test_the_turn_takes_the_usual_front_to_the_given_one(up):
     axis = np.array(up, float)
-    body = Figure("box", np.eye(3) + 5 * np.outer([0, 0, 1], axis), np.array([[0, 1, 2]]), 1.0, ())
+    body = BodyMesh("box", np.eye(3) + 5 * np.outer([0, 0, 1], axis), np.array([[0, 1, 2]]), 1.0, ())
     front = Rotation.from_rotvec(2.1 * axis).apply(usual_front(axis))
     assert np.allclose(turn_to_front(body, front).apply(usual_front(axis)), front)

@@ -10,32 +10,32 @@ from sewing_patterns import panel, specification, stitch
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments.dress.grading import NAMES, graded, sizes_between
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.patterns.pattern import Pattern
 from clothsim.patterns.specification import pattern_of, read_specification
 
 
-def figure(name: str, **keys: float) -> Figure:
+def figure(name: str, **keys: float) -> BodyMesh:
     """The mannequin of the package, y upward."""
     positions, triangles = GENERATORS["mannequin"](**keys)
-    return Figure(name, positions[:, [0, 2, 1]] * [1, 1, -1], triangles, 1.0, ())
+    return BodyMesh(name, positions[:, [0, 2, 1]] * [1, 1, -1], triangles, 1.0, ())
 
 
 @pytest.fixture(scope="module")
-def own() -> Figure:
+def own() -> BodyMesh:
     """The body that patterns are cut for."""
     return figure("own")
 
 
 @pytest.fixture(scope="module")
-def wide() -> Figure:
+def wide() -> BodyMesh:
     """One whose trunk is thicker by a seventh, of the same height."""
     return figure("wide", chest=1.15, waist=1.15, hips=1.15)
 
 
-def larger(body: Figure, factor: float) -> Figure:
-    return Figure("larger", factor * body.positions, body.triangles, 1.0, ())
+def larger(body: BodyMesh, factor: float) -> BodyMesh:
+    return BodyMesh("larger", factor * body.positions, body.triangles, 1.0, ())
 
 
 def garment(sewn_sleeves: bool = True) -> Pattern:
@@ -130,7 +130,7 @@ def test_a_body_without_limbs_is_refused(own):
     import trimesh
 
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.8)
-    round_ = Figure("ball", np.asarray(ball.vertices), np.asarray(ball.faces), 1.0, ())
+    round_ = BodyMesh("ball", np.asarray(ball.vertices), np.asarray(ball.faces), 1.0, ())
     with pytest.raises(InputError):
         graded(garment(), own, round_)
 

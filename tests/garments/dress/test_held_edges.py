@@ -6,7 +6,7 @@ from sewn_tubes import tube
 
 from clothsim.base.errors import InputError
 from clothsim.garments.dress.held_edges import LEAST, edges_held, panels_at, rest_length, slid
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.waistband import TIGHT, bands, border_loops
 from clothsim.mesh.generators.table import GENERATORS
 
@@ -14,13 +14,13 @@ LOW, TOP = 0.6, 1.02
 
 
 @pytest.fixture(scope="module")
-def body() -> Figure:
+def body() -> BodyMesh:
     """The mannequin, y upward."""
     positions, triangles = GENERATORS["mannequin"]()
-    return Figure("mannequin", positions[:, [0, 2, 1]] * [1, 1, -1], triangles, 1.0, ())
+    return BodyMesh("mannequin", positions[:, [0, 2, 1]] * [1, 1, -1], triangles, 1.0, ())
 
 
-def waist_of(body: Figure) -> float:
+def waist_of(body: BodyMesh) -> float:
     """Girth of the body at the top of the tubes [m]."""
     state = tube(0.2, LOW, TOP)
     (band,) = bands(body.parts.frame.local(state.positions), state.triangles, body, body.parts)
@@ -70,19 +70,19 @@ def test_the_edge_is_named_by_its_panels(body):
 
 def test_what_slid_is_said(body):
     state = tube(0.2, LOW, TOP)
-    lower = state.at(state.positions - [0, 0.08, 0])
+    lower = state.moved_to(state.positions - [0, 0.08, 0])
     (note,) = slid(state, lower, body)
     assert "80 mm" in note
     assert f"{200 * np.pi * 0.2:.1f} cm" in note
     assert slid(state, state, body) == ()
-    assert len(slid(state, state.at(state.positions - [0, 0.5, 0]), body)) == 1
+    assert len(slid(state, state.moved_to(state.positions - [0, 0.5, 0]), body)) == 1
 
 
 def test_a_body_without_a_trunk(body):
     import trimesh
 
     ball = trimesh.creation.icosphere(subdivisions=2, radius=0.8)
-    round_ = Figure("ball", np.asarray(ball.vertices), np.asarray(ball.faces), 1.0, ())
+    round_ = BodyMesh("ball", np.asarray(ball.vertices), np.asarray(ball.faces), 1.0, ())
     with pytest.raises(InputError):
         edges_held(tube(0.2, LOW, TOP), round_)
     assert slid(tube(0.2, LOW, TOP), tube(0.2, LOW, TOP), round_) == ()

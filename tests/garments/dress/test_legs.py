@@ -6,7 +6,7 @@ from capsule_bodies import person
 from sewing_patterns import panel, specification, stitch
 
 from clothsim.garments.dress.placement import is_of_leg, placed_on, turned_to_legs
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns.pattern_mesh import PatternMesh, mesh_pattern
 from clothsim.patterns.specification import pattern_of
 from transfer.signed_distance import body_surface
@@ -26,9 +26,9 @@ def trousers(spread: float) -> dict:
     return specification(panels, sewn)
 
 
-def on_person(spread: float, leg_spread: float) -> tuple[PatternMesh, Figure]:
+def on_person(spread: float, leg_spread: float) -> tuple[PatternMesh, BodyMesh]:
     positions, triangles = person(0.05, leg_spread=leg_spread)
-    body = Figure("person", positions, triangles, 1.0, ())
+    body = BodyMesh("person", positions, triangles, 1.0, ())
     return placed_on(mesh_pattern(pattern_of(trousers(spread)), SPACING), body)[0], body
 
 
@@ -45,7 +45,7 @@ def test_legs_wider_than_the_stance_turn_rigidly_over_the_legs(spread):
     assert after < 0.02
 
 
-def hem_reach(mesh: PatternMesh, body: Figure) -> float:
+def hem_reach(mesh: PatternMesh, body: BodyMesh) -> float:
     """Mean distance of the hems from the middle of the body [m]; its feet are at .25 m."""
     low = mesh.positions[:, 1] < body.positions[:, 1].min() + 0.12
     return float(np.abs(mesh.positions[low, 0]).mean())

@@ -22,7 +22,7 @@ from clothsim.garments.dress.measurements import (
     torso_girth,
 )
 from clothsim.garments.dress.sewing_state import as_placed
-from clothsim.garments.inputs import Figure, read_figure
+from clothsim.garments.inputs import BodyMesh, read_body_mesh
 from clothsim.keys.fabrics import FABRICS
 from clothsim.mesh.weld import mean_of_parts
 from clothsim.patterns.pattern_mesh import mesh_pattern
@@ -35,9 +35,9 @@ UP = np.array([0.0, 1.0, 0.0])
 
 
 @pytest.fixture(scope="module")
-def body() -> Figure:
+def body() -> BodyMesh:
     """The person of capsules."""
-    return Figure("person", *person(0.05), 1.0, ())
+    return BodyMesh("person", *person(0.05), 1.0, ())
 
 
 def test_section_of_a_tetrahedron():
@@ -72,7 +72,7 @@ def folded(state, radius, depth, folds):
     x, y, z = state.positions.T
     share = np.arctan2(x, z) % (2 * np.pi) / (2 * np.pi)
     a, b = (np.interp(share, along / along[-1], row) for row in curve)
-    return state.at(np.column_stack([a, y, b]))
+    return state.moved_to(np.column_stack([a, y, b]))
 
 
 def test_folds_change_the_outline_and_not_the_cloth(body):
@@ -91,7 +91,7 @@ def test_a_garment_that_sank_is_measured_where_its_cloth_is_worn(body):
     x, y, z = state.mesh.positions.T
     placed = np.column_stack([x * (1 + slope * (1.4 - y)), y, z * (1 + slope * (1.4 - y))])
     cone = replace(state, mesh=replace(state.mesh, positions=placed), positions=mean_of_parts(placed, state.number))
-    sunk = cone.at(cone.positions - [0, 0.08, 0])
+    sunk = cone.moved_to(cone.positions - [0, 0.08, 0])
     at = {level: girth_along_cloth(cone, body, level) for level in (1.0, 1.08)}
     assert np.isclose(girth_along_cloth(sunk, body, 1.0), at[1.08], rtol=1e-3)
     assert np.isclose(at[1.0], 2 * np.pi * 0.3 * (1 + slope * 0.4), rtol=0.01)
@@ -161,7 +161,7 @@ def test_girths_against_sections_of_trimesh(name):
     from scipy.sparse.csgraph import connected_components
     from scipy.spatial import ConvexHull, cKDTree
 
-    body = read_figure(DATA / "bodies" / f"{name}.obj")
+    body = read_body_mesh(DATA / "bodies" / f"{name}.obj")
     low, height = body.positions[:, 1].min(), np.ptp(body.positions[:, 1])
     mesh = trimesh.Trimesh(body.positions, body.triangles, process=False)
     for share in (0.49, 0.52, 0.62, 0.65, 0.7, 0.72, 0.745):
@@ -183,7 +183,7 @@ def test_girths_against_sections_of_trimesh(name):
 
 @needs_data
 def test_girths_of_a_body_whose_girths_are_listed():
-    body = read_figure(DATA / "bodies" / "mean_all.obj")
+    body = read_body_mesh(DATA / "bodies" / "mean_all.obj")
     low, height = body.positions[:, 1].min(), np.ptp(body.positions[:, 1])
     state = tube(0.3, low + 0.4 * height, low + 0.8 * height)
     found = {girth.name: girth.body for girth in girths(state, body)}

@@ -1,4 +1,4 @@
-"""Strings of the drape: pairs of a seam that could not be welded are held, also where one alone is left."""
+"""Springs of the drape: pairs of a seam that could not be welded are held, also where one alone is left."""
 
 import numpy as np
 import pytest

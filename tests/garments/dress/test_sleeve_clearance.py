@@ -1,4 +1,4 @@
-"""Sleeves that strings of the torso run through move outward along the arms."""
+"""Sleeves that springs of the torso run through move outward along the arms."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from sewing_patterns import panel, specification, stitch
 from clothsim.garments.dress.corrections import sleeves_cleared
 from clothsim.garments.dress.placement import arm_line, middle_of
 from clothsim.garments.dress.sewing_state import as_placed
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns.pattern_mesh import mesh_pattern
 from clothsim.patterns.specification import pattern_of
 
@@ -17,8 +17,8 @@ SIDE, DEPTH, INNER = 25.0, 22.0, 15.0
 
 
 @pytest.fixture(scope="module")
-def body() -> Figure:
-    return Figure("person", *person(0.05), 1.0, ())
+def body() -> BodyMesh:
+    return BodyMesh("person", *person(0.05), 1.0, ())
 
 
 def shirt(start: float) -> dict:
@@ -35,7 +35,7 @@ def shirt(start: float) -> dict:
 
 
 def through_sleeves(state) -> int:
-    """Strings of the sides of the torso within the outline of a sleeve, seen from the front: panels are parallel."""
+    """Springs of the sides of the torso within the outline of a sleeve, seen from the front: panels are parallel."""
     found = 0
     for name, rows in state.mesh.vertices.items():
         if "sleeve" not in name:

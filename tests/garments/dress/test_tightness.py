@@ -17,7 +17,7 @@ def stretched(front: float, back: float, below: float = 0.0) -> SewingState:
         rows = state.mesh.vertices[name]
         wide = positions[rows, 1] >= below if name == "front" else True
         positions[rows, 0] *= np.where(wide, factor, 1.0)
-    return state.at(positions)
+    return state.moved_to(positions)
 
 
 def test_panels_as_cut_are_not_tight():

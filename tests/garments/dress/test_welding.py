@@ -26,7 +26,7 @@ def side_by_side(distance: float = 5.0) -> SewingState:
     square = [[0, 0], [50, 0], [50, 50], [0, 50]]
     panels = {"left": panel(square), "right": panel([[x + 50, y] for x, y in square])}
     state = as_placed(mesh_pattern(pattern_of(specification(panels, [stitch(("left", 1), ("right", 3))])), SPACING))
-    return state.at(state.positions + np.array([distance, 0.0, 0.0]))
+    return state.moved_to(state.positions + np.array([distance, 0.0, 0.0]))
 
 
 def opened(state: SewingState) -> SewingState:
@@ -34,7 +34,7 @@ def opened(state: SewingState) -> SewingState:
     positions = state.positions.copy()
     rows = state.mesh.vertices["right"]
     positions[rows, 0] += TILT * positions[rows, 1] / 0.5
-    return state.at(positions)
+    return state.moved_to(positions)
 
 
 def test_pairs_within_the_limit_are_welded(surface):
@@ -69,7 +69,7 @@ def test_pairs_whose_weld_would_meet_the_body_stay_open(surface):
     half = state.mesh.vertices["right"]
     positions[:, 2] += 0.3
     positions[half] += [0.0, 0.0, -0.6]
-    state = state.at(positions)
+    state = state.moved_to(positions)
     assert counted(state.positions, state.triangles, surface).clean
     tried = welded_where_closed(state, np.inf, surface)
     assert counted(tried.positions, tried.triangles, surface).clean

@@ -47,7 +47,7 @@ def test_a_failed_fit_returns_its_best_stage(files, tmp_path, monkeypatch):
     """A growth that ends with all vertices inside comes after a stage with one."""
     one_inside = TUBE.positions.copy()
     one_inside[15] *= 0.76
-    monkeypatch.setattr(pipeline, "_refined", lambda *_, **__: (one_inside, "none"))
+    monkeypatch.setattr(pipeline, "_refine", lambda *_, **__: (one_inside, "none"))
 
     class Stopped:
         status, reason = "failed", "At 0.1 s: Newton did not converge."
@@ -146,7 +146,7 @@ def test_the_distance_moved_is_that_from_where_it_was_worn(files, tmp_path):
 
 
 def test_a_growth_reports_its_steps_as_the_drape_does(files, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(pipeline, "_refined", lambda positions, *_, **__: (positions, "none"))
+    monkeypatch.setattr(pipeline, "_refine", lambda positions, *_, **__: (positions, "none"))
     seen = []
     done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out", progress=seen.append)
     assert "grow" in [stage.name for stage in done.stages]

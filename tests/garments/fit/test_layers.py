@@ -5,7 +5,7 @@ from fitting_cases import RADIUS, capsule_figure, task
 from tangles import joined
 
 from clothsim.garments.fit.pieces import layers_of
-from clothsim.garments.fit.pipeline import seeded
+from clothsim.garments.fit.pipeline import seed_fit
 from clothsim.garments.stages import Garment
 from clothsim.mesh.generators.sheets import tube
 from clothsim.mesh.topology import components
@@ -45,7 +45,7 @@ def test_a_repair_keeps_the_order(tmp_path):
     dent = outer & (np.abs(angle) < 0.5) & (np.abs(x[:, 2]) < 0.12)
     x[dent] *= [0.109 / 0.12, 0.109 / 0.12, 1.0]
     figure = capsule_figure()
-    found = seeded(task(Garment("layers", x, triangles), figure, figure, tmp_path))
+    found = seed_fit(task(Garment("layers", x, triangles), figure, figure, tmp_path))
     assert found.stages[0].counts.self_pairs > 50
     assert found.last.counts.clean
     moved = found.last.positions

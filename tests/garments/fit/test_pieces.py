@@ -8,9 +8,9 @@ from tangles import joined
 
 import clothsim
 from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.garments.fit.moving_body import Worn, draped
+from clothsim.garments.fit.moving_body import StageSettings, draped
 from clothsim.garments.fit.pieces import UNDIVIDED, divided, followers_of
-from clothsim.garments.fit.pipeline import seeded
+from clothsim.garments.fit.pipeline import seed_fit
 from clothsim.garments.inputs import read_garment
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
 from clothsim.mesh.generators.sheets import disk, rectangle, tube
@@ -83,7 +83,7 @@ def test_followers_turn_with_the_frames_of_their_triangles():
     turn *= np.sign(np.linalg.det(turn))
     for is_rigid in (False, True):
         piece = followers_of(whole, np.arange(9, 13), corners, np.arange(9), closest, is_rigid)
-        np.testing.assert_allclose(piece.at(host @ turn.T + 2.0), points @ turn.T + 2.0, atol=1e-12)
+        np.testing.assert_allclose(piece.positions_on(host @ turn.T + 2.0), points @ turn.T + 2.0, atol=1e-12)
 
 
 def test_a_garment_with_buttons_sunk_into_it_is_read_without_them(tmp_path):
@@ -93,7 +93,7 @@ def test_a_garment_with_buttons_sunk_into_it_is_read_without_them(tmp_path):
     assert len(garment.positions) == len(SHIRT[0])
     assert garment.division.as_dict() == {"following": 4, "stitched": 0}
     assert sum("pieces" in note for note in garment.notes) == 2
-    found = seeded(task(garment, capsule(), wider(capsule(), 1.2), tmp_path))
+    found = seed_fit(task(garment, capsule(), wider(capsule(), 1.2), tmp_path))
     assert found.last.counts.clean
     assert len(garment.division.complete(found.last.positions)) == len(x)
 
@@ -102,7 +102,7 @@ def test_a_strap_stays_on_what_it_is_stitched_to(tmp_path):
     x, triangles = joined(SHIRT, STRAP)
     garment = read_garment(in_file(tmp_path, "shirt.obj", x, triangles), None, 1.0)
     figure = capsule()
-    worn = Worn(garment, garment.positions, "cotton", figure.triangles, self_contact=True)
+    worn = StageSettings(garment, garment.positions, "cotton", figure.triangles, self_contact=True)
     run = draped(worn, garment.positions, figure.positions, figure.up, tmp_path / "drape", None, None, duration=0.3)
     assert run.status == "completed"
     gaps = [note for note in run.summary["notes"] if "stitches" in note]

@@ -6,7 +6,7 @@ import pytest
 import clothsim
 from clothsim.base.errors import InputError
 from clothsim.garments.fit.fit import refuse_lying
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.motion import rotation_matrix
 
@@ -15,7 +15,7 @@ RIGHT = np.pi / 2.0
 
 
 def turned(*angles):
-    return Figure("figure", MANNEQUIN[0] @ rotation_matrix(np.array(angles)).T, MANNEQUIN[1], 1.0, ())
+    return BodyMesh("figure", MANNEQUIN[0] @ rotation_matrix(np.array(angles)).T, MANNEQUIN[1], 1.0, ())
 
 
 @pytest.mark.parametrize(
@@ -37,7 +37,7 @@ def test_a_body_that_stands_is_taken(angles):
 @pytest.mark.parametrize("name", ["sphere", "capsule"])
 def test_a_body_without_legs_is_taken(name):
     positions, triangles = GENERATORS[name]()
-    refuse_lying(Figure(name, positions, triangles, 1.0, ()))
+    refuse_lying(BodyMesh(name, positions, triangles, 1.0, ()))
 
 
 def test_a_fit_refuses_a_lying_body_before_any_stage(tmp_path):

@@ -6,12 +6,12 @@ import pytest
 import clothsim
 from clothsim.garments.fit import moving_body
 from clothsim.garments.fit import pipeline as module
-from clothsim.garments.inputs import Figure
+from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.mesh.motion import rotation_matrix
 from transfer.body_frame import body_frame
 
-MANNEQUIN = Figure("mannequin", *GENERATORS["mannequin"](), 1.0, ())
+MANNEQUIN = BodyMesh("mannequin", *GENERATORS["mannequin"](), 1.0, ())
 LARGE = GENERATORS["mannequin"](height=1.82, chest=1.15, waist=1.2, hips=1.12)
 SKIRT = GENERATORS["skirt"](edge=0.04)
 SHIFT = np.array([0.3, -0.2, 0.1])
