@@ -15,7 +15,7 @@ import pytest
 from clothsim import InputError, check, load_scene
 from clothsim.base.safe_files.numpy_file import read_numbers
 from clothsim.base.safe_files.regular_file import read_regular_file
-from clothsim.files.meshes import library_readers, mesh_sequence
+from clothsim.files.meshes import mesh_file, mesh_sequence
 from clothsim.files.meshes.mesh_file import read_mesh
 from clothsim.files.meshes.mesh_part import Part
 from clothsim.files.meshes.mesh_sequence import frame_files, read_frames
@@ -55,7 +55,7 @@ def test_a_compressed_file_that_unpacks_to_far_more_is_refused(tmp_path, kind, m
     meshio.vtu.write(str(small), mesh, compression=kind)
     assert read_mesh(small).triangles.tolist() == [[0, 1, 2]]
     pack = {"zlib": zlib.compress, "lzma": lzma.compress}[kind]
-    monkeypatch.setattr(library_readers, "LEAST_UNPACKED", 4 * MB)
+    monkeypatch.setattr(mesh_file, "LEAST_UNPACKED", 4 * MB)
     bomb = pack(bytes(64 * MB))
     header = np.array([1, 8, 8, len(bomb)], np.uint32).tobytes()  # 8 bytes, it says
     text = small.read_text()

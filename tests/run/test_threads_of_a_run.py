@@ -8,7 +8,7 @@ from small_scenes import EFFECTS, SHEET, small_scene
 
 from clothsim import ClothsimError, simulate
 from clothsim.physics.contact import search
-from clothsim.solve.linear import dissected_factor, linear_system, pardiso
+from clothsim.solve.linear import linear_system, pardiso
 from clothsim.solve.linear.pardiso import make_factor as domains
 from clothsim.solve.linear.pardiso_library import load_library
 from clothsim.solve.newton import direction
@@ -19,8 +19,8 @@ CONTACT = EFFECTS | {"bending": {}, "self_contact": {}, "friction": {}}
 @pytest.fixture(autouse=True)
 def _any_size(monkeypatch):
     """All tasks on threads, and factors in domains, however small the cloth."""
-    monkeypatch.setattr(dissected_factor, "MIN_VERTICES", 1)
-    monkeypatch.setattr(dissected_factor, "MIN_TOGETHER", 1)
+    monkeypatch.setattr(pardiso, "MIN_VERTICES", 1)
+    monkeypatch.setattr(pardiso, "MIN_TOGETHER", 1)
     monkeypatch.setattr(linear_system, "MIN_TOGETHER", 1)
     monkeypatch.setattr(direction, "MIN_VERTICES", 1)
     monkeypatch.setattr("clothsim.solve.linear.dissection.LARGEST_SEPARATOR", 0.3)

@@ -89,7 +89,7 @@ def test_a_certificate_is_not_shown_beside_another_garment(tmp_path, monkeypatch
 
     page = preview(sheet(), write_model(tmp_path / "model.npz", model_of(sheet(), 0.0)), port=18_782)
     try:
-        monkeypatch.setattr("clothsim.simulate", moved_meanwhile)
+        monkeypatch.setattr("clothsim.viewer.preview.simulate", moved_meanwhile)
         assert "completed" in page.drape()
         assert page.controls["verdict"].content.startswith("Prediction: ")
         assert tuple(page.nodes["cloths"][0].color) == CLEAR

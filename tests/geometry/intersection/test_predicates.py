@@ -10,11 +10,11 @@ from meshes import random_rotation
 from rational import determinant_sign
 
 from clothsim.base.jit import kernel
-from clothsim.geometry.intersection import expansions, predicates
+from clothsim.geometry.intersection import predicates
 from clothsim.geometry.intersection.predicates import scaled
 
 # as the kernels run them: compiled
-grow, two_product, two_sum = map(kernel, (expansions.grow, expansions.two_product, expansions.two_sum))
+grow, two_product, two_sum = map(kernel, (predicates.grow, predicates.two_product, predicates.two_sum))
 orient2d, orient3d = map(kernel, (predicates.orient2d, predicates.orient3d))
 
 numbers = some.floats(-1e30, 1e30, allow_subnormal=False).filter(lambda a: a == 0 or abs(a) > 1e-30)
