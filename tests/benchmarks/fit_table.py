@@ -1,7 +1,7 @@
 """Table of fits: every garment on every body, after its size stage or draped.
 
 `python -m tests.benchmarks.fit_table [--garments shirt ..] [--bodies mean_all ..] [--stage drape] -o DIR [--docs]`:
-rows and pictures in DIR, a row that is there is not computed again; `--docs` writes the table into docs/howto/fit.md.
+rows and pictures in DIR, a row that is there is not computed again; `--docs` writes the table into docs/results/fit.md.
 """
 
 import argparse
@@ -40,7 +40,7 @@ HEADER = (
     *("size: chest, waist, hips, trunk length", "stages", "CPU s"),
 )
 SHOWN = ("chest", "waist", "hips", "trunk_length")
-DOCS = Path(__file__).parents[2] / "docs" / "howto" / "fit.md"
+DOCS = Path(__file__).parents[2] / "docs" / "results" / "fit.md"
 
 
 def figure_named(name: str) -> BodyMesh:
@@ -165,7 +165,7 @@ def main() -> None:
     parser.add_argument("--bodies", nargs="+", default=[*BODIES], choices=BODIES)
     parser.add_argument("--stage", default="seed", choices=["seed", "drape"])
     parser.add_argument("--again", action="store_true", help="compute rows again that are there")
-    parser.add_argument("--docs", action="store_true", help="write the table into docs/howto/fit.md")
+    parser.add_argument("--docs", action="store_true", help="write the table into docs/results/fit.md")
     parser.add_argument("-o", "--output", type=Path, required=True, help="directory for rows and pictures")
     arguments = parser.parse_args()
     arguments.output.mkdir(parents=True, exist_ok=True)
