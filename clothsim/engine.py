@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from clothsim.keys.fabrics import FABRICS, fabric_named, fabrics_of
     from clothsim.keys.keys import nearest, refuse_unknown, shown, table
     from clothsim.keys.mesh_keys import check_body, check_cloth
-    from clothsim.keys.section_hints import home_of
     from clothsim.mesh.checks import examine, refuse
     from clothsim.mesh.cloth import triangle_planes
     from clothsim.mesh.degenerate import duplicates
@@ -25,46 +24,27 @@ if TYPE_CHECKING:
     from clothsim.mesh.weld import mean_of_parts
     from clothsim.mesh.winding import facing_away
     from clothsim.mesh.world import World
-    from clothsim.physics.contact.barrier import Barrier
-    from clothsim.physics.contact.candidates import Candidates
-    from clothsim.physics.contact.pair_list import Pairs
     from clothsim.physics.energies.base import Energy, Off
     from clothsim.physics.energies.constraint import Constraint, Prescribed
     from clothsim.physics.energies.elementwise import Elementwise
     from clothsim.physics.energies.hessians import ElementHessian
-    from clothsim.physics.energies.membrane_kernels import fill
     from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap, DividedForce, History, Lagged
-    from clothsim.run.absent_cost import Absent, absent_effects
     from clothsim.run.archive import unpack_bundle, write_bundle
     from clothsim.run.callbacks import refuse_uncallable
-    from clothsim.run.certificate.certificate import Certificate
     from clothsim.run.certificate_text import certificate_rows, length, many
     from clothsim.run.check import Examination, examined
-    from clothsim.run.example_scenes import (
-        example_scenes,
-        installed_pattern,
-        installed_scene,
-        refuse_ending_of_installed,
-        scene_file,
-    )
+    from clothsim.run.example_scenes import example_scenes, installed_pattern, installed_scene, refuse_ending_of_installed, scene_file
     from clothsim.run.export import export
     from clothsim.run.field_pictures import field_settings
     from clothsim.run.fields import FIELDS
     from clothsim.run.interruption import interruption
     from clothsim.run.iterate_log import iterates_name
     from clothsim.run.output_directory import make_directory, refuse_earlier_run
-    from clothsim.run.pictures import (
-        FAILURE_NAME,
-        GIF_NAME,
-        MOVIE_NAME,
-        PICTURE_NAME,
-        draw_failure,
-        draw_frame,
-        draw_movie,
-        upright,
-    )
-    from clothsim.run.receipt import Receipt, explain_run, explain_scene, with_absent
+    from clothsim.run.pictures import FAILURE_NAME, GIF_NAME, MOVIE_NAME, PICTURE_NAME, draw_failure, draw_frame, draw_movie, upright
+    from clothsim.run.precompile import kernels_are_compiled, let_finish, start_precompiling
+    from clothsim.run.receipt import Receipt, explain, summary_of_effect
     from clothsim.run.recorded_run import Announcement, Listener
+    from clothsim.run.remaining_kernels import compile_remaining_kernels
     from clothsim.run.resume import FITTED
     from clothsim.run.session import Session, prepare
     from clothsim.run.summary import Progress
@@ -81,14 +61,14 @@ if TYPE_CHECKING:
     from clothsim.scene.assembly.welding import sewn
     from clothsim.scene.assembly.winding import wound_alike
     from clothsim.scene.content import by_content
-    from clothsim.scene.effects import CONTACTS, EFFECTS
+    from clothsim.scene.effects import CONTACTS
     from clothsim.scene.json_schema import json_schema
     from clothsim.scene.overrides import override, set_key
-    from clothsim.scene.reference import COLUMNS, markdown, row, sections
+    from clothsim.scene.reference import markdown
+    from clothsim.scene.reference_search import reference
     from clothsim.scene.scene import scene_from_text
     from clothsim.solve.linear.direct_solver import NotPositiveDefiniteError
     from clothsim.solve.linear.linear_system import System
-    from clothsim.solve.linear.sparsity import make_pattern
     from clothsim.solve.linear.threads import available_cores
     from clothsim.solve.newton.potential import Potential
     from clothsim.solve.problem import Problem, step
@@ -96,6 +76,6 @@ if TYPE_CHECKING:
     from clothsim.solve.stepping.prescribed import prescribed
     from clothsim.solve.stepping.state import State, first_state
     from clothsim.solve.stepping.stepping import StepReport, step_of
-    from clothsim.solve.stepping.time_loop import next_step, steps
+    from clothsim.solve.stepping.time_loop import steps
 
 __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -2,8 +2,9 @@
 
 import argparse
 import re
+import sys
 from collections.abc import Collection, Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from clothsim.base.errors import InputError
 
@@ -23,6 +24,21 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise InputError with argparse's message as a sentence."""
         raise InputError(f"{message[:1].upper()}{message[1:]}.", f"See `{self.prog} --help`.")
+
+
+class Renamed(argparse.Action):
+    """An earlier word of an option: it does the same, names the new one on stderr, and is not in the help."""
+
+    def __init__(self, option_strings: list[str], dest: str, now: str, **keywords: Any) -> None:
+        super().__init__(option_strings, dest, default=argparse.SUPPRESS, help=argparse.SUPPRESS, **keywords)
+        self.now = now
+
+    def __call__(
+        self, parser: object, namespace: argparse.Namespace, values: object, option: str | None = None
+    ) -> None:
+        """Set the value."""
+        print(f"{option} is now {self.now}.", file=sys.stderr)
+        setattr(namespace, self.dest, self.const if self.nargs == 0 else values)
 
 
 def refuse_empty(words: Sequence[str]) -> None:

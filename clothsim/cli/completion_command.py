@@ -110,7 +110,7 @@ def _options(parser: argparse.ArgumentParser) -> Iterator[_Option]:
     """The options of a command, and its positional arguments that have choices."""
     for action in parser._actions:
         choices = tuple(str(choice) for choice in action.choices or ())
-        if action.option_strings or choices:
+        if action.help != argparse.SUPPRESS and (action.option_strings or choices):
             yield _Option(tuple(action.option_strings), choices, action.help or "")
 
 

@@ -8,7 +8,7 @@ import clothsim
 from clothsim import engine, render
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.cli import on_demand, progress
-from clothsim.cli.arguments import as_positive_number
+from clothsim.cli.arguments import Renamed, as_positive_number
 from clothsim.cli.report import Report, messages
 
 if TYPE_CHECKING:
@@ -57,8 +57,9 @@ def add_to(commands: Any) -> None:
         help="grade by this factor of girth or length, as waist=1.05; may be given again",
     )
     dress.add_argument(
-        "--hold", action="store_true", help="take in upper edges that would slide to the girth of the body"
+        "--waistband", action="store_true", help="take in upper edges that would slide to the girth of the body"
     )
+    dress.add_argument("--hold", dest="waistband", action=Renamed, now="--waistband", nargs=0, const=True)
     dress.add_argument("--origin", default="auto", choices=("auto", "floor", "waist"), help="level y = 0 of the file")
     dress.add_argument("--rotation-order", default="zyx", choices=("zyx", "xyz"), help="of the panels (default zyx)")
     dress.add_argument("--seams", type=Path, metavar="TOML", help="seams and placement of a .dxf (default NAME.toml)")
@@ -127,7 +128,7 @@ def _dress(arguments: argparse.Namespace) -> Report:
             fabrics=as_fabrics(arguments.fabric_of),
             cut_for=_body(arguments.cut_for),
             grade=as_factors(arguments.grade),
-            hold=arguments.hold,
+            hold=arguments.waistband,
             origin=arguments.origin,
             rotation_order=arguments.rotation_order,
             seams=arguments.seams,

@@ -2,7 +2,7 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import clothsim
 from clothsim import engine
@@ -10,9 +10,6 @@ from clothsim.base.errors import InputError
 from clothsim.base.text_table import text_table
 from clothsim.cli.arguments import as_count, as_seconds
 from clothsim.cli.report import Report
-
-if TYPE_CHECKING:
-    from clothsim.engine import Absent, Receipt
 
 _DESCRIPTION = """\
 List every effect of a run, or of a scene's first steps: on or off, the reason, and its cost.
@@ -38,27 +35,24 @@ def add_to(commands: Any) -> None:
 
 
 def _explain(arguments: argparse.Namespace) -> Report:
-    absent = None
     if arguments.target.is_dir():
         for option in ("steps", "absent", "budget"):
             if getattr(arguments, option):
                 raise InputError(f"--{option} is for scenes.", "Leave it out: a run has taken its steps.")
-        receipt = engine.explain_run(arguments.target)
+        receipt = engine.explain(arguments.target)
     else:
         steps = 5 if arguments.steps is None else as_count("--steps", arguments.steps)
         budget = as_seconds("--budget", "60s" if arguments.budget is None else arguments.budget)
         if arguments.budget is not None and not arguments.absent:
             raise InputError("--budget is for --absent.", "Add --absent, or leave it out.")
         scene = clothsim.load_scene(engine.scene_file(arguments.target))
-        receipt = engine.explain_scene(scene, steps)
-        if arguments.absent:
-            absent = engine.absent_effects(scene, steps, budget)
-            receipt = engine.with_absent(receipt, absent)
-    return Report(dict(sorted(receipt.effects.items())), table(receipt, absent))
+        receipt = engine.explain(scene, steps, budget if arguments.absent else None)
+    return Report(dict(sorted(receipt.effects.items())), table(receipt))
 
 
-def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
+def table(receipt: "engine.Receipt") -> str:
     """The receipt as text: effects that are on, phases, effects that are off, the cost of adding one."""
+    absent = receipt.absent
     on = {name: entry for name, entry in receipt.effects.items() if entry["on"]}
     off = {name: entry for name, entry in receipt.effects.items() if not entry["on"]}
     shown = ("bytes", "idle_steps")  # columns that may be empty altogether
@@ -77,19 +71,21 @@ def table(receipt: "Receipt", absent: "Absent | None" = None) -> str:
     left = {name: entry for name, entry in off.items() if absent is None or name not in absent.effects}
     if left:
         width = max(len(name) for name in left)
-        reasons = {name: f"{engine.EFFECTS[name].summary}: {effect['reason']}" for name, effect in left.items()}
+        reasons = {name: f"{engine.summary_of_effect(name)}: {effect['reason']}" for name, effect in left.items()}
         lines += ["", "Off:", *(f"  {name:<{width}}  {reason}" for name, reason in reasons.items())]
-    return "\n".join([*lines, *(_added(absent) if absent is not None else [])])
+    return "\n".join([*lines, *_added(receipt)])
 
 
-def _added(absent: "Absent") -> list[str]:
+def _added(receipt: "engine.Receipt") -> list[str]:
     """Lines with the cost of each effect that the scene does not name."""
+    if (absent := receipt.absent) is None:
+        return []
     measured = {name: each for name, each in absent.effects.items() if not each.why}
     others = {name: each for name, each in absent.effects.items() if each.why}
     lines = []
     if measured:
         rows = [
-            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", engine.EFFECTS[name].summary]
+            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", engine.summary_of_effect(name)]
             for name, each in measured.items()
         ]
         rows.insert(0, ["(as it is)", f"{absent.seconds:.4f}", "1.00", ""])

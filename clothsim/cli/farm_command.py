@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from clothsim.base.errors import InputError
 from clothsim.cli import on_demand
-from clothsim.cli.arguments import Parser, as_count, as_positive_number, as_seconds
+from clothsim.cli.arguments import Parser, Renamed, as_count, as_positive_number, as_seconds
 from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ Make many drapes of one recipe: each is published once, whoever is killed. DIR i
   clothsim farm work drapes                    as often as there are cores, on any machine
   clothsim farm work drapes --workers 8        with Dask: pip install 'clothsim[farm]'
   clothsim farm status drapes --watch
-  clothsim farm verify drapes --share .01
+  clothsim farm verify drapes --fraction .01
   clothsim farm pack drapes -o data.h5         or a folder, for shards
 """
 
@@ -60,7 +60,8 @@ def add_to(commands: Any) -> None:
     status.set_defaults(handler=_status)
     verify = actions.add_parser("verify", help="check all files, make some drapes again")
     verify.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
-    verify.add_argument("--share", default="0.01", metavar="X", help="fraction to make again (default .01; 0: none)")
+    verify.add_argument("--fraction", default="0.01", metavar="X", help="drapes to make again (default .01; 0: none)")
+    verify.add_argument("--share", dest="fraction", action=Renamed, now="--fraction")
     verify.set_defaults(handler=_verify)
     pack = actions.add_parser("pack", help="write a data set: one HDF5 file, or a folder of WebDataset shards")
     pack.add_argument("directory", type=Path, metavar="DIR", help="folder of the farm")
@@ -129,10 +130,10 @@ def _status(arguments: argparse.Namespace) -> Report:
 
 
 def _verify(arguments: argparse.Namespace) -> Report:
-    none = bool(re.fullmatch(r"0+(\.0*)?|\.0+", arguments.share))
-    share = 0.0 if none else as_positive_number("--share", arguments.share)
+    none = bool(re.fullmatch(r"0+(\.0*)?|\.0+", arguments.fraction))
+    share = 0.0 if none else as_positive_number("--fraction", arguments.fraction)
     if share > 1:
-        raise InputError(f"--share is {arguments.share!r}.", "Give a number from 0 to 1, such as .01.")
+        raise InputError(f"--fraction is {arguments.fraction!r}.", "Give a number from 0 to 1, such as .01.")
     done = on_demand.verify(on_demand.open_farm(arguments.directory), share)
     lines = [f"{done.whole} drapes are whole, {len(done.torn)} torn."]
     if done.repeated + done.elsewhere:

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
-    from clothsim.base.kernel_cache import cached_kernels, can_store, is_cached
     from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_summary, to_json
     from clothsim.garments.dress.pictures import draw_dress, draw_sewing
     from clothsim.garments.fit.before_after import draw_fit

@@ -45,8 +45,7 @@ def shown(quiet: bool) -> "Iterator[Callable[[Progress], None]]":
     if quiet:
         yield lambda progress: None
         return
-    from clothsim.cli.compilation_clock import installed_clock
-    from clothsim.cli.compilation_notice import compilation_notice
+    from clothsim.cli.compilation import compilation_notice, installed_clock  # numba
 
     with installed_clock() as compiling, compilation_notice() as end_notice:
 

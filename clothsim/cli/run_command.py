@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine, render
 from clothsim.base.errors import ClothsimError, InputError
-from clothsim.cli import precompile, progress, run_report, view_beside
+from clothsim.cli import progress, run_report
 from clothsim.cli.arguments import as_count, as_length, as_positive_number
 from clothsim.cli.render_command import frame_counter
 from clothsim.cli.report import Report, messages
+from clothsim.cli.view_command import page_of
 
 if TYPE_CHECKING:
     from clothsim import Run, Scene
@@ -83,8 +84,8 @@ def _run(arguments: argparse.Namespace) -> int:
     directory = arguments.output or Path(arguments.scene.stem)
     _dumped_step(arguments)
     engine.refuse_earlier_run(directory, arguments.overwrite)
-    compiler = precompile.start()
-    with view_beside.page_of(directory) if arguments.view else nullcontext():
+    compiler = engine.start_precompiling()
+    with page_of(directory) if arguments.view else nullcontext():
         code = _execute(
             arguments,
             directory,
@@ -98,7 +99,7 @@ def _run(arguments: argparse.Namespace) -> int:
             ),
         )
     if compiler is not None and code != INTERRUPTED:
-        precompile.let_finish(compiler)  # the rest of its kernels serves the next run
+        engine.let_finish(compiler)  # the rest of its kernels serves the next run
     return code
 
 

@@ -15,11 +15,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from clothsim import load_scene, simulate
+import clothsim
+from clothsim import engine
 from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.kernel_cache import shipped, storage
-from clothsim.cli.precompile import compile_remaining_kernels
-from clothsim.engine import draw_frame, example_scenes, scene_file, set_key
 
 SOURCES = "clothsim", "transfer", "scenes", "pyproject.toml", "README.md", "LICENSE"
 """What a wheel is built from."""
@@ -80,13 +79,13 @@ def build_wheel(scenes: Sequence[str], duration: float, folder: Path) -> tuple[i
 
 def compile_kernels(scenes: Sequence[str], duration: float) -> None:
     """Run the start of the scenes and draw them."""
-    compile_remaining_kernels()
+    engine.compile_remaining_kernels()
     for name in scenes:
         with TemporaryDirectory() as folder:
             try:
-                scene = set_key(load_scene(scene_file(Path(name))), "run.duration", duration)
-                run = simulate(scene, folder, overwrite=True)
-                draw_frame(run.trajectory, Path(folder) / "picture.png")
+                scene = engine.set_key(clothsim.load_scene(engine.scene_file(Path(name))), "run.duration", duration)
+                run = clothsim.simulate(scene, folder, overwrite=True)
+                engine.draw_frame(run.trajectory, Path(folder) / "picture.png")
                 print(f"{name}: {run.status}", flush=True)
             except ClothsimError as error:  # of a scene that runs longer only: what it compiled is compiled
                 print(f"{name}: {error}", file=sys.stderr, flush=True)
@@ -100,7 +99,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--wheel", type=Path, metavar="FOLDER", help="build the clone's wheel with them there")
     parser.add_argument("--compile", action="store_true", help=argparse.SUPPRESS)
     arguments = parser.parse_args(argv)
-    scenes = arguments.scenes or [scene.name for scene in example_scenes() if not scene.missing]
+    scenes = arguments.scenes or [scene.name for scene in engine.example_scenes() if not scene.missing]
     if arguments.compile:
         compile_kernels(scenes, arguments.duration)
         return 0
@@ -120,7 +119,7 @@ def _shipped(scenes: Sequence[str], duration: float, folder: Path | None) -> str
     if not 0.0 < duration < math.inf:
         raise InputError(f"--duration is {duration}.", "Give a time above 0 [s], such as 0.3.")
     for name in scenes:
-        scene_file(Path(name))  # refuses what is no scene before anything is compiled
+        engine.scene_file(Path(name))  # refuses what is no scene before anything is compiled
     if folder is None:
         return f"{ship(scenes, duration)} kernels"
     count, wheel = build_wheel(scenes, duration, folder)

@@ -1,10 +1,13 @@
 """`clothsim view`: the page of a run in a browser."""
 
 import argparse
+import subprocess
 import sys
 import time
 import webbrowser
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,6 +46,8 @@ def add_to(commands: Any) -> None:
 
 LONGEST_WAIT, PAUSE = 600.0, 0.3
 """Time to wait for a first frame, and between two looks [s]."""
+PATIENCE = 5.0
+"""Time that the page of a run has to end in [s]."""
 
 
 def _view(arguments: argparse.Namespace) -> int:
@@ -73,3 +78,33 @@ def _await_frame(directory: Path) -> None:
                     return
         time.sleep(PAUSE)
     raise InputError(f"{directory} had no frame after {LONGEST_WAIT:g} s.", "Start `clothsim view` when it has one.")
+
+
+@contextmanager
+def page_of(directory: Path) -> Iterator[None]:
+    """Serve the page of a run that is about to begin, by a process of its own.
+
+    Neither slows the other. On a terminal it stays after the run, until Ctrl-C.
+
+    Raises
+    ------
+    InputError
+        viser is not installed.
+    """
+    if find_spec("viser") is None:
+        raise InputError("The page needs the package viser.", "pip install 'clothsim[view]'")
+    command = [sys.executable, "-m", "clothsim", "view", str(directory), "--wait"]
+    with subprocess.Popen(command, stdout=sys.stderr) as page:
+        try:
+            yield
+            if sys.stderr.isatty() and page.poll() is None:
+                print("The page stays until Ctrl-C.", file=sys.stderr, flush=True)
+                page.wait()
+        except KeyboardInterrupt:
+            pass
+        finally:
+            page.terminate()
+            try:
+                page.wait(PATIENCE)
+            except subprocess.TimeoutExpired:
+                page.kill()

@@ -1,14 +1,16 @@
-"""Receipt: counters and seconds of each effect, of a run or of the first steps of a scene."""
+"""Receipt: counters and seconds of each effect, of a run or of the first steps of a scene, and of those not named."""
 
+import inspect
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from statistics import median
+from time import perf_counter
 from typing import Any
 
-from clothsim.base.errors import InputError
+from clothsim.base.errors import ClothsimError, InputError
 from clothsim.base.process_memory import held_bytes
-from clothsim.run.absent_cost import Absent
-from clothsim.run.session import prepare
+from clothsim.run.session import Session, prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import EFFECTS
 from clothsim.scene.scene import Scene, scene_from_text
@@ -17,6 +19,31 @@ from clothsim.solve.stepping.stepping import StepReport
 from clothsim.solve.stepping.time_loop import steps as run_steps
 from clothsim.solve.timers import EffectCounters
 
+ROUNDS = 3
+LATE = "not measured: the time was spent"
+
+
+@dataclass(frozen=True)
+class Added:
+    """Median seconds of a step with the effect, and their ratio to a step without; nan where `why` has the reason."""
+
+    seconds: float = float("nan")
+    ratio: float = float("nan")
+    why: str = ""
+
+
+@dataclass(frozen=True)
+class Absent:
+    """Cost of the absent effects.
+
+    effects: by name; seconds: of a step of the scene as it is; steps: number of steps of a round; rounds: their number.
+    """
+
+    effects: dict[str, Added]
+    seconds: float
+    steps: int
+    rounds: int
+
 
 @dataclass(frozen=True)
 class Receipt:
@@ -24,15 +51,33 @@ class Receipt:
 
     effects: every name of the table, and what comes with rigid bodies, with on, reason and its counters; of a scene
     also bytes, of the arrays that the effect alone holds, and where it was measured adding, the cost of an effect that
-    is not named (`absent_cost.Added`).
+    is not named (`Added`).
     phases: seconds that belong to no effect; "step control" is the remainder. seconds: of all of them together, which
-    is all of the measured time; source: the run or the steps that were measured.
+    is all of the measured time; source: the run or the steps that were measured; absent: where it was measured, the
+    cost of the effects that a scene does not name.
     """
 
     effects: dict[str, dict[str, Any]]
     phases: dict[str, float]
     seconds: float
     source: str
+    absent: Absent | None = None
+
+
+def explain(target: Scene | Path, steps: int = 5, budget: float | None = None) -> Receipt:
+    """The receipt of a run, or of the first `steps` of a scene.
+
+    budget: time to measure also the effects that the scene does not name in [s].
+    """
+    if isinstance(target, Path):
+        return explain_run(target)
+    receipt = explain_scene(target, steps)
+    return receipt if budget is None else with_absent(receipt, absent_effects(target, steps, budget))
+
+
+def summary_of_effect(name: str) -> str:
+    """What an effect of the table does."""
+    return EFFECTS[name].summary
 
 
 def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
@@ -61,7 +106,7 @@ def explain_scene(scene: Scene, steps: int = 5) -> Receipt:
 def with_absent(receipt: Receipt, absent: Absent) -> Receipt:
     """The receipt with the cost of each absent effect."""
     added = {name: {**receipt.effects[name], "adding": asdict(each)} for name, each in absent.effects.items()}
-    return replace(receipt, effects={**receipt.effects, **added})
+    return replace(receipt, effects={**receipt.effects, **added}, absent=absent)
 
 
 def explain_run(directory: Path) -> Receipt:
@@ -104,3 +149,65 @@ def _named(account: Mapping[str, Any]) -> str:
     if not account["idle_steps"]:
         return "named in the scene"
     return f"named; had nothing to do in {account['idle_steps']} of {account['steps']} steps"
+
+
+def absent_effects(scene: Scene, steps: int = 5, budget: float = 60.0) -> Absent:
+    """Measure the first `steps` of a scene as it is and with each absent effect, its keys at their defaults.
+
+    All take turns in at most ROUNDS rounds, until `budget` [s] is spent; a measurement that has begun is completed.
+    """
+    ends = perf_counter() + budget
+    base = prepare(scene, build(scene))
+    _seconds_a_step(base, 1)  # loads and compiles
+    added: dict[str, Added] = {}
+    sessions: dict[str, Session] = {}
+    for name in (name for name in EFFECTS if name not in scene.effects):
+        made = _session_with(scene, name) if perf_counter() < ends else LATE
+        if isinstance(made, str):
+            added[name] = Added(why=made)
+        else:
+            sessions[name] = made
+    times: dict[str, list[float]] = {name: [] for name in sessions}
+    without: list[float] = []
+    while len(without) < ROUNDS and (not without or perf_counter() < ends):
+        without.append(_seconds_a_step(base, steps))
+        for name, session in sessions.items():
+            if perf_counter() < ends and name not in added:
+                try:
+                    times[name].append(_seconds_a_step(session, steps))
+                except ClothsimError as error:
+                    added[name] = Added(why=f"a step fails with it: {error}")
+    reference = median(without)
+    for name, seen in times.items():
+        measured = Added(median(seen), median(seen) / reference) if seen else Added(why=LATE)
+        added.setdefault(name, measured)
+    return Absent({name: added[name] for name in EFFECTS if name in added}, reference, steps, len(without))
+
+
+def _session_with(scene: Scene, name: str) -> Session | str:
+    """The scene with one more effect at its defaults, loaded and compiled; or the reason why there is none."""
+    needed = [key for key, default in EFFECTS[name].keys().items() if default is inspect.Parameter.empty]
+    if needed:
+        return f"needs keys: {', '.join(needed)}"
+    wider = replace(scene, effects={**scene.effects, name: {}})
+    try:
+        built = build(wider)
+        if name in built.off:
+            return f"would be off: {built.off[name]}"
+        session = prepare(wider, built)
+        _seconds_a_step(session, 1)
+    except ClothsimError as error:
+        return f"does not go with the scene: {error.sentence}"
+    return session
+
+
+def _seconds_a_step(session: Session, steps: int) -> float:
+    """Seconds per step of the first `steps`, or of as many as the scene has."""
+    run, taken, started = session.scene.run_settings, 0, perf_counter()
+    state = first_state(session.built.world, session.integrator.dt)
+    for taken, report in enumerate(run_steps(session.integrator, state, run.duration, run.frames_per_second), start=1):
+        if report.failure is not None:
+            raise ClothsimError(report.failure.reason)
+        if taken == steps:
+            break
+    return (perf_counter() - started) / max(taken, 1)

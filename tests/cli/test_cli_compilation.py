@@ -5,8 +5,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from clothsim.cli import compilation_clock, compilation_notice
-from clothsim.cli.compilation_clock import CompilationClock, installed_clock
+from clothsim.cli import compilation
+from clothsim.cli.compilation import CompilationClock, installed_clock
 from clothsim.cli.progress import Lines, shown
 from clothsim.run.summary import Progress
 
@@ -15,7 +15,7 @@ from clothsim.run.summary import Progress
 def seconds(monkeypatch):
     """Time of the clock of compilation, set by the test."""
     at = SimpleNamespace(now=0.0)
-    monkeypatch.setattr(compilation_clock, "perf_counter", lambda: at.now)
+    monkeypatch.setattr(compilation, "perf_counter", lambda: at.now)
     return at
 
 
@@ -59,8 +59,8 @@ def test_the_time_left_excludes_compilation(monkeypatch, capsys):
 
 
 def test_the_notice_ends_with_the_first_step_and_comes_once(monkeypatch, capsys):
-    monkeypatch.setattr(compilation_notice, "SECONDS_BETWEEN_LINES", 0.02)
-    monkeypatch.setattr(compilation_notice, "kernels_are_compiled", lambda: False)
+    monkeypatch.setattr(compilation, "SECONDS_BETWEEN_LINES", 0.02)
+    monkeypatch.setattr("clothsim.engine.kernels_are_compiled", lambda: False)
     with shown(quiet=False) as listener:
         for _ in range(500):
             time.sleep(0.01)
@@ -78,7 +78,7 @@ def test_the_notice_ends_with_the_first_step_and_comes_once(monkeypatch, capsys)
 
 @pytest.mark.parametrize(("quiet", "compiled"), [(True, False), (False, True)])
 def test_nothing_is_printed_where_it_is_quiet_or_compiled(monkeypatch, capsys, quiet, compiled):
-    monkeypatch.setattr(compilation_notice, "kernels_are_compiled", lambda: compiled)
+    monkeypatch.setattr("clothsim.engine.kernels_are_compiled", lambda: compiled)
     with shown(quiet):
         pass
     assert capsys.readouterr().err == ""

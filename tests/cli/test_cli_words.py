@@ -7,7 +7,8 @@ import sys
 import pytest
 
 from clothsim import InputError
-from clothsim.cli import COMMANDS, GROUPS, _short, main, without_group
+from clothsim.cli import COMMANDS, GROUPS, _short, main, parser_of_all, without_group
+from clothsim.cli.completion_command import bash
 from clothsim.cli.progress import Lines, clock
 from clothsim.run.summary import Progress
 
@@ -214,3 +215,19 @@ def test_every_command_is_in_a_group_and_is_imported_alone(capsys):
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "['clothsim.cli.export_command']"
+
+
+def test_a_renamed_option_does_the_same_and_names_the_new_one(capsys):
+    parser = parser_of_all()
+    commands = next(action.choices for action in parser._actions if action.dest == "command")
+    given = parser.parse_args(["farm", "verify", "drapes", "--share", ".5"])
+    assert given.fraction == ".5"
+    assert "--fraction" in capsys.readouterr().err
+    assert parser.parse_args(["dress", "tunic", "--on", "shirt", "--hold"]).waistband is True
+    assert "--waistband" in capsys.readouterr().err
+    given = parser.parse_args(["dress", "tunic", "--on", "shirt", "--waistband"])
+    assert given.waistband is True
+    assert parser.parse_args(["dress", "tunic", "--on", "shirt"]).waistband is False
+    assert capsys.readouterr().err == ""
+    assert "--hold" not in commands["dress"].format_help()
+    assert "--hold" not in bash(parser)

@@ -11,8 +11,7 @@ from small_scenes import BALL, EFFECTS, small_scene
 from clothsim import InputError
 from clothsim.base.process_memory import held_bytes
 from clothsim.cli import main
-from clothsim.run.absent_cost import LATE, absent_effects
-from clothsim.run.receipt import explain_scene
+from clothsim.run.receipt import LATE, absent_effects, explain_scene
 from clothsim.scene.effects import EFFECTS as TABLE
 from clothsim.scene.effects import Effect
 

@@ -280,7 +280,7 @@ def test_commands(tmp_path, capsys):
     assert json.loads(capsys.readouterr().out)["planned"] == 2
     assert main(["farm", "work", where, "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["causes"] == {"refused": 1}
-    assert main(["farm", "status", where]) == main(["farm", "verify", where, "--share", "0"]) == 0
+    assert main(["farm", "status", where]) == main(["farm", "verify", where, "--fraction", "0"]) == 0
     assert len((tmp_path / "farm" / "manifest.jsonl").read_text().splitlines()) == 2
     assert main(["farm", "work", str(tmp_path), "--quiet"]) == 2
     assert main(["farm", "verify", where, "--share", "7"]) == 2

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from clothsim.cli import precompile
+from clothsim.run import precompile
 
 ROOT = Path(__file__).parents[2]
 
 THE_REST = """
 import json
-from clothsim.cli.precompile import compile_remaining_kernels
+from clothsim.run.remaining_kernels import compile_remaining_kernels
 from tests.benchmarks.compile_time import loaded
 compile_remaining_kernels()
 print(json.dumps([name for name, types in loaded().items() if types]))
@@ -35,15 +35,15 @@ def test_a_second_process_begins_where_nothing_is_compiled(monkeypatch):
     monkeypatch.setattr(precompile.subprocess, "Popen", lambda command, **keywords: begun.append((command, keywords)))
     monkeypatch.setattr(precompile, "CORES", 1)
     monkeypatch.setattr(precompile, "kernels_are_compiled", lambda: True)
-    precompile.start()
+    precompile.start_precompiling()
     assert begun == []
     monkeypatch.setattr(precompile, "kernels_are_compiled", lambda: False)
-    precompile.start()
+    precompile.start_precompiling()
     ((command, keywords),) = begun
-    assert command == [sys.executable, "-P", "-m", "clothsim.cli.precompile"]
+    assert command == [sys.executable, "-P", "-m", "clothsim.run.remaining_kernels"]
     assert keywords["env"]["PYTHONPATH"].split(os.pathsep)[0] == str(ROOT)
     monkeypatch.setattr(precompile, "CORES", 10**6)  # one core compiles alone
-    precompile.start()
+    precompile.start_precompiling()
     assert len(begun) == 1
 
 
@@ -55,7 +55,7 @@ def test_the_second_process_compiles_energies_matrix_and_contact():
 
 WAITER = """
 import sys, time
-from clothsim.cli import precompile
+from clothsim.run import precompile
 precompile.end_with_parent()
 print("ready", flush=True)
 time.sleep(0.3 if sys.argv[1:] else 60)

@@ -1,12 +1,19 @@
-"""Notice on stderr while the kernels of a first run are compiled."""
+"""Compilation of kernels: the time that this process spends on it, from numba's events, and a notice on stderr."""
 
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Event, Thread
 from time import perf_counter
+from typing import Any
+
+from numba.core import event
 
 from clothsim import engine
+from clothsim.base.kernel_cache import cached_kernels
+
+COMPILE = "numba:compile"
+"""Numba's event around a compilation; a kernel that comes from the cache raises none."""
 
 KERNELS = 58
 """Those of a drape on a body with self contact and friction, up to its picture (scenes/sphere.toml)."""
@@ -17,15 +24,43 @@ SECONDS = 40
 SECONDS_BETWEEN_LINES = 5.0
 
 
+class CompilationClock(event.Listener):
+    """Sum of the seconds of compilation since it was installed, that under way included."""
+
+    def __init__(self) -> None:
+        self._depth = 0
+        self._began = 0.0
+        self._finished = 0.0
+
+    def on_start(self, event: Any) -> None:
+        """Begin with the outermost: what a kernel calls is compiled within it."""
+        if self._depth == 0:
+            self._began = perf_counter()
+        self._depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """Add the time of the outermost."""
+        self._depth -= 1
+        if self._depth == 0:
+            self._finished += perf_counter() - self._began
+
+    def seconds(self) -> float:
+        """Wall time of compilation up to now [s]."""
+        return self._finished + (perf_counter() - self._began if self._depth else 0.0)
+
+
+def installed_clock() -> Any:
+    """A context with a clock that listens to numba."""
+    return event.install_listener(COMPILE, CompilationClock())
+
+
 @contextmanager
-def compilation_notice() -> "Iterator[Callable[[], object]]":
+def compilation_notice() -> Iterator[Callable[[], object]]:
     """Print that kernels are compiled, and how many are, every few seconds until the yielded function is called.
 
     Nothing is printed where they are in the cache.
     """
-    from clothsim.base.kernel_cache import cached_kernels
-
-    if kernels_are_compiled():
+    if engine.kernels_are_compiled():
         yield lambda: None
         return
     over, began, before = Event(), perf_counter(), cached_kernels()
@@ -40,13 +75,6 @@ def compilation_notice() -> "Iterator[Callable[[], object]]":
         yield over.set
     finally:
         over.set()
-
-
-def kernels_are_compiled() -> bool:
-    """True where the kernel that takes longest is in the cache, or where there is no cache."""
-    from clothsim.base.kernel_cache import can_store, is_cached
-
-    return is_cached(engine.fill) or not can_store()
 
 
 def progress_text(done: int, seconds: float) -> str:
