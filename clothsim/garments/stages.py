@@ -1,9 +1,9 @@
-"""Stages of a fit: shape of the garment, seconds, and penetration counts after each."""
+"""Stages of fit and dress: the pipeline that they are run by, and the shape and penetration counts after each."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from time import perf_counter
-from typing import Any
+from typing import Any, Generic, Protocol, TypeVar
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.garments.fit.original_file import NO_ORIGINAL, Original
@@ -85,3 +85,44 @@ def staged(
     stage = Stage(name, seconds, positions, counted(positions, triangles, body, carried()), description)
     on_stage(stage)
     return stage
+
+
+class PipelineState(Protocol):
+    """Garment on its way through a pipeline."""
+
+    @property
+    def failure(self) -> str:
+        """Reason in a sentence; empty while nothing failed."""
+
+
+Task = TypeVar("Task")
+State = TypeVar("State", bound=PipelineState)
+
+
+@dataclass(frozen=True)
+class PlannedStage(Generic[Task, State]):
+    """Stage of a pipeline.
+
+    Attributes
+    ----------
+    name : str
+        As in the summary.
+    run : callable
+        Returns the state after it, from the task and the state before.
+    needed : callable
+        False, of the task and the state before, where it is left out.
+    """
+
+    name: str
+    run: Callable[[Task, State], State]
+    needed: Callable[[Task, State], bool] = lambda task, state: True
+
+
+def run_stages(stages: Sequence[PlannedStage[Task, State]], task: Task, state: State) -> State:
+    """The state after all stages that are needed, or after the first that failed."""
+    for stage in stages:
+        if stage.needed(task, state):
+            state = stage.run(task, state)
+            if state.failure:
+                break
+    return state

@@ -1,6 +1,7 @@
 """`clothsim fit` in this process: printed text, output files, and bad input in one sentence."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,8 @@ from fitting_cases import capsule_figure, in_file, tube_garment
 
 from clothsim import InputError
 from clothsim.cli import main
-from clothsim.garments.fit import moving_body, pipeline
+from clothsim.garments import stage_scenes
+from clothsim.garments.fit import pipeline
 from clothsim.mesh.generators.sheets import rectangle
 
 BODY = capsule_figure(segments=10)
@@ -27,7 +29,7 @@ def _here(tmp_path, monkeypatch):
     monkeypatch.setenv("CLOTHSIM_RENDERER", "ray")
     monkeypatch.setattr("clothsim.garments.fit.before_after.SIZE", (64, 96))
     monkeypatch.setattr(
-        moving_body, "DRAPING", {**moving_body.DRAPING, "run": {"duration": 0.02, "frames_per_second": 50}}
+        stage_scenes, "FIT_DRAPE", replace(stage_scenes.FIT_DRAPE, run={"duration": 0.02, "frames_per_second": 50})
     )
     monkeypatch.setattr(pipeline, "FALLING", 1.0)
     in_file(tmp_path, "tube.obj", TUBE.positions, TUBE.triangles)

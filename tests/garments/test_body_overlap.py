@@ -104,7 +104,7 @@ def test_cloth_between_the_legs_is_carried_and_all_other_is_free(tmp_path, monke
     assert cKDTree(legs.positions).query(ends[0])[0].max() == 0
     assert cKDTree(found.overlap.opened).query(ends[2])[0].max() == 0  # of the part near the garment
     assert found.last.counts.penetrating_vertices  # counted on the body as it is
-    ended = drape_fitted(task(garment, legs, legs, tmp_path), found, None)
+    ended = drape_fitted(task(garment, legs, legs, tmp_path), found)
     assert ended.status == "completed", ended.reason
     assert ended.stages[-1].counts.clean
     assert 0 < len(ended.carried) < 16

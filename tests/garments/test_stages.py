@@ -1,12 +1,13 @@
 """Stages: contents and callback."""
 
+from dataclasses import dataclass, replace
 from time import perf_counter
 
 import numpy as np
 from fitting_cases import capsule_figure, tube_garment
 
 from clothsim.garments.penetration import Counts
-from clothsim.garments.stages import Stage, best_stage, staged
+from clothsim.garments.stages import PlannedStage, Stage, best_stage, run_stages, staged
 from transfer.signed_distance import body_surface
 
 FIGURE = capsule_figure()
@@ -49,3 +50,25 @@ def test_the_best_stage_has_the_fewest_intersections_with_the_body_then_with_its
     assert best_stage(stages, 1) == 3
     assert best_stage(stages, 0) == 0
     assert best_stage(stages[:2], 1) == 1
+
+
+@dataclass(frozen=True)
+class Count:
+    """State of a pipeline: stages run so far."""
+
+    ran: tuple[str, ...] = ()
+    failure: str = ""
+
+
+def test_a_pipeline_leaves_out_what_is_not_needed_and_ends_at_a_failure():
+    def ran(name, failure=""):
+        return lambda task, state: replace(state, ran=(*state.ran, name), failure=failure)
+
+    stages = (
+        PlannedStage("a", ran("a")),
+        PlannedStage("b", ran("b"), lambda task, state: task == "with b"),
+        PlannedStage("c", ran("c", "stopped")),
+        PlannedStage("d", ran("d")),
+    )
+    assert run_stages(stages, "plain", Count()) == Count(("a", "c"), "stopped")
+    assert run_stages(stages, "with b", Count()).ran == ("a", "b", "c")

@@ -6,23 +6,21 @@ and collars are sewn to the torso, which is held. Whether a seam is closed is me
 whose gap is small become one vertex where the exact check allows it.
 """
 
-import warnings
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from clothsim import Body, Run, Scene, simulate
+from clothsim import Body, Run, Scene
 from clothsim.base.arrays import Floats, Ints
-from clothsim.base.errors import IntersectionWarning
 from clothsim.engine import ContactGap, Listener, build
 from clothsim.garments.dress.placement import is_of_arm
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, crosses_body, sewn_cloth
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import counted
+from clothsim.garments.stage_scenes import dress_closing, simulate_stage
 from clothsim.patterns import Panel, Seam
 from transfer.signed_distance import BodySurface
 
@@ -231,27 +229,12 @@ def _find_closed_pairs(state: SewingState, seam: int, limit: float) -> Ints:
     return np.asarray(pairs[(ends[:, 0] != ends[:, 1]) & (gaps <= limit)])
 
 
-HOLD = 0.3
-"""Time for which the closed seams come to rest [s]."""
-THICKNESS = 0.1
-"""Distance at which contact begins, as a fraction of the mean edge."""
-FRICTION = 0.5
-"""Friction with the body once all seams were drawn together: stiffer springs would pull the garment off."""
 CLOSED = 1.5
 """Gap of a closed seam while others are open, as a multiple of the distance at which contact begins."""
 NEAR = 0.5
 """Gap of a closed seam once all were drawn together, as a fraction of the mean edge: at corners of several panels, in
 cuffs and armpits contact keeps springs apart that the weld closes. It moves a vertex by a quarter of an edge at most,
 which turns no triangle over; the drape relaxes it."""
-SETTINGS: dict[str, Any] = {
-    "effects": {
-        "inertia": {},
-        "membrane": {},
-        "bending": {"model": "hinge"},
-        "damping": {"rate": 40.0},
-    },
-    "solver": {"dt": 0.04, "tolerance": 0.1, "max_iterations": 200, "integrator": "backward_euler"},
-}
 
 
 @dataclass(frozen=True)
@@ -294,11 +277,9 @@ def close(
             waiting.appendleft(replace(phase, patient=False))
         if not springs.springs:
             continue
-        scene = _scene(state, body, fabrics, springs)
+        scene = _closing_scene(state, body, fabrics, springs)
         limit = CLOSED * contact_gap(scene) if waiting else NEAR * mean_edge(state)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", IntersectionWarning)
-            run = simulate(scene, folder / f"close{len(runs)}", listener, overwrite=True)
+        run = simulate_stage(scene, folder / f"close{len(runs)}", listener)
         runs.append(run)
         state = state.moved_to(run.positions(-1))
         if run.status != "completed":
@@ -327,32 +308,15 @@ def contact_gap(scene: Scene) -> float:
     return float(contact.activation_distance)
 
 
-def _scene(state: SewingState, body: BodyMesh, fabrics: Fabrics, phase: PhaseSprings) -> Scene:
+def _closing_scene(state: SewingState, body: BodyMesh, fabrics: Fabrics, phase: PhaseSprings) -> Scene:
     """Scene of a round."""
-    contact = {"d_hat": THICKNESS * mean_edge(state)}
-    effects = {
-        **SETTINGS["effects"],
-        "body_contact": contact,
-        "self_contact": contact,
-        "seams": {"seam": [_seam_table(springs, phase.stiffness) for springs in phase.springs]},
-    }
-    if phase.friction:
-        effects["friction"] = {"coefficient": FRICTION}
-    if len(phase.held):
-        effects["pins"] = {"select": phase.held.tolist()}
-    return Scene(
-        cloth=sewn_cloth(state, fabrics),
-        body=Body(body.positions, body.triangles, name="body"),
-        effects=effects,
-        solver=SETTINGS["solver"],
-        run={"duration": phase.duration + HOLD, "frames_per_second": 10},
-    )
-
-
-def _seam_table(springs: SeamSprings, stiffness: float) -> dict[str, Any]:
-    first, second = springs.pairs.T
-    lines = {"from": {"vertices": first.tolist()}, "to": {"vertices": second.tolist()}, "match": "vertices"}
-    return {**lines, "start": springs.start, "end": springs.end, "stiffness": stiffness}
+    seams = []
+    for springs in phase.springs:
+        first, second = springs.pairs.T
+        lines = {"from": {"vertices": first.tolist()}, "to": {"vertices": second.tolist()}, "match": "vertices"}
+        seams.append({**lines, "start": springs.start, "end": springs.end, "stiffness": phase.stiffness})
+    sections = dress_closing(mean_edge(state), seams, phase.held.tolist(), phase.duration, phase.friction)
+    return sections.scene(cloth=sewn_cloth(state, fabrics), body=Body(body.positions, body.triangles, name="body"))
 
 
 def mean_edge(state: SewingState) -> float:

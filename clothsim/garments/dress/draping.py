@@ -5,38 +5,23 @@ down first, with little friction, as a person pulls a shirt straight. What is in
 as the forces that more friction can give include those of less.
 """
 
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from clothsim import Body, Run, Scene, simulate
+from clothsim import Body, Run
 from clothsim.base.arrays import Floats
-from clothsim.base.errors import IntersectionWarning
 from clothsim.engine import Announcement, Listener
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, sewn_cloth
 from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.stage_scenes import dress_drape, simulate_stage
 
-LONGEST = 3.0
-"""Bound on the time of a drape [s]."""
 FRICTION = 0.4
 SLIPPERY = 0.05
 """Friction while a garment is shaken down."""
 SHOULDERS = 0.8
 """Level above which a garment hangs on the shoulders, as a fraction of the body's height: armpits are at .76."""
-SETTINGS: dict[str, Any] = {
-    "effects": {
-        "inertia": {},
-        "membrane": {},
-        "bending": {"model": "hinge"},
-        "damping": {"rate": 4.0},
-        "body_contact": {},
-        "self_contact": {},
-    },
-    "solver": {"dt": 0.02, "tolerance": 0.05, "max_iterations": 200, "integrator": "backward_euler"},
-    "run": {"duration": LONGEST, "until": "rest", "rest_speed": 0.02, "frames_per_second": 10},
-}
 SANK = 0.03
 """Way down of the top of a garment, as a fraction of the body's height, beyond which it was held by friction alone."""
 
@@ -68,13 +53,13 @@ def drape(
         A start that cannot be simulated.
     """
     if hangs_on_shoulders(state.positions, body):
-        shaken = _run(state, body, fabrics, folder / "shaken", SLIPPERY, listener, announce)
+        shaken = _drape_with_friction(state, body, fabrics, folder / "shaken", SLIPPERY, listener, announce)
         if shaken.status != "completed":
             return shaken
         sank = (state.positions @ body.up).max() - (shaken.positions(-1) @ body.up).max()
         if sank < SANK * np.ptp(body.positions @ body.up):
             state = state.moved_to(shaken.positions(-1))
-    return _run(state, body, fabrics, folder, FRICTION, listener, announce)
+    return _drape_with_friction(state, body, fabrics, folder, FRICTION, listener, announce)
 
 
 def hangs_on_shoulders(positions: Floats, body: BodyMesh) -> bool:
@@ -83,7 +68,7 @@ def hangs_on_shoulders(positions: Floats, body: BodyMesh) -> bool:
     return bool((positions @ body.up).max() > levels.min() + SHOULDERS * np.ptp(levels))
 
 
-def _run(
+def _drape_with_friction(
     state: SewingState,
     body: BodyMesh,
     fabrics: Fabrics,
@@ -92,19 +77,7 @@ def _run(
     listener: Listener | None,
     announce: Announcement | None,
 ) -> Run:
-    seam = open_seam_tables(state)
-    effects = {
-        **SETTINGS["effects"],
-        "friction": {"coefficient": friction},
-        "gravity": {"acceleration": (-9.81 * body.up).tolist()},
-    }
-    scene = Scene(
-        cloth=sewn_cloth(state, fabrics),
-        body=Body(body.positions, body.triangles, name="body"),
-        effects=effects | ({"seams": {"seam": seam}} if seam else {}),
-        solver=SETTINGS["solver"],
-        run=SETTINGS["run"],
+    scene = dress_drape(body.up, open_seam_tables(state), friction).scene(
+        cloth=sewn_cloth(state, fabrics), body=Body(body.positions, body.triangles, name="body")
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", IntersectionWarning)
-        return simulate(scene, folder, listener, announce, overwrite=True)
+    return simulate_stage(scene, folder, listener, announce)

@@ -30,7 +30,7 @@ from clothsim.garments.dress.measurements import tight_notes
 from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turned_to_arms, turned_to_legs
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
-from clothsim.garments.stages import Stage, StageCallback, staged
+from clothsim.garments.stages import PlannedStage, Stage, StageCallback, run_stages, staged
 from clothsim.patterns import TOUCHING, Pattern, mesh_pattern, sewn_vertices
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
@@ -40,7 +40,7 @@ SLID = 0.07
 
 
 @dataclass(frozen=True)
-class _Task:
+class DressTask:
     """What all stages share: the body and its surface, fabric, directory and listeners."""
 
     body: BodyMesh
@@ -54,15 +54,25 @@ class _Task:
 
 
 @dataclass(frozen=True)
-class _Progress:
-    """The garment so far; failure: empty while nothing failed."""
+class DressState:
+    """The garment so far; status and reason: as of `Dress`."""
 
     state: SewingState
     stages: tuple[Stage, ...]
-    failure: str = ""
+    status: str = "completed"
+    reason: str = ""
     notes: tuple[str, ...] = ()
     run: Run | None = None
     closing: tuple[Run, ...] = ()
+
+    @property
+    def failure(self) -> str:
+        """Reason for a failure; empty while nothing failed."""
+        return self.reason if self.status == "failed" else ""
+
+    def failed(self, reason: str) -> "DressState":
+        """Copy that failed for a reason; as it is for none."""
+        return replace(self, status="failed", reason=reason) if reason else self
 
 
 def dress(
@@ -162,8 +172,8 @@ def dress(
     mesh, arm_notes = turned_to_arms(mesh, body)
     mesh, leg_notes = turned_to_legs(mesh, body, surface)
     make_directory(directory)
-    task = _Task(body, surface, chosen, hold, directory, on_stage, progress, announce)
-    begun = _Progress(
+    task = DressTask(body, surface, chosen, hold, directory, on_stage, progress, announce)
+    begun = DressState(
         as_placed(mesh),
         (),
         notes=(
@@ -175,15 +185,11 @@ def dress(
             *body.notes,
         ),
     )
-    done = _sewn(task, begun)
-    status = "failed" if done.failure else "completed"
-    reason = done.failure
-    if not done.failure:
-        done, status, reason = _draped(task, done)
+    done = run_stages(STAGES, task, begun)
     worn = Dress(
         directory,
-        status,
-        reason,
+        done.status,
+        done.reason,
         read,
         begun.state,
         done.state,
@@ -227,18 +233,9 @@ def _surface(body: BodyMesh) -> BodySurface:
         raise InputError(f"{body.name}: {error}") from error
 
 
-def _sewn(task: _Task, done: _Progress) -> _Progress:
-    """Place, separate, approach, close and weld."""
-    for stage in (_placed, _separated, _approached, _closed, _welded):
-        done = stage(task, done)
-        if done.failure:
-            return done
-    return done
-
-
 def _add_stage(
-    task: _Task, done: _Progress, name: str, state: SewingState, description: str, started: float
-) -> _Progress:
+    task: DressTask, done: DressState, name: str, state: SewingState, description: str, started: float
+) -> DressState:
     """The garment after a stage."""
     made = lambda: (state.positions, description)  # noqa: E731
     stage = staged(name, state.triangles, task.surface, made, task.on_stage, started)
@@ -252,7 +249,7 @@ def touching_seams(state: SewingState) -> list[int]:
     return [k for k in touching if not crossing & {side.panel for side in state.mesh.seams[k].stitch.sides}]
 
 
-def _placed(task: _Task, done: _Progress) -> _Progress:
+def _place(task: DressTask, done: DressState) -> DressState:
     """Panels as placed; seams that touch are welded."""
     started, state = perf_counter(), done.state
     touching = touching_seams(state)
@@ -265,10 +262,8 @@ def _placed(task: _Task, done: _Progress) -> _Progress:
     return _add_stage(task, done, "place", state, f"{size}, {len(touching)} seams touch" if touching else size, started)
 
 
-def _separated(task: _Task, done: _Progress) -> _Progress:
+def _separate(task: DressTask, done: DressState) -> DressState:
     """Panels moved apart where they intersect one another or the body."""
-    if done.stages[-1].counts.clean:
-        return done
     started = perf_counter()
     state, description = separated(done.state, task.body, task.surface)
     done = _add_stage(task, done, "separate", state, description, started)
@@ -276,31 +271,27 @@ def _separated(task: _Task, done: _Progress) -> _Progress:
     if counts.clean:
         return done
     names = ", ".join(panels_in_contact(state, task.surface))
-    return replace(done, failure=f"Placed panels intersect, and no way out was found: {names} ({counts}).")
+    return done.failed(f"Placed panels intersect, and no way out was found: {names} ({counts}).")
 
 
-def _approached(task: _Task, done: _Progress) -> _Progress:
+def _approach(task: DressTask, done: DressState) -> DressState:
     """Panels moved toward the body."""
-    if not done.state.open_seams:
-        return done
     started = perf_counter()
     return _add_stage(task, done, "approach", *approached(done.state, task.body, task.surface), started)
 
 
-def _closed(task: _Task, done: _Progress) -> _Progress:
+def _close(task: DressTask, done: DressState) -> DressState:
     """Seams drawn together under contact."""
-    if not done.state.open_seams:
-        return done
     started = perf_counter()
     try:
         closing = close(done.state, task.body, task.surface, task.fabrics, task.directory, task.progress)
     except InputError as error:
-        return replace(done, failure=f"The closing could not start: {error.sentence}")
+        return done.failed(f"The closing could not start: {error.sentence}")
     done = _add_stage(task, done, "close", closing.state, closing.description, started)
-    return replace(done, failure=closing.failure, closing=closing.runs)
+    return replace(done.failed(closing.failure), closing=closing.runs)
 
 
-def _welded(task: _Task, done: _Progress) -> _Progress:
+def _weld(task: DressTask, done: DressState) -> DressState:
     """Seams welded; those whose weld would intersect stay springs, and are named."""
     started, state = perf_counter(), welded_where_closed(done.state, np.inf, task.surface)
     springs = [state.mesh.seams[k].name for k in state.open_seams]
@@ -313,7 +304,7 @@ def _welded(task: _Task, done: _Progress) -> _Progress:
     )
 
 
-def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
+def _drape(task: DressTask, done: DressState) -> DressState:
     """Drape; where it cannot start or complete, the sewn garment is the result."""
     started, held = perf_counter(), done.state
     if task.hold:
@@ -322,30 +313,30 @@ def _draped(task: _Task, done: _Progress) -> tuple[_Progress, str, str]:
     try:
         run = drape(held, task.body, task.fabrics, task.directory, task.progress, task.announce)
     except InputError as error:
-        return done, "sewn", f"The drape could not start: {error.sentence}"
+        return replace(done, status="sewn", reason=f"The drape could not start: {error.sentence}")
     if run.status != "completed":
-        return replace(done, run=run), "sewn", run.reason
+        return replace(done, run=run, status="sewn", reason=run.reason)
     ended = f"draped for {run.times[-1]:.3g} s"
     draped = _add_stage(task, done, "drape", done.state.moved_to(run.positions(-1)), ended, started)
     draped = replace(draped, run=run)
     counts = draped.stages[-1].counts
     if not counts.clean:
-        return draped, "failed", f"The drape ended with {counts}, {counts.where}."
+        return draped.failed(f"The drape ended with {counts}, {counts.where}.")
     levels = draped.state.positions @ task.body.up
     moved = float(np.abs(levels - done.state.positions @ task.body.up).max())
     height = float(np.ptp(task.body.positions @ task.body.up))
     if moved > 0.5 * height:
-        return draped, "failed", f"The garment falls off {task.body.name}: it moved by {moved:.2g} m."
+        return draped.failed(f"The garment falls off {task.body.name}: it moved by {moved:.2g} m.")
     gap, name = worst_gap(draped.state)
     if gap > mean_edge(draped.state):
-        return draped, "failed", f"Seam {name}, held by springs, opened to {1e3 * gap:.3g} mm in the drape."
+        return draped.failed(f"Seam {name}, held by springs, opened to {1e3 * gap:.3g} mm in the drape.")
     below = float((draped.state.mesh.positions @ task.body.up).max() - levels.max())
     if below > SLID * height:
         note = f"the top of the garment lies {1e3 * below:.0f} mm below where its pattern places it"
         draped = replace(draped, notes=(*draped.notes, note))
     at_rest = (*slid(done.state, draped.state, task.body), *tight_notes(draped.state))
     draped = replace(draped, notes=(*draped.notes, *at_rest))
-    return draped, "completed", _closed_seams(draped.state, task.body.name)
+    return replace(draped, reason=_closed_seams(draped.state, task.body.name))
 
 
 def _closed_seams(state: SewingState, body: str) -> str:
@@ -357,3 +348,14 @@ def _closed_seams(state: SewingState, body: str) -> str:
         f"{len(state.welded)} of {seams} seams are welded throughout, springs hold the rest, within {1e3 * gap:.2g} mm"
         f" ({name}); the garment rests on {body}."
     )
+
+
+STAGES = (
+    PlannedStage("place", _place),
+    PlannedStage("separate", _separate, lambda task, done: not done.stages[-1].counts.clean),
+    PlannedStage("approach", _approach, lambda task, done: bool(done.state.open_seams)),
+    PlannedStage("close", _close, lambda task, done: bool(done.state.open_seams)),
+    PlannedStage("weld", _weld),
+    PlannedStage("drape", _drape),
+)
+"""Stages of dressing."""

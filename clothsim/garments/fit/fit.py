@@ -19,7 +19,7 @@ from clothsim.engine import FITTED, Announcement, Listener, fabric_named, refuse
 from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, obj_text
 from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START
 from clothsim.garments.fit.original_file import fitted_text
-from clothsim.garments.fit.pipeline import DrapeOutcome, FitState, Task, drape_fitted, seed_fit
+from clothsim.garments.fit.pipeline import FitState, Task, run_fit
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, read_markers
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, garment_of, read_body_mesh, read_garment, worn_in_scene
 from clothsim.garments.penetration import NO_ROWS, Counts
@@ -221,8 +221,8 @@ def fit(
         refuse_lying(figure)
     placed_markers = NO_MARKERS if markers is None else read_markers(markers)
     _make_directory(directory, [Path(file) for file in (garment, to, made_for) if isinstance(file, str | Path)])
-    task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress)
-    return _simulated(task, seed_fit(task), started, announce)
+    task = Task(worn, source, target, named, resize, directory, on_stage, placed_markers, progress, announce)
+    return _finish_fit(task, run_fit(task), started)
 
 
 def _figure(body: Any, scale: float | None, group: str | None) -> BodyMesh:
@@ -246,12 +246,10 @@ def _refuse_file_options(scale: float | None, part: tuple[int, int] | None) -> N
         raise InputError("scale and part are for the file of a garment.", "Give clothsim.Cloth(..., scale=...).")
 
 
-def _simulated(task: Task, state: FitState, started: float, announce: Announcement | None) -> Fit:
-    """Drape the garment and write the results."""
-    ended = DrapeOutcome("failed", state.failure, None, state.stages)
-    if not state.failure:
-        ended = drape_fitted(task, state, announce)
-    status, reason, run, stages, carried = ended
+def _finish_fit(task: Task, state: FitState, started: float) -> Fit:
+    """Check the fitted garment and write the results."""
+    assert state.outcome is not None
+    status, reason, run, stages, carried = state.outcome
     if not stages[-1].counts.clean:  # self_contact was off, or nothing freed it
         status = "failed"
     answer = stages[-1] if status != "failed" else stages[best_stage(stages, state.on_target)]

@@ -26,7 +26,7 @@ from clothsim.garments.fit.pieces import layers_of
 from clothsim.garments.fit.transfer_seed import NO_MARKERS, Size, Transferred, sized, transferred, worn_positions
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import NO_ROWS, counted
-from clothsim.garments.stages import Garment, Stage, StageCallback, staged
+from clothsim.garments.stages import Garment, PlannedStage, Stage, StageCallback, run_stages, staged
 from transfer.errors import TransferError
 from transfer.refine import refined_on
 from transfer.signed_distance import BodySurface, body_surface
@@ -41,7 +41,7 @@ class Task:
 
     resize: True where the rest shape is the transferred one, False where it is the given one;
     folder: where the guaranteed path leaves its runs; on_stage: called after each stage; markers (k, 6): see `markers`;
-    progress: called after each step of a run.
+    progress: called after each step of a run; announce: callback of the drape.
     """
 
     garment: Garment
@@ -53,6 +53,7 @@ class Task:
     on_stage: StageCallback
     markers: Floats = field(default_factory=lambda: NO_MARKERS)
     progress: Listener | None = None
+    announce: Announcement | None = None
 
     @cached_property
     def layers(self) -> Ints:
@@ -66,13 +67,24 @@ class Task:
         return self.source is self.target
 
 
+class DrapeOutcome(NamedTuple):
+    """End of a drape."""
+
+    status: str
+    reason: str
+    run: Run | None
+    stages: tuple[Stage, ...]
+    carried: Ints = NO_ROWS
+
+
 @dataclass(frozen=True)
 class FitState:
-    """Start of a simulation: the last of `stages` where failure is empty; worn: how the scenes wear it.
+    """Garment in a fit: clean in the last of `stages` where failure is empty; worn: how the scenes wear it.
 
     place (n, 3) [m]: where the garment was worn, on the target; on_target: the first stage that is counted there;
-    body: the target; size: of the garment there; stopped_at (3,) [m]: where a motion failed; overlap: of the body with
-    itself, which is open at the start of the drape.
+    body, own_body: the target, and the body that it was made for; source_shape (k, 3) [m]: the latter in the target's
+    shape; size: of the garment there; stopped_at (3,) [m]: where a motion failed; overlap: of the body with itself,
+    which is open at the start of the drape; outcome: of the drape.
     """
 
     stages: tuple[Stage, ...]
@@ -80,11 +92,14 @@ class FitState:
     place: Floats
     on_target: int
     body: BodySurface
+    own_body: BodySurface
+    source_shape: Floats
     size: Size
     failure: str = ""
     notes: tuple[str, ...] = ()
     stopped_at: Floats | None = None
     overlap: Overlap = NO_OVERLAP
+    outcome: DrapeOutcome | None = None
 
     @property
     def last(self) -> Stage:
@@ -97,61 +112,84 @@ class FitState:
 
 
 def seed_fit(task: Task) -> FitState:
-    """Run the stages until one is clean. InputError for a garment or a body that no stage can take."""
+    """Run the stages before the drape. InputError for a garment or a body that no stage can take."""
     try:
         body = body_surface(task.target.positions, task.target.triangles)
-        worn_by = body if task.same_body else body_surface(task.source.positions, task.source.triangles)
-        stages = _first_stages(task, worn_by)
-        on_target = 0 if task.same_body else len(stages)
-        carrier, rest, place = task.target.positions, task.garment.positions, task.garment.positions
+        own_body = body if task.same_body else body_surface(task.source.positions, task.source.triangles)
+        rest = task.garment.positions
+        worn = StageSettings(task.garment, rest, task.fabric, body.triangles, self_contact=True)
         size = Size(rest, "own", rest)
-        if stages[-1].counts.self_pairs:  # nothing later parts what cannot be parted on its own body
-            worn = StageSettings(task.garment, rest, task.fabric, body.triangles, self_contact=True)
-            return FitState(tuple(stages), worn, place, 0, body, size, _self_intersection_reason(stages[-1]))
-        came = partial(staged, triangles=task.garment.triangles, on_stage=task.on_stage)
-        if not task.same_body:
-            moved: list[Transferred] = []
-            stages.append(came("transfer", body=body, make=partial(_transfer, stages[-1].positions, task, moved)))
-            carrier = moved[0].body
-            started, shape = perf_counter(), stages[-1].positions
-            size = sized(task.garment, task.source, task.target, shape, body, graded=task.resize)
-            if size.kind != "transferred":
-                stages.append(came("size", body=body, make=partial(_described, size), started=started))
-                on_target += 1  # the transferred shape is stretched as the bodies are: none to start from
-            rest = size.rest if task.resize else rest
-            place = worn_positions(task.garment.positions, worn_by, carrier)
-        if stages[-1].counts.body_pairs:
-            wider = replace(body, positions=body.positions + MARGIN * body.vertex_normals)
-            tries = (_untangle(rest, stages[-1], beside, body, task, "clear") for beside in (wider, body))
-            cleared = next((stage for stage in tries if stage is not None), None)
-            stages += [] if cleared is None else [cleared]
-        if not stages[-1].counts.clean:
-            shape = stages[-1].positions
-            stages.append(came("refine", body=body, make=partial(_refine, shape, task, body, along_normals=False)))
-            if not stages[-1].counts.on_body:  # thin limbs: the closest point may be on the wrong side
-                stages.append(came("refine", body=body, make=partial(_refine, shape, task, body, along_normals=True)))
+        return run_stages(SEEDING, task, FitState((), worn, rest, 0, body, own_body, task.target.positions, size))
     except TransferError as error:
         raise InputError(error.sentence, error.remedy) from error
-    worn = StageSettings(task.garment, rest, task.fabric, body.triangles, self_contact=True)
-    state = FitState(tuple(stages), worn, place, on_target, body, size)
-    return state if state.last.counts.clean else _run_guaranteed_path(state, task, body, carrier)
 
 
-def _first_stages(task: Task, worn_by: BodySurface) -> list[Stage]:
+def run_fit(task: Task) -> FitState:
+    """Run all stages; the outcome is that of the drape, or of the stage that failed."""
+    state = seed_fit(task)
+    if not state.failure:
+        state = run_stages(DRAPING, task, state)
+    return replace(state, outcome=state.outcome or DrapeOutcome("failed", state.failure, None, state.stages))
+
+
+def _lay_out(task: Task, state: FitState) -> FitState:
     """The garment on its own body, and freed of intersections with itself where it has some."""
-    garment, description = task.garment, f"as it lies on {task.source.name}"
-    stages = [staged("garment", garment.triangles, worn_by, lambda: (garment.positions, description), task.on_stage)]
-    freed = _untangle(garment.positions, stages[0], None, worn_by, task) if stages[0].counts.self_pairs else None
-    return stages if freed is None else [*stages, freed]
+    garment, worn_by = task.garment, state.own_body
+    made = lambda: (garment.positions, f"as it lies on {task.source.name}")  # noqa: E731
+    state = state.with_stage(staged("garment", garment.triangles, worn_by, made, task.on_stage))
+    if state.last.counts.self_pairs:
+        freed = _untangle(garment.positions, state.last, None, worn_by, task)
+        state = state if freed is None else state.with_stage(freed)
+    if state.last.counts.self_pairs:  # nothing later parts what cannot be parted on its own body
+        return replace(state, failure=_self_intersection_reason(state.last))
+    return replace(state, on_target=0 if task.same_body else len(state.stages))
 
 
-def _transfer(shape: Floats, task: Task, moved: list[Transferred]) -> tuple[Floats, str]:
-    moved.append(transferred(replace(task.garment, positions=shape), task.source, task.target, task.markers))
-    return moved[0].positions, moved[0].description
+def _transfer(task: Task, state: FitState) -> FitState:
+    """The garment on the target, each triangle deformed as the body below it."""
+    done: list[Transferred] = []
+
+    def make() -> tuple[Floats, str]:
+        shaped = replace(task.garment, positions=state.last.positions)
+        done.append(transferred(shaped, task.source, task.target, task.markers))
+        return done[0].positions, done[0].description
+
+    stage = staged("transfer", task.garment.triangles, state.body, make, task.on_stage)
+    return replace(state.with_stage(stage), source_shape=done[0].body)
 
 
-def _described(size: Size) -> tuple[Floats, str]:
-    return size.positions, str(size)
+def _resize(task: Task, state: FitState) -> FitState:
+    """The transferred garment in its own or its graded size, and where it was worn."""
+    started, garment = perf_counter(), task.garment
+    size = sized(garment, task.source, task.target, state.last.positions, state.body, graded=task.resize)
+    if size.kind != "transferred":
+        made = lambda: (size.positions, str(size))  # noqa: E731
+        stage = staged("size", garment.triangles, state.body, made, task.on_stage, started)
+        # the transferred shape is stretched as the bodies are: none to start from
+        state = replace(state.with_stage(stage), on_target=state.on_target + 1)
+    worn = replace(state.worn, rest=size.rest) if task.resize else state.worn
+    place = worn_positions(garment.positions, state.own_body, state.source_shape)
+    return replace(state, size=size, worn=worn, place=place)
+
+
+def _clear(task: Task, state: FitState) -> FitState:
+    """Intersection contours with the body shrunk to nothing, at a distance from it where that can be."""
+    body = state.body
+    wider = replace(body, positions=body.positions + MARGIN * body.vertex_normals)
+    tries = (_untangle(state.worn.rest, state.last, beside, body, task, "clear") for beside in (wider, body))
+    cleared = next((stage for stage in tries if stage is not None), None)
+    return state if cleared is None else state.with_stage(cleared)
+
+
+def _refine_on_body(task: Task, state: FitState) -> FitState:
+    """DRAPE refinement; for thin limbs, where the closest point may be on the wrong side, along the normals."""
+    shape = state.last.positions
+    for along_normals in (False, True):
+        make = partial(_refine, shape, task, state.body, along_normals=along_normals)
+        state = state.with_stage(staged("refine", task.garment.triangles, state.body, make, task.on_stage))
+        if state.last.counts.on_body:
+            break
+    return state
 
 
 def _refine(positions: Floats, task: Task, body: BodySurface, along_normals: bool) -> tuple[Floats, str]:
@@ -160,14 +198,15 @@ def _refine(positions: Floats, task: Task, body: BodySurface, along_normals: boo
     return done.positions, f"DRAPE, eps {1e3 * np.min(done.eps):.2g} to {1e3 * np.max(done.eps):.2g} mm{how}"
 
 
-def _run_guaranteed_path(state: FitState, task: Task, body: BodySurface, carrier: Floats) -> FitState:
+def _run_guaranteed_path(task: Task, state: FitState) -> FitState:
     """Deflate and grow; where no depth frees any shape, morph the one body into the other first."""
+    body = state.body
     own = [stage for stage in state.stages if stage.name in ("garment", "untangle")][-1]
     done = _free_of_body(state, state.stages[state.on_target :], task, body)
     if (done is None or done.failure) and not task.same_body and own.counts.on_body:
         if done is not None:
             state = replace(state, stages=done.stages, notes=(*done.notes, done.failure))
-        state = _morph_body(state, own, task, body, carrier)
+        state = _morph_body(state, own, task)
         if state.failure or state.last.counts.clean:
             return state
         done = _free_of_body(state, [state.last], task, body)
@@ -262,12 +301,12 @@ def _grow_body(
     return grown
 
 
-def _morph_body(state: FitState, start: Stage, task: Task, body: BodySurface, carrier: Floats) -> FitState:
+def _morph_body(state: FitState, start: Stage, task: Task) -> FitState:
     """The source body becomes the target, with the garment of the stage `start` on it."""
     worn = replace(state.worn, body_triangles=task.source.triangles)
     description = f"{task.source.name} became {task.target.name} under IPC"
-    frames = [task.source.positions, carrier]
-    done = _move_body(replace(state, worn=worn), "morph", start.positions, frames, task, body, description)
+    frames = [task.source.positions, state.source_shape]
+    done = _move_body(replace(state, worn=worn), "morph", start.positions, frames, task, state.body, description)
     return replace(done, worn=state.worn)
 
 
@@ -343,17 +382,7 @@ FALLING = 0.5
 """Largest speed at the end of a drape [m/s] for a garment that rests on the body."""
 
 
-class DrapeOutcome(NamedTuple):
-    """End of a drape."""
-
-    status: str
-    reason: str
-    run: Run | None
-    stages: tuple[Stage, ...]
-    carried: Ints = NO_ROWS
-
-
-def drape_fitted(task: Task, state: FitState, announce: Announcement | None) -> DrapeOutcome:
+def drape_fitted(task: Task, state: FitState) -> DrapeOutcome:
     """Drape; where it cannot start or complete, its start is the result, with status refined."""
     body = state.body
     runs: list[Run] = []
@@ -362,7 +391,7 @@ def drape_fitted(task: Task, state: FitState, announce: Announcement | None) -> 
         start, up = state.last.positions, task.target.up
         progress = named_stage("simulate", task.progress)
         worn, folder, opened = state.worn, task.folder, state.overlap.opened
-        runs.append(draped(worn, start, body.positions, up, folder, progress, announce, opened=opened))
+        runs.append(draped(worn, start, body.positions, up, folder, progress, task.announce, opened=opened))
         return runs[0].positions(-1), f"draped for {runs[0].times[-1]:g} s"
 
     def carried() -> Ints:
@@ -395,3 +424,22 @@ def _falling_reason(run: Run, body: str) -> str:
         f"The garment does not stay on {body}: at the end of its drape it still moves at {fastest:.2g} m/s. "
         "Does it lie on the body that it was made for (--from, --scale)?"
     )
+
+
+SEEDING = (
+    PlannedStage("garment", _lay_out),
+    PlannedStage("transfer", _transfer, lambda task, state: not task.same_body),
+    PlannedStage("size", _resize, lambda task, state: not task.same_body),
+    PlannedStage("clear", _clear, lambda task, state: bool(state.last.counts.body_pairs)),
+    PlannedStage("refine", _refine_on_body, lambda task, state: not state.last.counts.clean),
+    PlannedStage("grow", _run_guaranteed_path, lambda task, state: not state.last.counts.clean),
+)
+"""Stages before the drape; a stage that is needed may add none or several to the summary."""
+
+
+def _drape(task: Task, state: FitState) -> FitState:
+    return replace(state, outcome=drape_fitted(task, state))
+
+
+DRAPING = (PlannedStage("simulate", _drape),)
+"""The last stage."""

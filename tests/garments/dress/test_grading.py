@@ -1,7 +1,6 @@
 """Grading: patterns between bodies that are similar, wider or longer, against closed forms; named factors."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,8 +8,10 @@ from sewing_patterns import panel, specification, stitch
 
 import clothsim
 from clothsim.base.errors import InputError
+from clothsim.garments.dress.dress import STAGES
 from clothsim.garments.dress.grading import NAMES, graded, sizes_between
 from clothsim.garments.inputs import BodyMesh
+from clothsim.garments.stages import PlannedStage
 from clothsim.mesh.generators.table import GENERATORS
 from clothsim.patterns.pattern import Pattern
 from clothsim.patterns.specification import pattern_of, read_specification
@@ -137,9 +138,8 @@ def test_a_body_without_limbs_is_refused(own):
 
 def test_the_graded_pattern_is_sewn_and_written(own, wide, tmp_path, monkeypatch):
     """Stopped after the placement: the files are written all the same."""
-    monkeypatch.setattr(
-        "clothsim.garments.dress.dress._separated", lambda task, done: replace(done, failure="Stopped.")
-    )
+    stopped = PlannedStage("separate", lambda task, done: done.failed("Stopped."))
+    monkeypatch.setattr("clothsim.garments.dress.dress.STAGES", (STAGES[0], stopped))
     shelf = [[-22, -22], [22, -22], [22, 22], [-22, 22]]
     pattern = pattern_of(specification({"shelf": panel(shelf, translation=[0, 110, 0], rotation=[90, 0, 0])}))
     bodies = [clothsim.Body(each.positions, each.triangles, name=each.name) for each in (own, wide)]

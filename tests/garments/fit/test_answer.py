@@ -1,6 +1,7 @@
 """What a fit hands back: best stage, unit of the target, the file that came, progress, displacement."""
 
 import re
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -12,23 +13,24 @@ from clothsim.base.errors import InputError
 from clothsim.base.safe_files.record import read_summary
 from clothsim.cli.progress import Lines
 from clothsim.files.meshes.mesh_file import read_mesh, read_polygons
-from clothsim.garments.fit import moving_body, pipeline
+from clothsim.garments import stage_scenes
+from clothsim.garments.fit import pipeline
 from clothsim.garments.fit import pipeline as module
 from clothsim.mesh.generators.sheets import rectangle
 from clothsim.run.summary import Progress
 
 BODY = capsule_figure(segments=10)
 TUBE = tube_garment(0.125, height=0.12, cells=(10, 3))
-SHORT = {
-    **moving_body.DRAPING,
-    "effects": {name: keys for name, keys in moving_body.DRAPING["effects"].items() if name != "friction"},
-    "run": {"duration": 0.05, "frames_per_second": 20},
-}
+SHORT = replace(
+    stage_scenes.FIT_DRAPE,
+    effects={name: keys for name, keys in stage_scenes.FIT_DRAPE.effects.items() if name != "friction"},
+    run={"duration": 0.05, "frames_per_second": 20},
+)
 
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
-    monkeypatch.setattr(moving_body, "DRAPING", SHORT)
+    monkeypatch.setattr(stage_scenes, "FIT_DRAPE", SHORT)
     monkeypatch.setattr(module, "FALLING", 1.0)
     tight = TUBE.positions * [0.776, 0.776, 1.0]
     return {
@@ -152,7 +154,7 @@ def test_a_growth_reports_its_steps_as_the_drape_does(files, tmp_path, monkeypat
     assert "grow" in [stage.name for stage in done.stages]
     grown = [progress for progress in seen if progress.stage == "grow"]
     assert len(grown) >= 10
-    assert grown[-1].time == pytest.approx(grown[-1].duration) == moving_body.CARRYING_SECONDS
+    assert grown[-1].time == pytest.approx(grown[-1].duration) == stage_scenes.MOTION_SECONDS
     assert [progress.stage for progress in seen if progress.stage != "grow"] == ["simulate"] * (len(seen) - len(grown))
 
 

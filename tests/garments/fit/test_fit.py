@@ -1,6 +1,7 @@
 """`clothsim.fit` from files to files: outputs and status."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import clothsim
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.record import read_summary
 from clothsim.files.meshes.mesh_file import read_mesh
-from clothsim.garments.fit import moving_body
+from clothsim.garments import stage_scenes
 from clothsim.garments.fit import pipeline as module
 from clothsim.garments.fit.before_after import draw_fit
 from clothsim.geometry.untangling import untangle as search
@@ -20,17 +21,17 @@ from clothsim.run.archive import unpack_bundle, write_bundle
 BODY = capsule_figure(segments=10)
 SMALL = tube_garment(0.125, height=0.12, cells=(10, 3))
 STAGE_KEYS = {"name", "seconds", "penetrating_vertices", "intersecting_pairs"}
-SETTLED = {
-    **moving_body.DRAPING,
-    "effects": {name: keys for name, keys in moving_body.DRAPING["effects"].items() if name != "friction"},
-    "run": {"duration": 0.04, "frames_per_second": 25},
-}
+SETTLED = replace(
+    stage_scenes.FIT_DRAPE,
+    effects={name: keys for name, keys in stage_scenes.FIT_DRAPE.effects.items() if name != "friction"},
+    run={"duration": 0.04, "frames_per_second": 25},
+)
 """A short drape: the tube hangs on nothing, and has no time to fall."""
 
 
 @pytest.fixture
 def files(tmp_path, monkeypatch):
-    monkeypatch.setattr(moving_body, "DRAPING", SETTLED)
+    monkeypatch.setattr(stage_scenes, "FIT_DRAPE", SETTLED)
     monkeypatch.setattr(module, "FALLING", 1.0)
     return {
         "garment": in_file(tmp_path, "garment.obj", SMALL.positions, SMALL.triangles),
@@ -91,8 +92,8 @@ def test_without_the_other_body_a_garment_is_repaired_on_its_own(files, tmp_path
 
 
 def test_a_simulation_that_cannot_go_on_leaves_the_refined_garment(files, tmp_path, monkeypatch):
-    hopeless = {**SETTLED, "solver": {"dt": 0.01, "tolerance": 1e-12, "max_iterations": 1}}
-    monkeypatch.setattr(moving_body, "DRAPING", hopeless)
+    hopeless = replace(SETTLED, solver={"dt": 0.01, "tolerance": 1e-12, "max_iterations": 1})
+    monkeypatch.setattr(stage_scenes, "FIT_DRAPE", hopeless)
     done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out")
     assert done.status == "refined"
     assert done.run.status == "failed"
@@ -107,7 +108,7 @@ def test_a_simulation_that_cannot_go_on_leaves_the_refined_garment(files, tmp_pa
 
 
 def test_a_simulation_that_cannot_begin_leaves_the_refined_garment(files, tmp_path, monkeypatch):
-    monkeypatch.setattr(moving_body, "DRAPING", {**SETTLED, "effects": {"gravity": {}, "no_such_effect": {}}})
+    monkeypatch.setattr(stage_scenes, "FIT_DRAPE", replace(SETTLED, effects={"gravity": {}, "no_such_effect": {}}))
     done = clothsim.fit(files["tight"], files["body"], output=tmp_path / "out")
     assert (done.status, done.run) == ("refined", None)
     assert done.reason.startswith("The drape could not start: ")

@@ -1,10 +1,12 @@
 """A whole fit on a turned body is the fit on the body as it was, turned alike: any heading, z up or y up."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import clothsim
-from clothsim.garments.fit import moving_body
+from clothsim.garments import stage_scenes
 from clothsim.garments.fit import pipeline as module
 from clothsim.garments.inputs import BodyMesh
 from clothsim.mesh.generators.table import GENERATORS
@@ -34,7 +36,7 @@ def fitted(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "FALLING", 10.0)
         run = {"duration": 0.1, "frames_per_second": 10}
-        patch.setattr(moving_body, "DRAPING", {**moving_body.DRAPING, "run": run})
+        patch.setattr(stage_scenes, "FIT_DRAPE", replace(stage_scenes.FIT_DRAPE, run=run))
         yield on_turned, on_turned(np.eye(3), np.zeros(3))
 
 
