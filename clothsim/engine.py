@@ -12,15 +12,14 @@ if TYPE_CHECKING:
     from clothsim.geometry.untangling.untangle import untangle
     from clothsim.keys.fabric import Fabric
     from clothsim.keys.fabric_table import TABLE, NamedFabric
-    from clothsim.keys.fabrics import FABRICS, fabric_named, fabrics_of
+    from clothsim.keys.fabrics import fabric_named, fabrics_of
     from clothsim.keys.keys import nearest, refuse_unknown, shown, table
     from clothsim.keys.mesh_keys import check_body, check_cloth
     from clothsim.mesh.checks import examine, refuse
     from clothsim.mesh.cloth import triangle_planes
-    from clothsim.mesh.degenerate import duplicates
     from clothsim.mesh.generators.mannequin.skeleton import JOINTS
     from clothsim.mesh.generators.mannequin.template import template
-    from clothsim.mesh.topology import border_edges, components, half_edges, vertex_rings
+    from clothsim.mesh.topology import border_edges, components
     from clothsim.mesh.weld import mean_of_parts
     from clothsim.mesh.winding import facing_away
     from clothsim.mesh.world import World
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from clothsim.physics.energies.constraint import Constraint, Prescribed
     from clothsim.physics.energies.elementwise import Elementwise
     from clothsim.physics.energies.hessians import ElementHessian
-    from clothsim.physics.energies.protocols import AdaptiveStiffness, ContactGap, DividedForce, History, Lagged
+    from clothsim.physics.energies.protocols import AdaptiveStiffness, DividedForce, History, Lagged
     from clothsim.run.archive import unpack_bundle, write_bundle
     from clothsim.run.callbacks import refuse_uncallable
     from clothsim.run.certificate_text import certificate_rows, length, many
@@ -60,7 +59,6 @@ if TYPE_CHECKING:
     from clothsim.run.receipt import Receipt, explain, summary_of_effect
     from clothsim.run.recorded_run import Announcement, Listener
     from clothsim.run.remaining_kernels import compile_remaining_kernels
-    from clothsim.run.resume import FITTED
     from clothsim.run.session import Session, prepare
     from clothsim.run.summary import Progress
     from clothsim.run.swatches import draw_swatches
@@ -69,12 +67,11 @@ if TYPE_CHECKING:
     from clothsim.scene.assembly.initial_positions import initial_positions
     from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape, mesh_shape
     from clothsim.scene.assembly.model_body import PlacedCharacter, placed_character
-    from clothsim.scene.assembly.placement import PART, Shape, placed
+    from clothsim.scene.assembly.placement import PART, placed
     from clothsim.scene.assembly.presets import PRESETS, with_preset
     from clothsim.scene.assembly.refinement import cells_of, with_cells
     from clothsim.scene.assembly.scene_world import Built, build, world_of
-    from clothsim.scene.assembly.welding import sewn
-    from clothsim.scene.assembly.winding import wound_alike
+    from clothsim.scene.assembly.worn_shape import worn_shape
     from clothsim.scene.content import by_content
     from clothsim.scene.effects import CONTACTS
     from clothsim.scene.json_schema import json_schema

@@ -8,8 +8,7 @@ if TYPE_CHECKING:
     from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_summary, to_json
     from clothsim.garments.dress.pictures import draw_dress, draw_sewing
     from clothsim.garments.fit.before_after import draw_fit
-    from clothsim.garments.penetration_picture import draw_penetrations
-    from clothsim.garments.penetration_report import deepest_vertices, read_penetration_report
+    from clothsim.garments.penetration_report import deepest_vertices, draw_penetrations, read_penetration_report
     from clothsim.garments.unpose import character_of_scene, read_canonical, unposed, write_canonical
     from clothsim.study.answer import answer, settings_text
     from clothsim.study.farm.claims import worker_of

@@ -11,7 +11,6 @@ from clothsim import Body, Cloth, load_scene
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
 from clothsim.engine import (
-    Shape,
     body_of,
     build,
     check_body,
@@ -19,12 +18,9 @@ from clothsim.engine import (
     cloth_of,
     cloth_shape,
     components,
-    duplicates,
     examine,
-    half_edges,
     refuse,
-    sewn,
-    wound_alike,
+    worn_shape,
 )
 from clothsim.files import MeshFile, read_clothes, read_mesh
 from clothsim.garments.fit.original_file import original_of, original_of_scene
@@ -41,8 +37,6 @@ NEARLY = 0.7
 """Ratio of the extents in y and z from which the longer one need not be the height."""
 FARTHEST = 1e6
 """No coordinate of a garment is larger [m]: distances to a body would lose all their digits, or overflow."""
-TWO_SIDED = 0.8
-"""Least fraction of triangles that are given twice, with opposite windings, in a two-sided mesh."""
 LONG = 0.5
 """Least extent of a body candidate as a fraction of the file's extent."""
 
@@ -163,16 +157,11 @@ def read_garment(
         mesh = replace(mesh, positions=on_base)
     else:
         mesh = read_mesh(file, vertices=part)
-    shape = one_sided(Shape(scale * mesh.positions, mesh.triangles, np.zeros((0, 3, 2)), mesh.messages))
-    shape = wound_alike(shape, body)
-    if weld:
-        shape, _ = sewn(file.name, shape, None, weld, at_start=False)
-        shape = wound_alike(shape, body)
-    refuse(examine(file.name, shape.positions, shape.triangles, "body"))
+    shape = worn_shape(file.name, scale * mesh.positions, mesh.triangles, mesh.messages, weld, body)
     farthest = float(np.abs(shape.positions).max())
     if farthest > FARTHEST:
         raise InputError(f"{file.name} has a vertex {farthest:.3g} m from the origin.", "Give its unit with --scale.")
-    original = original_of(source, mesh, shape)
+    original = original_of(source, mesh, shape.sewn)
     every = len(np.unique(shape.triangles)) == len(shape.positions)
     division = divided(shape.positions, shape.triangles) if every else UNDIVIDED
     if division.followers:
@@ -182,17 +171,6 @@ def read_garment(
     remarks = (*shape.notes, *division.notes, *(finding.sentence for finding in report.warnings))
     notes = tuple(f"{file.name}: {note}" for note in remarks)
     return Garment(file.name, shape.positions, shape.triangles, notes, bool(weld), original, division)
-
-
-def one_sided(shape: Shape) -> Shape:
-    """A shape without the second side of a mesh most of whose triangles are given twice, with opposite windings."""
-    if ((shape.triangles < 0) | (shape.triangles >= len(shape.positions))).any():
-        return shape  # the mesh check names them
-    flipped = duplicates(shape.triangles)[1]
-    if 2 * len(flipped) < TWO_SIDED * len(shape.triangles):
-        return shape
-    note = f"a two-sided mesh: {len(flipped)} triangles given again with opposite winding are left out"
-    return replace(shape, triangles=np.delete(shape.triangles, flipped, axis=0), notes=(*shape.notes, note))
 
 
 def worn_in_scene(path: str | Path) -> tuple[Garment, BodyMesh]:
@@ -245,7 +223,7 @@ def _only(mesh: MeshFile, triangles: Ints, what: str, pieces: int) -> tuple[Mesh
 
 def is_closed(triangles: Ints) -> bool:
     """True where each edge has exactly two triangles."""
-    edges = np.sort(half_edges(triangles), axis=1)
+    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
     return bool((np.unique(edges, axis=0, return_counts=True)[1] == 2).all())
 
 

@@ -1,4 +1,4 @@
-"""Penetration report of a garment on a body, from files."""
+"""Penetration report of a garment on a body, from files, and its picture from the front and from behind."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +10,16 @@ from clothsim.base.errors import InputError
 from clothsim.garments.inputs import BodyMesh, read_body_mesh, read_garment
 from clothsim.garments.penetration import Counts, penetrations
 from clothsim.garments.stages import Garment
+from clothsim.render import Surface, draw_marks
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, Closest, body_surface
+
+SIZE = (720, 1080)
+"""Size of each view of a picture in pixels."""
+CLEAR = 2e-3
+"""Height of a mark above its surface for the visibility test, relative to the body's size."""
+TURNS = ((0.3, "from the front"), (np.pi + 0.3, "from behind"))
+"""Positions of the camera: turned about the body from its front [rad]."""
 
 
 @dataclass(frozen=True)
@@ -81,3 +89,51 @@ def deepest_vertices(report: PenetrationReport, count: int = 5) -> list[tuple[in
     """The deepest vertices, at most `count`: number, depth [m], place (3,) [m]."""
     distance, x = report.closest.signed_distance, report.garment.positions
     return [(int(v), -float(distance[v]), x[v]) for v in report.inside[:count]]
+
+
+def draw_penetrations(report: PenetrationReport, file: Path) -> str:
+    """A PNG with a dot where each vertex inside should come out, and intersecting triangles outlined.
+
+    Marks that the body hides are left out: those of the other side are in the other half. The deepest is ringed where
+    it is seen. Returns one line that names the renderer.
+    """
+    garment, figure, body, counts = report.garment, report.figure, report.body, report.counts
+    bad = np.unique(np.concatenate([report.body_pairs[:, 0], report.self_pairs.ravel()]))
+    corners = garment.positions[garment.triangles[bad]]
+    middles = corners.mean(axis=1)
+    at = body.closest(middles)
+    outside = np.where(at.inside[:, None], at.points, middles)
+    inside = report.inside[::-1]
+    points, normals = report.closest.points[inside], report.closest.normals[inside]
+    depths = -report.closest.signed_distance[inside]
+
+    def faces_camera(places: Floats, directions: Floats, camera: Floats) -> np.ndarray:
+        rays = camera - places
+        rays /= np.linalg.norm(rays, axis=1, keepdims=True)
+        facing = (rays * directions).sum(axis=1) > 0
+        distance, _ = body.exits(places + CLEAR * body.size * directions, rays)
+        return np.logical_and(facing, ~np.isfinite(distance))
+
+    front = np.array([0.0, 0.0, 1.0]) if figure.up[1] else np.array([0.0, -1.0, 0.0])
+    aside = np.cross(figure.up, front)
+    deepest = f", the deepest {1e3 * counts.depth:.3g} mm (pink, ringed)" if counts.penetrating_vertices else ""
+    percent = 100 * counts.penetrating_vertices / len(garment.positions)
+    return draw_marks(
+        file,
+        [
+            Surface(garment.name, garment.positions, garment.triangles, "cloth", np.zeros((0, 2))),
+            Surface(figure.name, figure.positions, figure.triangles, "body", np.zeros((0, 2))),
+        ],
+        [(np.cos(turn) * front + np.sin(turn) * aside + 0.12 * figure.up, side) for turn, side in TURNS],
+        outlined=corners,
+        dots=points,
+        fractions=depths / depths[-1] if len(depths) else depths,
+        visible=lambda camera: (faces_camera(outside, at.normals, camera), faces_camera(points, normals, camera)),
+        key=[
+            f"dots: {counts.penetrating_vertices:,} vertices ({percent:.3g} %) inside {figure.name}{deepest}",
+            f"dark triangles: they intersect the body ({counts.body_pairs:,} pairs) "
+            f"or the garment itself ({counts.self_pairs:,} pairs)",
+        ],
+        size=SIZE,
+        up=figure.up,
+    )

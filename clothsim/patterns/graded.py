@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,26 @@ class PlaneMap:
         t, q = offset @ self.along, offset @ across
         image = self.origin + np.outer(self.girth(t) * q, across) + np.outer(self.length(t), self.along)
         return np.asarray(image, np.float64)
+
+
+class SeamsAlike(NamedTuple):
+    """Pattern whose seams change alike, and factors of both sides of each seam, by name.
+
+    before: largest difference of both factors of a seam before that; moved: largest displacement of a corner [m].
+    """
+
+    pattern: Pattern
+    factors: Mapping[str, tuple[float, float]]
+    before: float
+    moved: float
+
+
+def seams_alike(graded: Pattern, original: Pattern) -> SeamsAlike:
+    """The graded pattern `with_seams_alike`, and what that changed."""
+    alike = with_seams_alike(graded, original)
+    before = max((abs(a - b) for a, b in factors_of_seams(graded, original).values()), default=0.0)
+    moved = [np.abs(alike.panels[name].vertices - panel.vertices).max() for name, panel in graded.panels.items()]
+    return SeamsAlike(alike, factors_of_seams(alike, original), before, float(max(moved)))
 
 
 def mapped_panel(panel: Panel, image: PlaneMap) -> Panel:

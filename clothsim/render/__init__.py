@@ -10,13 +10,12 @@ from clothsim.base.lazy_names import lazy_names
 
 if TYPE_CHECKING:
     from clothsim.render.camera import VIEWS, Camera
-    from clothsim.render.closeup import INK, pixels, ring
     from clothsim.render.colour_scale import Quantity, Scale
-    from clothsim.render.legend import add_legend, label
+    from clothsim.render.marks import draw_marks
     from clothsim.render.movie import has_ffmpeg
     from clothsim.render.movie import movie as write_movie
     from clothsim.render.pattern_drawing import draw_pattern, laid_out, outline
-    from clothsim.render.picture import PictureSetup, draw, picture_setup, rendered, rendered_without_legend, scale_of
+    from clothsim.render.picture import draw, picture_setup, rendered, scale_of
     from clothsim.render.run_frames import frame_surfaces
     from clothsim.render.strokes import WIDTHS
     from clothsim.render.surface_look import BODY_GREY, FABRICS, Surface, vertex_normals, vertex_values

@@ -4,7 +4,7 @@ from pathlib import Path
 from time import perf_counter
 
 from clothsim.base.errors import InputError
-from clothsim.base.safe_files.record import SUMMARY_NAME
+from clothsim.base.safe_files.record import FITTED_NAME, SUMMARY_NAME
 from clothsim.files.runs.checkpoint import CHECKPOINT_NAME, read_checkpoint
 from clothsim.run.callbacks import refuse_uncallable
 from clothsim.run.certificate.certificate import certificate_from
@@ -16,9 +16,6 @@ from clothsim.run.session import prepare
 from clothsim.run.summary import restore, state_of
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.scene import scene_from_text
-
-FITTED = "fitted.obj"
-"""The file that only a fit leaves."""
 
 
 def resume(
@@ -85,7 +82,7 @@ def _continued(
 def _refuse_a_fit(folder: Path) -> None:
     """InputError for a finished fit: its drape alone would count as completed, whatever the status of the fit."""
     summary = folder / SUMMARY_NAME
-    if (folder / FITTED).is_file() and summary.is_file() and b'"fit_seconds"' in summary.read_bytes():
+    if (folder / FITTED_NAME).is_file() and summary.is_file() and b'"fit_seconds"' in summary.read_bytes():
         raise InputError(
             f"{folder} is a finished fit.", "`clothsim bundle` it: its drape is replayed from the archive."
         )

@@ -57,7 +57,7 @@ def test_the_command_reports_and_draws(tmp_path, capsys, monkeypatch):
     assert main(["check", loose, "--on", body]) == 0
     assert "Nothing is wrong." in capsys.readouterr().out
     picture = tmp_path / "tight.png"
-    monkeypatch.setattr("clothsim.garments.penetration_picture.SIZE", (96, 128))
+    monkeypatch.setattr("clothsim.garments.penetration_report.SIZE", (96, 128))
     assert main(["check", tight, "--on", body, "--scale", "1", "-o", str(picture)]) == 1
     printed = capsys.readouterr().out
     assert "of 216 vertices" in printed

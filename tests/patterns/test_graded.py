@@ -5,7 +5,7 @@ import pytest
 from sewing_patterns import panel, specification, stitch
 
 from clothsim.patterns.curves import Arc, Bezier, Straight
-from clothsim.patterns.graded import PlaneMap, factors_of_seams, mapped_panel, with_seams_alike
+from clothsim.patterns.graded import PlaneMap, factors_of_seams, mapped_panel, seams_alike, with_seams_alike
 from clothsim.patterns.specification import pattern_of
 
 SHARE = np.linspace(0, 1, 9)
@@ -115,6 +115,8 @@ def test_both_sides_of_every_seam_get_one_factor(seed):
     assert ease[0] == pytest.approx(ease[1], rel=1e-10)
     moved = max(np.abs(alike.panels[n].vertices - scaled.panels[n].vertices).max() for n in "ab")
     assert moved < 0.2 * 0.3
+    found = seams_alike(scaled, pattern)
+    assert (found.factors, found.before, found.moved) == (factors, max(before), moved)
 
 
 def test_seams_that_are_alike_stay_where_they_are():

@@ -16,6 +16,8 @@ from clothsim.base.safe_files.regular_file import read_regular_file
 
 RECORD_NAME = "record.jsonl"
 SUMMARY_NAME = "summary.json"
+FITTED_NAME = "fitted.obj"
+"""Garment that a fit leaves."""
 
 
 class RecordWriter:

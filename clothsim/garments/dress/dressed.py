@@ -19,7 +19,7 @@ from clothsim.garments.dress.sewing_state import SewingState
 from clothsim.garments.inputs import BodyMesh
 from clothsim.garments.penetration import Counts
 from clothsim.garments.stages import Stage
-from clothsim.patterns import Pattern, largest_gap, write_specification
+from clothsim.patterns import Pattern, write_specification
 from clothsim.render import draw_pattern, laid_out, outline
 
 
@@ -136,10 +136,9 @@ def write_results(done: "Dress", name: str, size: float, seconds: float) -> None
 def seam_entries(state: SewingState) -> list[Mapping[str, Any]]:
     """Name, lengths of both sides [m], gap [m] and welded or not of each seam."""
     entries: list[Mapping[str, Any]] = []
-    positions = state.positions[state.number]
     for k, seam in enumerate(state.mesh.seams):
         first, second = (state.mesh.pattern.panels[side.panel].edge_length(side.edge) for side in seam.stitch.sides)
-        gap = largest_gap(positions, seam)
+        gap = float(state.gaps(seam).max(initial=0.0))
         entries.append({"name": seam.name, "lengths": [first, second], "gap": gap, "welded": k in state.welded})
     return entries
 

@@ -16,7 +16,7 @@ from clothsim.base.errors import InputError
 from clothsim.engine import nearest
 from clothsim.garments.dress.placement import chosen_origin, height_of_origin, is_of_arm, is_of_leg
 from clothsim.garments.inputs import BodyMesh
-from clothsim.patterns import Panel, Pattern, PlaneMap, Side, factors_of_seams, mapped_panel, with_seams_alike
+from clothsim.patterns import Panel, Pattern, PlaneMap, Side, mapped_panel, seams_alike
 from transfer.body_parts import BodyParts
 from transfer.errors import TransferError
 from transfer.part_warp import arm_axis
@@ -217,19 +217,8 @@ def graded(
             panels[name] = _grade_along_arm(panel, pattern, sizes, levels, float(middle[0]))
         else:
             panels[name] = _grade_along_trunk(panel, sizes, levels)
-    scaled = replace(pattern, panels=panels)
-    alike = with_seams_alike(scaled, pattern)
-    before = [abs(a - b) for a, b in factors_of_seams(scaled, pattern).values()]
-    moved = [np.abs(alike.panels[name].vertices - panels[name].vertices).max() for name in panels]
-    return Grading(
-        alike,
-        source.name,
-        sizes.named,
-        factors_of_seams(alike, pattern),
-        float(max(moved)),
-        max(before, default=0.0),
-        origin,
-    )
+    alike = seams_alike(replace(pattern, panels=panels), pattern)
+    return Grading(alike.pattern, source.name, sizes.named, alike.factors, alike.moved, alike.before, origin)
 
 
 def _grade_along_trunk(panel: Panel, sizes: BodySizes, levels: list[float]) -> Panel:

@@ -72,7 +72,8 @@ class SewingState:
         """Copy in which these pairs (k, 2) of vertices of the panels are welded too, each group at its mean."""
         joined = np.concatenate([self.joined, pairs])
         number = joined_vertices(self.mesh, joined)
-        return replace(self, number=number, positions=mean_of_parts(self.positions[self.number], number), joined=joined)
+        positions = mean_of_parts(self.positions[self.number], number)
+        return replace(self, number=number, positions=positions, joined=joined)
 
     def moved_to(self, positions: Floats) -> "SewingState":
         """Copy at other positions (k, 3) [m]."""

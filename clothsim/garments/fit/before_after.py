@@ -14,7 +14,6 @@ from clothsim.render import Surface, picture_setup, rendered
 
 if TYPE_CHECKING:
     from clothsim.garments.fit.fit import Fit
-    from clothsim.render import PictureSetup
 
 SIZE = (640, 960)
 FRONT = (0.35, 0.15, 1.0)
@@ -41,13 +40,10 @@ def draw_fit(done: "Fit", file: Path) -> str:
         focus=np.concatenate([points + _displacement_to(figure, target) for _, points, figure, _ in panels]
                              + [figure.positions + _displacement_to(figure, target) for _, _, figure, _ in panels]),
     )  # fmt: skip
-    pictures = [
-        rendered(
-            replace(_displace_camera(setup, -_displacement_to(figure, target)), scale=None, title=name, smooth=False),
-            drawn,
-        )
-        for (name, _, figure, _), drawn in zip(panels[:-1], surfaces[:-1], strict=True)
-    ]
+    pictures = []
+    for (name, _, figure, _), drawn in zip(panels[:-1], surfaces[:-1], strict=True):
+        camera = replace(setup.camera, position=setup.camera.position - _displacement_to(figure, target))
+        pictures.append(rendered(replace(setup, camera=camera, scale=None, title=name, smooth=False), drawn))
     Image.fromarray(np.hstack([*pictures, rendered(setup, surfaces[-1])])).save(file, format="PNG")
     return setup.note
 
@@ -58,11 +54,6 @@ def _displacement_to(figure: BodyMesh, target: BodyMesh) -> Floats:
         return np.zeros(3)
     own, other = (np.array([each.positions.min(axis=0), each.positions.max(axis=0)]) for each in (figure, target))
     return np.asarray(other.mean(axis=0) - own.mean(axis=0), np.float64)
-
-
-def _displace_camera(setup: "PictureSetup", displacement: Floats) -> "PictureSetup":
-    """The setup with its camera displaced [m]."""
-    return replace(setup, camera=replace(setup.camera, position=setup.camera.position + displacement))
 
 
 def _panels(done: "Fit") -> list[tuple[str, Floats, BodyMesh, Floats]]:

@@ -14,9 +14,9 @@ from clothsim import Body, Cloth, Run
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.atomic import write_atomically
-from clothsim.base.safe_files.record import RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
-from clothsim.engine import FITTED, Announcement, Listener, fabric_named, refuse_earlier_run, refuse_uncallable
-from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, obj_text
+from clothsim.base.safe_files.record import FITTED_NAME, RECORD_NAME, SUMMARY_NAME, read_summary, write_summary
+from clothsim.engine import Announcement, Listener, fabric_named, refuse_earlier_run, refuse_uncallable
+from clothsim.files import CHECKPOINT_NAME, TRAJECTORY_NAME, write_obj
 from clothsim.garments.fit.moving_body import BODY, CLOSING, REST, START
 from clothsim.garments.fit.original_file import fitted_text
 from clothsim.garments.fit.pipeline import FitState, Task, run_fit
@@ -28,7 +28,7 @@ from clothsim.garments.wear_check import Cost, WearCheck, check_wear, cost_of
 from transfer.body_frame import legs_score
 from transfer.errors import TransferError
 
-LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED, REST, START, BODY, *CLOSING)
+LEFT = (SUMMARY_NAME, RECORD_NAME, TRAJECTORY_NAME, CHECKPOINT_NAME, FITTED_NAME, REST, START, BODY, *CLOSING)
 """Files of a fit in its directory."""
 REMEDY = "Look at fit.png, and at the garment on its own body: `clothsim check GARMENT --on BODY -o FILE`."
 
@@ -280,8 +280,11 @@ def _write(done: Fit, seconds: float) -> None:
     """`fitted.obj`, and the stages in the summary; of a fit without a drape a summary of its own."""
     division, positions = done.garment.division, done.complete_positions
     whole = division.whole if division.followers else done.garment.triangles
-    text = fitted_text(done.garment.original, positions) or obj_text(positions, whole)
-    write_atomically(done.directory / FITTED, text.encode())
+    text = fitted_text(done.garment.original, positions)
+    if text:
+        write_atomically(done.directory / FITTED_NAME, text.encode())
+    else:
+        write_obj(done.directory / FITTED_NAME, positions, whole)
     file = done.directory / SUMMARY_NAME
     previous = read_summary(file) if done.run is not None else {"failure": None, "certificate": None, "notes": []}
     fitted: dict[str, Any] = {

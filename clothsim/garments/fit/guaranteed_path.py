@@ -20,10 +20,10 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import cg
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.engine import intersecting_pairs, vertex_rings
+from clothsim.engine import intersecting_pairs
 from transfer.errors import TransferError
 from transfer.signed_distance import SKIN, BodySurface, body_surface
-from transfer.triangle_surface import Sparse
+from transfer.triangle_surface import Sparse, edges_of
 
 LARGEST_FRACTION = 0.9
 """Largest displacement as a fraction of the half thickness: the rest keeps the two surfaces apart."""
@@ -57,10 +57,11 @@ def deflated(body: BodySurface, depth: float, half: Floats, normals: Floats) -> 
 
 def smoothed(values: Floats, triangles: Ints) -> Floats:
     """Values (n,) or (n, k) after SMOOTHINGS averages with the mean of their neighbours."""
-    starts, neighbours = vertex_rings(triangles, len(values))
-    count = np.diff(starts)
-    owner = np.repeat(np.arange(len(values)), count)
+    ends = edges_of(triangles)
+    owner, neighbours = np.concatenate([ends, ends[:, ::-1]]).T
+    count = np.bincount(owner, minlength=len(values))
     weights = csr_array((1.0 / count[owner], (owner, neighbours)), shape=(len(values), len(values)))
+    weights.sort_indices()
     alone = count == 0
     for _ in range(SMOOTHINGS):
         means = weights @ values

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 
 from clothsim import Run, Scene
 from clothsim.base.arrays import Floats, Ints
-from clothsim.engine import FABRICS, Announcement, Listener
+from clothsim.engine import Announcement, Listener, fabric_named
 from clothsim.files import write_obj
 from clothsim.garments.stage_scenes import MOTION_SECONDS, StageScene, fit_drape, fit_motion, simulate_stage
 from clothsim.garments.stages import Garment
@@ -76,7 +76,7 @@ def carrying_stiffness(fabric: str, body: Floats) -> float:
     That of a membrane with tension E h eps on a limb of radius R is E h eps / R. A stiffness that adapts to the loads
     rises too slowly for a body that does the work: the gap shrinks to a micrometre, and blocks the body.
     """
-    cloth = FABRICS[fabric]
+    cloth = fabric_named("fabric", fabric)
     radius = LIMB * float(np.ptp(body, axis=0).max())
     return max(cloth.stiffness_along_warp, cloth.stiffness_along_weft) * CARRYING_STRETCH / radius
 

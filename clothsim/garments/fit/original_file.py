@@ -9,8 +9,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
-from clothsim.engine import PART, Shape
+from clothsim.engine import PART
 from clothsim.files import MeshFile, moved_obj, read_mesh
+from clothsim.garments.penetration import NO_ROWS
 
 HEADER = "# fitted by clothsim: positions in metres; else as in {name}{changes}\n"
 
@@ -48,14 +49,17 @@ NO_ORIGINAL = Original()
 """A garment from memory, from a generator, or from a file other than OBJ."""
 
 
-def original_of(file: Path, mesh: MeshFile, shape: Shape) -> Original:
-    """The OBJ `file` that `mesh` was read from and `shape` made of; none for another kind of file."""
+def original_of(file: Path, mesh: MeshFile, sewn: Ints = NO_ROWS) -> Original:
+    """The OBJ `file` that `mesh` was read from; none for another kind of file.
+
+    sewn (n,): vertex of the garment of each vertex of the mesh; empty: its own.
+    """
     if file.suffix.lower() != ".obj":
         return NO_ORIGINAL
     text = file.read_text(encoding="utf-8", errors="replace")
     rows = np.arange(len(mesh.positions))
-    if len(shape.sewn):
-        rows = shape.sewn
+    if len(sewn):
+        rows = sewn
     if len(mesh.used):
         whole = np.full(mesh.used.max() + 1, -1)
         whole[mesh.used] = rows
@@ -73,7 +77,7 @@ def original_of_scene(cloth: Mapping[str, Any], folder: Path, vertices: int) -> 
     mesh = read_mesh(file)
     if len(mesh.positions) != vertices:
         return NO_ORIGINAL
-    return original_of(file, mesh, Shape(mesh.positions, mesh.triangles, mesh.texture, ()))
+    return original_of(file, mesh)
 
 
 def fitted_text(original: Original, positions: Floats) -> str | None:
