@@ -81,7 +81,9 @@ def check_wear(garment: Garment, positions: Floats, source: BodyMesh, target: Bo
     place, front, hem = positions[worst].mean(axis=0), 1.0, 0.0
     frames = _frames(source, target)
     if frames:
-        front, hem = _facing(garment.positions, positions, frames), _rise(garment, positions, source, target)
+        local = [frame.local(shape) for frame, shape in zip(frames, shapes, strict=True)]
+        front = float(min(np.corrcoef(local[0][:, axis], local[1][:, axis])[0, 1] for axis in (0, 2)))
+        hem = _rise(garment, positions, source, target)
     fault = ""
     if low < EDGES[0] or high > EDGES[1]:
         fault = f"its edges are {low:.2f} to {high:.2f} of their lengths (1st to 99th percentile, scale {scale:.2f})"
@@ -102,12 +104,6 @@ def _frames(source: BodyMesh, target: BodyMesh) -> tuple[BodyFrame, ...]:
         return source.frame, target.frame
     except TransferError:
         return ()
-
-
-def _facing(before: Floats, after: Floats, frames: tuple[BodyFrame, ...]) -> float:
-    """Least correlation of the coordinates to the front and to the side."""
-    local = [frame.local(shape) for frame, shape in zip(frames, (before, after), strict=True)]
-    return float(min(np.corrcoef(local[0][:, axis], local[1][:, axis])[0, 1] for axis in (0, 2)))
 
 
 def _rise(garment: Garment, positions: Floats, source: BodyMesh, target: BodyMesh) -> float:

@@ -188,12 +188,13 @@ LIFT_CLEAR = 0.01
 
 def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[SewingState, str]:
     """State with the torso lifted by the least height at which the fewest springs run through the body; and a note."""
+    panels = state.mesh.pattern.panels
+    seams = [state.mesh.seams[k] for k in state.open_seams if order_of(state.mesh.seams[k], state) == WITHIN]
     pairs = [
-        state.pairs(state.mesh.seams[k])
-        for k in state.open_seams
-        if order_of(state.mesh.seams[k], state) == WITHIN and not _of_arm(state, k)
+        state.pairs(seam) for seam in seams if not any(is_of_arm(panels[side.panel]) for side in seam.stitch.sides)
     ]
-    rows = np.unique(np.concatenate([np.zeros(0, np.int64), *(_torso_rows(state))]))
+    torso = [state.number[state.mesh.vertices[name]] for name, panel in panels.items() if not is_of_arm(panel)]
+    rows = np.unique(np.concatenate([np.zeros(0, np.int64), *torso]))
     if not pairs or not len(rows):
         return state, ""
     joined = np.concatenate(pairs)
@@ -206,16 +207,6 @@ def lifted(state: SewingState, body: BodyMesh, surface: BodySurface) -> tuple[Se
     positions[rows] += height * body.up
     note = f"the torso was lifted by {1e3 * height:.0f} mm: {through[0]} springs of its seams ran through the body"
     return state.moved_to(positions), f"{note}, {through[best]} do now"
-
-
-def _of_arm(state: SewingState, seam: int) -> bool:
-    return any(is_of_arm(state.mesh.pattern.panels[side.panel]) for side in state.mesh.seams[seam].stitch.sides)
-
-
-def _torso_rows(state: SewingState) -> list[np.ndarray]:
-    """Vertices of each panel that is not of an arm."""
-    panels = state.mesh.pattern.panels.values()
-    return [state.number[state.mesh.vertices[panel.name]] for panel in panels if not is_of_arm(panel)]
 
 
 SHIFTS = np.arange(0.0, 0.301, 0.01)
@@ -237,7 +228,8 @@ def sleeves_cleared(state: SewingState, body: BodyMesh) -> tuple[SewingState, tu
         names = [
             name
             for name, panel in state.mesh.pattern.panels.items()
-            if is_of_arm(panel) and side * (_panel_positions(state, name) - middle).mean(axis=0) @ right > 0
+            if is_of_arm(panel)
+            and side * (state.positions[state.number[state.mesh.vertices[name]]] - middle).mean(axis=0) @ right > 0
         ]
         arm = arm_line(body, side * right, middle)
         if not names or not len(springs) or arm is None:
@@ -256,11 +248,6 @@ def sleeves_cleared(state: SewingState, body: BodyMesh) -> tuple[SewingState, tu
                 f" ran through, {through[best]} do now"
             )
     return state.moved_to(positions), tuple(notes)
-
-
-def _panel_positions(state: SewingState, panel: str) -> Floats:
-    """Positions of the vertices of a panel, (k, 3) [m]."""
-    return np.asarray(state.positions[state.number[state.mesh.vertices[panel]]], np.float64)
 
 
 def _torso_springs(state: SewingState) -> Floats:

@@ -175,8 +175,10 @@ class Girth:
 
 def girths(state: SewingState, body: BodyMesh) -> list[Girth]:
     """Girths at chest, waist and hip where the garment reaches, and at its hem."""
-    low, high = _span(body.positions @ body.up)
-    garment_low, garment_high = _span(state.positions @ body.up)
+    levels, worn = body.positions @ body.up, state.positions @ body.up
+    low, high, garment_low, garment_high = (
+        float(value) for value in (levels.min(), levels.max(), worn.min(), worn.max())
+    )
     torso = _torso_triangles(state)
     found = []
     for name, shares in LEVELS.items():
@@ -295,10 +297,6 @@ def marker(pattern: Pattern) -> tuple[float, float]:
             length, left = length + float(along), width
         left -= float(wide)
     return width, length
-
-
-def _span(levels: Floats) -> tuple[float, float]:
-    return float(levels.min()), float(levels.max())
 
 
 def _section_loops(body: BodyMesh, level: float) -> tuple[Floats, Ints]:

@@ -99,7 +99,7 @@ def placed_on(mesh: PatternMesh, body: BodyMesh, origin: str = "auto") -> tuple[
     if np.linalg.norm(middles) > ASIDE:
         shift = shift + middles[0] * across[0] + middles[1] * across[1]
         notes.append("the body is away from the vertical axis: the pattern follows it")
-    positions = _turn_upright(mesh.positions, body.up)
+    positions = mesh.positions if body.up[1] else mesh.positions[:, [0, 2, 1]] * [1, -1, 1]  # y to z about the x axis
     front = front_of(body)
     if front @ usual_front(body.up) < 1:
         positions = turn_to_front(body, front).apply(positions)
@@ -121,11 +121,6 @@ def chosen_origin(heights: Floats, origin: str) -> str:
 def height_of_origin(body: BodyMesh, origin: str) -> float:
     """Height of the origin of a pattern, "floor" or "waist", above the floor of a body [m]."""
     return ORIGIN_HEIGHT * float(np.ptp(body.positions @ body.up)) if origin == "waist" else 0.0
-
-
-def _turn_upright(positions: Floats, up: Floats) -> Floats:
-    """Positions with y upward turned so that `up` is: y to z about the x axis, or as they are."""
-    return positions if up[1] else positions[:, [0, 2, 1]] * [1, -1, 1]
 
 
 ARM_WORDS = ("sleeve", "cuff", "arm")

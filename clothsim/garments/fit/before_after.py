@@ -27,13 +27,14 @@ def draw_fit(done: "Fit", file: Path) -> str:
     """
     panels = _panels(done)
     title, _, target, _ = panels[-1]
+    right, up, front = FRONT
     surfaces = [_surfaces(done.garment, points, figure, each) for _, points, figure, each in panels]
     setup = picture_setup(
         [surfaces[-1]],
         size=SIZE,
         colour="stretch",
         up=target.up,
-        view=_view(target),
+        view=(right, up, front) if target.up[1] else (right, -front, up),
         title=title,
         renderer="auto",
         smooth=done.status in ("completed", "distorted"),  # in others triangles may cross, and are drawn as they are
@@ -76,8 +77,3 @@ def _panels(done: "Fit") -> list[tuple[str, Floats, BodyMesh, Floats]]:
 def _surfaces(garment: Garment, positions: Floats, figure: BodyMesh, stretches: Floats) -> list[Surface]:
     body = Surface(figure.name, figure.positions, figure.triangles, "body", np.zeros((0, 2)))
     return [Surface(garment.name, positions, garment.triangles, "cloth", stretches), body]
-
-
-def _view(figure: BodyMesh) -> tuple[float, float, float]:
-    right, up, front = FRONT
-    return (right, up, front) if figure.up[1] else (right, -front, up)

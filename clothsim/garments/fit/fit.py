@@ -199,7 +199,8 @@ def fit(
     base = to if made_for is None else made_for
     of_scene = isinstance(garment, str | Path) and Path(garment).suffix.lower() == ".toml"
     if not isinstance(garment, str | Path):
-        _refuse_file_options(scale, part)
+        if scale is not None or part is not None:
+            raise InputError("scale and part are for the file of a garment.", "Give clothsim.Cloth(..., scale=...).")
         source = _figure(base, None, body_group)
         worn = garment_of(garment, weld)
     elif of_scene:
@@ -239,11 +240,6 @@ def _target(body: Any, scale: float | None, group: str | None) -> BodyMesh:
             "Leave --scale-to (scale_to) out.",
         )
     return read_body_mesh(body, scale=scale, group=group, option="--scale-to") if in_file else as_body_mesh(body)
-
-
-def _refuse_file_options(scale: float | None, part: tuple[int, int] | None) -> None:
-    if scale is not None or part is not None:
-        raise InputError("scale and part are for the file of a garment.", "Give clothsim.Cloth(..., scale=...).")
 
 
 def _finish_fit(task: Task, state: FitState, started: float) -> Fit:
@@ -297,9 +293,11 @@ def _write(done: Fit, seconds: float) -> None:
         "look": done.look.as_dict(),
         "notes": [*done.notes, *previous["notes"]],
         "pieces": division.as_dict(),
-        **({"carried": _carried_entry(done)} if len(done.carried) else {}),
         "fit_seconds": seconds,
     }
+    if len(done.carried):
+        middle = done.positions[done.carried].mean(axis=0).tolist()
+        fitted["carried"] = {"vertices": done.carried.tolist(), "position": middle}
     if done.status in ("failed", "distorted"):
         position, counts = done.counts.position, str(done.counts)
         if done.status == "distorted":
@@ -307,11 +305,6 @@ def _write(done: Fit, seconds: float) -> None:
         failed = {"cause": "fit", "sentence": done.reason, "element": counts, "position": position, "remedy": REMEDY}
         fitted["failure"] = {**failed, **dict.fromkeys(("step", "time", "dt"))}  # it failed in no step
     write_summary(file, {**previous, **fitted})
-
-
-def _carried_entry(done: Fit) -> dict[str, Any]:
-    """Vertices that the body carries, and their mean position [m]."""
-    return {"vertices": done.carried.tolist(), "position": done.positions[done.carried].mean(axis=0).tolist()}
 
 
 def _same(one: Any, other: Any) -> bool:
