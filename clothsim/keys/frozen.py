@@ -37,7 +37,7 @@ class FrozenTable(dict[str, Any]):
     clear = pop = popitem = setdefault = update = _refuse
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return FrozenTable, (dict(self),)
+        return frozen, (dict(self),)  # arrays come back from a pickle unlocked
 
     def __copy__(self) -> "FrozenTable":
         return self

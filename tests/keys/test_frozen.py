@@ -91,3 +91,13 @@ def test_a_copy_is_frozen_too(copied):
     assert isinstance(other, FrozenTable)
     assert isinstance(other["a"][1], FrozenTable)
     assert {**table, "c": 3} == {"a": (1, {"b": 2.0}), "c": 3}
+
+
+def test_the_arrays_of_a_pickled_scene_stay_locked():
+    made = scene(effects={"pins": {"select": np.array([0, 1])}})
+    other = pickle.loads(pickle.dumps(made))
+    before = hash(other)
+    with pytest.raises(ValueError, match="read-only"):
+        other.effects["pins"]["select"][0] = 2
+    assert hash(other) == before == hash(made)
+    assert other == made
