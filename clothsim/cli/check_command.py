@@ -84,10 +84,7 @@ def _check(arguments: argparse.Namespace) -> Report:
 
 def _examined(arguments: argparse.Namespace) -> "engine.Examination":
     """The examination of the target; InputError for options that do not go together."""
-    target = arguments.target
-    engine.refuse_ending_of_installed(target)
-    if not target.exists():
-        target = engine.installed_scene(target) or target
+    target = engine.example_file(arguments.target)
     if not target.exists():
         raise InputError(f"There is no {target}.", _TARGETS)
     if target.suffix.lower() in PATTERNS and arguments.on is None:

@@ -108,15 +108,14 @@ def as_factors(given: list[str]) -> dict[str, float]:
 
 def _body(path: Path | None) -> Path | None:
     """A body file, or the installed scene of that name."""
-    return path if path is None or path.exists() else engine.installed_scene(path) or path
+    return None if path is None else engine.example_file(path)
 
 
 def _dress(arguments: argparse.Namespace) -> Report:
     directory = arguments.output or Path(arguments.pattern.stem)
 
     message = messages(arguments, arguments.pattern)
-    pattern = arguments.pattern
-    pattern = pattern if pattern.exists() else engine.installed_pattern(pattern) or pattern
+    pattern = engine.example_file(arguments.pattern, "_specification.json")
     body = _body(arguments.on)
     with progress.shown(arguments.quiet) as listener:
         done = clothsim.dress(

@@ -45,7 +45,7 @@ def _explain(arguments: argparse.Namespace) -> Report:
         budget = as_seconds("--budget", "60s" if arguments.budget is None else arguments.budget)
         if arguments.budget is not None and not arguments.absent:
             raise InputError("--budget is for --absent.", "Add --absent, or leave it out.")
-        scene = clothsim.load_scene(engine.scene_file(arguments.target))
+        scene = clothsim.load_scene(arguments.target)
         receipt = engine.explain(scene, steps, budget if arguments.absent else None)
     return Report(dict(sorted(receipt.effects.items())), table(receipt))
 

@@ -60,7 +60,7 @@ def add_to(commands: Any) -> None:
 def _fit(arguments: argparse.Namespace) -> Report:
     def named(file: Path | None) -> Path | None:
         """The file, or the installed scene of that name."""
-        return file if file is None or file.exists() else engine.installed_scene(file) or file
+        return None if file is None else engine.example_file(file)
 
     directory = arguments.output or Path(arguments.garment.stem)
 

@@ -43,7 +43,7 @@ def _gradient(arguments: argparse.Namespace) -> Report:
     names = words("--wrt", arguments.wrt)
     if arguments.output is not None and arguments.output.suffix != ".npz":
         raise InputError(f"{arguments.output} is no .npz file.", "Name one with -o.")
-    scene = clothsim.load_scene(engine.scene_file(arguments.scene))
+    scene = clothsim.load_scene(arguments.scene)
     for assignment in arguments.set:
         scene = engine.override(scene, assignment)
     messages(arguments, arguments.scene)

@@ -61,6 +61,6 @@ def meshed(file: Path, size: str) -> "PatternMesh":
 def scene_or_run(path: Path) -> "Scene":
     """Return the scene of a file, of an installed name, or of the run in a directory."""
     if not path.is_dir():
-        return clothsim.load_scene(engine.scene_file(path))
+        return clothsim.load_scene(path)
 
     return engine.scene_from_text(files.read_checkpoint(path / files.CHECKPOINT_NAME).scene_text, path)

@@ -38,7 +38,7 @@ def add_to(commands: Any) -> None:
 def _sweep(arguments: argparse.Namespace) -> Report | int:
     if not arguments.vary:
         raise InputError("Nothing varies.", "Write --vary solver.dt=.02,.01.")
-    scene = clothsim.load_scene(engine.scene_file(arguments.scene))
+    scene = clothsim.load_scene(arguments.scene)
     for assignment in arguments.set:
         scene = engine.override(scene, assignment)
     varied = dict(_values(text) for text in arguments.vary)
