@@ -28,23 +28,12 @@ if TYPE_CHECKING:
     from clothsim.run.callbacks import refuse_uncallable
     from clothsim.run.certificate_text import certificate_rows, length, many
     from clothsim.run.check import Examination, examined
+    from clothsim.run.colouring import Colouring
     from clothsim.run.example_scenes import example_scenes
-    from clothsim.run.export import export
-    from clothsim.run.field_pictures import field_settings
-    from clothsim.run.fields import FIELDS
     from clothsim.run.interruption import interruption
     from clothsim.run.iterate_log import iterates_name
     from clothsim.run.output_directory import make_directory, refuse_earlier_run
-    from clothsim.run.pictures import (
-        FAILURE_NAME,
-        GIF_NAME,
-        MOVIE_NAME,
-        PICTURE_NAME,
-        draw_failure,
-        draw_frame,
-        draw_movie,
-        upright,
-    )
+    from clothsim.run.pictures import draw_pictures, draw_run
     from clothsim.run.precompile import kernels_are_compiled, let_finish, start_precompiling
     from clothsim.run.receipt import Receipt, explain, summary_of_effect
     from clothsim.run.recorded_run import Announcement, Listener

@@ -162,9 +162,8 @@ def _verdict(done: "Dress") -> list[str]:
 
 def _pictures(done: "Dress", pictures: bool, movie: bool) -> list[str]:
     """Draw pictures and movie; a line for each that could not be drawn."""
-    film, trouble = done.directory / (engine.MOVIE_NAME if render.has_ffmpeg() else engine.GIF_NAME), []
-    if movie and film.name == engine.GIF_NAME:
-        trouble.append(f"{film.name}, not {engine.MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")
+    film, missing = render.movie_file(done.directory)
+    trouble = [missing] if movie and missing else []
     for wanted, name, draw in (
         (pictures, "picture", lambda: on_demand.draw_dress(done)),
         (movie, film.name, lambda: on_demand.draw_sewing(done, film)),

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import clothsim
-from clothsim import engine, files
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_positive_number
 from clothsim.cli.report import Report
@@ -40,10 +39,7 @@ def add_to(commands: Any) -> None:
 
 
 def _export(arguments: argparse.Namespace) -> Report:
-    files.format_of(arguments.output)  # before anything is read
-    run = clothsim.open_run(arguments.directory)
-    done = engine.export(
-        run,
+    done = clothsim.open_run(arguments.directory).export(
         arguments.output,
         frame=None if arguments.frame is None else frame_number(arguments.frame),
         fps=None if arguments.fps is None else as_positive_number("--fps", arguments.fps),

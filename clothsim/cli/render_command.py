@@ -62,10 +62,9 @@ def _render(arguments: argparse.Namespace) -> Report:
         "style": arguments.style,
         "smooth": not arguments.true_mesh,
         "view": as_direction("--view", arguments.view, render.VIEWS),
-        "up": engine.upright(run.directory) if arguments.up is None else as_direction("--up", arguments.up),
+        "up": run.up if arguments.up is None else as_direction("--up", arguments.up),
+        "field": arguments.field,
     }
-    if arguments.field is not None:
-        settings |= engine.field_settings(run, arguments.field)
     if arguments.range is not None:
         settings["limits"] = as_limits("--range", arguments.range)
     dots_per_inch = 0.0
@@ -87,7 +86,7 @@ def _drawn(
         raise InputError(f"{option} is for movies.", "Leave it out, or name an .mp4 or .gif with -o.")
     if ending == ".png":
         frame = _frame(run, arguments.frame or "last")
-        return engine.draw_frame(run.trajectory, target, frame=frame, dots_per_inch=dots_per_inch, **settings)
+        return engine.draw_run(run, target, frame, dots_per_inch=dots_per_inch, **settings)
     if ending not in (".mp4", ".gif"):
         raise InputError(f"{target.name} is neither a picture nor a movie.", "End it in .png, .mp4 or .gif.")
     if arguments.frame is not None:
@@ -95,7 +94,7 @@ def _drawn(
     if arguments.frames_per_second is not None:
         settings["frames_per_second"] = as_positive_number("--frames-per-second", arguments.frames_per_second)
     counter = frame_counter(arguments.quiet)
-    return engine.draw_movie(run.trajectory, target, progress=counter, follow=arguments.follow, **settings)
+    return engine.draw_run(run, target, progress=counter, follow=arguments.follow, **settings)
 
 
 def frame_counter(quiet: bool) -> Callable[[int, int], None]:

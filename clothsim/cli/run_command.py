@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import clothsim
-from clothsim import engine, render
-from clothsim.base.errors import ClothsimError, InputError
+from clothsim import engine
+from clothsim.base.errors import InputError
 from clothsim.cli import progress, run_report
 from clothsim.cli.arguments import as_count, as_length, as_positive_number
 from clothsim.cli.render_command import frame_counter
@@ -143,7 +143,14 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
     try:
         with progress.shown(arguments.quiet) as listener:
             run = job(progress=listener, announce=announce, dump_iterates=step)
-        trouble = _pictures(arguments, run, sessions[-1])
+        trouble = engine.draw_pictures(
+            run,
+            sessions[-1].built.world,
+            picture=not arguments.no_picture,
+            movie=arguments.movie,
+            message=lambda line: None if arguments.quiet else print(line, file=sys.stderr, flush=True),
+            progress=frame_counter(arguments.quiet),
+        )
     except KeyboardInterrupt:
         print(run_report.stopped(directory), file=sys.stderr)
         return INTERRUPTED
@@ -151,36 +158,3 @@ def _execute(arguments: argparse.Namespace, directory: Path, job: "Callable[...,
         trouble.append(f"No {engine.iterates_name(step)}: the run took {run.summary['steps']} steps.")
     code = 0 if run.status == "completed" else 1
     return Report(run.summary, run_report.verdict(run, trouble), code, verdict=True).show(arguments)
-
-
-def _pictures(arguments: argparse.Namespace, run: "Run", session: "Session") -> list[str]:
-    """Draw picture, movie and the place of a failure.
-
-    Returns a line for each that could not be drawn, which does not change the status of the run.
-    """
-    for name in (engine.PICTURE_NAME, engine.MOVIE_NAME, engine.GIF_NAME, engine.FAILURE_NAME):
-        (run.directory / name).unlink(missing_ok=True)
-    directory, up, trouble = run.directory, engine.upright(run.directory), []
-    jobs: list[tuple[str, Callable[[], Any]]] = []
-    if not arguments.no_picture:
-        jobs.append(
-            (engine.PICTURE_NAME, lambda: engine.draw_frame(run.trajectory, directory / engine.PICTURE_NAME, up=up))
-        )
-        failure, world = run.summary.get("failure") or {}, session.built.world
-        if failure.get("position") is not None:
-            target = directory / engine.FAILURE_NAME
-            jobs.append((engine.FAILURE_NAME, lambda: engine.draw_failure(directory, failure, world, target, up)))
-    if arguments.movie:
-        counter = frame_counter(arguments.quiet)
-        film = engine.MOVIE_NAME if render.has_ffmpeg() else engine.GIF_NAME
-        if film == engine.GIF_NAME:
-            trouble.append(f"{film}, not {engine.MOVIE_NAME}: ffmpeg is missing. Run: pip install 'clothsim[movies]'")
-        jobs.append((film, lambda: engine.draw_movie(run.trajectory, directory / film, counter, up=up)))
-    for name, job in jobs:
-        if not arguments.quiet:
-            print(f"drawing {name}", file=sys.stderr, flush=True)
-        try:
-            job()
-        except (ClothsimError, OSError, ImportError) as error:
-            trouble.append(f"No {name}: {error}")
-    return trouble

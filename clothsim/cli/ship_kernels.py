@@ -85,7 +85,7 @@ def compile_kernels(scenes: Sequence[str], duration: float) -> None:
             try:
                 scene = engine.set_key(clothsim.load_scene(name), "run.duration", duration)
                 run = clothsim.simulate(scene, folder, overwrite=True)
-                engine.draw_frame(run.trajectory, Path(folder) / "picture.png")
+                run.plot(path=Path(folder) / "picture.png")
                 print(f"{name}: {run.status}", flush=True)
             except ClothsimError as error:  # of a scene that runs longer only: what it compiled is compiled
                 print(f"{name}: {error}", file=sys.stderr, flush=True)
