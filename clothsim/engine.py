@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from clothsim.physics.energies.hessians import ElementHessian
     from clothsim.run.archive import unpack_bundle, write_bundle
     from clothsim.run.callbacks import refuse_uncallable
-    from clothsim.run.certificate_text import certificate_rows, length, many
+    from clothsim.run.certificate_text import certificate_rows
     from clothsim.run.check import Examination, examined
     from clothsim.run.colouring import Colouring
     from clothsim.run.example_scenes import example_scenes

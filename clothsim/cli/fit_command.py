@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import clothsim
 from clothsim import engine
 from clothsim.base.errors import ClothsimError
+from clothsim.base.quantity_text import length
 from clothsim.cli import on_demand, progress
 from clothsim.cli.arguments import as_positive_number, as_range
 from clothsim.cli.report import Report, messages
-from clothsim.engine import length
 
 if TYPE_CHECKING:
     from clothsim.garments.fit.fit import Fit

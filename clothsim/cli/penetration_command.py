@@ -9,9 +9,9 @@ import numpy as np
 import clothsim
 from clothsim import engine
 from clothsim.base.errors import InputError
+from clothsim.base.quantity_text import length
 from clothsim.cli import on_demand
 from clothsim.cli.arguments import as_positive_number, as_range
-from clothsim.engine import length
 
 if TYPE_CHECKING:
     from clothsim.base.arrays import Floats

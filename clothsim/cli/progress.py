@@ -10,8 +10,8 @@ from dataclasses import asdict
 from time import perf_counter
 from typing import TYPE_CHECKING, TypeVar, cast
 
+from clothsim.base.quantity_text import length
 from clothsim.cli.events import stream
-from clothsim.engine import length
 
 if TYPE_CHECKING:
     from clothsim.engine import Progress

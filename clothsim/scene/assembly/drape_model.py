@@ -58,7 +58,7 @@ class DrapeModel:
     basis: Floats
 
     @classmethod
-    def of_scene(cls, scene: Scene, inputs: Sequence[str], same: Mapping[str, str], **arrays: Floats) -> "DrapeModel":
+    def of_scene(cls, scene: Scene, inputs: Sequence[str], same: Mapping[str, str], **arrays: Any) -> "DrapeModel":
         """The model of the garment and body of a scene; same: keys with the value of another, arrays: all others."""
         names = np.array(inputs), np.array([*same], np.str_), np.array([*same.values()], np.str_)
         return cls(family(scene, [*inputs, *same]), *names, **arrays)
