@@ -83,7 +83,7 @@ def compile_kernels(scenes: Sequence[str], duration: float) -> None:
     for name in scenes:
         with TemporaryDirectory() as folder:
             try:
-                scene = engine.set_key(clothsim.load_scene(name), "run.duration", duration)
+                scene = engine.replace(clothsim.load_scene(name), "run.duration", duration)
                 run = clothsim.simulate(scene, folder, overwrite=True)
                 run.plot(path=Path(folder) / "picture.png")
                 print(f"{name}: {run.status}", flush=True)

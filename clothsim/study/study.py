@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 import clothsim
-from clothsim import Scene, simulate
+from clothsim import Scene, engine, simulate
 from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError
-from clothsim.engine import World, available_cores, build, fixed, set_key
+from clothsim.engine import World, available_cores, build, fixed
 from clothsim.gradients import StateAtRest
 from clothsim.study.analysis import findings
 from clothsim.study.error_control.resolution import Resolution, resolvable
@@ -82,7 +82,7 @@ def searched_settings(scene: Scene, directory: Path, budget: float) -> tuple[Sce
 def _search(scene: Scene, budget: float) -> dict[str, Any]:
     limit = min(scene.solver_settings.budget, LARGEST_FRACTION * budget)
     with tempfile.TemporaryDirectory() as folder:
-        run = simulate(set_key(scene, "solver.budget", limit), folder)
+        run = simulate(engine.replace(scene, "solver.budget", limit), folder)
     if run.status != "completed":
         raise InputError(
             f"The scene itself is no data point: {run.reason}",
