@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from clothsim.keys.fabric import Fabric
     from clothsim.keys.fabric_table import TABLE, NamedFabric
     from clothsim.keys.fabrics import fabric_named, fabrics_of
-    from clothsim.keys.keys import nearest, refuse_unknown, shown, table
+    from clothsim.keys.keys import refuse_unknown
     from clothsim.keys.mesh_keys import check_body, check_cloth
     from clothsim.mesh.checks import examine, refuse
     from clothsim.mesh.cloth import triangle_planes
@@ -25,14 +25,12 @@ if TYPE_CHECKING:
     from clothsim.physics.energies.constraint import Constraint, Prescribed
     from clothsim.physics.energies.hessians import ElementHessian
     from clothsim.run.archive import unpack_bundle, write_bundle
-    from clothsim.run.callbacks import refuse_uncallable
     from clothsim.run.certificate_text import certificate_rows
     from clothsim.run.check import Examination, examined
     from clothsim.run.colouring import Colouring
     from clothsim.run.example_scenes import example_scenes
-    from clothsim.run.interruption import interruption
     from clothsim.run.iterate_log import iterates_name
-    from clothsim.run.output_directory import make_directory, refuse_earlier_run
+    from clothsim.run.output_directory import refuse_earlier_run
     from clothsim.run.pictures import draw_pictures, draw_run
     from clothsim.run.precompile import kernels_are_compiled, let_finish, start_precompiling
     from clothsim.run.receipt import Receipt, explain, summary_of_effect
@@ -61,7 +59,6 @@ if TYPE_CHECKING:
     from clothsim.scene.reference import markdown
     from clothsim.scene.reference_search import reference
     from clothsim.scene.scene import scene_from_text
-    from clothsim.solve.linear.threads import available_cores
     from clothsim.solve.problem import Problem, step
     from clothsim.solve.stepping.integrators import BDF2
     from clothsim.solve.stepping.state import State, first_state

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
+from clothsim.base.inputs import table
 from clothsim.keys.effect_tables import SELECT
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.keys import table
 from clothsim.keys.mesh_keys import MESH, check_keys, sources
 from clothsim.keys.placed_keys import PlacedKeys
 from clothsim.keys.schema import Key, Selection, Vector

@@ -15,8 +15,8 @@ from pathlib import Path
 from threading import Thread
 
 from clothsim.base.kernel_cache import can_store, is_cached
+from clothsim.base.parallel import available_cores
 from clothsim.physics.energies.membrane_kernels import fill
-from clothsim.solve.linear.threads import available_cores
 
 _GO_ON = b"."
 

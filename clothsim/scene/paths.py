@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import shown
 from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.keys import refuse_unknown, shown
+from clothsim.keys.keys import refuse_unknown
 from clothsim.keys.mesh_keys import FilePart, body_sections, check_body, check_cloth, cloth_sections
 from clothsim.keys.rigid_keys import check_rigid, rigid_sections
 from clothsim.keys.schema import SceneKey, keys_of

@@ -4,7 +4,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from clothsim.base.errors import InputError
-from clothsim.keys.keys import nearest
+from clothsim.base.inputs import nearest
 from clothsim.keys.section_hints import home_of
 from clothsim.scene.reference import COLUMNS, Section, row, sections
 

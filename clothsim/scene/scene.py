@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import shown, table
 from clothsim.keys.frozen import frozen
 from clothsim.keys.key_table import KeyTable, as_tables
-from clothsim.keys.keys import refuse_deep, refuse_unknown, shown, table
+from clothsim.keys.keys import refuse_deep, refuse_unknown
 from clothsim.keys.mesh_arrays import TEXT, MeshArrays
 from clothsim.keys.mesh_keys import check_body, check_cloth
 from clothsim.keys.rigid_keys import check_rigid

@@ -17,7 +17,9 @@ import clothsim
 from clothsim import Scene, engine, simulate
 from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError
-from clothsim.engine import World, available_cores, build, fixed
+from clothsim.base.parallel import available_cores
+from clothsim.base.safe_files.directory import make_directory
+from clothsim.engine import World, build, fixed
 from clothsim.gradients import StateAtRest
 from clothsim.study.analysis import findings
 from clothsim.study.error_control.resolution import Resolution, resolvable
@@ -196,7 +198,7 @@ def study_accuracy(
     deadline = started + seconds - min(FOR_FILES[0] * seconds, FOR_FILES[1])
     directory = Path(tempfile.mkdtemp(prefix="clothsim-study-") if output is None else output)
     built = build(scene)
-    _make_folder(directory / FOLDER)
+    make_directory(directory / FOLDER)
     scene, found = searched_settings(scene, directory, seconds)
     if found is not None:
         built = build(scene)
@@ -251,13 +253,6 @@ def _coarsest(bench: Bench) -> Point:
             continue
         levels[name] = -1
     return point(levels)
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder} cannot be made a directory: {error.strerror}.", "Choose another output.") from error
 
 
 def _refuse_failed_base(gatherer: Gatherer) -> None:

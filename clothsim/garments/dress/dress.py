@@ -11,7 +11,8 @@ import numpy as np
 
 from clothsim import Run
 from clothsim.base.errors import InputError
-from clothsim.engine import Announcement, Listener, make_directory, refuse_earlier_run
+from clothsim.base.safe_files.directory import make_directory
+from clothsim.engine import Announcement, Listener, refuse_earlier_run
 from clothsim.files import read_pattern
 from clothsim.garments.dress.closing import close, mean_edge, welded_where_closed, worst_gap
 from clothsim.garments.dress.corrections import (

@@ -13,7 +13,7 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_positive
 from clothsim.base.errors import InputError
-from clothsim.engine import nearest
+from clothsim.base.inputs import nearest
 from clothsim.garments.dress.placement import chosen_origin, height_of_origin, is_of_arm, is_of_leg
 from clothsim.garments.inputs import BodyMesh
 from clothsim.patterns import Panel, Pattern, PlaneMap, Side, mapped_panel, seams_alike

@@ -10,9 +10,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_number, as_positive, as_vector
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import table
 from clothsim.keys.fabric import BENDINGS, Fabric
 from clothsim.keys.fabrics import fabric_named, fabrics_of
-from clothsim.keys.keys import table
 from clothsim.keys.mesh_arrays import MeshArrays
 from clothsim.mesh.body import Body, make_body
 from clothsim.mesh.cloth import Cloth, make_cloth

@@ -9,13 +9,13 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, as_positive, as_vector
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import table
 from clothsim.files.characters.character import Character
 from clothsim.files.characters.clip import Motion
 from clothsim.files.characters.gait import CLIPS, shipped_clip
 from clothsim.files.characters.retarget import retargeted
 from clothsim.files.characters.skeleton import Pose
 from clothsim.files.characters.timeline import Timeline, timeline
-from clothsim.keys.keys import table
 from clothsim.keys.model_keys import ClipKeys
 from clothsim.mesh.body import Body, make_body
 from clothsim.mesh.motion import PosedMotion
