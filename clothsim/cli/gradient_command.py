@@ -50,7 +50,7 @@ def _gradient(arguments: argparse.Namespace) -> Report:
     loss = loss_of(arguments.loss, engine.build(scene).world)
     trace = gradients.traced(scene)
     gradient = trace.gradient(loss)
-    derivatives = {name: gradient[gradients.full_path(name)] for name in names}
+    derivatives = {name: gradient[name] for name in names}
     if arguments.output is not None:
         _save(arguments.output, derivatives)
     document = {"loss": gradient.value, "gradient": derivatives, **_errors(gradient)}

@@ -11,7 +11,7 @@ from clothsim import engine, files, patterns, render
 from clothsim.base.errors import InputError
 
 if TYPE_CHECKING:
-    from clothsim.patterns import Pattern
+    from clothsim import Pattern
 
 PATTERNS = (".dxf", ".json")
 SPACING = 0.02

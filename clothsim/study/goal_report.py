@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import Scene
+from clothsim import Loss, Scene
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.engine import World
-from clothsim.gradients import Loss, StateAtRest
+from clothsim.gradients import StateAtRest
 from clothsim.render import Quantity, Surface, draw
 from clothsim.study.evaluation import Gatherer
 from clothsim.study.points import BASE, Bench, Point, point

@@ -8,7 +8,6 @@ from typing import Any
 from clothsim import Run, open_run
 from clothsim.base.errors import InputError
 from clothsim.engine import Colouring
-from clothsim.files import TRAJECTORY_NAME
 from clothsim.viewer.page import Page
 from clothsim.viewer.page_parts import add_controls, add_scene
 from clothsim.viewer.served import silent
@@ -80,7 +79,7 @@ def view(run: Run | str | Path, port: int = PORT, host: str = LOOPBACK, colour: 
     viser = require_viser()
     run = run if isinstance(run, Run) else open_run(run)
     if not len(run):
-        raise InputError(f"{run.directory} has no frame yet.", f"Wait until {TRAJECTORY_NAME} has one.")
+        raise InputError(f"{run.directory} has no frame yet.", "Wait until the run has written one.")
     names = Colouring.names(run)
     first = colour or ("stretch" if "stretch" in names else "plain")
     if first not in names:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import Run
+from clothsim import Pattern, Run
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.directory import make_directory
 from clothsim.engine import Announcement, Listener, refuse_earlier_run
@@ -32,7 +32,7 @@ from clothsim.garments.dress.placement import placed_on, refuse_unsuitable, turn
 from clothsim.garments.dress.sewing_state import Fabrics, SewingState, as_placed
 from clothsim.garments.inputs import BodyMesh, as_body_mesh, read_body_mesh
 from clothsim.garments.stages import PlannedStage, Stage, StageCallback, run_stages, staged
-from clothsim.patterns import TOUCHING, Pattern, mesh_pattern, sewn_vertices
+from clothsim.patterns import TOUCHING, mesh_pattern, sewn_vertices
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface, body_surface
 
