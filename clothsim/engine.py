@@ -11,11 +11,9 @@ if TYPE_CHECKING:
     from clothsim.geometry.kinematics.stretch import principal_stretches
     from clothsim.geometry.untangling.untangle import untangle
     from clothsim.keys.fabric import Fabric
-    from clothsim.keys.fabric_table import TABLE, NamedFabric
+    from clothsim.keys.fabric_table import TABLE as FABRICS
     from clothsim.keys.fabrics import fabric_named, fabrics_of
     from clothsim.keys.keys import refuse_unknown
-    from clothsim.keys.mesh_keys import check_body, check_cloth
-    from clothsim.mesh.checks import examine, refuse
     from clothsim.mesh.cloth import triangle_planes
     from clothsim.mesh.topology import border_edges, components
     from clothsim.mesh.weld import mean_of_parts
@@ -32,9 +30,8 @@ if TYPE_CHECKING:
     from clothsim.run.iterate_log import iterates_name
     from clothsim.run.output_directory import refuse_earlier_run
     from clothsim.run.pictures import draw_pictures, draw_run
-    from clothsim.run.precompile import kernels_are_compiled, let_finish, start_precompiling
-    from clothsim.run.receipt import Receipt, explain, summary_of_effect
-    from clothsim.run.recorded_run import Announcement, Listener
+    from clothsim.run.precompile import kernels_are_compiled, start_precompiling
+    from clothsim.run.receipt import Receipt, explain
     from clothsim.run.remaining_kernels import compile_remaining_kernels
     from clothsim.run.session import Session, prepare
     from clothsim.run.summary import Progress
@@ -43,21 +40,18 @@ if TYPE_CHECKING:
     from clothsim.scene.assembly.drape_prediction import Prediction, Predictor
     from clothsim.scene.assembly.explicit_lengths import d_hats, fixed, steps_per_frame
     from clothsim.scene.assembly.initial_positions import cloths_at_start
-    from clothsim.scene.assembly.meshes import body_of, cloth_of, cloth_shape
-    from clothsim.scene.assembly.model_body import PlacedCharacter, placed_character
-    from clothsim.scene.assembly.placement import PART
+    from clothsim.scene.assembly.meshes import body_mesh, cloth_mesh
+    from clothsim.scene.assembly.model_body import PlacedCharacter, character_of_scene
     from clothsim.scene.assembly.presets import PRESETS, with_preset
     from clothsim.scene.assembly.refinement import cells_of, with_cells
     from clothsim.scene.assembly.scene_world import build
-    from clothsim.scene.assembly.worn_shape import worn_shape
+    from clothsim.scene.assembly.worn_shape import refuse_unwearable, worn_shape
     from clothsim.scene.content import by_content
     from clothsim.scene.effects import CONTACTS
     from clothsim.scene.example_files import example_file
-    from clothsim.scene.json_schema import json_schema
     from clothsim.scene.overrides import override
     from clothsim.scene.paths import replace
-    from clothsim.scene.reference import markdown
-    from clothsim.scene.reference_search import reference
+    from clothsim.scene.reference_search import reference, reference_text
     from clothsim.scene.scene import scene_from_text
     from clothsim.solve.problem import Problem, step
     from clothsim.solve.stepping.integrators import BDF2

@@ -1,18 +1,12 @@
 """`clothsim check`: all faults of a mesh, a scene or a run."""
 
 import argparse
-from collections.abc import Iterator
-from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-import clothsim
-from clothsim import engine, files
+from clothsim import engine
 from clothsim.base.errors import InputError
-from clothsim.cli import on_demand
 from clothsim.cli.arguments import as_count, as_positive_number
 from clothsim.cli.pattern_command import PATTERNS, examined_pattern
 from clothsim.cli.penetration_command import examined_penetration
@@ -25,9 +19,6 @@ Examine a mesh file, a scene, all frames of a run, a pattern, or a garment on a 
   clothsim check jacket.dxf -o edges.svg
   clothsim check suit.mhclo --on base.obj --body-group body -o suit.png
 """
-
-MOST_TIMES = 600
-"""Most times at which the motion of a body model is looked at."""
 
 _TARGETS = "Name a mesh file, a scene (.toml) or the directory that `clothsim run SCENE -o DIR` left."
 
@@ -106,8 +97,7 @@ def _examined(arguments: argparse.Namespace) -> "engine.Examination":
     if arguments.motion and target.suffix != ".toml":
         raise InputError(f"{target} is no scene.", "--motion is for scenes with a body model.")
     if not is_mesh:
-        found = engine.examined(target)
-        return _with_motion(found, target) if arguments.motion and not found.of("error") else found
+        return engine.examined(target, motion=arguments.motion)
     part: dict[str, Any] = {"group": arguments.group}
     if arguments.scale is not None:
         part["scale"] = as_positive_number("--scale", arguments.scale)
@@ -121,57 +111,3 @@ def _counts(errors: int, warnings: int) -> str:
         return "Nothing is wrong."
     parts = [f"{n} {what}{'' if n == 1 else 's'}" for n, what in ((errors, "error"), (warnings, "warning")) if n]
     return f"{' and '.join(parts)}."
-
-
-def _with_motion(found: "engine.Examination", path: Path) -> "engine.Examination":
-    """With the times at which parts of a body model meet, or a joint turns too far in a step."""
-    entries = list(_of_motion(clothsim.load_scene(path)))
-    notes = tuple(entry for entry in entries if isinstance(entry, str))
-    more = (entry for entry in entries if not isinstance(entry, str))
-    findings = sorted([*found.findings, *more], key=lambda finding: finding.severity)
-    return replace(found, notes=(*found.notes, *notes), findings=tuple(findings))
-
-
-def _of_motion(scene: "clothsim.Scene") -> "Iterator[clothsim.Finding | str]":
-    """Findings and notes on the motion of the body model of a scene. InputError without one."""
-    made, name = on_demand.character_of_scene(scene)
-    if made.timeline is None:
-        yield f"{name} has no motion"
-        return
-    dt = scene.solver_settings.dt
-    contact: Any = engine.build(scene).energies.get("body_contact")
-    end = min(scene.run_settings.duration, made.timeline.duration)
-    steps = np.arange(0.0, end + dt / 2, dt)
-    times = steps[:: -(-len(steps) // MOST_TIMES)]
-    unit = float(np.cbrt(abs(np.linalg.det(made.linear))))
-    gap = 0.0 if contact is None else contact.offset + 2 * contact.d_hat
-    carried, none = scene.contact_settings.pinch == "carry", np.zeros(0, np.int64)
-    meetings = list(files.meetings(made.character, made.pose, times.tolist(), gap / unit))
-    for met in meetings:
-        place = ", ".join(f"{c:.3g}" for c in made.linear @ met.place + made.shift)
-        when = f"from {met.start:.3g} to {met.end:.3g} s, at {met.times} of {len(times)} times"
-        inside = met.nearest < 0
-        what = "intersect" if inside else f"are nearer than {1e3 * gap:.3g} mm"
-        size = f"{'depth' if inside else 'distance'} {1e3 * unit * abs(met.nearest):.3g} mm"
-        yield clothsim.Finding(
-            "error" if inside and not carried else "warning",
-            "motion",
-            f"{name}: {' and '.join(met.parts)} {what} {when}; {size} at {met.at:.3g} s, ({place}) m",
-            'contact.pinch = "carry" carries cloth through; motion.keep_apart = true turns the limbs outwards',
-            none,
-        )
-    if not meetings:
-        yield f"no parts of {name} come nearer than {1e3 * gap:.3g} mm, at {len(times)} times to {end:.3g} s"
-    turn = files.fastest_turn(made.character, made.pose, steps.tolist())
-    line = f"{turn.joint} turns by up to {turn.degrees:.3g} degrees in a step of {dt:g} s, at {turn.at:.3g} s"
-    if not turn.steps:
-        yield line
-        return
-    yield clothsim.Finding(
-        "warning",
-        "motion",
-        f"{name}: {line}; by more than {files.MOST_DEGREES:g} in {turn.steps} steps",
-        "Contact follows a body along straight paths in a step: set solver.dt below "
-        f"{dt * files.MOST_DEGREES / turn.degrees:.2g}",
-        none,
-    )

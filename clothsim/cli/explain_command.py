@@ -71,7 +71,7 @@ def table(receipt: "engine.Receipt") -> str:
     left = {name: entry for name, entry in off.items() if absent is None or name not in absent.effects}
     if left:
         width = max(len(name) for name in left)
-        reasons = {name: f"{engine.summary_of_effect(name)}: {effect['reason']}" for name, effect in left.items()}
+        reasons = {name: f"{effect['summary']}: {effect['reason']}" for name, effect in left.items()}
         lines += ["", "Off:", *(f"  {name:<{width}}  {reason}" for name, reason in reasons.items())]
     return "\n".join([*lines, *_added(receipt)])
 
@@ -85,7 +85,7 @@ def _added(receipt: "engine.Receipt") -> list[str]:
     lines = []
     if measured:
         rows = [
-            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", engine.summary_of_effect(name)]
+            [name, f"{each.seconds:.4f}", f"{each.ratio:.2f}", receipt.effects[name]["summary"]]
             for name, each in measured.items()
         ]
         rows.insert(0, ["(as it is)", f"{absent.seconds:.4f}", "1.00", ""])

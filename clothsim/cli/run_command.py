@@ -84,7 +84,7 @@ def _run(arguments: argparse.Namespace) -> int:
     directory = arguments.output or Path(arguments.scene.stem)
     _dumped_step(arguments)
     engine.refuse_earlier_run(directory, arguments.overwrite)
-    compiler = engine.start_precompiling()
+    let_finish = engine.start_precompiling()
     with page_of(directory) if arguments.view else nullcontext():
         code = _execute(
             arguments,
@@ -98,8 +98,8 @@ def _run(arguments: argparse.Namespace) -> int:
                 **listeners,
             ),
         )
-    if compiler is not None and code != INTERRUPTED:
-        engine.let_finish(compiler)  # the rest of its kernels serves the next run
+    if code != INTERRUPTED:
+        let_finish()  # the rest of its kernels serves the next run
     return code
 
 

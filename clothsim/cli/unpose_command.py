@@ -74,7 +74,7 @@ def _repose(arguments: argparse.Namespace) -> Report:
     _ends_in(arguments.output, ".obj")
     made = on_demand.read_canonical(arguments.file)
     rows = made.rows_of(arguments.cloth)
-    placed, _ = on_demand.character_of_scene(clothsim.load_scene(arguments.scene))
+    placed, _ = engine.character_of_scene(clothsim.load_scene(arguments.scene))
     time = _seconds(arguments.time)
     points = made.posed(frame_number(arguments.frame), placed, time)[rows]
     inside = (made.triangles >= rows.start).all(axis=1) & (made.triangles < rows.stop).all(axis=1)
