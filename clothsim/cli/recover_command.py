@@ -1,12 +1,11 @@
 """`clothsim recover`: numbers of a scene from a drape."""
 
 import argparse
+import math
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 import clothsim
 from clothsim import engine, gradients
@@ -101,7 +100,7 @@ def summary(found: "clothsim.Recovery", loss: str) -> dict[str, Any]:
     """Return the content of recovery.json; errors that are infinite or not known are null."""
 
     def finite(error: float) -> float | None:
-        return error if np.isfinite(error) else None
+        return error if math.isfinite(error) else None
 
     return {
         "values": dict(found.values),
@@ -135,6 +134,6 @@ def lines(found: "clothsim.Recovery", directory: Path | None) -> list[str]:
 
 
 def _error(error: float) -> str:
-    if np.isnan(error):
+    if math.isnan(error):
         return "(no standard error: the loss is no sum of squares)"
-    return f"+- {100 * error:.2g} %" if np.isfinite(error) else "(not determined by the target)"
+    return f"+- {100 * error:.2g} %" if math.isfinite(error) else "(not determined by the target)"

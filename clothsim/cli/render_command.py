@@ -2,8 +2,6 @@
 
 import argparse
 import re
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +9,7 @@ import clothsim
 from clothsim import engine, render
 from clothsim.base.errors import InputError
 from clothsim.cli.arguments import as_direction, as_limits, as_positive_number, as_printed_size
+from clothsim.cli.progress import frame_counter
 from clothsim.cli.report import Report
 
 if TYPE_CHECKING:
@@ -95,16 +94,6 @@ def _drawn(
         settings["frames_per_second"] = as_positive_number("--frames-per-second", arguments.frames_per_second)
     counter = frame_counter(arguments.quiet)
     return engine.draw_run(run, target, progress=counter, follow=arguments.follow, **settings)
-
-
-def frame_counter(quiet: bool) -> Callable[[int, int], None]:
-    """A callback that prints the number of the frame that is drawn; nothing where `quiet` or without a terminal."""
-
-    def progress(done: int, total: int) -> None:
-        if not quiet and sys.stderr.isatty():
-            print(f"\rframe {done} of {total}", end="" if done < total else "\n", file=sys.stderr, flush=True)
-
-    return progress
 
 
 def _frame(run: "Run", text: str) -> int:

@@ -13,7 +13,7 @@ from clothsim import engine
 from clothsim.base.errors import InputError
 from clothsim.cli import progress, run_report
 from clothsim.cli.arguments import as_count, as_length, as_positive_number
-from clothsim.cli.render_command import frame_counter
+from clothsim.cli.progress import frame_counter
 from clothsim.cli.report import Report, messages
 from clothsim.cli.view_command import page_of
 

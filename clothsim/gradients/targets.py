@@ -35,13 +35,17 @@ def named_loss(name: str, world: World, value: float | Path | None = None, scale
     Raises
     ------
     InputError
-        For a target that cannot be read.
+        For another name, and a target that cannot be read.
     """
     if name == "target" and isinstance(value, Path):
         return target_loss(value, world, scale)
+    if name not in ("height", "hem", "silhouette", "girth", "target"):
+        raise InputError(f"There is no loss {name!r}.", "There are height, hem, silhouette, girth and target.")
     if name == "girth" and isinstance(value, int | float):
         return Girth(value)
-    return {"height": Height, "hem": lambda: hem_of(world), "silhouette": Silhouette}[name]()
+    if name == "hem":
+        return hem_of(world)
+    return Height() if name == "height" else Silhouette()
 
 
 def target_loss(path: Path, world: World, scale: float = 1.0) -> Loss:
