@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from clothsim import files
+from clothsim.base.quantity_text import length, many
 from clothsim.cli import on_demand
 from clothsim.cli.progress import clock
-from clothsim.engine import certificate_rows, length, many
+from clothsim.engine import certificate_rows
 
 if TYPE_CHECKING:
     from clothsim import Run

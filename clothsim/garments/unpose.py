@@ -1,7 +1,6 @@
 """Canonical garments of a run: its frames brought back to the rest pose of the body model, and their inverse."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -15,7 +14,7 @@ from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.atomic import write_atomically
 from clothsim.base.safe_files.npz_archive import read_arrays
-from clothsim.engine import PlacedCharacter, placed_character
+from clothsim.engine import PlacedCharacter, character_of_scene
 from transfer.canonical import PosedBody, unposed_in_field
 from transfer.diffuse import kernel_average
 from transfer.errors import TransferError
@@ -142,19 +141,6 @@ def unposed(run: "Run", scene: Scene, field: bool = False) -> CanonicalGarments:
         rows,
         field,
     )
-
-
-def character_of_scene(scene: Scene) -> tuple[PlacedCharacter, str]:
-    """The only body model of a scene and its name. InputError where it has none or several."""
-    tables = [scene.body] if isinstance(scene.body, Mapping) else list(scene.body)
-    models = [(k, keys) for k, keys in enumerate(tables) if "model" in keys]
-    if len(models) != 1:
-        raise InputError(
-            f"The scene has {len(models)} body models.", 'It takes one: [[body]] model = "mannequin", for instance.'
-        )
-    k, keys = models[0]
-    where = "body" if len(tables) == 1 else f"body[{k}]"
-    return placed_character(keys, where, scene.directory), str(keys.get("name", where))
 
 
 def skinning(made: PlacedCharacter, time: float, reference: Floats) -> PosedBody:

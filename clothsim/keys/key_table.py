@@ -6,7 +6,8 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from clothsim.keys.keys import refuse_unknown, table
+from clothsim.base.inputs import table
+from clothsim.keys.keys import refuse_unknown
 from clothsim.keys.schema import keys_of
 from clothsim.keys.value_checks import check_value, refuse_missing
 

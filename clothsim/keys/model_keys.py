@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import table
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.keys import refuse_unknown, table
+from clothsim.keys.keys import refuse_unknown
 from clothsim.keys.placed_keys import PlacedKeys
 from clothsim.keys.schema import Key, keys_of
 from clothsim.keys.value_checks import check_value, refuse_missing

@@ -4,9 +4,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
+from clothsim.base.inputs import table
 from clothsim.keys.effect_tables import SELECT
 from clothsim.keys.key_table import KeyTable
-from clothsim.keys.keys import table
 from clothsim.keys.mesh_keys import MESH, check_keys, sources
 from clothsim.keys.placed_keys import PlacedKeys
 from clothsim.keys.schema import Key, Selection, Vector
@@ -66,4 +66,9 @@ class RigidTable(RigidKeys):
 def check_rigid(where: str, keys: Any) -> Mapping[str, Any]:
     """The table of a rigid body, with the keys of its generator or file part. InputError names a bad one."""
     given = table(where, keys)
-    return check_keys(where, given, (RigidTable, *sources(where, given)))
+    return check_keys(where, given, rigid_sections(where, given))
+
+
+def rigid_sections(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
+    """The sections whose keys a rigid body has: its own, and those of its generator or part of a file."""
+    return (RigidTable, *sources(where, keys))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from clothsim.base.errors import InputError
+from clothsim.base.parallel import available_cores
 from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import Solver
 from clothsim.mesh.motion import RigidMotion
@@ -19,7 +20,6 @@ from clothsim.solve.linear.linear_solvers import slowness
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.pardiso_library import load_library
 from clothsim.solve.linear.sparsity import Pattern, make_pattern
-from clothsim.solve.linear.threads import available_cores
 from clothsim.solve.newton.convergence import LEAST_SPEED
 from clothsim.solve.newton.newton import NewtonSettings
 from clothsim.solve.newton.potential import Potential

@@ -1,6 +1,5 @@
 """Recipes: a base scene, and what varies from drape to drape."""
 
-import json
 import math
 import tomllib
 import zlib
@@ -11,10 +10,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from clothsim import Scene, load_scene
+from clothsim import Scene, engine, load_scene
 from clothsim.base.errors import InputError
+from clothsim.base.inputs import shown, table
 from clothsim.base.safe_files.regular_file import read_regular_file
-from clothsim.engine import override, refuse_unknown, scene_file, shown, table
+from clothsim.engine import refuse_unknown
 
 # Random draws of scene keys: one stream for each seed, index and key.
 
@@ -229,7 +229,7 @@ def load_recipe(path: str | Path) -> Recipe:
     if not isinstance(named, str):
         raise InputError("farm.scene is missing.", 'Write scene = "shirt.toml", a file or the name of an example.')
     beside = file.parent / named
-    scene = load_scene(beside if beside.is_file() else scene_file(Path(named)))
+    scene = load_scene(beside if beside.is_file() else named)
     return make_recipe(scene, farm, table("set", data.get("set", {})), table("vary", data.get("vary", {})), file.parent)
 
 
@@ -267,7 +267,7 @@ def changed(scene: Scene, values: Mapping[str, Any]) -> Scene:
     """The scene with keys changed: {"body.chest": 1.02}. InputError names a bad one."""
     for key, value in values.items():
         try:
-            scene = override(scene, f"{key}={json.dumps(value, allow_nan=False)}")
+            scene = engine.replace(scene, key, value)
         except (TypeError, ValueError) as error:
             raise InputError(f"{key} cannot be {shown(value)}.", "Give a number, a text or a list.") from error
     return scene

@@ -1,7 +1,6 @@
 """Prediction of a model of drapes for any values of its inputs, with the exact test of every prediction."""
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,23 +10,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim import Scene
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
-from clothsim.engine import (
-    JOINTS,
-    Crossing,
-    DrapeModel,
-    body_of,
-    crossings,
-    mesh_shape,
-    override,
-    placed,
-    predicted,
-    read_model,
-    template,
-    world_of,
-)
+from clothsim.geometry.intersection.crossings import Crossing, crossings
+from clothsim.mesh.generators.mannequin.skeleton import JOINTS
+from clothsim.mesh.generators.mannequin.template import template
+from clothsim.scene import paths
+from clothsim.scene.assembly.drape_model import DrapeModel, predicted, read_model
+from clothsim.scene.assembly.meshes import body_of, mesh_shape
+from clothsim.scene.assembly.placement import placed
+from clothsim.scene.assembly.scene_world import world_of
+from clothsim.scene.scene import Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +78,40 @@ class Predictor:
     cloths: tuple[Any, ...]
     bodies: tuple[Any, ...]
 
+    @classmethod
+    def of_model(cls, scene: Scene, file: str | Path) -> "Predictor":
+        """The predictor of a model in the scene of its farm.
+
+        Parameters
+        ----------
+        scene : Scene
+            Of the farm that the model was learned from.
+        file : path
+            Of the model.
+
+        Raises
+        ------
+        InputError
+            For another garment or body family than the model's, or a varied key that is of no cloth and body.
+        """
+        path = Path(file)
+        model = read_model(path)
+        if scene.rigid_bodies:
+            raise InputError("The preview shows cloths and bodies, the scene has rigid bodies.", "Leave [[rigid]] out.")
+        middle = 0.5 * (model.low + model.high)
+        draft = cls(model, path, scene, (), ())
+        at = draft.scene_of(middle)
+        predicted(model, at)  # refuses another garment
+        world = world_of(replace(at, seed={}))
+        surfaces: list[Any] = [*world.cloths, *world.bodies]
+        roles = ["cloth"] * len(world.cloths) + ["body"] * len(world.bodies)
+        begins = np.cumsum([0, *(len(each.positions) for each in surfaces)])
+        parts = [
+            SimpleNamespace(name=each.name, role=role, triangles=each.triangles + first)
+            for each, role, first in zip(surfaces, roles, begins, strict=False)
+        ]
+        return replace(draft, cloths=tuple(parts[: len(world.cloths)]), bodies=tuple(parts[len(world.cloths) :]))
+
     @cached_property
     def joints(self) -> tuple[str, ...]:
         """The joint that moves each vertex of the first body most; () where it is no mannequin."""
@@ -102,27 +129,23 @@ class Predictor:
 
     def scene_of(self, inputs: ArrayLike) -> Scene:
         """The scene that starts from the prediction, untangled."""
-        scene = self.scene
-        for key, value in self.values(inputs).items():
-            scene = override(scene, f"{key}={value!r}")
-        return replace(scene, seed={"from": "model", "file": str(self.file.resolve()), "untangle": True})
+        return replace(self._varied(inputs), seed={"from": "model", "file": str(self.file.resolve()), "untangle": True})
 
     def predicted(self, inputs: ArrayLike) -> Prediction:
         """The prediction for the values of the model's inputs. InputError for other than a finite number for each."""
         given = as_vector("inputs", inputs, len(self.model.inputs))
         cloth = self.model.positions(given)
-        bodies = tuple(self._body(k, self.values(given)) for k in range(len(self.bodies)))
+        scene = self._varied(given)
+        bodies = tuple(_body(scene, number) for number in range(len(self.bodies)))
         found = crossings(np.concatenate([cloth, *bodies]), [*self.cloths, *self.bodies])
         return Prediction(cloth, bodies, found, self._place(found))
 
-    def _body(self, number: int, values: Mapping[str, float]) -> Floats:
-        keys = dict(self.scene.bodies[number])
-        if not number:
-            keys |= {key.partition(".")[2]: value for key, value in values.items() if key.startswith("body.")}
-        where = "body" if len(self.scene.bodies) == 1 else f"body[{number}]"
-        if "mesh" not in keys or "frames" in keys or "model" in keys:
-            return body_of(keys, where, self.scene.directory)[0].positions
-        return placed(keys, where, mesh_shape(keys, where, self.scene.directory).positions)
+    def _varied(self, inputs: ArrayLike) -> Scene:
+        """The scene with the values of all varied keys."""
+        scene = self.scene
+        for key, value in self.values(inputs).items():
+            scene = paths.replace(scene, key, value)
+        return scene
 
     def _place(self, found: tuple[Crossing, ...]) -> str:
         """Where most pairs are: the part of the first body that has most, else the first point."""
@@ -136,34 +159,9 @@ class Predictor:
         return f"near ({', '.join(f'{value:.2f}' for value in most.position)}) m"
 
 
-def predictor(scene: Scene, file: str | Path) -> Predictor:
-    """The predictor of a model in the scene of its farm.
-
-    Parameters
-    ----------
-    scene : Scene
-        Of the farm that the model was learned from.
-    file : path
-        Of the model.
-
-    Raises
-    ------
-    InputError
-        For another garment or body family than the model's, or a varied key that is of no cloth and body.
-    """
-    path = Path(file)
-    model = read_model(path)
-    if scene.rigid_bodies:
-        raise InputError("The preview shows cloths and bodies, the scene has rigid bodies.", "Leave [[rigid]] out.")
-    middle = 0.5 * (model.low + model.high)
-    draft = Predictor(model, path, scene, (), ())
-    at = draft.scene_of(middle)
-    predicted(model, at)  # refuses another garment
-    world = world_of(replace(at, seed={}))
-    surfaces: list[Any] = [*world.cloths, *world.bodies]
-    begins = np.cumsum([0, *(len(each.positions) for each in surfaces)])
-    parts = [
-        SimpleNamespace(name=each.name, role="cloth" if k < len(world.cloths) else "body", triangles=each.triangles + n)
-        for k, (each, n) in enumerate(zip(surfaces, begins, strict=False))
-    ]
-    return replace(draft, cloths=tuple(parts[: len(world.cloths)]), bodies=tuple(parts[len(world.cloths) :]))
+def _body(scene: Scene, number: int) -> Floats:
+    """Positions of a body at the start."""
+    keys, where = scene.bodies[number], "body" if len(scene.bodies) == 1 else f"body[{number}]"
+    if "mesh" not in keys or "frames" in keys or "model" in keys:
+        return body_of(keys, where, scene.directory)[0].positions
+    return placed(keys, where, mesh_shape(keys, where, scene.directory).positions)
