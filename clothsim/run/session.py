@@ -1,6 +1,5 @@
 """Session: a scene prepared for stepping, with sparsity pattern, linear solver and integrator."""
 
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +17,6 @@ from clothsim.solve.linear.linear_solvers import slowness
 from clothsim.solve.linear.linear_system import System
 from clothsim.solve.linear.pardiso_library import load_library
 from clothsim.solve.linear.sparsity import Pattern, make_pattern
-from clothsim.solve.linear.threads import available_cores
 from clothsim.solve.newton.convergence import LEAST_SPEED
 from clothsim.solve.newton.newton import NewtonSettings
 from clothsim.solve.newton.potential import Potential
@@ -52,7 +50,6 @@ class Session:
 def prepare(scene: Scene, built: Built) -> Session:
     """Prepare a built scene for stepping. InputError for settings that conflict."""
     settings = scene.solver_settings
-    _set_threads(settings.threads)
     reproducible = _make_reproducible() if settings.repeatable else ""
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
@@ -144,8 +141,6 @@ def _carries_pinched(scene: Scene, built: Built) -> bool:
     """True where the scene asks that cloth in a pinch is carried. InputError where contact cannot do it."""
     if scene.contact_settings.pinch == "stop":
         return False
-    if scene.contact_settings.backend == "ipctk":
-        raise InputError('contact.pinch = "carry" does not work with ipctk.', 'Use contact.backend = "numba".')
     if "body_contact" not in built.energies:
         raise InputError('contact.pinch = "carry" needs effects.body_contact.', "Add it, or leave the key out.")
     return True
@@ -194,13 +189,6 @@ def _newton_settings(scene: Scene) -> tuple[NewtonSettings, str]:
     if settings.error and finer < least:
         least, note = finer, f"tolerance = {finer:.2g} m/s, for the error asked for."
     return NewtonSettings(least, settings.max_iterations, error_fraction=fraction), note
-
-
-def _set_threads(threads: int) -> None:
-    """Set the threads of ipctk, where a scene has loaded it; the linear solver gets them when it is made."""
-    ipctk = sys.modules.get("ipctk")
-    if ipctk is not None:
-        ipctk.set_num_threads(threads or available_cores())
 
 
 def _make_reproducible() -> str:
