@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Any
 
+import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -48,8 +49,6 @@ class FacingSurface:
 
 def facing_surface(positions: Floats, triangles: Ints) -> FacingSurface:
     """Build the search trees of a mesh, positions (n, 3) and triangles (m, 3)."""
-    import igl
-
     boxes = igl.AABB()
     positions, triangles = np.ascontiguousarray(positions), np.ascontiguousarray(triangles)
     boxes.init(positions, triangles)

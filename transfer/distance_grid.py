@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.ndimage import map_coordinates
 
 from transfer.errors import TransferError
 from transfer.signed_distance import BodySurface
@@ -39,8 +40,6 @@ class DistanceGrid:
 
     def signed_distance(self, points: ArrayLike) -> Floats:
         """Interpolated distances (n,) [m]; outside of the grid those at its boundary."""
-        from scipy.ndimage import map_coordinates
-
         found = map_coordinates(self.values, self.cells(as_points("points", points)), order=1, mode="nearest")
         return np.asarray(found, np.float64)
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.sparse import csr_array
 
 from transfer.errors import TransferError
 
@@ -53,8 +54,6 @@ def edges_of(triangles: Ints) -> Ints:
 
 def adjacency(edges: Ints, n_vertices: int) -> Sparse:
     """Symmetric vertex adjacency matrix, (n, n): 1 where two vertices share an edge."""
-    from scipy.sparse import csr_array
-
     i, j = edges.T
     ones = np.ones(2 * len(edges))
     return csr_array((ones, (np.concatenate([i, j]), np.concatenate([j, i]))), shape=(n_vertices, n_vertices))

@@ -31,6 +31,7 @@ from clothsim.solve.stepping.stepping import Integrator
 
 # Contact pairs of recorded states, for a pass over the steps of a run that searches for none.
 
+
 class RememberedPairs(Candidates):
     """Candidates that know the active pairs of the last two states, the ends of a step."""
 

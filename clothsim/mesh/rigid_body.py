@@ -25,6 +25,7 @@ from clothsim.mesh.topology import border_edges
 # Sums over the tetrahedra from a point near the surface to its triangles, with the sign of their volumes (Mirtich 1996,
 # "Fast and accurate computation of polyhedral mass properties").
 
+
 @dataclass(frozen=True)
 class VolumeMoments:
     """Moments of a solid of density 1.

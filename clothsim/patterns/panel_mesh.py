@@ -1,9 +1,9 @@
 """Triangulation of a panel: a hexagonal lattice inside its border, constrained Delaunay triangulation and smoothing."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+import pythoncdt as cdt
 
 from clothsim.base.arrays import Floats, Ints
 
@@ -140,8 +140,7 @@ def inside_and_clear(points: Floats, border: Floats, clearance: float) -> np.nda
 
 def _constrained_delaunay(points: Floats, count: int) -> Ints:
     """Triangles inside the closed polygon of the first `count` points, counter-clockwise (m, 3)."""
-    cdt = _library()
-    made = cdt.Triangulation(cdt.VertexInsertionOrder.AUTO, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0)
+    made: Any = cdt.Triangulation(cdt.VertexInsertionOrder.AUTO, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0)
     made.insert_vertices(np.ascontiguousarray(points))
     rows = np.arange(count, dtype=np.uint32)
     made.insert_edges(np.ascontiguousarray(np.column_stack([rows, np.roll(rows, -1)])))
@@ -158,10 +157,3 @@ def _centroidal(points: Floats, triangles: Ints) -> Floats:
     rows, n = triangles.ravel(), len(points)
     total = np.bincount(rows, weights=area, minlength=n)
     return np.column_stack([np.bincount(rows, weights=area * c, minlength=n) / total for c in centroids.T])
-
-
-def _library() -> Any:
-    """The package of constrained Delaunay triangulation: loaded for a pattern only."""
-    import pythoncdt
-
-    return pythoncdt

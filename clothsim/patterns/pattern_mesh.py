@@ -18,6 +18,7 @@ from clothsim.patterns.slivers import without_slivers
 
 # Orientation of panels: which of them are turned so that the sewn surface has one front.
 
+
 def turned_panels(pattern: Pattern) -> Mapping[str, bool]:
     """Panels whose front is turned over against the direction of their loop.
 

@@ -18,11 +18,11 @@ from clothsim.files.meshes.gmsh import read_msh
 from clothsim.files.meshes.mesh_part import MeshFile, Part, choose
 from clothsim.files.meshes.obj import read_obj
 from clothsim.files.meshes.polygons import Polygons, cut_polygons
-from clothsim.files.meshes.usd_reader import USD_ENDINGS, read_usd
 from clothsim.files.meshes.vtk_legacy import read_vtk
 from clothsim.mesh.weld import merge_coincident
 
 # Object File Format, as text: `OFF`, the counts, then vertices and faces of any size; colours are ignored.
+
 
 def read_off(path: Path, text: str) -> Polygons:
     """The polygons of `text`. InputError names `path` and the fault."""
@@ -158,6 +158,7 @@ def _of_trimesh(path: Path, content: bytes, file_type: str) -> Polygons:
     )
 
 
+USD_ENDINGS = (".usd", ".usda", ".usdc")
 TEXT_READERS = {".obj": read_obj, ".off": read_off}
 BYTE_READERS = {".vtk": read_vtk, ".msh": read_msh}
 ENDINGS = (*TEXT_READERS, *BYTE_READERS, *LIBRARY_READERS)
@@ -233,6 +234,8 @@ def _read(file: Path) -> Polygons:
     if not content.strip():
         raise InputError(f"{file} is empty.")
     if ending in USD_ENDINGS:
+        from clothsim.files.meshes.usd_reader import read_usd
+
         return read_usd(file)
     if ending in TEXT_READERS:
         if b"\0" in content:

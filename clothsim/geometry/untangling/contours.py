@@ -8,6 +8,8 @@ meet in the vertex that they share, and are one.
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Ints
 from clothsim.geometry.untangling.piercings import Piercings
@@ -63,8 +65,5 @@ def contours(found: Piercings, n_pairs: int) -> Contours:
 
 def connected(left: Ints, right: Ints, n: int) -> Ints:
     """Return the connected component of each of n nodes of an undirected graph."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
     graph = coo_array((np.ones(len(left)), (left, right)), shape=(n, n))
     return connected_components(graph, directed=False)[1].astype(np.int64)

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -156,8 +157,6 @@ def _document(path: Path) -> Any:
         from ezdxf import DXFError, recover
     except ImportError as error:
         raise MissingPackageError("A DXF pattern needs the package ezdxf.", "pip install 'clothsim[dxf]'") from error
-    from io import BytesIO
-
     try:
         data = read_regular_file(path, LARGEST)
     except FileNotFoundError as error:

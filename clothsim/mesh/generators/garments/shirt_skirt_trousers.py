@@ -17,6 +17,7 @@ from clothsim.mesh.topology import border_edges, components
 
 # Borders of a garment: unions of half spaces to cut away, and the mesh trimmed to them.
 
+
 @dataclass(frozen=True)
 class Cut:
     """Intersection of half spaces that is cut away: points p with normals (k, 3) . p above offsets (k,) [m]."""
