@@ -1,6 +1,7 @@
 """Triangulation of a panel: a hexagonal lattice inside its border, constrained Delaunay triangulation and smoothing."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pythoncdt as cdt
