@@ -10,11 +10,10 @@ from collections.abc import Callable
 import numpy as np
 from scipy.sparse import csr_array, diags_array, eye_array, kron
 
-from transfer.adjacency import adjacent_triangles
 from transfer.closest_surface_point import FacingSurface
 from transfer.errors import TransferError
 from transfer.gradients import factorise, gradient_operator, inverse_frames
-from transfer.triangle_surface import Floats, Ints, vertex_normals
+from transfer.triangle_surface import Floats, Ints, adjacent_triangles, vertex_normals
 
 SMOOTHNESS, IDENTITY = 1.0, 1e-3
 """w_S and w_I."""

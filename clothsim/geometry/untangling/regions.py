@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.geometry.untangling.contours import Contours, connected
-from clothsim.geometry.untangling.piercings import Piercings
+from clothsim.geometry.untangling.contours import Contours, Piercings, connected
 from clothsim.mesh.topology import unique_edges
 
 Flags = NDArray[np.bool_]

@@ -3,9 +3,8 @@
 import numpy as np
 
 from clothsim.base.arrays import Floats, Ints
-from clothsim.geometry.untangling.contours import Contours, contours
+from clothsim.geometry.untangling.contours import Contours, Piercings, contours, piercings
 from clothsim.geometry.untangling.motion import LEAST_SPREAD, Wishes
-from clothsim.geometry.untangling.piercings import Piercings, piercings
 from clothsim.geometry.untangling.regions import Flags, Mesh, sides
 from clothsim.mesh.topology import half_edges
 

@@ -4,8 +4,7 @@ import numpy as np
 from tangles import crossing_sheets, joined, sleeve_through_sheet
 
 from clothsim.geometry.intersection.intersecting_pairs import intersecting_pairs
-from clothsim.geometry.untangling.contours import contours
-from clothsim.geometry.untangling.piercings import piercings
+from clothsim.geometry.untangling.contours import contours, piercings
 from clothsim.geometry.untangling.regions import make_mesh, sides
 from clothsim.geometry.untangling.wishes import contour_gradients, slides
 from clothsim.mesh.generators.sheets import rectangle

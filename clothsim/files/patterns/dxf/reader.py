@@ -11,9 +11,8 @@ from clothsim.base.errors import InputError
 from clothsim.files.patterns.dxf.drawing import SEW, Drawing, Piece, read_drawing
 from clothsim.files.patterns.dxf.outline import JOINED, Part, divided, loop_of, polygon, reflected, unfolded
 from clothsim.files.patterns.dxf.sewing_file import PanelKeys, SewingFile, read_sewing_file
-from clothsim.patterns.curves import Arc, Bezier, Curve, Straight, along_chord
+from clothsim.patterns.curves import Arc, Bezier, Curve, Polyline, Straight, along_chord
 from clothsim.patterns.pattern import Panel, Pattern, PatternEdge
-from clothsim.patterns.polyline import Polyline
 from clothsim.patterns.specification import USUAL_UNITS
 
 # Edges of a piece: its outline divided at corners and at notches.

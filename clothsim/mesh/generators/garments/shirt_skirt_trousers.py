@@ -6,11 +6,9 @@ import numpy as np
 
 from clothsim.base.arrays import Floats, Ints, as_positive
 from clothsim.base.errors import InputError
-from clothsim.mesh.generators.garments.body_limbs import SMOOTHING, body_limbs
-from clothsim.mesh.generators.garments.implicit import Limb, lattice_union, limb, smooth_union
+from clothsim.mesh.generators.garments.body_limbs import SMOOTHING, body_limbs, skinning_weights
+from clothsim.mesh.generators.garments.implicit import Limb, half_surface, lattice_union, limb, smooth_union
 from clothsim.mesh.generators.garments.relax import both_halves, relaxed
-from clothsim.mesh.generators.garments.skinning_weights import skinning_weights
-from clothsim.mesh.generators.garments.surface_nets import half_surface
 from clothsim.mesh.generators.mannequin.proportions import Figure, warped
 from clothsim.mesh.generators.mannequin.skeleton import ARM, JOINT_POSITIONS, joint
 from clothsim.mesh.topology import border_edges, components

@@ -5,7 +5,7 @@ import pytest
 
 from clothsim.base.errors import InputError
 from clothsim.mesh.checks import examine
-from clothsim.mesh.generators.garments.skinning_weights import skinning_weights
+from clothsim.mesh.generators.garments.body_limbs import skinning_weights
 from clothsim.mesh.generators.mannequin.generator import mannequin
 from clothsim.mesh.generators.mannequin.pose import POSES
 from clothsim.mesh.generators.mannequin.proportions import (
