@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from clothsim.keys.mesh_keys import check_body, check_cloth
     from clothsim.mesh.checks import examine, refuse
     from clothsim.mesh.cloth import triangle_planes
+    from clothsim.mesh.generators.mannequin.generator import template
     from clothsim.mesh.generators.mannequin.skeleton import JOINTS
-    from clothsim.mesh.generators.mannequin.template import template
     from clothsim.mesh.topology import border_edges, components
     from clothsim.mesh.weld import mean_of_parts
     from clothsim.mesh.winding import facing_away

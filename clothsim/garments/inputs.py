@@ -164,7 +164,7 @@ def read_garment(
     original = original_of(source, mesh, shape.sewn)
     every = len(np.unique(shape.triangles)) == len(shape.positions)
     division = divided(shape.positions, shape.triangles) if every else UNDIVIDED
-    if division.followers:
+    if division.embedded:
         shape = replace(shape, positions=shape.positions[division.vertices], triangles=division.triangles)
     report = examine(file.name, shape.positions, shape.triangles, "sewn cloth" if weld else "cloth")
     refuse(report)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from clothsim import InputError
-from clothsim.mesh.generators.mannequin.generator import mannequin
+from clothsim.mesh.generators.mannequin.generator import mannequin, template
 from clothsim.mesh.generators.mannequin.skeleton import JOINTS
-from clothsim.mesh.generators.mannequin.template import template
 from clothsim.scene.assembly.drape_model import DrapeModel, family, write_model
 from clothsim.scene.assembly.scene_world import world_of
 from clothsim.scene.scene import Scene

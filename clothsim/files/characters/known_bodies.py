@@ -10,9 +10,9 @@ from clothsim.base.arrays import Ints
 from clothsim.base.errors import InputError
 from clothsim.files.characters.character import Character, bound_at_rest
 from clothsim.files.characters.skeleton import skeleton_at
-from clothsim.mesh.generators.mannequin.proportions import RANGES, Figure, warped, warped_joints
+from clothsim.mesh.generators.mannequin.generator import template
+from clothsim.mesh.generators.mannequin.proportions import RANGES, Proportions, warped, warped_joints
 from clothsim.mesh.generators.mannequin.skeleton import JOINTS, PARENTS
-from clothsim.mesh.generators.mannequin.template import template
 from transfer.body_file import read_body_model
 from transfer.body_model import BodyModel
 from transfer.errors import TransferError
@@ -41,9 +41,9 @@ def mannequin_character(**measures: float) -> Character:
     unknown = [name for name in measures if name not in RANGES]
     if unknown:
         raise InputError(f"The mannequin has no measure {unknown[0]!r}.", f"Known: {', '.join(RANGES)}.")
-    figure, made = Figure(**measures), template()
-    positions = warped(made.positions, made.weights, figure)
-    skeleton = skeleton_at(JOINTS, PARENTS, warped_joints(figure))
+    proportions, made = Proportions(**measures), template()
+    positions = warped(made.positions, made.weights, proportions)
+    skeleton = skeleton_at(JOINTS, PARENTS, warped_joints(proportions))
     return bound_at_rest(positions, made.triangles.copy(), made.weights.copy(), skeleton, "z")
 
 

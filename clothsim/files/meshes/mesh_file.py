@@ -1,4 +1,8 @@
-"""Mesh files, read as triangles in metres."""
+"""Mesh files, read as triangles in metres.
+
+OBJ, OFF, legacy VTK and Gmsh files are read here and beside, the others by meshio and trimesh, each imported when it is
+needed. A reader gets the bytes or the path of one local file; what a file names (a texture, a script) is not opened.
+"""
 
 import contextlib
 import io
@@ -21,11 +25,9 @@ from clothsim.files.meshes.polygons import Polygons, cut_polygons
 from clothsim.files.meshes.vtk_legacy import read_vtk
 from clothsim.mesh.weld import merge_coincident
 
-# Object File Format, as text: `OFF`, the counts, then vertices and faces of any size; colours are ignored.
-
 
 def read_off(path: Path, text: str) -> Polygons:
-    """The polygons of `text`. InputError names `path` and the fault."""
+    """The polygons of an OFF text: `OFF`, the counts, vertices and faces of any size. InputError names the fault."""
     lines = [line.split("#", 1)[0].split() for line in text.splitlines()]
     lines = [words for words in lines if words]
     if not lines or lines[0][0].upper() != "OFF":
@@ -47,10 +49,6 @@ def read_off(path: Path, text: str) -> Polygons:
     except (ValueError, IndexError, OverflowError) as error:
         raise InputError(f"{path} cannot be read as OFF ({error}).") from error
 
-
-# Mesh formats read by meshio and trimesh, each imported when it is needed.
-#
-# Each reader gets the bytes or the path of one local file; nothing that a file names (a texture, a script) is opened.
 
 MOST_SHARED = 64
 """Largest number of elements per byte of a file, on average: accessors of a glb may overlap."""

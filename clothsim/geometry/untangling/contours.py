@@ -19,7 +19,7 @@ SLACK = 1e-9
 
 
 @dataclass(frozen=True)
-class Piercings:
+class EdgeTriangleIntersections:
     """Points where edges pierce triangles, each once, however many pairs it belongs to.
 
     Parameters
@@ -37,7 +37,7 @@ class Piercings:
     depths : (k, 2) float64
         Signed distances of the ends of the edge from the plane of the triangle [m]: of opposite signs.
     of_pair : (q, 3) int64
-        Incidences: piercing, pair, and which triangle of the pair the edge is of (0 or 1).
+        Incidences: intersection, pair, and which triangle of the pair the edge is of (0 or 1).
     """
 
     edges: Ints
@@ -49,8 +49,8 @@ class Piercings:
     of_pair: Ints
 
 
-def piercings(x: Floats, triangles: Ints, pairs: Ints) -> Piercings:
-    """Return the piercings of intersecting `pairs (p, 2)` of `triangles (m, 3)`.
+def edge_triangle_intersections(x: Floats, triangles: Ints, pairs: Ints) -> EdgeTriangleIntersections:
+    """Return the intersections of intersecting `pairs (p, 2)` of `triangles (m, 3)`.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def piercings(x: Floats, triangles: Ints, pairs: Ints) -> Piercings:
     Examples
     --------
     >>> x = np.array([[0.0, 0, 0], [4, 0, 0], [0, 4, 0], [1, 1, -1], [1, 1, 1], [9, 9, 0]])
-    >>> found = piercings(x, np.array([[0, 1, 2], [3, 4, 5]]), np.array([[0, 1]]))
+    >>> found = edge_triangle_intersections(x, np.array([[0, 1, 2], [3, 4, 5]]), np.array([[0, 1]]))
     >>> found.edges.tolist(), found.along.tolist()
     ([[1, 2], [3, 4]], [0.5, 0.5])
     """
@@ -84,7 +84,9 @@ def piercings(x: Floats, triangles: Ints, pairs: Ints) -> Piercings:
     _, first, number = np.unique(key, axis=0, return_index=True, return_inverse=True)
     rows = np.flatnonzero(there)[first]
     incidences = np.column_stack([number.ravel(), origin[there]])
-    return Piercings(edges[rows], faces[rows], along[rows], barycentric[rows], normals[rows], depths[rows], incidences)
+    return EdgeTriangleIntersections(
+        edges[rows], faces[rows], along[rows], barycentric[rows], normals[rows], depths[rows], incidences
+    )
 
 
 def _candidates(triangles: Ints, pairs: Ints) -> tuple[Ints, Ints, Ints]:
@@ -112,18 +114,18 @@ def _barycentric(point: Floats, a: Floats, b: Floats, c: Floats, normals: Floats
 
 @dataclass(frozen=True)
 class Contours:
-    """Contours and curves of a set of piercings.
+    """Contours and curves of a set of intersections.
 
     Parameters
     ----------
     contour : (k,) int64
-        Contour of each piercing.
+        Contour of each intersection.
     edge_curve, face_curve : (k,) int64
         Curve on the surface of its edge, which cuts the edge, and on that of its triangle, which passes inside.
     n_contours, n_curves : int
         Their numbers.
     contour_of_curve : (n_curves,) int64
-        Contour that each curve is of; -1 for one without a piercing.
+        Contour that each curve is of; -1 for one without an intersection.
     """
 
     contour: Ints
@@ -134,21 +136,21 @@ class Contours:
     contour_of_curve: Ints
 
 
-def contours(found: Piercings, n_pairs: int) -> Contours:
-    """Return the contours of piercings of `n_pairs` pairs of triangles."""
-    piercing, pair, role = found.of_pair.T
+def contours(found: EdgeTriangleIntersections, n_pairs: int) -> Contours:
+    """Return the contours of intersections of `n_pairs` pairs of triangles."""
+    intersection, pair, role = found.of_pair.T
     k = len(found.edges)
-    contour = connected(piercing, k + pair, k + n_pairs)[:k]
-    # a node (pair, role) is a segment on one of its two surfaces; those at one piercing continue one another
-    order = np.argsort(piercing, kind="stable")
-    same = np.diff(piercing[order]) == 0
+    contour = connected(intersection, k + pair, k + n_pairs)[:k]
+    # a node (pair, role) is a segment on one of its two surfaces; those at one intersection continue one another
+    order = np.argsort(intersection, kind="stable")
+    same = np.diff(intersection[order]) == 0
     one, other = order[:-1][same], order[1:][same]
     own, opposite = 2 * pair + role, 2 * pair + 1 - role
     curve = connected(
         np.concatenate([own[one], opposite[one]]), np.concatenate([own[other], opposite[other]]), 2 * n_pairs
     )
     first = np.zeros(k, np.int64)
-    first[piercing[::-1]] = np.arange(len(piercing))[::-1]
+    first[intersection[::-1]] = np.arange(len(intersection))[::-1]
     edge_curve, face_curve = curve[own[first]], curve[opposite[first]]
     n_curves = int(curve.max(initial=-1)) + 1
     of_curve = np.full(n_curves, -1)

@@ -15,8 +15,6 @@ from clothsim.base.safe_files.regular_file import read_regular_file
 from clothsim.files.patterns.dxf.outline import Part, parts_of_bezier, straight_parts
 from clothsim.patterns.curves import Arc, Straight
 
-# Curves of a drawing: lines, arcs, splines and polylines of ezdxf as parts of outlines.
-
 FLAT = 1e-5
 """Distance of chords from the spline that they stand for [m]."""
 CURVES = frozenset({"LINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE"})

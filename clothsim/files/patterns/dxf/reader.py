@@ -1,4 +1,7 @@
-"""Sewing pattern of a DXF drawing and its sewing file."""
+"""Sewing pattern of a DXF drawing and its sewing file.
+
+The outline of a piece is divided into edges at corners and at notches.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,8 +17,6 @@ from clothsim.files.patterns.dxf.sewing_file import PanelKeys, SewingFile, read_
 from clothsim.patterns.curves import Arc, Bezier, Curve, Polyline, Straight, along_chord
 from clothsim.patterns.pattern import Panel, Pattern, PatternEdge
 from clothsim.patterns.specification import USUAL_UNITS
-
-# Edges of a piece: its outline divided at corners and at notches.
 
 NEAR = 2e-3
 """Distance of a notch from a corner or another notch at which it divides nothing [m]."""
