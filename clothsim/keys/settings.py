@@ -10,6 +10,10 @@ from clothsim.base.errors import InputError
 from clothsim.keys.key_table import KeyTable
 from clothsim.keys.schema import Key, Vector
 
+MOTION, CONVERGED = 0.3, 0.1
+"""newton_error_fraction where none is given: of steps that end by their motion, and of converged ones, the largest that
+held in six scenes with one solution (docs/notes/newton_stop.md)."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Solver(KeyTable):
@@ -27,13 +31,13 @@ class Solver(KeyTable):
     dt: Annotated[float, Key("Length of a time step", "s", above=0)] = 0.01
     newton_error_fraction: Annotated[
         float,
-        Key("Newton's method stops where its error is below this fraction of the time step's own", "1",
-            above=0, most=1),
-    ] = 0.3  # fmt: skip
+        Key("Newton's method stops where its error is below this fraction of the time step's own", "1", above=0,
+            most=1, shown="0.3; 0.1 with converge or error"),
+    ] = 0.0  # fmt: skip
     converge: Annotated[
         bool,
-        Key("Each step is solved until forces balance and the fastest vertex, too, is within newton_error_fraction "
-            "(then 0.1 where none is given); else until the motion of each body is"),
+        Key("Each step is solved until forces balance and the fastest vertex, too, is within newton_error_fraction; "
+            "else until the motion of each body is"),
     ] = False  # fmt: skip
     tolerance: Annotated[
         float,
@@ -78,6 +82,11 @@ class Solver(KeyTable):
     def longest_step(self) -> float:
         """dt [s]; inf where the steps are chosen by their error."""
         return math.inf if self.error else self.dt
+
+    @property
+    def stop_fraction(self) -> float:
+        """Fraction of the time error at which Newton's method stops: that given, or MOTION or CONVERGED."""
+        return self.newton_error_fraction or (CONVERGED if self.converge or self.error else MOTION)
 
     @property
     def balanced(self) -> bool:

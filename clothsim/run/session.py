@@ -6,7 +6,7 @@ import numpy as np
 
 from clothsim.base.errors import InputError
 from clothsim.base.process_memory import keep_freed_memory
-from clothsim.keys.settings import Solver
+from clothsim.keys.settings import CONVERGED, Solver
 from clothsim.mesh.motion import RigidMotion
 from clothsim.physics.energies.gravity import Gravity
 from clothsim.physics.energies.hessians import ByElement
@@ -33,9 +33,6 @@ atom in it."""
 
 FINER = 0.1
 """Newton's tolerance as a fraction of the requested error over the duration."""
-CONVERGED_FRACTION = 0.1
-"""newton_error_fraction of steps that are converged (`solver.converge`) where the scene gives none: the largest that
-held in six scenes with one solution (docs/notes/newton_stop.md)."""
 LEAST_FALL = 0.01
 """Speed below which a Newton step ends a solve whatever the time error, over newton_error_fraction and the speed
 (g cell)^1/2 that a fall by half a cell gives: .001 m/s at cells of 11 mm and the default fraction."""
@@ -192,10 +189,11 @@ def _newton_settings(scene: Scene, built: Built) -> tuple[NewtonSettings, str]:
     settings = scene.solver_settings
     if not settings.balanced:
         return NewtonSettings(settings.tolerance, settings.max_iterations), ""
-    fraction, note = settings.newton_error_fraction, ""
-    converge = settings.converge or bool(settings.error) or "inertia" not in built.energies
+    fraction, note = settings.stop_fraction, ""
+    dynamic = "inertia" in built.energies
+    converge = settings.converge or bool(settings.error) or not dynamic
     if converge:
-        fraction = fraction if "newton_error_fraction" in scene.solver else CONVERGED_FRACTION
+        fraction = fraction if dynamic or settings.newton_error_fraction else CONVERGED
         least = LEAST_SPEED * fraction
     else:
         least = LEAST_FALL * fraction * float(np.sqrt(_gravity(built) * built.world.cell))

@@ -62,7 +62,7 @@ def _tolerance(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
 def _newton_error_fraction(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
     if not base.solver_settings.balanced:
         raise InputError("the scene gives solver.tolerance, not newton_error_fraction")
-    value = base.solver_settings.newton_error_fraction / 4.0**level
+    value = base.solver_settings.stop_fraction / 4.0**level
     return value, engine.replace(scene, "solver.newton_error_fraction", value)
 
 

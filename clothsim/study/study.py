@@ -75,7 +75,7 @@ def searched_settings(scene: Scene, directory: Path, budget: float) -> tuple[Sce
         stored = {"scene": key, **_search(scene, budget)}
         file.write_text(json.dumps(stored), encoding="utf-8")
     steps, cells, d_hat = stored["resolution"]
-    solver = {name: value for name, value in scene.solver.items() if name not in ("error", "budget")}
+    solver = {name: value for name, value in scene.solver.items() if name != "budget"}
     ladder = resolvable(replace(scene, solver=solver))
     found = ladder.at(Resolution(steps, Fraction(cells), Fraction(d_hat)), stored["newton_error_fraction"])
     return found, stored["estimate"]
@@ -101,7 +101,7 @@ def _search(scene: Scene, budget: float) -> dict[str, Any]:
 
 FOR_FILES = 0.15, 8.0
 """Reserve of the budget for picture and tables: fraction of the budget, and most seconds."""
-COMPUTES = ("mesh", "kinematics", "energies", "contact", "solve", "sim")
+COMPUTES = ("mesh", "geometry", "physics", "solve", "run")
 """The folders of the package on which a result depends: a study made with other code is repeated."""
 REPORT_NAME, PICTURE_NAME = "study.md", "study.png"
 

@@ -6,7 +6,8 @@ import pytest
 from small_scenes import small_scene, without
 
 from clothsim import InputError, simulate
-from clothsim.run.session import CONVERGED_FRACTION, prepare
+from clothsim.keys.settings import CONVERGED
+from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.overrides import override
 from clothsim.solve.newton.convergence import LEAST_SPEED
@@ -41,7 +42,7 @@ def test_a_step_is_converged_where_it_is_asked_for(solver):
     given = {key: value for key, value in scene.solver.items() if key != "dt"} if "error" in solver else scene.solver
     scene = replace(scene, solver={**given, **solver})
     found = prepare(scene, build(scene)).integrator.settings
-    assert (found.error_fraction, found.converge) == (CONVERGED_FRACTION, True)
+    assert (found.error_fraction, found.converge) == (CONVERGED, True)
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-2])

@@ -8,6 +8,7 @@ from typing import Any
 from clothsim import Run, Scene, open_run
 from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
 from clothsim.engine import Session, d_hats
+from clothsim.study.error_control.confirmation import confirmed
 from clothsim.study.error_control.resolution import D_HAT, Resolution
 from clothsim.study.error_control.search import Found, Message, Search, searched
 from clothsim.study.error_control.trial import Trial
@@ -44,6 +45,7 @@ def simulate_to_error(scene: Scene, runs: Runs, message: Message) -> Run:
         return run, Trial(resolution, world_material(sessions[0].built.world), run.positions(-1), seconds)
 
     search, found = searched(scene, candidate, message)
+    found = confirmed(search, found)
     return _annotated(search, found, chosen[-1])
 
 

@@ -103,9 +103,14 @@ class Resolvable:
 
 
 def resolvable(given: Scene) -> Resolvable:
-    """What can be refined of a scene with solver.error; it takes BDF2 unless the scene names its integrator."""
+    """What can be refined of a scene; it takes BDF2 unless the scene names its integrator.
+
+    With solver.error every step is converged.
+    """
     threads = given.solver.get("threads", 0)
     solver = {key: value for key, value in given.solver.items() if key != "error"}
+    if given.solver_settings.error and "tolerance" not in solver:
+        solver["converge"] = True
     scene = replace(given, solver={"integrator": BDF2, **solver})
     scene = engine.replace(fixed(scene, build(scene)), "solver.threads", threads)
     run, missing = scene.run_settings, {}

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from clothsim import Run, Scene
+from clothsim import Run, Scene, engine
 from clothsim.base.errors import InputError
 from clothsim.study.error_control.choice import chosen, work
 from clothsim.study.error_control.knob_errors import KnobErrors, from_joint, from_path, root_sum
@@ -21,8 +21,8 @@ from clothsim.study.error_control.trial import Distance, Trial, another_shape, d
 NEWTON_PART = 0.2
 """Fraction of the requested error above which Newton's method stops at FINER times a smaller one."""
 FINER = 0.25
-SLACK = 1.05
-"""The request is met up to this factor."""
+TWIN = 0.1
+"""Newton's stop of a twin run over that of the run it is compared with."""
 PILOT_FROM = 1.5
 """Expected error over the requested one from which a resolution is run as a pilot."""
 MOST_ROUNDS = 5
@@ -64,9 +64,14 @@ class Found:
         """RMS error [m]."""
         return root_sum(self.parts.values())
 
+    @property
+    def resolution_error(self) -> float:
+        """RMS error of the knobs, without that of Newton's method [m]."""
+        return root_sum(part for name, part in self.parts.items() if name != "newton")
+
     def met(self, asked: float) -> bool:
         """True where the request [m] is met."""
-        return self.run.status == "completed" and self.known and self.total <= SLACK * asked
+        return self.run.status == "completed" and self.known and self.total <= asked
 
 
 @dataclass
@@ -82,6 +87,11 @@ class Search:
     trials: list[Trial] = field(default_factory=list)
 
     @property
+    def keeps_tolerance(self) -> bool:
+        """True where the scene names its tolerance, which no run but a twin changes."""
+        return "tolerance" in self.resolvable.scene.solver
+
+    @property
     def spent(self) -> float:
         """Processor seconds of all runs."""
         return sum(trial.seconds for trial in self.trials)
@@ -90,6 +100,15 @@ class Search:
         """Let the coarsest pilot run have half the step."""
         coarsest = self.resolvable.coarsest
         self.resolvable = replace(self.resolvable, coarsest=replace(coarsest, steps=2 * coarsest.steps))
+
+    def twin(self, resolution: Resolution) -> Trial:
+        """Run a resolution with TWIN of Newton's stop, without writing anything."""
+        self.message(f"twin run: {self.resolvable.text(resolution)}, {TWIN:g} of Newton's stop")
+        scene = self.resolvable.at(resolution, TWIN * self.newton_error_fraction)
+        if self.keeps_tolerance:
+            scene = engine.replace(scene, "solver.tolerance", TWIN * scene.solver_settings.tolerance)
+        self.trials.append(pilot(scene, resolution))
+        return self.trials[-1]
 
     def pilot(self, resolution: Resolution) -> Trial:
         """Run a pilot, or take the one that was run."""
@@ -129,19 +148,19 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
         The last one.
     """
     settings = scene.solver_settings
-    fraction = settings.newton_error_fraction
+    fraction = settings.stop_fraction
     search = Search(resolvable(scene), settings.error, settings.budget, candidate, message, fraction)
     earlier: Found | None = None
     for _ in range(MOST_RETRIES):
         coarsest, run, first = _first_pair(search)
         distance = distance_at(coarsest.material)
         if run.status != "completed":
-            failed = Found(run, first, _parts(run, {"all": 0.0}), False)
-            return search, failed if earlier is None else _repeated(search, earlier)
+            failed = Found(run, first, parts_of(run, {"all": 0.0}), False)
+            return search, failed if earlier is None else repeated(search, earlier)
         moved = distance(coarsest, first)
         same = not another_shape(first, moved)
         left = from_joint(moved, 2.0, search.resolvable.knobs, search.resolvable.dt(coarsest.resolution))
-        found = Found(run, first, _parts(run, {"all": left}), same)
+        found = Found(run, first, parts_of(run, {"all": left}), same)
         if same or search.spent > search.budget / 2:
             break
         earlier = found
@@ -149,7 +168,7 @@ def searched(scene: Scene, candidate: Candidate, message: Message) -> tuple[Sear
     if not found.known or found.met(search.asked):
         return search, found
     errors = _by_knob(search, coarsest, first, distance).not_below(found.parts["all"])
-    found = Found(run, first, _parts(run, errors.errors), True)
+    found = Found(run, first, parts_of(run, errors.errors), True)
     return search, _refined(search, found, errors, distance)
 
 
@@ -200,16 +219,16 @@ def _refined(search: Search, found: Found, errors: KnobErrors, distance: Distanc
         else:
             run, trial = search.run(following, expected)
         if trial.reason or (run is not None and run.status != "completed"):
-            return replace(found if run is None else _repeated(search, found), known=False)
+            return replace(found if run is None else repeated(search, found), known=False)
         before, errors = errors.total, errors.after(sizes, distance(last, trial))
         stalled, last = stalled + 1 if errors.total > STALLED * before else 0, trial
         if run is not None:
-            found = Found(run, trial, _parts(run, errors.errors), errors.understood)
+            found = Found(run, trial, parts_of(run, errors.errors), errors.understood)
     if last is not found.trial:
         run, trial = search.run(last.resolution, errors.total)
         if run.status != "completed":
-            return replace(_repeated(search, found), known=False)
-        found = Found(run, trial, _parts(run, errors.errors), errors.understood)
+            return replace(repeated(search, found), known=False)
+        found = Found(run, trial, parts_of(run, errors.errors), errors.understood)
     return found if found.met(search.asked) or stalled < MOST_STALLED else replace(found, known=False)
 
 
@@ -220,10 +239,10 @@ def _leaves_room(search: Search, following: Resolution, last: Trial) -> bool:
     return search.spent + 2 * more * last.seconds <= search.budget
 
 
-def _repeated(search: Search, found: Found) -> Found:
+def repeated(search: Search, found: Found) -> Found:
     """The last run that came to its end, once more: a failed one has taken its place in the output directory."""
     run, trial = search.run(found.trial.resolution)
-    return Found(run, trial, _parts(run, {key: part for key, part in found.parts.items() if key != "newton"}), False)
+    return Found(run, trial, parts_of(run, {key: part for key, part in found.parts.items() if key != "newton"}), False)
 
 
 def _following(search: Search, found: Found, errors: KnobErrors, last: Trial) -> Resolution | None:
@@ -237,6 +256,7 @@ def _following(search: Search, found: Found, errors: KnobErrors, last: Trial) ->
     return chosen(search.resolvable, errors, done, search.asked, vertices, most)
 
 
-def _parts(run: Run, errors: dict[str, float] | Any) -> dict[str, float]:
+def parts_of(run: Run, errors: dict[str, float] | Any) -> dict[str, float]:
+    """Return the parts of an error: those of the knobs, and the sum of Newton's own estimates."""
     newton = run.summary["certificate"]["error_estimate"]["newton"]
     return {**errors, "newton": newton if isinstance(newton, float) else 0.0}

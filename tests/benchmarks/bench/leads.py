@@ -53,7 +53,7 @@ def _led(case: Case, scene: Scene) -> State:
 def _looser(scene: Scene) -> dict[str, float]:
     solver = scene.solver_settings
     if solver.balanced:
-        return {"newton_error_fraction": min(1.0, LOOSER * solver.newton_error_fraction)}
+        return {"newton_error_fraction": min(1.0, LOOSER * solver.stop_fraction)}
     return {"tolerance": LOOSER * solver.tolerance}
 
 
