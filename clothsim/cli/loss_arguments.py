@@ -45,11 +45,11 @@ def loss_of(text: str, world: "World", option: str = "--loss") -> "Loss":
         raise InputError(f"{option} {text}: {value!r} is no height.", "Write it as girth=0.8, in metres.") from error
 
 
-def words(option: str, text: str) -> list[str]:
+def words(option: str, text: str, example: str = "youngs_modulus,bending_stiffness") -> list[str]:
     """Return the names of a list such as "youngs_modulus,bending_stiffness". InputError where there is none."""
     names = [name.strip() for name in text.split(",") if name.strip()]
     if not names:
-        raise InputError(f"{option} names nothing.", f"Give some, such as {option} youngs_modulus,bending_stiffness.")
+        raise InputError(f"{option} names nothing.", f"Give some, such as {option} {example}.")
     return names
 
 

@@ -173,7 +173,8 @@ class Seed(KeyTable):
         super().__post_init__()
         if self.from_ == "transfer":
             raise InputError(
-                'seed.from "transfer" is a command of its own.', "`clothsim fit GARMENT --from BODY --to BODY` does it."
+                'seed.from "transfer" is a command of its own.',
+                "`clothsim fit GARMENT --made-for BODY --to BODY` does it.",
             )
         if (self.from_ in ("file", "model")) != bool(self.file):
             raise InputError('seed needs from = "file" and a file together.', 'Write from = "file" and file = "PATH".')

@@ -198,8 +198,8 @@ class NamedGoal:
 
 def refuse_goal(bench: Bench) -> None:
     """InputError for a study of which no goal can be attributed to triangles."""
-    if "cells" not in bench.knobs:
-        raise InputError("The error of a goal by triangles needs finer cells, and they are no knob of this study.")
+    if "cells" not in bench.parameters:
+        raise InputError("The error of a goal by triangles needs finer cells, and they are no parameter of this study.")
 
 
 def goal_report(gatherer: Gatherer, goal: NamedGoal) -> dict[str, Any]:

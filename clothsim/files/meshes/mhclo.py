@@ -37,7 +37,7 @@ class Clothes:
             raise InputError(
                 f"{self.obj_file.stem} is modelled on a base mesh of at least {max(named) + 1:,} vertices, "
                 f"not of {len(base):,}.",
-                "Give the MakeHuman base mesh as --from.",
+                "Give the MakeHuman base mesh as --made-for.",
             )
         size = np.ones(3)
         for axis, scale in enumerate(self.scales):

@@ -11,6 +11,7 @@ import numpy as np
 
 from clothsim import Pattern, Run
 from clothsim.base.errors import InputError
+from clothsim.base.renamed import renamed
 from clothsim.base.safe_files.directory import make_directory
 from clothsim.engine import refuse_earlier_run
 from clothsim.files import read_pattern
@@ -47,7 +48,7 @@ class DressTask:
     body: BodyMesh
     surface: BodySurface
     fabrics: Fabrics
-    hold: bool
+    waistband: bool
     directory: Path
     on_stage: StageCallback
     progress: Listener | None
@@ -76,6 +77,7 @@ class DressState:
         return replace(self, status="failed", reason=reason) if reason else self
 
 
+@renamed(cut_for="made_for", hold="waistband")
 def dress(
     pattern: str | Path | Pattern,
     on: str | Path | Any,
@@ -84,9 +86,9 @@ def dress(
     size: float = 0.02,
     fabric: str = "cotton",
     fabrics: Mapping[str, str] | None = None,
-    cut_for: str | Path | Any | None = None,
+    made_for: str | Path | Any | None = None,
     grade: Mapping[str, float] | None = None,
-    hold: bool = False,
+    waistband: bool = False,
     origin: str = "auto",
     rotation_order: str = "zyx",
     seams: str | Path | None = None,
@@ -113,11 +115,11 @@ def dress(
         A named fabric.
     fabrics : mapping of str to str, optional
         Named fabrics of panels with one of their own, by name; `*` stands for any letters: {"*cuff*": "denim"}.
-    cut_for : str, Path, Body or mesh object, optional
+    made_for : str, Path, Body or mesh object, optional
         The body that the pattern was cut for: it is graded from its girths and lengths to those of `on`. None: as cut.
     grade : mapping of str to float, optional
-        Factors by name (`grading.NAMES`) in place of those between both bodies; without `cut_for` the others are 1.
-    hold : bool
+        Factors by name (`grading.NAMES`) in place of those between both bodies; without `made_for` the others are 1.
+    waistband : bool
         True: upper edges that would slide are taken in to the girth of the body before the drape (`held_edges`).
     origin : str
         Level y = 0 of the pattern: "floor", "waist" or "auto" (see `placement.placed_on`).
@@ -162,9 +164,9 @@ def dress(
     name = "pattern" if isinstance(pattern, Pattern) else Path(pattern).stem
     body = read_body_mesh(on, scale=scale, group=body_group) if isinstance(on, str | Path) else as_body_mesh(on)
     refuse_unsuitable(body)
-    if hold:
+    if waistband:
         parts_for_edges(body)  # an error now, not after the closing
-    grading = _graded(read, body, cut_for, grade or {}, origin)
+    grading = _graded(read, body, made_for, grade or {}, origin)
     if grading is not None:
         read, origin = grading.pattern, grading.origin
     mesh, placing_notes = placed_on(mesh_pattern(read, size), body, origin)
@@ -173,7 +175,7 @@ def dress(
     mesh, arm_notes = turned_to_arms(mesh, body)
     mesh, leg_notes = turned_to_legs(mesh, body, surface)
     make_directory(directory)
-    task = DressTask(body, surface, chosen, hold, directory, on_stage, progress, announce)
+    task = DressTask(body, surface, chosen, waistband, directory, on_stage, progress, announce)
     begun = DressState(
         as_placed(mesh),
         (),
@@ -218,12 +220,12 @@ def _directory(output: str | Path | None, overwrite: bool) -> Path:
 
 
 def _graded(
-    pattern: Pattern, body: BodyMesh, cut_for: Any, factors: Mapping[str, float], origin: str
+    pattern: Pattern, body: BodyMesh, made_for: Any, factors: Mapping[str, float], origin: str
 ) -> Grading | None:
     """The pattern graded for a body; None where it is sewn as cut."""
-    if cut_for is None:
+    if made_for is None:
         return graded(pattern, body, body, origin, factors) if factors else None
-    source = read_body_mesh(cut_for, option="cut_for") if isinstance(cut_for, str | Path) else as_body_mesh(cut_for)
+    source = read_body_mesh(made_for, option="made_for") if isinstance(made_for, str | Path) else as_body_mesh(made_for)
     return graded(pattern, source, body, origin, factors)
 
 
@@ -308,7 +310,7 @@ def _weld(task: DressTask, done: DressState) -> DressState:
 def _drape(task: DressTask, done: DressState) -> DressState:
     """Drape; where it cannot start or complete, the sewn garment is the result."""
     started, held = perf_counter(), done.state
-    if task.hold:
+    if task.waistband:
         held, notes = edges_held(done.state, task.body)
         done = replace(done, notes=(*done.notes, *notes))
     try:

@@ -10,32 +10,23 @@ from typing import Any
 from clothsim import Run, Scene, open_run
 from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
 from clothsim.engine import Session, steps_per_frame
-from clothsim.study.error_control.knob_errors import root_sum
-from clothsim.study.error_control.requested import Message, Runs
-from clothsim.study.error_control.resolution import (
-    CELLS,
-    D_HAT,
-    TIME,
-    Resolution,
-    Resolvable,
-    has_cells_for,
-    resolvable,
-)
-from clothsim.study.error_control.trial import Trial, another_shape, distance_at, pilot
+from clothsim.study.error_control.parameter_errors import root_sum
+from clothsim.study.error_control.resolution import Resolution, Resolvable, has_cells_for, resolvable
+from clothsim.study.error_control.search import Message
+from clothsim.study.error_control.trial import Runs, Trial, another_shape, distance_at, pilot
+from clothsim.study.parameters import CELLS, D_HAT, TIME
 from clothsim.study.resample import world_material
 
 # Error of a run by two coarser ones: the differences tell whether an order of convergence may be assumed.
 #
 # Coarser by two and by four in all (dt, cells, d_hat), two runs move the result by D2 and D4 - D2. Where an error falls
-# with an order p, the second difference is 2^p times the first. That order itself predicts badly (`knob_errors`); but
-# where the differences do not fall about as assumed the pair tells nothing, and the error is not known. Of 39
-# runs of 12
-# scenes 34 had a number by the first difference alone, 10 of them off by more than two; with this check 8 have
-# one, none
-# of them off by more (docs/howto/accuracy.md).
+# with an order p, the second difference is 2^p times the first. That order itself predicts badly (`parameter_errors`);
+# but where the differences do not fall about as assumed the pair tells nothing, and the error is not known. Of 39 runs
+# of 12 scenes 34 had a number by the first difference alone, 10 of them off by more than two; with this check 8 have
+# one, none of them off by more (docs/howto/accuracy.md).
 
 ORDER, ORDER_IN_CONTACT = 1.5, 1.2
-"""Assumed orders of a joint refinement."""
+"""Assumed orders of a refinement of all."""
 FALL, FALL_IN_CONTACT = (2.0, 4.6), (1.65, 3.6)
 """Least and largest ratio of the differences where these orders may be assumed: 2.8 and 2.3 are theirs. Where the
 differences fall by such a ratio for ever, the estimate is right to a factor of two."""
@@ -57,7 +48,7 @@ class ThreeRuns:
     reason: str = ""
 
 
-def from_three(difference: float, coarser_difference: float, knobs: Collection[str]) -> ThreeRuns:
+def from_three(difference: float, coarser_difference: float, parameters: Collection[str]) -> ThreeRuns:
     """Estimate the error of a run.
 
     Parameters
@@ -66,7 +57,7 @@ def from_three(difference: float, coarser_difference: float, knobs: Collection[s
         RMS distance from the run that is coarser by two [m].
     coarser_difference : float
         That of this one from the run coarser by four [m].
-    knobs : collection of str
+    parameters : collection of str
         What is coarser; with a d_hat the scene has contact.
 
     Returns
@@ -80,7 +71,7 @@ def from_three(difference: float, coarser_difference: float, knobs: Collection[s
     >>> from_three(1e-3, 1.1e-3, ("dt", "cells")).reason
     'a run coarser by two moves the result by 1 mm, one by four by another 1.1 mm: no order of convergence'
     """
-    order, (least, most) = (ORDER_IN_CONTACT, FALL_IN_CONTACT) if D_HAT in knobs else (ORDER, FALL)
+    order, (least, most) = (ORDER_IN_CONTACT, FALL_IN_CONTACT) if D_HAT in parameters else (ORDER, FALL)
     error = difference / (2.0**order - 1)
     if least * difference <= coarser_difference <= most * difference:
         return ThreeRuns(error)
@@ -97,10 +88,10 @@ COARSER = (2, 4)
 
 @dataclass(frozen=True)
 class Coarsened:
-    """Resolutions of the pilot runs, what is coarser in them, and the reason for each knob that is not."""
+    """Resolutions of the pilot runs, what is coarser in them, and the reason for each parameter that is not."""
 
     resolutions: tuple[Resolution, ...]
-    knobs: tuple[str, ...]
+    parameters: tuple[str, ...]
     fixed: Mapping[str, str]
 
 
@@ -135,7 +126,7 @@ def simulate_with_estimate(scene: Scene, runs: Runs, message: Message) -> Run:
         process_time() - started,
     )
     trials = [own]
-    for resolution in coarser.resolutions if coarser.knobs else ():
+    for resolution in coarser.resolutions if coarser.parameters else ():
         message(f"pilot run for the error: {ladder.text(resolution)}")
         trials.append(pilot(ladder.at(resolution, scene.solver_settings.newton_error_fraction), resolution))
         if trials[-1].reason:
@@ -144,22 +135,22 @@ def simulate_with_estimate(scene: Scene, runs: Runs, message: Message) -> Run:
 
 
 def coarsened(ladder: Resolvable) -> Coarsened:
-    """Return the resolutions coarser by COARSER; a knob that cannot be coarser by all of them stays as it is."""
+    """Return the resolutions coarser by COARSER; a parameter that cannot be coarser by all of them stays as it is."""
     steps, fixed = steps_per_frame(ladder.scene)[0], dict(ladder.fixed)
     if steps < COARSER[-1]:
         fixed[TIME] = f"a frame has {steps} step{'s' * (steps > 1)}, and {COARSER[-1]} are needed"
-    if CELLS in ladder.knobs and not has_cells_for(ladder.scene, COARSER[-1], fewest=1):
+    if CELLS in ladder.parameters and not has_cells_for(ladder.scene, COARSER[-1], fewest=1):
         fixed[CELLS] = "the cells cannot be quartered"
-    knobs = tuple(name for name in ladder.knobs if name not in fixed)
+    parameters = tuple(name for name in ladder.parameters if name not in fixed)
     resolutions = tuple(
         Resolution(
-            steps // factor if TIME in knobs else steps,
-            Fraction(1, factor if CELLS in knobs else 1),
-            Fraction(factor if D_HAT in knobs else 1),
+            steps // factor if TIME in parameters else steps,
+            Fraction(1, factor if CELLS in parameters else 1),
+            Fraction(factor if D_HAT in parameters else 1),
         )
         for factor in COARSER
     )
-    return Coarsened(resolutions, knobs, fixed)
+    return Coarsened(resolutions, parameters, fixed)
 
 
 def _annotated(run: Run, trials: list[Trial], coarser: Coarsened) -> Run:
@@ -177,13 +168,13 @@ def _annotated(run: Run, trials: list[Trial], coarser: Coarsened) -> Run:
 def _estimate(trials: list[Trial], coarser: Coarsened, newton: Any) -> dict[str, Any]:
     """Entries of the estimate; fixed: what could not be coarser, and why else the error is not known."""
     fixed = dict(coarser.fixed)
-    if not coarser.knobs:
+    if not coarser.parameters:
         return {"total": "not estimated (nothing can be coarser)", "known": False, "fixed": fixed}
     if trials[-1].reason:
         return {"total": f"not estimated (a coarser run failed: {trials[-1].reason})", "known": False, "fixed": fixed}
     distance = distance_at(trials[-1].material)
     moved, further = (distance(one, other) for one, other in zip(trials[:-1], trials[1:], strict=True))
-    found = from_three(moved, further, coarser.knobs)
+    found = from_three(moved, further, coarser.parameters)
     reason = found.reason
     if another_shape(trials[0], max(moved, further)):
         reason = f"a coarser run ends in another shape, {max(moved, further):.2g} m away"

@@ -6,9 +6,9 @@ from time import process_time
 
 import numpy as np
 
-from clothsim import Scene
+from clothsim import Run, Scene
 from clothsim.base.arrays import Floats
-from clothsim.engine import build, first_state, prepare, steps
+from clothsim.engine import Session, build, first_state, prepare, steps
 from clothsim.study.error_control.resolution import Resolution
 from clothsim.study.resample import Material, at_points_of, point_areas, world_material
 
@@ -38,6 +38,8 @@ class Trial:
     reason: str = ""
 
 
+Runs = Callable[[Scene, list[Session]], Run]
+"""Runs a scene with fixed settings into the output directory; the list receives the session that it announces."""
 Distance = Callable[[Trial, Trial], float]
 ANOTHER_SHAPE = 0.1
 """Distance of two runs over the size of the cloth from which no order of convergence holds between them."""

@@ -1,6 +1,7 @@
-"""Knobs of a study: refinable settings and their expected orders of convergence.
+"""Discretisation parameters: refinable settings, their expected orders of convergence, how far they are trusted.
 
-A level is a number of refinements: 0 is the base, +1 one finer, -1 one coarser. A new knob is one line of KNOBS.
+A level is a number of refinements: 0 is the base, +1 one finer, -1 one coarser. A new parameter is one line of
+PARAMETERS.
 """
 
 from collections.abc import Callable
@@ -10,16 +11,32 @@ from typing import Any
 
 from clothsim import Scene, engine
 from clothsim.base.errors import InputError
-from clothsim.engine import CONTACTS, cells_of, refuse_unknown, steps_per_frame, with_cells
+from clothsim.engine import d_hats, refuse_unknown, steps_per_frame, with_cells
+
+TIME, CELLS, D_HAT = "dt", "cells", "d_hat"
+"""The parameters that a request for an error refines."""
 
 
 @dataclass(frozen=True)
-class Knob:
+class Assumed:
+    """Orders that are assumed of differences of two runs without and with contact, and how far they are trusted.
+
+    farthest: the largest refinement beyond the finest run so far.
+    """
+
+    smooth: float
+    in_contact: float
+    farthest: int
+
+
+@dataclass(frozen=True)
+class Parameter:
     """name; unit of its value; ratio: by what a level divides its value; order: expected slope of the error in it.
 
     at: the value at a level and the scene with it, from the base scene and the scene to change; InputError, whose
-    sentence is the reason, where the scene has no such knob or level. order None: the error falls faster than any power
-    of the value, or is no smooth function of it: nothing is extrapolated. growth: first guess of what a level costs.
+    sentence is the reason, where the scene has no such parameter or level. order None: the error falls faster than any
+    power of the value, or is no smooth function of it: nothing is extrapolated. growth: first guess of what a level
+    costs; assumed: of a parameter that a request for an error refines.
     """
 
     name: str
@@ -28,13 +45,14 @@ class Knob:
     order: Callable[[Scene], float | None]
     at: Callable[[Scene, Scene, int], tuple[Any, Scene]]
     growth: float
+    assumed: Assumed | None = None
 
     def put(self, base: Scene, scene: Scene, level: int) -> Scene:
-        """`scene` with this knob at a level of `base`."""
+        """`scene` with this parameter at a level of `base`."""
         return self.at(base, scene, level)[1] if level else scene
 
     def value(self, base: Scene, level: int) -> Any:
-        """The knob's value at a level of `base`."""
+        """The parameter's value at a level of `base`."""
         return self.at(base, base, level)[0]
 
 
@@ -48,7 +66,8 @@ def _dt(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
 
 def _cells(base: Scene, scene: Scene, level: int) -> tuple[Any, Scene]:
     factor = Fraction(2) ** level
-    value = cells_of(with_cells(base, factor).cloths[0])
+    cells = with_cells(base, factor).cloths[0]["cells"]
+    value = list(cells) if isinstance(cells, tuple) else cells
     return value, with_cells(scene, factor) if level else scene
 
 
@@ -66,14 +85,13 @@ def _newton_error_fraction(base: Scene, scene: Scene, level: int) -> tuple[float
     return value, engine.replace(scene, "solver.newton_error_fraction", value)
 
 
-def newton_knob(base: Scene) -> str:
-    """Name of the knob of Newton's stop that a scene has."""
+def newton_parameter(base: Scene) -> str:
+    """Name of the parameter of Newton's stop that a scene has."""
     return "newton_error_fraction" if base.solver_settings.balanced else "tolerance"
 
 
 def _d_hat(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
-    values = {name: base.effects[name].get("d_hat", "auto") for name in CONTACTS if name in base.effects}
-    values = {name: value / 2.0**level for name, value in values.items() if not isinstance(value, str)}
+    values = {name: value / 2.0**level for name, value in d_hats(base).items()}
     if not values:
         raise InputError("the scene has no contact")
     for name, value in values.items():
@@ -101,16 +119,16 @@ def _in_time(scene: Scene) -> float:
     return 2.0 if scene.solver_settings.integrator == "bdf2" else 1.0
 
 
-KNOBS = {
-    knob.name: knob
-    for knob in (
-        Knob("dt", "s", 2, _in_time, _dt, 1.8),
-        Knob("cells", "", 2, lambda scene: 2.0, _cells, 6.0),
-        Knob("tolerance", "m/s", 4, lambda scene: None, _tolerance, 1.1),
-        Knob("newton_error_fraction", "", 4, lambda scene: None, _newton_error_fraction, 1.2),
-        Knob("d_hat", "m", 2, lambda scene: 1.0, _d_hat, 1.3),
-        Knob("eps_v", "m/s", 2, lambda scene: 1.0, _eps_v, 1.1),
-        Knob("iterations", "", 2, lambda scene: None, _iterations, 1.9),
+PARAMETERS = {
+    parameter.name: parameter
+    for parameter in (
+        Parameter(TIME, "s", 2, _in_time, _dt, 1.8, Assumed(1.8, 1.5, 4)),
+        Parameter(CELLS, "", 2, lambda scene: 2.0, _cells, 6.0, Assumed(2.0, 2.0, 2)),
+        Parameter("tolerance", "m/s", 4, lambda scene: None, _tolerance, 1.1),
+        Parameter("newton_error_fraction", "", 4, lambda scene: None, _newton_error_fraction, 1.2),
+        Parameter(D_HAT, "m", 2, lambda scene: 1.0, _d_hat, 1.3, Assumed(1.2, 1.2, 4)),
+        Parameter("eps_v", "m/s", 2, lambda scene: 1.0, _eps_v, 1.1),
+        Parameter("iterations", "", 2, lambda scene: None, _iterations, 1.9),
     )
 }
 
@@ -126,28 +144,38 @@ def _integrator(base: Scene, scene: Scene, level: int) -> tuple[str, Scene]:
 
 
 INTEGRATOR = "integrator"
-SWITCH = Knob(INTEGRATOR, "", 1, lambda scene: None, _integrator, 1.2)
+SWITCH = Parameter(INTEGRATOR, "", 1, lambda scene: None, _integrator, 1.2)
 """The other difference formula, level 1: not finer, but another path to the same limit in dt."""
-IN_TIME = "dt"
-"""The knob that refines the time steps."""
 
 
-def any_knob(name: str) -> Knob:
-    """A knob of KNOBS, or the switch of the integrator."""
-    return SWITCH if name == INTEGRATOR else KNOBS[name]
+def any_parameter(name: str) -> Parameter:
+    """A parameter of PARAMETERS, or the switch of the integrator."""
+    return SWITCH if name == INTEGRATOR else PARAMETERS[name]
 
 
-def usable(base: Scene, names: list[str] | None) -> tuple[dict[str, Knob], dict[str, str]]:
-    """Knobs of a scene, and the reason for each missing one. InputError for an unknown name."""
-    refuse_unknown("--knobs", names or [], KNOBS)
+def usable(base: Scene, names: list[str] | None) -> tuple[dict[str, Parameter], dict[str, str]]:
+    """Parameters of a scene, and the reason for each missing one. InputError for an unknown name."""
+    refuse_unknown("parameters", names or [], PARAMETERS)
     available, missing = {}, {}
-    for name in names or KNOBS:
+    for name in names or PARAMETERS:
         try:
-            KNOBS[name].value(base, 0)
-            KNOBS[name].value(base, 1)
-            available[name] = KNOBS[name]
+            PARAMETERS[name].value(base, 0)
+            PARAMETERS[name].value(base, 1)
+            available[name] = PARAMETERS[name]
         except InputError as error:
             missing[name] = error.sentence.rstrip(".")
     if not available:
-        raise InputError(f"There is nothing to refine: {'; '.join(missing.values())}.", "Name other knobs.")
+        raise InputError(f"There is nothing to refine: {'; '.join(missing.values())}.", "Name other parameters.")
     return available, missing
+
+
+def written(name: str, value: Any) -> str:
+    """A value of a parameter for people: "dt 1/60 s", "cells 40x40", "tolerance 0.001 m/s"."""
+    if name == TIME and abs(1 / value - round(1 / value)) < 1e-6 / value and value < 1:
+        return f"dt 1/{round(1 / value)} s"
+    if isinstance(value, list | tuple):
+        return f"{name} {'x'.join(str(count) for count in value)}"
+    if name == D_HAT:
+        return f"d_hat {1e3 * value:.3g} mm"
+    unit = PARAMETERS[name].unit if name in PARAMETERS else ""
+    return f"{name} {value:.3g} {unit}".rstrip() if isinstance(value, float) else f"{name} {value}"
