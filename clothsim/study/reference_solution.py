@@ -86,6 +86,10 @@ SPREAD = 2.0
 """Error of the time steps over the distance of the base to runs with a finer dt, where those do not fall regularly."""
 
 
+# Error of the time steps, bounded by two difference formulas and by the certificate of a run: backward Euler and BDF2
+# tend to the same limit as dt falls, from different sides of the same solution: where their limits differ by more than
+# both claim, neither claim holds.
+
 def with_other_formula(
     sweep: Mapping[int, Floats], own: Limit, other: Mapping[int, Floats], order: float, second_order: bool, norm: Norm
 ) -> Limit:
@@ -162,6 +166,11 @@ def _doubted(each: Limit, doubt: float) -> Limit:
     """The limit with an error of at least `doubt` [m]."""
     return replace(each, error=max(each.error, doubt), doubt=max(each.doubt, doubt))
 
+
+# Runs in which the largest parameters are refined together: errors of single parameters add up only where each has a
+# cause of its own. A start inside d_hat is pushed out by the barrier, and a finer dt, finer cells and a smaller d_hat
+# all show that same push: their sum counts it three times. So the parameters with the largest errors, and dt and cells
+# in any case, are refined together, and what that run shows replaces the sum: an interaction term.
 
 LARGE = 0.1
 """A parameter is refined with the others where its error is at least this fraction of the largest."""

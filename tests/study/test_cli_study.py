@@ -85,7 +85,7 @@ def test_sigterm_is_noticed_and_its_handler_put_back():
     [
         (["missing.toml"], "There is no scene file missing.toml"),
         (["sheet.toml", "--budget", "soon"], "--budget is 'soon'"),
-        (["sheet.toml", "--parameters", "dtt"], "--parameters has no key 'dtt'"),
+        (["sheet.toml", "--parameters", "dtt"], "parameters has no key 'dtt'"),
         (["sheet.toml", "--parameters", ","], "--parameters names nothing"),
         (["sheet.toml", "--workers", "0"], "--workers is '0'"),
     ],

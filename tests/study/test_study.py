@@ -223,7 +223,7 @@ def test_chaotic_folds_are_compared_by_their_heights(tmp_path):
 @pytest.mark.parametrize(
     ("change", "parameters", "budget", "sentence"),
     [
-        ({}, ["cellls"], 10.0, "--parameters has no key 'cellls'"),
+        ({}, ["cellls"], 10.0, "parameters has no key 'cellls'"),
         ({}, ["d_hat"], 10.0, "nothing to refine: the scene has no contact"),
         ({}, None, -1.0, "budget must be above 0"),
         ({"cloth": {"mesh": "rectangle", "cells": [0, 4]}}, None, 10.0, "cells"),
@@ -253,6 +253,6 @@ def test_real_processes(tmp_path):
 
 def test_values_for_people():
     assert written("dt", 1 / 60) == "dt 1/60 s"
-    assert written("dt", 0.0123) == "dt 0.0123"
+    assert written("dt", 0.0123) == "dt 0.0123 s"
     assert written("cells", [40, 20]) == "cells 40x20"
     assert written("d_hat", 0.002) == "d_hat 2 mm"
