@@ -57,6 +57,7 @@ def settings(session: "Session", directory: Path, before: str) -> str:
     newton = f"to {integrator.settings.tolerance:g} m/s"
     if integrator.settings.error_fraction and "inertia" in built.energies:
         newton = f"to {integrator.settings.error_fraction:g} of the time error"
+        newton += ", forces balanced" if integrator.settings.converge else " of the motion"
     rows = [
         ("output", f"{directory}{os.sep}"),
         ("mesh", sizes),

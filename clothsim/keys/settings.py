@@ -1,6 +1,7 @@
 """The sections [solver], [contact], [run] and [seed]: plain numbers and names with their defaults."""
 
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
@@ -26,9 +27,14 @@ class Solver(KeyTable):
     dt: Annotated[float, Key("Length of a time step", "s", above=0)] = 0.01
     newton_error_fraction: Annotated[
         float,
-        Key("Newton's method stops where its error is predicted below this fraction of the time step's own", "1",
+        Key("Newton's method stops where its error is below this fraction of the time step's own", "1",
             above=0, most=1),
-    ] = 0.1  # fmt: skip
+    ] = 0.3  # fmt: skip
+    converge: Annotated[
+        bool,
+        Key("Each step is solved until forces balance and the fastest vertex, too, is within newton_error_fraction "
+            "(then 0.1 where none is given); else until the motion of each body is"),
+    ] = False  # fmt: skip
     tolerance: Annotated[
         float,
         Key("In place of newton_error_fraction: Newton's method stops where |dx|_inf / dt is below it", "m/s", above=0,
@@ -38,10 +44,9 @@ class Solver(KeyTable):
         Literal["bdf2", "backward_euler"], Key("Time integrator; backward Euler is of first order and damps more")
     ] = "bdf2"
     linear: Annotated[
-        Literal["auto", "mixed", "pardiso", "cholmod", "superlu", "cudss"],
-        Key("Linear solver; auto takes the fastest installed on the CPU, mixed is PARDISO in single precision with "
-            "refinement, cudss needs an NVIDIA GPU"),
-    ] = "auto"  # fmt: skip
+        Literal["auto", "mixed", "pardiso", "cholmod", "superlu"],
+        Key("Linear solver; auto takes the fastest installed, mixed is PARDISO in single precision with refinement"),
+    ] = "auto"
     threads: Annotated[
         int,
         Key("Threads of a step; 1 repeats every bit; 0: one, from 20,000 vertices up to 4", "1", least=0),
@@ -98,12 +103,18 @@ class Contact(KeyTable):
     section: ClassVar[str] = "contact"
 
     backend: Annotated[
-        Literal["auto", "numba", "ipctk"], Key("Contact implementation; auto is numba, ipctk is the reference")
+        Literal["auto", "numba", "ipctk"], Key("Contact implementation; each is numba's, ipctk is deprecated")
     ] = "auto"
     pinch: Annotated[
         Literal["stop", "carry"],
         Key("Cloth between two closing parts of bodies: the run stops, or one of them carries it until they open"),
     ] = "stop"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.backend == "ipctk":
+            why = "the package's own contact is taken, to which ipctk is the oracle of the tests"
+            warnings.warn(f'contact.backend = "ipctk" is deprecated: {why}.', DeprecationWarning, stacklevel=3)
 
 
 FieldName: TypeAlias = Literal[

@@ -1,15 +1,14 @@
 """Session: a scene prepared for stepping, with sparsity pattern, linear solver and integrator."""
 
-import sys
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from clothsim.base.errors import InputError
-from clothsim.base.parallel import available_cores
 from clothsim.base.process_memory import keep_freed_memory
 from clothsim.keys.settings import Solver
 from clothsim.mesh.motion import RigidMotion
+from clothsim.physics.energies.gravity import Gravity
 from clothsim.physics.energies.hessians import ByElement
 from clothsim.run.step_lengths import LARGEST_TURN, refuse_leaps, turns
 from clothsim.scene.assembly.scene_world import Built
@@ -34,6 +33,13 @@ atom in it."""
 
 FINER = 0.1
 """Newton's tolerance as a fraction of the requested error over the duration."""
+CONVERGED_FRACTION = 0.1
+"""newton_error_fraction of steps that are converged (`solver.converge`) where the scene gives none: the largest that
+held in six scenes with one solution (docs/notes/newton_stop.md)."""
+LEAST_FALL = 0.01
+"""Speed below which a Newton step ends a solve whatever the time error, over newton_error_fraction and the speed
+(g cell)^1/2 that a fall by half a cell gives: .001 m/s at cells of 11 mm and the default fraction."""
+STANDARD_GRAVITY = 9.81
 
 
 PRICE = "repeatable: the same bits at every number of threads; a factorisation takes 1.05 to 1.2 of its time."
@@ -52,12 +58,11 @@ class Session:
 def prepare(scene: Scene, built: Built) -> Session:
     """Prepare a built scene for stepping. InputError for settings that conflict."""
     settings = scene.solver_settings
-    _set_threads(settings.threads)
     reproducible = _make_reproducible() if settings.repeatable else ""
     keep_freed_memory()
     timers = Timers(effects={name: EffectCounters() for name in built.energies})
     system = _system(_pattern(built), settings, rigid_rows(built.world))
-    newton, finer = _newton_settings(scene)
+    newton, finer = _newton_settings(scene, built)
     integrator = _integrator(scene, built, Potential(built.energies, timers), system, newton)
     solver = system.solver  # one that is not installed is reported here, not in the first step
     slow = slowness(solver) if settings.linear == "auto" else ""
@@ -144,8 +149,6 @@ def _carries_pinched(scene: Scene, built: Built) -> bool:
     """True where the scene asks that cloth in a pinch is carried. InputError where contact cannot do it."""
     if scene.contact_settings.pinch == "stop":
         return False
-    if scene.contact_settings.backend == "ipctk":
-        raise InputError('contact.pinch = "carry" does not work with ipctk.', 'Use contact.backend = "numba".')
     if "body_contact" not in built.energies:
         raise InputError('contact.pinch = "carry" needs effects.body_contact.', "Add it, or leave the key out.")
     return True
@@ -181,7 +184,7 @@ def _refuse_error(built: Built) -> None:
     raise InputError(why, "Give solver.dt.")
 
 
-def _newton_settings(scene: Scene) -> tuple[NewtonSettings, str]:
+def _newton_settings(scene: Scene, built: Built) -> tuple[NewtonSettings, str]:
     """Settings of Newton's method and a note on them: finer than the default where a requested error needs it.
 
     The residual of Newton's method in the velocities would be taken for an error of the integrator.
@@ -189,18 +192,24 @@ def _newton_settings(scene: Scene) -> tuple[NewtonSettings, str]:
     settings = scene.solver_settings
     if not settings.balanced:
         return NewtonSettings(settings.tolerance, settings.max_iterations), ""
-    least, fraction, note = LEAST_SPEED * settings.newton_error_fraction, settings.newton_error_fraction, ""
+    fraction, note = settings.newton_error_fraction, ""
+    converge = settings.converge or bool(settings.error) or "inertia" not in built.energies
+    if converge:
+        fraction = fraction if "newton_error_fraction" in scene.solver else CONVERGED_FRACTION
+        least = LEAST_SPEED * fraction
+    else:
+        least = LEAST_FALL * fraction * float(np.sqrt(_gravity(built) * built.world.cell))
     finer = FINER * settings.error / scene.run_settings.duration
     if settings.error and finer < least:
         least, note = finer, f"tolerance = {finer:.2g} m/s, for the error asked for."
-    return NewtonSettings(least, settings.max_iterations, error_fraction=fraction), note
+    return NewtonSettings(least, settings.max_iterations, error_fraction=fraction, converge=converge), note
 
 
-def _set_threads(threads: int) -> None:
-    """Set the threads of ipctk, where a scene has loaded it; the linear solver gets them when it is made."""
-    ipctk = sys.modules.get("ipctk")
-    if ipctk is not None:
-        ipctk.set_num_threads(threads or available_cores())
+def _gravity(built: Built) -> float:
+    """The acceleration by which speeds are called slow [m/s2]: that of the scene, or the earth's where it has none."""
+    gravity = built.energies.get("gravity")
+    size = float(np.linalg.norm(gravity.acceleration)) if isinstance(gravity, Gravity) else 0.0
+    return size or STANDARD_GRAVITY
 
 
 def _make_reproducible() -> str:

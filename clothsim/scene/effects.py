@@ -75,9 +75,9 @@ class Effect:
         return {p.name: p.default for p in parameters if p.kind is p.KEYWORD_ONLY}
 
 
-SUPPLIED = ("backend", "contacts", "built")
-"""Keywords of builders that no scene gives: the backend of [contact], the names of the contacts that are on, and the
-energies built so far, by name."""
+SUPPLIED = ("contacts", "built")
+"""Keywords of builders that no scene gives: the names of the contacts that are on, and the energies built so far, by
+name."""
 
 
 EFFECTS = {

@@ -90,6 +90,7 @@ SPREAD = 2.0
 # tend to the same limit as dt falls, from different sides of the same solution: where their limits differ by more than
 # both claim, neither claim holds.
 
+
 def with_other_formula(
     sweep: Mapping[int, Floats], own: Limit, other: Mapping[int, Floats], order: float, second_order: bool, norm: Norm
 ) -> Limit:

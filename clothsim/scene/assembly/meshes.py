@@ -28,6 +28,7 @@ from clothsim.scene.scene import Scene
 
 # Animated bodies: the frames of a sequence of files or of an array.
 
+
 def body_of_files(keys: Mapping[str, Any], where: str, directory: Path) -> tuple[Body, tuple[str, ...]]:
     """The body of a table whose `frames` name a sequence of files, and notes for the user."""
     from clothsim.files.meshes.mesh_part import Part

@@ -179,7 +179,6 @@ def build_effects(
     energies: dict[str, Energy] = {}
     constraints: dict[str, Constraint] = {}
     off: dict[str, str] = {}
-    backend = scene.contact_settings.backend
     for name, effect in EFFECTS.items():
         if name not in scene.effects:
             continue
@@ -187,7 +186,7 @@ def build_effects(
         if before is not None and name not in changed and not effect.sees_others:
             _take_over(name, before, energies, constraints, off)
             continue
-        supplied = {"backend": backend, "contacts": contacts, "built": energies}
+        supplied = {"contacts": contacts, "built": energies}
         keys = with_arrays(f"effects.{name}", scene.effects[name], scene.directory)
         try:
             made = effect.build(world, keys, supplied)

@@ -7,7 +7,7 @@ from typing import Any
 
 from clothsim import Run, Scene, open_run
 from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
-from clothsim.engine import d_hats
+from clothsim.engine import Session, d_hats
 from clothsim.study.error_control.resolution import D_HAT, Resolution
 from clothsim.study.error_control.search import Found, Message, Search, searched
 from clothsim.study.error_control.trial import Runs, Trial

@@ -1,6 +1,5 @@
 """Time steps: retries with half the dt, growth, frames on their times, the ramp of a quasi-static run."""
 
-
 import numpy as np
 import pytest
 from hurdle import Hurdle
