@@ -8,9 +8,10 @@ from typing import Any
 from clothsim import Run, Scene, open_run
 from clothsim.base.safe_files.record import SUMMARY_NAME, write_summary
 from clothsim.engine import Session, d_hats
-from clothsim.study.error_control.resolution import D_HAT, Resolution
+from clothsim.study.error_control.resolution import Resolution
 from clothsim.study.error_control.search import Found, Message, Search, searched
 from clothsim.study.error_control.trial import Runs, Trial
+from clothsim.study.parameters import D_HAT
 from clothsim.study.resample import world_material
 
 
@@ -34,7 +35,7 @@ def simulate_to_error(scene: Scene, runs: Runs, message: Message) -> Run:
     chosen: list[Scene] = []
 
     def candidate(some: Scene, resolution: Resolution) -> tuple[Run, Trial]:
-        started, sessions = process_time(), []  # type: tuple[float, list[Session]]
+        started, sessions = process_time(), list[Session]()
         run = runs(some, sessions)
         chosen.append(some)
         seconds = process_time() - started
