@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, ClassVar, Self
 
-import numpy as np
-
 from clothsim.keys.keys import refuse_unknown, table
 from clothsim.keys.schema import keys_of
 from clothsim.keys.value_checks import check_value, refuse_missing
@@ -13,17 +11,27 @@ from clothsim.keys.value_checks import check_value, refuse_missing
 
 @dataclass(frozen=True, kw_only=True)
 class KeyTable:
-    """Keys of a section with their defaults; `section` is its dotted name in messages."""
+    """Keys of a section with their defaults; `section` is its dotted name in messages. Nested tables are sections."""
 
     section: ClassVar[str] = ""
+
+    def __new__(cls, *_: Any, **keys: Any) -> Self:
+        """Remember which keys were given."""
+        made = super().__new__(cls)
+        object.__setattr__(made, "_given", tuple(name.rstrip("_") for name in keys))
+        return made
 
     def __post_init__(self) -> None:
         for known in keys_of(type(self)).values():
             value = getattr(self, known.field)
             if value is not known.default:
-                plain = check_value(f"{self.section}.{known.name}", as_tables(value), known)
-                if isinstance(plain, int | float):
-                    object.__setattr__(self, known.field, plain)
+                object.__setattr__(self, known.field, check_value(f"{self.section}.{known.name}", value, known))
+
+    @property
+    def given(self) -> tuple[str, ...]:
+        """Names of the keys that were given, whatever their values: those that a scene file has."""
+        known = keys_of(type(self))
+        return tuple(name for name in self._given if name in known)  # type: ignore[attr-defined]
 
     @classmethod
     def parsed(cls, where: str, given: Any) -> Self:
@@ -44,18 +52,25 @@ class KeyTable:
         keys, known = table(where, given), keys_of(cls)
         refuse_unknown(where, keys, known)
         refuse_missing(where, keys, cls)
-        return cls(**{known[name].field: check_value(f"{where}.{name}", value, known[name])
-                      for name, value in keys.items()})  # fmt: skip
+        values = {name: check_value(f"{where}.{name}", value, known[name]) for name, value in keys.items()}
+        fixed = _fixed(cls)  # such as the kind of a wind
+        return cls(**{known[name].field: value for name, value in values.items() if known[name].field not in fixed})
+
+    def with_keys(self, **changed: Any) -> Self:
+        """A copy with other values of some fields, which count as given; the other keys are given or not as here."""
+        keys = {known.field for known in keys_of(type(self)).values()}
+        kept = {
+            field.name: getattr(self, field.name)
+            for field in fields(self)
+            if field.init and (field.name not in keys or field.name.rstrip("_") in self.given)
+        }
+        return type(self)(**kept | changed)
 
     def as_table(self) -> dict[str, Any]:
-        """The keys as a scene file has them; those at their defaults are left out."""
-        fixed = {field.name for field in fields(self) if not field.init}
-        values = ((known, getattr(self, known.field)) for known in keys_of(type(self)).values())
-        return {
-            known.name: as_tables(value)
-            for known, value in values
-            if known.field in fixed or not _alike(value, known.default)
-        }
+        """The keys as a scene file has them: those that were given."""
+        known = keys_of(type(self))
+        fixed = [name for name, key in known.items() if key.field in _fixed(type(self))]
+        return {name: as_tables(getattr(self, known[name].field)) for name in (*fixed, *self.given)}
 
 
 def as_tables(value: Any) -> Any:
@@ -67,8 +82,6 @@ def as_tables(value: Any) -> Any:
     return {key: as_tables(entry) for key, entry in value.items()} if isinstance(value, Mapping) else value
 
 
-def _alike(value: Any, default: Any) -> bool:
-    if value is default:
-        return True
-    plain = not isinstance(value, np.ndarray) and type(value) is type(default)
-    return plain and not callable(value) and bool(value == default)
+def _fixed(section: type[KeyTable]) -> set[str]:
+    """Fields that have one value."""
+    return {field.name for field in fields(section) if not field.init}
