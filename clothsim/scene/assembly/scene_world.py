@@ -188,13 +188,13 @@ def build_effects(
             _take_over(name, before, energies, constraints, off)
             continue
         supplied = {"backend": backend, "contacts": contacts, "built": energies}
-        keys = with_arrays(f"effects.{name}", scene.effects[name], scene.directory)
+        where = f"effects.{name}"
+        keys = effect.keys_class.parsed(where, with_arrays(where, scene.effects[name], scene.directory))
         try:
             made = effect.build(world, keys, supplied)
         except (TypeError, ValueError) as error:
             raise InputError(
-                f"effects.{name} has a value of the wrong type: {error}.",
-                f"`clothsim keys effects.{name}` lists the types.",
+                f"{where} has a value of the wrong type: {error}.", f"`clothsim keys {where}` lists the types."
             ) from error
         if isinstance(made, Off):
             off[name] = made.reason

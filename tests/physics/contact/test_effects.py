@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from contacts import ball, sheet, sheet_on_ball, two_sheets
+from effect_builders import body_contact, friction, gravity, inertia, membrane, pins, self_contact
 from meshes import cloth, grid
 from solving import integrator_of, run_of, step_at
 
@@ -13,14 +14,7 @@ from clothsim.base.errors import InputError
 from clothsim.mesh.world import make_world
 from clothsim.physics.contact import barrier
 from clothsim.physics.contact.barrier import MAX_PREDICTED_PAIRS
-from clothsim.physics.contact.body_contact import body_contact
-from clothsim.physics.contact.friction_coefficients import friction
-from clothsim.physics.contact.self_contact import self_contact
 from clothsim.physics.energies.base import Off
-from clothsim.physics.energies.gravity import gravity
-from clothsim.physics.energies.inertia import inertia
-from clothsim.physics.energies.membrane import membrane
-from clothsim.physics.energies.pins import pins
 
 
 @pytest.mark.parametrize("builder", [body_contact, self_contact])

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from effect_builders import membrane
 from meshes import deformed, small_world
 from small_scenes import small_scene
 
 from clothsim.base.errors import MissingPackageError
-from clothsim.physics.energies.membrane import membrane
 from clothsim.run.session import prepare
 from clothsim.scene.assembly.scene_world import build
 from clothsim.solve.linear import cudss
