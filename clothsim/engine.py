@@ -75,7 +75,8 @@ if TYPE_CHECKING:
     from clothsim.scene.content import by_content
     from clothsim.scene.effects import CONTACTS
     from clothsim.scene.json_schema import json_schema
-    from clothsim.scene.overrides import override, set_key
+    from clothsim.scene.overrides import override
+    from clothsim.scene.paths import replace
     from clothsim.scene.reference import markdown
     from clothsim.scene.reference_search import reference
     from clothsim.scene.scene import scene_from_text

@@ -107,7 +107,7 @@ def _with_preset(scene: "Scene", arguments: argparse.Namespace) -> "Scene":
     """The scene with the settings of a preset, whose error is estimated; prints them."""
     scene, settings_text = engine.with_preset(scene, arguments.preset)
     messages(arguments)(f"preset {arguments.preset}: {settings_text}")
-    return engine.set_key(scene, "solver.estimate", True)
+    return engine.replace(scene, "solver.estimate", True)
 
 
 def _resume(arguments: argparse.Namespace) -> int:

@@ -83,7 +83,7 @@ def compile_kernels(scenes: Sequence[str], duration: float) -> None:
     for name in scenes:
         with TemporaryDirectory() as folder:
             try:
-                scene = engine.set_key(clothsim.load_scene(engine.scene_file(Path(name))), "run.duration", duration)
+                scene = engine.replace(clothsim.load_scene(engine.scene_file(Path(name))), "run.duration", duration)
                 run = clothsim.simulate(scene, folder, overwrite=True)
                 engine.draw_frame(run.trajectory, Path(folder) / "picture.png")
                 print(f"{name}: {run.status}", flush=True)

@@ -13,6 +13,7 @@ from clothsim.gradients import estimate
 from clothsim.gradients.backward_pass import Adjoints
 from clothsim.gradients.parameters import scene_derivative
 from clothsim.gradients.rest_shape import rest_along, rest_derivative
+from clothsim.scene.paths import entry_of, parts_of
 
 if TYPE_CHECKING:
     from clothsim.gradients.run import Trace
@@ -105,9 +106,9 @@ class Gradient(Mapping[str, Floats]):
         }
         if name in of_states:
             return of_states[name]()
-        section, *words = name.split(".")
-        if section == "body" and words and words[-1] in ("position", "turn", "vertices"):
-            return self._of_body(words)
+        section, *keys = parts_of(name)
+        if section == "body" and keys and keys[-1] in ("position", "turn", "vertices"):
+            return self._of_body(name, keys)
         return scene_derivative(self.run, adjoints, name)
 
     def rest_along(self, field: Floats, cloth: str = "") -> float:
@@ -125,13 +126,13 @@ class Gradient(Mapping[str, Floats]):
             raise InputError(f"There is no cloth {cloth!r}.", f"Cloths: {', '.join(names)}.")
         return rest_along(self.run, self.adjoints, names.index(cloth) if cloth else 0, np.asarray(field, np.float64))
 
-    def _of_body(self, words: list[str]) -> Floats:
+    def _of_body(self, name: str, keys: list[str | int]) -> Floats:
         world = self.run.session.built.world
         names = [body.name for body in world.bodies]
-        *named, what = words
-        if (named and named[0] not in names) or (not named and len(names) != 1):
-            raise InputError(f"The gradient has no {'.'.join(['body', *words])}.", f"Bodies: {', '.join(names)}.")
-        rows = world.body_slices[names.index(named[0]) if named else 0]
+        number, (what, *others) = entry_of(name, names, keys) if names else (0, keys)
+        if not names or others:
+            raise InputError(f"The gradient has no {name}.", f"Bodies: {', '.join(names) or 'none'}.")
+        rows = world.body_slices[number]
         by_step = [self.adjoints.start[rows], *self.adjoints.prescribed[:, rows]]
         if what == "vertices":
             return np.sum(by_step, axis=0)

@@ -7,9 +7,8 @@ import numpy as np
 from clothsim.base.arrays import Floats
 from clothsim.gradients.backward_pass import Adjoints
 from clothsim.gradients.differentiable_session import held_energies
-from clothsim.gradients.scene_values import affected_effects, value_at, with_value
+from clothsim.gradients.scene_values import affected_effects, is_of_fabric, value_at, with_value
 from clothsim.gradients.variation import FOURTH_ORDER, SECOND_ORDER, Variant, Variation
-from clothsim.scene.assembly.meshes import FABRIC
 from clothsim.scene.assembly.scene_world import build
 
 if TYPE_CHECKING:
@@ -34,9 +33,7 @@ def scene_derivative(run: "Trace", adjoints: Adjoints, path: str) -> Floats:
     scene, integrator = session.scene, session.integrator
     value = value_at(scene, session.built.world, path)
     affected = affected_effects(path, tuple(session.built.energies))
-    section, *keys = path.split(".")
-    of_fabric = section == "cloth" and keys[-1] in FABRIC
-    relative, stencil = (OF_FABRIC, SECOND_ORDER) if of_fabric else (RELATIVE_STEP, FOURTH_ORDER)
+    relative, stencil = (OF_FABRIC, SECOND_ORDER) if is_of_fabric(path) else (RELATIVE_STEP, FOURTH_ORDER)
     size = relative * float(np.abs(value).max(initial=0.0)) or LEAST_STEP
     out = np.zeros(value.shape)
     for index in np.ndindex(value.shape):

@@ -11,7 +11,7 @@ from clothsim.keys.generator_keys import GENERATOR_KEYS
 from clothsim.keys.key_table import KeyTable
 from clothsim.keys.keys import nearest, refuse_unknown, table
 from clothsim.keys.mesh_arrays import MeshArrays
-from clothsim.keys.model_keys import check_model
+from clothsim.keys.model_keys import ModelTable, check_model
 from clothsim.keys.placed_keys import PlacedKeys
 from clothsim.keys.schema import Key, Vector, keys_of
 from clothsim.keys.value_checks import check_value
@@ -147,7 +147,7 @@ class FramesTable(PlacedKeys, FrameRate):
 def check_cloth(where: str, keys: Any) -> Mapping[str, Any]:
     """The table of a cloth, with the keys of its generator or of a part of its file. InputError names a bad one."""
     given = table(where, keys)
-    return check_keys(where, given, (ClothTable, *_cloth_sources(where, given)))
+    return check_keys(where, given, cloth_sections(where, given))
 
 
 def check_body(where: str, keys: Any) -> Mapping[str, Any]:
@@ -155,19 +155,26 @@ def check_body(where: str, keys: Any) -> Mapping[str, Any]:
     given = table(where, keys)
     if "model" in given:
         return check_model(where, given)
-    if "frames" not in given:
-        return check_keys(where, given, (BodyTable, *sources(where, given)))
-    for other in ("mesh", "motion"):
-        if other in given:
-            raise InputError(f"{where} has frames and {other}.", f"Give {other} or frames, not both.")
-    return check_keys(where, given, (FramesTable, FilePart))
+    return check_keys(where, given, body_sections(where, given))
 
 
-def _cloth_sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
-    """The section of a sewing pattern, else as `sources`."""
+def cloth_sections(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
+    """The sections whose keys a cloth has: its own, and those of its generator, sewing pattern or part of a file."""
     mesh = keys.get("mesh")
     is_pattern = isinstance(mesh, str) and mesh.isprintable() and Path(mesh).suffix.lower() == ".json"
-    return (PatternFile,) if is_pattern else sources(where, keys)
+    return (ClothTable, *((PatternFile,) if is_pattern else sources(where, keys)))
+
+
+def body_sections(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
+    """The sections whose keys a body has: of a model, of frames, or its own with those of its generator or file."""
+    if "model" in keys:
+        return (ModelTable,)
+    if "frames" not in keys:
+        return (BodyTable, *sources(where, keys))
+    for other in ("mesh", "motion"):
+        if other in keys:
+            raise InputError(f"{where} has frames and {other}.", f"Give {other} or frames, not both.")
+    return (FramesTable, FilePart)
 
 
 def sources(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:

@@ -66,4 +66,9 @@ class RigidTable(RigidKeys):
 def check_rigid(where: str, keys: Any) -> Mapping[str, Any]:
     """The table of a rigid body, with the keys of its generator or file part. InputError names a bad one."""
     given = table(where, keys)
-    return check_keys(where, given, (RigidTable, *sources(where, given)))
+    return check_keys(where, given, rigid_sections(where, given))
+
+
+def rigid_sections(where: str, keys: Mapping[str, Any]) -> tuple[type[KeyTable], ...]:
+    """The sections whose keys a rigid body has: its own, and those of its generator or part of a file."""
+    return (RigidTable, *sources(where, keys))

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-from clothsim import Scene
+from clothsim import Scene, engine
 from clothsim.base.errors import InputError
-from clothsim.engine import CONTACTS, cells_of, refuse_unknown, set_key, steps_per_frame, with_cells
+from clothsim.engine import CONTACTS, cells_of, refuse_unknown, steps_per_frame, with_cells
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ def _dt(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
     steps = pieces * Fraction(2) ** level
     if steps.denominator != 1:
         raise InputError(f"a frame of {frame:g} s has {pieces} steps at the base, and each frame ends a step")
-    return frame / int(steps), set_key(scene, "solver.dt", frame / int(steps))
+    return frame / int(steps), engine.replace(scene, "solver.dt", frame / int(steps))
 
 
 def _cells(base: Scene, scene: Scene, level: int) -> tuple[Any, Scene]:
@@ -56,14 +56,14 @@ def _tolerance(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
     if base.solver_settings.balanced:
         raise InputError("Newton's method stops by solver.newton_error_fraction")
     value = base.solver_settings.tolerance / 4.0**level
-    return value, set_key(scene, "solver.tolerance", value)
+    return value, engine.replace(scene, "solver.tolerance", value)
 
 
 def _newton_error_fraction(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
     if not base.solver_settings.balanced:
         raise InputError("the scene gives solver.tolerance, not newton_error_fraction")
     value = base.solver_settings.newton_error_fraction / 4.0**level
-    return value, set_key(scene, "solver.newton_error_fraction", value)
+    return value, engine.replace(scene, "solver.newton_error_fraction", value)
 
 
 def newton_knob(base: Scene) -> str:
@@ -77,7 +77,7 @@ def _d_hat(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
     if not values:
         raise InputError("the scene has no contact")
     for name, value in values.items():
-        scene = set_key(scene, f"effects.{name}.d_hat", value)
+        scene = engine.replace(scene, f"effects.{name}.d_hat", value)
     return next(iter(values.values())), scene
 
 
@@ -85,7 +85,7 @@ def _eps_v(base: Scene, scene: Scene, level: int) -> tuple[float, Scene]:
     value = base.effects.get("friction", {}).get("eps_v", "auto")
     if isinstance(value, str):
         raise InputError("the scene has no friction that creeps")
-    return value / 2.0**level, set_key(scene, "effects.friction.eps_v", value / 2.0**level)
+    return value / 2.0**level, engine.replace(scene, "effects.friction.eps_v", value / 2.0**level)
 
 
 def _iterations(base: Scene, scene: Scene, level: int) -> tuple[int, Scene]:
@@ -94,7 +94,7 @@ def _iterations(base: Scene, scene: Scene, level: int) -> tuple[int, Scene]:
     iterations = base.effects["friction"].get("iterations", 1) * Fraction(2) ** level
     if iterations.denominator != 1:
         raise InputError("friction is lagged once already")
-    return int(iterations), set_key(scene, "effects.friction.iterations", int(iterations))
+    return int(iterations), engine.replace(scene, "effects.friction.iterations", int(iterations))
 
 
 def _in_time(scene: Scene) -> float:
@@ -122,7 +122,7 @@ def _integrator(base: Scene, scene: Scene, level: int) -> tuple[str, Scene]:
     if level != 1 or "inertia" not in base.effects:
         raise InputError("there is no other difference formula")
     other = "backward_euler" if own == "bdf2" else "bdf2"
-    return other, set_key(scene, "solver.integrator", other)
+    return other, engine.replace(scene, "solver.integrator", other)
 
 
 INTEGRATOR = "integrator"

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Any
 
-from clothsim import Bending, Scene
+from clothsim import Bending, Scene, engine
 from clothsim.base.arrays import Floats
-from clothsim.engine import PRESETS, set_key, with_preset
+from clothsim.engine import PRESETS, with_preset
 from clothsim.study.knobs import IN_TIME, INTEGRATOR, Knob, any_knob, newton_knob
 
 
@@ -88,11 +88,11 @@ class Bench:
         A preset keeps the scene's bending model unless that is the convergent one: another has another limit.
         """
         if where.variant in PRESETS:
-            return set_key(with_preset(self.given, where.variant, self.convergent)[0], "solver.threads", 1)
+            return engine.replace(with_preset(self.given, where.variant, self.convergent)[0], "solver.threads", 1)
         scene = self.base
         if where.variant:
             path, value = VARIANTS[where.variant]
-            scene = set_key(scene, path, value)
+            scene = engine.replace(scene, path, value)
         for name, level in where.levels:
             scene = (self.knobs.get(name) or any_knob(name)).put(self.base, scene, level)
         return scene

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from clothsim import Scene
+from clothsim import Scene, engine
 from clothsim.base.arrays import as_positive
 from clothsim.base.errors import InputError
 from clothsim.engine import World, available_cores, build, fixed
@@ -34,7 +34,6 @@ from fractions import Fraction
 from tempfile import TemporaryDirectory
 
 from clothsim import simulate
-from clothsim.engine import set_key
 from clothsim.study.error_control.resolution import Resolution, resolvable
 
 # Settings of a scene with solver.error, found by one search, around which a study then varies its knobs.
@@ -86,7 +85,7 @@ def searched_settings(scene: Scene, directory: Path, budget: float) -> tuple[Sce
 def _search(scene: Scene, budget: float) -> dict[str, Any]:
     limit = min(scene.solver_settings.budget, LARGEST_FRACTION * budget)
     with TemporaryDirectory() as folder:
-        run = simulate(set_key(scene, "solver.budget", limit), folder)
+        run = simulate(engine.replace(scene, "solver.budget", limit), folder)
     if run.status != "completed":
         raise InputError(
             f"The scene itself is no data point: {run.reason}",

@@ -1,7 +1,6 @@
 """Prediction of a model of drapes for any values of its inputs, with the exact test of every prediction."""
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from clothsim import Scene
+from clothsim import Scene, engine
 from clothsim.base.arrays import Floats, as_vector
 from clothsim.base.errors import InputError
 from clothsim.engine import (
@@ -21,7 +20,6 @@ from clothsim.engine import (
     body_of,
     crossings,
     mesh_shape,
-    override,
     placed,
     predicted,
     read_model,
@@ -102,27 +100,23 @@ class Predictor:
 
     def scene_of(self, inputs: ArrayLike) -> Scene:
         """The scene that starts from the prediction, untangled."""
-        scene = self.scene
-        for key, value in self.values(inputs).items():
-            scene = override(scene, f"{key}={value!r}")
-        return replace(scene, seed={"from": "model", "file": str(self.file.resolve()), "untangle": True})
+        return replace(self._varied(inputs), seed={"from": "model", "file": str(self.file.resolve()), "untangle": True})
 
     def predicted(self, inputs: ArrayLike) -> Prediction:
         """The prediction for the values of the model's inputs. InputError for other than a finite number for each."""
         given = as_vector("inputs", inputs, len(self.model.inputs))
         cloth = self.model.positions(given)
-        bodies = tuple(self._body(k, self.values(given)) for k in range(len(self.bodies)))
+        scene = self._varied(given)
+        bodies = tuple(_body(scene, number) for number in range(len(self.bodies)))
         found = crossings(np.concatenate([cloth, *bodies]), [*self.cloths, *self.bodies])
         return Prediction(cloth, bodies, found, self._place(found))
 
-    def _body(self, number: int, values: Mapping[str, float]) -> Floats:
-        keys = dict(self.scene.bodies[number])
-        if not number:
-            keys |= {key.partition(".")[2]: value for key, value in values.items() if key.startswith("body.")}
-        where = "body" if len(self.scene.bodies) == 1 else f"body[{number}]"
-        if "mesh" not in keys or "frames" in keys or "model" in keys:
-            return body_of(keys, where, self.scene.directory)[0].positions
-        return placed(keys, where, mesh_shape(keys, where, self.scene.directory).positions)
+    def _varied(self, inputs: ArrayLike) -> Scene:
+        """The scene with the values of all varied keys."""
+        scene = self.scene
+        for key, value in self.values(inputs).items():
+            scene = engine.replace(scene, key, value)
+        return scene
 
     def _place(self, found: tuple[Crossing, ...]) -> str:
         """Where most pairs are: the part of the first body that has most, else the first point."""
@@ -134,6 +128,14 @@ class Predictor:
             corners = self.bodies[0].triangles[most.pairs[:, 1], 0] - begin
             return f"at the {Counter(self.joints[k] for k in corners).most_common(1)[0][0]}"
         return f"near ({', '.join(f'{value:.2f}' for value in most.position)}) m"
+
+
+def _body(scene: Scene, number: int) -> Floats:
+    """Positions of a body at the start."""
+    keys, where = scene.bodies[number], "body" if len(scene.bodies) == 1 else f"body[{number}]"
+    if "mesh" not in keys or "frames" in keys or "model" in keys:
+        return body_of(keys, where, scene.directory)[0].positions
+    return placed(keys, where, mesh_shape(keys, where, scene.directory).positions)
 
 
 def predictor(scene: Scene, file: str | Path) -> Predictor:

@@ -74,15 +74,16 @@ class Comparison:
 def trace(file: Path, threads: int, steps: int, repeatable: bool = True, overrides: Sequence[str] = ()) -> Trace:
     """Take steps of a scene in this process; steps 0: all of them."""
     from clothsim.run.session import prepare
+    from clothsim.scene import paths
     from clothsim.scene.assembly.scene_world import build
-    from clothsim.scene.overrides import override, set_key
+    from clothsim.scene.overrides import override
     from clothsim.scene.toml_file import load_scene
     from clothsim.solve.stepping import time_loop
     from clothsim.solve.stepping.state import first_state
 
     scene = reduce(override, overrides, load_scene(file))
     for key, value in (("threads", threads), ("repeatable", repeatable)):
-        scene = set_key(scene, f"solver.{key}", value)
+        scene = paths.replace(scene, f"solver.{key}", value)
     session = prepare(scene, build(scene))
     run, began = scene.run_settings, process_time()
     state = first_state(session.built.world, session.integrator.dt)

@@ -13,11 +13,11 @@ from typing import Any
 
 from clothsim import Run, Scene, simulate
 from clothsim.base.arrays import Floats
+from clothsim.scene import paths
 from clothsim.scene.assembly.explicit_lengths import fixed
 from clothsim.scene.assembly.refinement import with_cells
 from clothsim.scene.assembly.scene_world import build
 from clothsim.scene.effects import CONTACTS
-from clothsim.scene.overrides import set_key
 from clothsim.study.reference_solution import Norm
 from clothsim.study.resample import Material, at_points_of, material_of, point_areas
 
@@ -46,14 +46,14 @@ def reference_scene(scene: Scene, finer: Refinement = Refinement()) -> Scene:
     """The scene of the reference; lengths that the mesh gives (d_hat, eps_v) are those of the scene's own mesh."""
     solver = {key: value for key, value in scene.solver.items() if key != "error"}
     scene = fixed(replace(scene, solver=solver), build(scene))
-    scene = set_key(scene, "solver.dt", scene.solver_settings.dt / finer.dt)
-    scene = set_key(scene, "solver.tolerance", finer.tolerance)
-    scene = set_key(scene, "solver.integrator", "bdf2")
+    scene = paths.replace(scene, "solver.dt", scene.solver_settings.dt / finer.dt)
+    scene = paths.replace(scene, "solver.tolerance", finer.tolerance)
+    scene = paths.replace(scene, "solver.integrator", "bdf2")
     if "bending" in scene.effects:
-        scene = set_key(scene, "effects.bending.model", "midedge")
+        scene = paths.replace(scene, "effects.bending.model", "midedge")
     for name in CONTACTS:
         if name in scene.effects:
-            scene = set_key(scene, f"effects.{name}.d_hat", scene.effects[name]["d_hat"] / finer.d_hat)
+            scene = paths.replace(scene, f"effects.{name}.d_hat", scene.effects[name]["d_hat"] / finer.d_hat)
     return with_cells(scene, Fraction(finer.cells))
 
 

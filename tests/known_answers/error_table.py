@@ -17,8 +17,8 @@ from typing import Any
 from clothsim import Scene
 from clothsim.base.errors import ClothsimError
 from clothsim.base.text_table import text_table
+from clothsim.scene import paths
 from clothsim.scene.assembly.presets import PRESETS, with_preset
-from clothsim.scene.overrides import set_key
 from clothsim.study.study import searched_settings
 from tests.known_answers.best_by_hand import best_by_hand
 from tests.known_answers.error_reference import Refinement, Solution, distance, reference_scene, solution
@@ -97,8 +97,8 @@ def rows(name: str, wanted: argparse.Namespace) -> list[Compared]:
     finer = Refinement(*wanted.reference)
     reference = solution(reference_scene(scene, finer))
     doubt = distance(solution(reference_scene(scene, coarser(finer))), reference)
-    found = [compared(name, "with estimate", set_key(scene, "solver.estimate", True), reference, doubt)]
-    on = scene if asked is None else set_key(without_step(scene), "solver.error", asked)
+    found = [compared(name, "with estimate", paths.replace(scene, "solver.estimate", True), reference, doubt)]
+    on = scene if asked is None else paths.replace(without_step(scene), "solver.error", asked)
     if asked is not None:
         found.append(compared(name, f"error {1e3 * asked:g} mm", on, reference, doubt))
     if wanted.by_hand and asked is not None:
@@ -107,7 +107,7 @@ def rows(name: str, wanted: argparse.Namespace) -> list[Compared]:
             found.append(Compared(name, f"by hand: {best.settings}", best.error, doubt, float("nan"), best.seconds))
     if wanted.presets:
         for preset in PRESETS:
-            estimated = set_key(with_preset(scene, preset)[0], "solver.estimate", True)
+            estimated = paths.replace(with_preset(scene, preset)[0], "solver.estimate", True)
             found.append(compared(name, f"preset {preset}", estimated, reference, doubt))
     if wanted.study is not None:
         found.append(studied(name, on, wanted.study, reference, doubt))

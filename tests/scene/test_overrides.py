@@ -18,7 +18,7 @@ SCENE = Scene(
         ("solver.dt=0.02", "solver", {"dt": 0.02}),
         ("cloth.cells=[4, 5]", "cloth", {"mesh": "rectangle", "cells": [4, 5]}),
         ("cloth.mesh=disk", "cloth", {"mesh": "disk"}),
-        ("body.radius = 0.1", "body", [{"mesh": "sphere", "radius": 0.1}, {"name": "floor", "mesh": "slab"}]),
+        ("body[0].radius = 0.1", "body", [{"mesh": "sphere", "radius": 0.1}, {"name": "floor", "mesh": "slab"}]),
         (
             "effects.gravity.acceleration=[0, -9, 0]",
             "effects",
@@ -33,19 +33,19 @@ def test_one_key_changes(assignment, section, expected):
 def test_a_file_is_found_from_the_current_folder(tmp_path, monkeypatch):
     (tmp_path / "person.obj").write_text("v 0 0 0\n")
     monkeypatch.chdir(tmp_path)
-    assert override(SCENE, "body.mesh=person.obj").body[0]["mesh"] == str(tmp_path / "person.obj")
+    assert override(SCENE, "body[0].mesh=person.obj").body[0]["mesh"] == str(tmp_path / "person.obj")
 
 
 def test_files_that_match_a_pattern_are_found_from_the_current_folder(tmp_path, monkeypatch):
     (tmp_path / "kick1.obj").write_text("v 0 0 0\n")
     monkeypatch.chdir(tmp_path)
-    assert override(SCENE, "body.frames=kick*.obj").body[0]["frames"] == str(tmp_path / "kick*.obj")
-    assert "mesh" not in override(SCENE, "body.frames=kick*.obj").body[0]
+    assert override(SCENE, "body[0].frames=kick*.obj").body[0]["frames"] == str(tmp_path / "kick*.obj")
+    assert "mesh" not in override(SCENE, "body[0].frames=kick*.obj").body[0]
     with pytest.raises(InputError, match=r"jump\*\.obj"):
-        override(SCENE, "body.frames=jump*.obj")
+        override(SCENE, "body[0].frames=jump*.obj")
 
 
-@pytest.mark.parametrize("assignment", ["cloth.mesh=sheet.obj", "body.mesh=person.glb", "seed.file=start.obj"])
+@pytest.mark.parametrize("assignment", ["cloth.mesh=sheet.obj", "body[0].mesh=person.glb", "seed.file=start.obj"])
 def test_a_missing_file_is_named(tmp_path, monkeypatch, assignment):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(InputError, match=assignment.partition("=")[2]):
@@ -67,6 +67,7 @@ def test_a_new_mesh_replaces_the_keys_of_the_old_generator():
         ("solver.dtt=1", "'dt'"),
         ("effects.gravty.acceleration=1", "'gravity'"),
         ("cloth.mesh.size=1", "no table"),
+        ("body.radius=0.1", r"body\[0\], floor"),
     ],
 )
 def test_what_names_no_key_is_refused(assignment, message):

@@ -6,7 +6,7 @@ import pytest
 from analytic_study import SHEET, Runners
 
 from clothsim import simulate
-from clothsim.scene.overrides import set_key
+from clothsim.scene import paths
 from clothsim.study import study as module
 from clothsim.study.evaluation import FOLDER
 from clothsim.study.study import searched_settings, study_accuracy
@@ -18,8 +18,8 @@ ASKED = 5e-3
 
 @pytest.fixture(scope="module")
 def scene():
-    short = set_key(without_step(ERROR_SCENES["landing"]), "run.duration", 0.08)
-    return set_key(short, "solver.error", ASKED)
+    short = paths.replace(without_step(ERROR_SCENES["landing"]), "run.duration", 0.08)
+    return paths.replace(short, "solver.error", ASKED)
 
 
 @pytest.fixture
@@ -49,7 +49,7 @@ def test_a_search_is_made_once_and_its_settings_are_those_of_its_run(scene, sear
     assert "error" not in found.solver
     assert [list(keys["cells"]) for keys in found.cloths] == chosen["cells"]
     assert found.effects["body_contact"]["d_hat"] == chosen["d_hat"]["body_contact"]
-    searched_settings(set_key(scene, "solver.error", 2 * ASKED), tmp_path, 100.0)
+    searched_settings(paths.replace(scene, "solver.error", 2 * ASKED), tmp_path, 100.0)
     assert len(searches) == 2
 
 

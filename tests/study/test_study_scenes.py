@@ -6,8 +6,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from clothsim.scene import paths
 from clothsim.scene.assembly.refinement import with_cells
-from clothsim.scene.overrides import set_key
 from clothsim.scene.scene import Scene
 from clothsim.study import worker
 from clothsim.study.reference_solution import Norm
@@ -74,10 +74,10 @@ def _timed_once(monkeypatch):
 
 def finest(scene, folder):
     """Positions of a run that shares nothing with a study: BDF2, dt/8, cells x 2, d_hat/4; and its material."""
-    scene = set_key(set_key(scene, "solver.dt", SOLVER["dt"] / 8), "solver.integrator", "bdf2")
+    scene = paths.replace(paths.replace(scene, "solver.dt", SOLVER["dt"] / 8), "solver.integrator", "bdf2")
     if "body_contact" in scene.effects:
-        scene = set_key(scene, "effects.body_contact.d_hat", 1e-3)
-    return solved(with_cells(set_key(scene, "solver.tolerance", 1e-4), Fraction(2)), folder / "finest.npz")
+        scene = paths.replace(scene, "effects.body_contact.d_hat", 1e-3)
+    return solved(with_cells(paths.replace(scene, "solver.tolerance", 1e-4), Fraction(2)), folder / "finest.npz")
 
 
 def solved(scene, target):

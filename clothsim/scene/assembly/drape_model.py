@@ -7,7 +7,7 @@ of the drapes, and a ridge regression to their coefficients, folded into one mat
 import hashlib
 import json
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from clothsim.base.arrays import Floats
 from clothsim.base.errors import InputError
+from clothsim.scene import paths
 from clothsim.scene.content import by_content
 from clothsim.scene.scene import Scene
 
@@ -71,29 +72,32 @@ def predicted(model: DrapeModel, scene: Scene) -> Floats:
     InputError
         For another garment or body family than the model's, or without one of its inputs.
     """
-    sections = _sections(scene)
-    varied = [*model.inputs, *model.same]
+    inputs, same, same_as = (names.tolist() for names in (model.inputs, model.same, model.same_as))
+    varied = [*inputs, *same]
     if family(scene, varied) != model.family:
         raise InputError(
             f"seed.file {scene.seed_settings.file} is a model of another garment or body: they differ in more than "
             f"{', '.join(varied)}.",
             "Use the cloth and body of the farm's recipe, or learn a model of these.",
         )
-    for key, other in zip(model.same, model.same_as, strict=True):
-        if _at(sections, key) != _at(sections, other):
+    for key, other in zip(same, same_as, strict=True):
+        if paths.get(scene, key) != paths.get(scene, other):
             raise InputError(f"{key} differs from {other}, which the model's drapes have alike.", f"Set {key} too.")
-    return model.positions([_number(key, _at(sections, key)) for key in model.inputs])
+    return model.positions([_number(key, paths.get(scene, key)) for key in inputs])
 
 
 def family(scene: Scene, varied: Sequence[str]) -> str:
     """sha256 of garment and body without the varied keys, files by their content."""
-    sections = {name: table for name, table in _sections(scene).items() if name in FAMILY}
-    for key in varied:
-        *path, last = key.split(".")
-        inner: Any = sections
-        for part in path:
-            inner = _first(inner).get(part, {})
-        _first(inner).pop(last, None)
+    sections = {name: table for name, table in json.loads(scene.to_text()).items() if name in FAMILY}
+    for path in varied:
+        if paths.parts_of(path)[0] not in FAMILY:
+            continue
+        section, number, (*keys, last) = paths.located(scene, path)
+        inner = sections[section] if isinstance(sections[section], dict) else sections[section][number]
+        for key in keys:
+            inner = inner.get(key, {}) if isinstance(inner, dict) else inner[key]
+        if isinstance(inner, dict):
+            inner.pop(last, None)
     text = json.dumps(by_content(sections, scene.directory), sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(text.encode()).hexdigest()
 
@@ -116,27 +120,6 @@ def read_model(path: Path) -> DrapeModel:
     except (OSError, ValueError, KeyError, TypeError, AttributeError, zipfile.BadZipFile) as error:
         raise InputError(f"{path} is no model of drapes.", "Make one: `clothsim learn DIR -o model.npz`.") from error
     return DrapeModel(**{**content, "family": str(content["family"])})
-
-
-def _sections(scene: Scene) -> dict[str, Any]:
-    return dict(json.loads(scene.to_text()))
-
-
-def _at(sections: Mapping[str, Any], key: str) -> Any:
-    """The value of "body.chest", of the first body where there are several; None where the scene has it not."""
-    inner: Any = sections
-    for part in key.split("."):
-        inner = _first(inner).get(part)
-        if inner is None:
-            return None
-    return inner
-
-
-def _first(table: Any) -> Any:
-    """A table, or the first of an array of tables, as keys of recipes mean it."""
-    if isinstance(table, list | tuple):
-        table = table[0] if table else {}
-    return table if isinstance(table, dict) else {}
 
 
 def _number(key: str, value: Any) -> float:

@@ -3,9 +3,9 @@
 from math import ceil
 
 from clothsim.physics.energies.protocols import ContactGap
+from clothsim.scene import paths
 from clothsim.scene.assembly.scene_world import Built
 from clothsim.scene.effects import CONTACTS
-from clothsim.scene.overrides import set_key
 from clothsim.scene.scene import Scene
 
 
@@ -23,11 +23,11 @@ def fixed(scene: Scene, built: Built) -> Scene:
     """
     for name, energy in built.energies.items():
         if isinstance(energy, ContactGap):
-            scene = set_key(scene, f"effects.{name}.d_hat", float(energy.d_hat))
+            scene = paths.replace(scene, f"effects.{name}.d_hat", float(energy.d_hat))
     if "error" not in scene.solver:
         pieces, frame = steps_per_frame(scene)
-        scene = set_key(scene, "solver.dt", frame / pieces)
-    return set_key(scene, "solver.threads", 1)
+        scene = paths.replace(scene, "solver.dt", frame / pieces)
+    return paths.replace(scene, "solver.threads", 1)
 
 
 def d_hats(scene: Scene) -> dict[str, float]:

@@ -9,9 +9,9 @@ from fractions import Fraction
 
 from clothsim.base.errors import InputError
 from clothsim.keys.keys import nearest
+from clothsim.scene import paths
 from clothsim.scene.assembly.explicit_lengths import d_hats
 from clothsim.scene.assembly.refinement import with_cells
-from clothsim.scene.overrides import set_key
 from clothsim.scene.scene import Scene
 from clothsim.solve.stepping.integrators import BDF2
 
@@ -86,9 +86,9 @@ def with_preset(scene: Scene, name: str, models: bool = True) -> tuple[Scene, st
     solver = {key: value for key, value in scene.solver.items() if key not in replaced}
     scene = replace(scene, solver={**solver, "dt": preset.dt, "integrator": BDF2})
     for contact, d_hat in d_hats(scene).items():
-        scene = set_key(scene, f"effects.{contact}.d_hat", d_hat * float(preset.d_hat))
+        scene = paths.replace(scene, f"effects.{contact}.d_hat", d_hat * float(preset.d_hat))
         settings.append(f"{contact} d_hat x {preset.d_hat}")
     if models and "bending" in scene.effects:
-        scene = set_key(scene, "effects.bending.model", BENDING)
+        scene = paths.replace(scene, "effects.bending.model", BENDING)
         settings.append(f"bending {BENDING}")
     return scene, ", ".join(settings)

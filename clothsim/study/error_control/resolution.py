@@ -4,9 +4,9 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
-from clothsim import Scene
+from clothsim import Scene, engine
 from clothsim.base.errors import InputError
-from clothsim.engine import BDF2, build, cells_of, d_hats, fixed, set_key, with_cells
+from clothsim.engine import BDF2, build, cells_of, d_hats, fixed, with_cells
 
 COARSEST_STEP = 0.01
 """Longest step of the first pilot run [s]. With 20 ms a strip under compression buckled to the other side."""
@@ -94,11 +94,11 @@ class Resolvable:
 
     def at(self, resolution: Resolution, newton_error_fraction: float) -> Scene:
         """The scene at a resolution; a tolerance of its own stays."""
-        scene = set_key(self.scene, "solver.dt", self.dt(resolution))
+        scene = engine.replace(self.scene, "solver.dt", self.dt(resolution))
         if "tolerance" not in scene.solver:
-            scene = set_key(scene, "solver.newton_error_fraction", newton_error_fraction)
+            scene = engine.replace(scene, "solver.newton_error_fraction", newton_error_fraction)
         for name, d_hat in d_hats(self.scene).items():
-            scene = set_key(scene, f"effects.{name}.d_hat", d_hat * float(resolution.d_hat))
+            scene = engine.replace(scene, f"effects.{name}.d_hat", d_hat * float(resolution.d_hat))
         return scene if resolution.cells == 1 else with_cells(scene, resolution.cells)
 
 
@@ -107,7 +107,7 @@ def resolvable(given: Scene) -> Resolvable:
     threads = given.solver.get("threads", 0)
     solver = {key: value for key, value in given.solver.items() if key != "error"}
     scene = replace(given, solver={"integrator": BDF2, **solver})
-    scene = set_key(fixed(scene, build(scene)), "solver.threads", threads)
+    scene = engine.replace(fixed(scene, build(scene)), "solver.threads", threads)
     run, missing = scene.run_settings, {}
     frame = min(1 / run.frames_per_second, run.duration)
     steps = max(1, -int(-frame // COARSEST_STEP))

@@ -1,6 +1,5 @@
 """Recipes: a base scene, and what varies from drape to drape."""
 
-import json
 import math
 import tomllib
 import zlib
@@ -11,10 +10,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from clothsim import Scene, load_scene
+from clothsim import Scene, engine, load_scene
 from clothsim.base.errors import InputError
 from clothsim.base.safe_files.regular_file import read_regular_file
-from clothsim.engine import override, refuse_unknown, scene_file, shown, table
+from clothsim.engine import refuse_unknown, scene_file, shown, table
 
 # Random draws of scene keys: one stream for each seed, index and key.
 
@@ -267,7 +266,7 @@ def changed(scene: Scene, values: Mapping[str, Any]) -> Scene:
     """The scene with keys changed: {"body.chest": 1.02}. InputError names a bad one."""
     for key, value in values.items():
         try:
-            scene = override(scene, f"{key}={json.dumps(value, allow_nan=False)}")
+            scene = engine.replace(scene, key, value)
         except (TypeError, ValueError) as error:
             raise InputError(f"{key} cannot be {shown(value)}.", "Give a number, a text or a list.") from error
     return scene

@@ -9,7 +9,7 @@ import pytest
 
 from clothsim import Cloth, Scene, simulate
 from clothsim.mesh.generators.sheets import rectangle
-from clothsim.scene.overrides import set_key
+from clothsim.scene import paths
 from clothsim.study.error_control import search, trial
 from clothsim.study.error_control.choice import chosen, work
 from clothsim.study.error_control.knob_errors import KnobErrors
@@ -49,7 +49,8 @@ def test_a_requested_error_is_met_and_what_was_taken_is_reported(tmp_path):
 
 def test_an_estimate_is_made_of_the_distances_to_two_coarser_runs(tmp_path):
     finer = replace(strip(dt=0.01), cloth={**STRIP, "cells": [8, 4]})
-    plain, estimated = (simulate(set_key(finer, "solver.estimate", on), tmp_path / str(on)) for on in (False, True))
+    scenes = {on: paths.replace(finer, "solver.estimate", on) for on in (False, True)}
+    plain, estimated = (simulate(scene, tmp_path / str(on)) for on, scene in scenes.items())
     assert np.array_equal(plain.positions(-1), estimated.positions(-1))
     estimate = estimated.summary["certificate"]["error_estimate"]
     assert "total" not in plain.summary["certificate"]["error_estimate"]
@@ -57,7 +58,7 @@ def test_an_estimate_is_made_of_the_distances_to_two_coarser_runs(tmp_path):
     assert estimate["parts"]["all"] == pytest.approx(estimate["coarser_run_moved"] / (2**1.5 - 1))
     assert estimate["coarsest_run_moved"] > 2 * estimate["coarser_run_moved"]
     assert estimate["fixed"] == {}
-    exact = simulate(set_key(finer, "solver.dt", 0.04 / 64), tmp_path / "exact")
+    exact = simulate(paths.replace(finer, "solver.dt", 0.04 / 64), tmp_path / "exact")
     true = np.sqrt(((plain.positions(-1) - exact.positions(-1)) ** 2).sum(axis=1).mean())
     assert 0.3 < estimate["total"] / true < 3
 

@@ -1,0 +1,273 @@
+"""Keys of a scene by path: "solver.dt", "effects.gravity.acceleration", "cloth.shirt.size", "cloth[1].size".
+
+A path is a section, the name or the number of an entry where the section has several, and keys; [k] takes an entry of a
+list, as in "effects.springs.spring[0].stiffness" or "cloth.position[2]".
+"""
+
+import dataclasses
+import re
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from clothsim.base.errors import InputError
+from clothsim.keys.generator_keys import GENERATOR_KEYS
+from clothsim.keys.key_table import KeyTable
+from clothsim.keys.keys import refuse_unknown, shown
+from clothsim.keys.mesh_keys import FilePart, body_sections, check_body, check_cloth, cloth_sections
+from clothsim.keys.rigid_keys import check_rigid, rigid_sections
+from clothsim.keys.schema import SceneKey, keys_of
+from clothsim.keys.settings import Contact, RunSettings, Seed, Solver
+from clothsim.keys.typed_effects import TYPED_EFFECTS
+from clothsim.scene.effects import EFFECTS
+from clothsim.scene.scene import SECTIONS, Scene
+
+SOURCES = ("mesh", "frames", "model")
+"""Keys of which a cloth or body has one."""
+LISTS = {"cloth": "cloths", "body": "bodies", "rigid": "rigid_bodies"}
+"""Sections that may have several entries, and the attribute of a scene that has them all."""
+_MESHES: dict[str, tuple[Any, Any]] = {
+    "cloth": (check_cloth, cloth_sections),
+    "body": (check_body, body_sections),
+    "rigid": (check_rigid, rigid_sections),
+}
+_SETTINGS: dict[str, type[KeyTable]] = {"solver": Solver, "contact": Contact, "run": RunSettings, "seed": Seed}
+_INSTEAD = {
+    "error": "dt",
+    "dt": "error",
+    "tolerance": "newton_error_fraction",
+    "newton_error_fraction": "tolerance",
+}
+_PART = re.compile(r"\[([^\[\]]+)\]|(?:^|\.)([^.\[\]]+)")
+_EXAMPLES = "Write one as solver.dt, effects.gravity.acceleration, cloth.density, cloth.NAME.density or cloth[1].size."
+
+
+def get(scene: Scene, path: str) -> Any:
+    """The value of a key, as the scene gives it, else its default.
+
+    Parameters
+    ----------
+    scene : Scene
+    path : str
+        "solver.dt", "effects.gravity.acceleration[2]", "cloth.shirt.size" or "cloth[1].size".
+
+    Returns
+    -------
+    Any
+        Of an entry of a section, as "cloth[1]" or "effects.gravity", its table. None where the default depends on the
+        scene, as that of a key of the fabric.
+
+    Raises
+    ------
+    InputError
+        For a path that names no key, with those that there are, and for an effect that the scene has not.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "size": [1, 2]}, effects=[clothsim.Gravity()])
+    >>> get(scene, "cloth.size[1]"), get(scene, "solver.dt"), get(scene, "effects.gravity.acceleration")
+    (2, 0.01, (0.0, 0.0, -9.81))
+    """
+    section, entry, keys = located(scene, path)
+    table = _table(scene, section, entry)
+    if section == "effects" and table is None:
+        raise InputError(f"The scene has no effect {entry!r}.", f"It has {', '.join(scene.effects) or 'none'}.")
+    value, declared, where = table, _declared(scene, section, entry), section
+    for key in keys:
+        value, declared = _inside(path, where, value, declared, key)
+        where = f"{where}[{key}]" if isinstance(key, int) else f"{where}.{key}"
+    return value
+
+
+def replace(scene: Scene, path: str, value: Any) -> Scene:
+    """The scene with the key at a path set to a value.
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene to change; it stays as it is.
+    path : str
+        As of `get`; an effect that the scene has not is added.
+    value : Any
+        Value of the key's type.
+
+    Returns
+    -------
+    Scene
+        solver.error replaces solver.dt, and tolerance newton_error_fraction, and vice versa; a new mesh replaces the
+        keys of the old generator that do not fit it.
+
+    Raises
+    ------
+    InputError
+        For a path that names no key, with those that there are, and for a value of another type or out of range.
+
+    Examples
+    --------
+    >>> import clothsim
+    >>> scene = clothsim.Scene(cloth={"mesh": "rectangle", "size": [1, 1]})
+    >>> replace(scene, "solver.dt", 0.02).solver
+    {'dt': 0.02}
+    >>> replace(scene, "cloth.mesh", "disk").cloth
+    {'mesh': 'disk'}
+    """
+    section, entry, keys = located(scene, path)
+    old = _table(scene, section, entry)
+    new = _changed(path, section, {} if old is None else old, keys, value)
+    if section in _MESHES and keys:
+        new = _with_mesh(section, new, old)
+    if section == "solver":
+        new.pop(_INSTEAD.get(str(keys[0])), None)
+    if section == "effects":
+        new = {**scene.effects, entry: new}
+    elif section in LISTS and not isinstance(getattr(scene, section), Mapping):
+        new = [new if k == entry else each for k, each in enumerate(getattr(scene, LISTS[section]))]
+    changed: dict[str, Any] = {section: new}
+    return dataclasses.replace(scene, **changed)
+
+
+def parts_of(path: str) -> list[str | int]:
+    """Names and numbers of a path: ["cloth", 1, "size", 0] of "cloth[1].size[0]". InputError for none."""
+    text, parts, end = path.strip(), [], 0
+    text = "" if text.startswith(".") else text
+    for match in _PART.finditer(text):
+        if match.start() != end:
+            break
+        inner, end = match[1], match.end()
+        parts.append(match[2] if inner is None else int(inner) if inner.isdecimal() else inner)
+    if end != len(text) or not parts:
+        raise InputError(f"{shown(path)} is no path of a key.", _EXAMPLES)
+    return parts
+
+
+def located(scene: Scene, path: str) -> tuple[str, str | int | None, list[str | int]]:
+    """Where a path leads: its section, the name of the effect or the number of the entry, and the keys in it.
+
+    Raises
+    ------
+    InputError
+        For another section, for a section alone, and for an entry that is not there or not named among several.
+    """
+    section, *keys = parts_of(path)
+    refuse_unknown("The scene", [str(section)], SECTIONS)
+    if not keys:
+        raise InputError(f"{path!r} names a section, and no key of it.", _EXAMPLES)
+    if section == "effects":
+        refuse_unknown("effects", [str(keys[0])], EFFECTS)
+        return "effects", keys[0], keys[1:]
+    if section not in LISTS:
+        return str(section), None, keys
+    tables = getattr(scene, LISTS[str(section)])
+    if not tables:
+        raise InputError(f"{path}: the scene has no {section}.", f"Add a [{section}] to the scene.")
+    return str(section), *entry_of(path, names_of(str(section), tables), keys)
+
+
+def names_of(section: str, tables: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The names of the entries of a section; of one without a name "cloth", or "cloth[1]" where there are several."""
+    several = len(tables) > 1
+    return [str(keys.get("name", f"{section}[{k}]" if several else section)) for k, keys in enumerate(tables)]
+
+
+def entry_of(path: str, names: Sequence[str], keys: list[str | int]) -> tuple[int, list[str | int]]:
+    """The number of the entry that the first of the keys names or counts, else the only one, and the other keys."""
+    first, several = keys[0], len(names) > 1
+    if isinstance(first, int):
+        if first >= len(names):
+            raise InputError(f"{path}: there {_are(names)}.", f"They count from 0: {', '.join(names)}.")
+        return first, keys[1:]
+    if first in names and (several or len(keys) > 1):
+        if names.count(first) > 1:
+            raise InputError(f"{path}: {names.count(first)} have this name.", "Give the number, as in cloth[1].")
+        return names.index(first), keys[1:]
+    if several:
+        section = parts_of(path)[0]
+        raise InputError(
+            f"{path} names none of {len(names)}.", f"Write {section}.NAME.KEY or {section}[0].KEY: {', '.join(names)}."
+        )
+    return 0, keys
+
+
+def _are(names: Sequence[str]) -> str:
+    return "is one" if len(names) == 1 else f"are {len(names)}"
+
+
+def _table(scene: Scene, section: str, entry: str | int | None) -> Any:
+    """The table of an entry; None of an effect that the scene has not."""
+    if section == "effects":
+        return scene.effects.get(str(entry))
+    return getattr(scene, section) if entry is None else getattr(scene, LISTS[section])[entry]
+
+
+def _declared(scene: Scene, section: str, entry: str | int | None) -> dict[str, SceneKey] | dict[str, Any]:
+    """The keys that an entry may have."""
+    if section == "effects":
+        kind = TYPED_EFFECTS.get(str(entry))
+        return EFFECTS[str(entry)].keys() if kind is None else keys_of(kind)
+    if section in _SETTINGS:
+        return keys_of(_SETTINGS[section])
+    kinds = _MESHES[section][1](section, _table(scene, section, entry))
+    return {name: key for kind in kinds for name, key in keys_of(kind).items()}
+
+
+def _inside(path: str, where: str, value: Any, declared: Mapping[str, Any], key: str | int) -> tuple[Any, Any]:
+    """The value at one key of a table or one entry of a list, and the keys that are declared for what it holds."""
+    if isinstance(key, int):
+        entries = value if isinstance(value, list | tuple) or np.ndim(value) else ()
+        if key >= len(entries):
+            raise InputError(f"{path}: {where} has no [{key}].", f"It is {shown(value)}.")
+        return entries[key], declared
+    if not isinstance(value, Mapping):
+        raise InputError(f"{path}: {where} is no table of keys, but {shown(value)}.", f"Name {where} itself.")
+    refuse_unknown(where, [key], [*declared, *value] if declared else value)
+    known = declared.get(key)
+    if not isinstance(known, SceneKey):
+        return value.get(key, known), {}
+    inner = value.get(key, None if known.required else known.default)
+    kinds = known.key.tables
+    if len(kinds) > 1 and isinstance(inner, Mapping):
+        kinds = tuple(kind for kind in kinds if keys_of(kind)["kind"].default == inner.get("kind"))
+    return inner, keys_of(kinds[0]) if kinds else {}
+
+
+def _changed(path: str, where: str, old: Any, keys: Sequence[str | int], value: Any) -> Any:
+    """A copy of nested tables and lists with the value at `keys`."""
+    if not keys:
+        return value
+    first, *others = keys
+    if isinstance(first, int):
+        entries = list(old) if isinstance(old, list | tuple) or np.ndim(old) else []
+        if first >= len(entries):
+            raise InputError(f"{path}: {where} has no [{first}].", f"It is {shown(old)}.")
+        entries[first] = _changed(path, f"{where}[{first}]", entries[first], others, value)
+        return entries
+    if not isinstance(old, Mapping):
+        raise InputError(f"{path}: {where} is no table of keys, but {shown(old)}.", f"Set {where} itself.")
+    return {**old, first: _changed(path, f"{where}.{first}", old.get(first, {}), others, value)}
+
+
+def _with_mesh(section: str, new: dict[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:
+    """The new table without what belongs to the old mesh alone: keys that the new one has not, or refuses."""
+    source = old.get("mesh")
+    merged = dict(new)
+    if sum(name in new for name in SOURCES) > 1:  # the new one replaces the old
+        merged = {name: value for name, value in new.items() if name not in SOURCES or name not in old}
+    if all(merged.get(name) == old.get(name) for name in SOURCES):
+        return merged
+    generator = GENERATOR_KEYS.get(source) if isinstance(source, str) else None
+    for key in keys_of(generator or FilePart):
+        if key in old and key in merged and not _fits(section, merged, key):
+            del merged[key]
+    return merged
+
+
+def _fits(section: str, table: Mapping[str, Any], key: str) -> bool:
+    """True where a cloth or body of that mesh takes the key with its value."""
+    source = {name: table[name] for name in SOURCES if name in table}
+    try:
+        _MESHES[section][0](section, {**source, key: table[key]})
+    except InputError:
+        return False
+    return True

@@ -1,0 +1,167 @@
+"""Values of a scene by path: those that are there, defaults, replaced ones, and bad paths."""
+
+import numpy as np
+import pytest
+
+from clothsim.base.errors import InputError
+from clothsim.keys.frozen import frozen
+from clothsim.scene.overrides import override
+from clothsim.scene.paths import get, located, parts_of, replace
+from clothsim.scene.scene import Scene
+
+SHIRT = {"name": "shirt", "mesh": "rectangle", "size": [1, 2], "position": np.array([0.0, 0.1, 0.2])}
+COLLAR = {"mesh": "disk", "radius": 0.2, "fabric_of": {"all": "denim"}}
+ONE = Scene(
+    cloth=SHIRT,
+    body=[{"name": "ball", "mesh": "sphere", "radius": 0.3, "motion": {"velocity": [1.0, 0.0, 0.0]}}],
+    effects={
+        "gravity": {},
+        "air": {"wind": {"kind": "vortex", "circulation": 3.0, "core": 0.5}},
+        "springs": {"spring": [{"select": "left", "stiffness": 5.0}]},
+    },
+    solver={"dt": 0.02},
+)
+TWO = Scene(cloth=[SHIRT, COLLAR], effects={"gravity": {"acceleration": [0.0, 0.0, -1.0]}})
+
+
+@pytest.mark.parametrize(
+    ("path", "parts"),
+    [
+        ("solver.dt", ["solver", "dt"]),
+        (" cloth[1].size[0] ", ["cloth", 1, "size", 0]),
+        ("cloth[my.shirt].size", ["cloth", "my.shirt", "size"]),
+        ("cloth.fabric_of.left cuff", ["cloth", "fabric_of", "left cuff"]),
+    ],
+)
+def test_parts_of_a_path(path, parts):
+    assert parts_of(path) == parts
+
+
+@pytest.mark.parametrize("path", ["", ".", "solver.", ".dt", "solver..dt", "cloth[1", "cloth]1[", "cloth[].size"])
+def test_no_path(path):
+    with pytest.raises(InputError, match="no path"):
+        parts_of(path)
+    with pytest.raises(InputError, match="no path"):
+        override(ONE, f"{path}=1")
+
+
+@pytest.mark.parametrize(
+    ("scene", "path", "expected"),
+    [
+        (ONE, "solver.dt", 0.02),
+        (ONE, "solver.integrator", "bdf2"),
+        (ONE, "run.duration", 2.0),
+        (ONE, "contact.pinch", "stop"),
+        (ONE, "seed.from", "rest"),
+        (ONE, "cloth.size", (1, 2)),
+        (ONE, "cloth.size[1]", 2),
+        (ONE, "cloth.shirt.size[1]", 2),
+        (ONE, "cloth[0].cells", (40, 40)),
+        (ONE, "cloth.position[2]", 0.2),
+        (ONE, "cloth.fabric", "cotton"),
+        (ONE, "cloth.density", None),
+        (ONE, "body.subdivisions", 4),
+        (ONE, "body.ball.motion.velocity[0]", 1.0),
+        (ONE, "body.ball.motion.rotate_degrees_per_second", (0.0, 0.0, 0.0)),
+        (ONE, "effects.gravity.acceleration", (0.0, 0.0, -9.81)),
+        (ONE, "effects.gravity", {}),
+        (ONE, "effects.air.wind.core", 0.5),
+        (ONE, "effects.air.wind.axis", (0.0, 0.0, 1.0)),
+        (ONE, "effects.springs.spring[0].stiffness", 5.0),
+        (ONE, "effects.springs.spring[0].slack", False),
+        (TWO, "cloth.shirt.size", (1, 2)),
+        (TWO, "cloth[0].size", (1, 2)),
+        (TWO, "cloth[1].radius", 0.2),
+        (TWO, "cloth[1].cells", 20),
+        (TWO, "cloth[1].fabric_of.all", "denim"),
+        (TWO, "effects.gravity.acceleration[2]", -1.0),
+    ],
+)
+def test_a_value(scene, path, expected):
+    assert get(scene, path) == expected
+
+
+@pytest.mark.parametrize(
+    ("scene", "path", "value"),
+    [
+        (ONE, "solver.integrator", "backward_euler"),
+        (ONE, "solver.tolerance", 1e-4),
+        (ONE, "run.duration", 0.5),
+        (ONE, "cloth.size", (3.0, 4.0)),
+        (ONE, "cloth.size[1]", 4.0),
+        (ONE, "cloth.position[2]", 0.5),
+        (ONE, "cloth.fabric_of.collar", "denim"),
+        (ONE, "body.ball.motion.velocity[1]", 0.5),
+        (ONE, "effects.gravity.acceleration", (0.0, 0.0, -1.0)),
+        (ONE, "effects.air.wind.core", 0.1),
+        (ONE, "effects.springs.spring[0].stiffness", 1.0),
+        (ONE, "effects.damping.rate", 3.0),
+        (ONE, "effects.damping", {"rate": 3.0}),
+        (TWO, "cloth.shirt.size", (3.0, 4.0)),
+        (TWO, "cloth[1].radius", 0.1),
+        (TWO, "cloth[1]", {"mesh": "disk"}),
+    ],
+)
+def test_a_replaced_value(scene, path, value):
+    before = scene.to_text()
+    made = replace(scene, path, value)
+    assert get(made, path) == frozen(value)
+    assert scene.to_text() == before != made.to_text()
+    assert type(made.cloth) is type(scene.cloth)
+
+
+def test_an_entry_that_is_named_leaves_the_others_alone():
+    made = replace(TWO, "cloth[1].radius", 0.1)
+    assert made.cloths[0] == TWO.cloths[0]
+    assert {**made.cloths[1], "radius": 0.2} == TWO.cloths[1]
+    assert located(TWO, "cloth.shirt.size") == ("cloth", 0, ["size"])
+
+
+BAD = [
+    (ONE, "solver", "names a section"),
+    (ONE, "solvr.dt", "'solver'"),
+    (ONE, "solver.dtt", "'dt'"),
+    (ONE, "solver.dt.x", r"solver\.dt"),
+    (ONE, "solver[0]", "solver"),
+    (ONE, "cloth.colour", "'colour'"),
+    (ONE, "cloth.shirt.colour", "'colour'"),
+    (ONE, "cloth.skirt.size", "'skirt'"),
+    (ONE, "cloth[1].size", "there is one"),
+    (ONE, "cloth.size[2]", "size"),
+    (ONE, "cloth.mesh.size", "no table"),
+    (ONE, "cloth.radius", "'radius'"),
+    (ONE, "rigid.density", "no rigid"),
+    (ONE, "effects", "names a section"),
+    (ONE, "effects.gravty.acceleration", "'gravity'"),
+    (ONE, "effects.gravity.accel", "'accel'"),
+    (ONE, "effects.springs.spring[1].stiffness", "spring"),
+    (ONE, "effects.springs.spring.stiffness", "spring"),
+    (TWO, "cloth.size", r"shirt, cloth\[1\]"),
+    (TWO, "cloth.skirt.size", r"shirt, cloth\[1\]"),
+    (TWO, "cloth[2].size", "there are 2"),
+    (Scene(cloth=[SHIRT, SHIRT]), "cloth.shirt.size", "2 have this name"),
+]
+
+
+@pytest.mark.parametrize(("scene", "path", "message"), BAD)
+def test_a_bad_path_is_one_error_everywhere(scene, path, message):
+    with pytest.raises(InputError, match=message):
+        get(scene, path)
+    with pytest.raises(InputError):
+        replace(scene, path, 1.0)
+    with pytest.raises(InputError):
+        override(scene, f"{path}=1.0")
+
+
+def test_an_effect_that_is_not_there_has_no_value():
+    with pytest.raises(InputError, match="gravity"):
+        get(ONE, "effects.damping.rate")
+
+
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [("solver.dt", -1.0), ("solver.dt", "fast"), ("cloth.size[0]", 0.0), ("effects.gravity", 9.81), ("cloth[0]", 3)],
+)
+def test_a_bad_value_is_refused_as_in_a_scene(path, value):
+    with pytest.raises(InputError):
+        replace(ONE, path, value)
