@@ -38,7 +38,7 @@ def relocated(scene: Scene) -> tuple[str, dict[str, Path]]:
 
 def named_files(scene: Scene) -> list[str]:
     """The files that a scene names, as it names them; of an animation the pattern."""
-    return [str(table[key]) for _, table, key in _named(json.loads(scene.to_text()))]
+    return [str(table[key]) for _, table, key in _named(json.loads(scene.to_text(names_of_functions=True)))]
 
 
 def refuse_outside(text: str, files: Iterable[str] = ()) -> None:

@@ -175,7 +175,7 @@ def checkpoint_of(session: Session, state: State, certificate: Certificate) -> C
         step=state.step,
         positions=state.positions,
         velocities=state.velocities,
-        scene_text=session.scene.to_text(),
+        scene_text=session.scene.to_text(names_of_functions=True),
         counters=counters,
         blocked_at=state.blocked_at,
         blocked=state.blocked,

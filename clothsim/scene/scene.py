@@ -166,9 +166,24 @@ class Scene:
         """[contact] with its defaults."""
         return self._contact  # type: ignore[attr-defined]
 
-    def to_text(self) -> str:
-        """The scene as JSON text, which `scene_from_text` reads back; meshes in memory are in it."""
+    def to_text(self, names_of_functions: bool = False) -> str:
+        """The scene as JSON text, which `scene_from_text` reads back; meshes in memory are in it.
+
+        Parameters
+        ----------
+        names_of_functions : bool
+            True: of a Python function its name is written, for the record of a run; a scene that is read back has lost
+            it, and says so when its effect is built.
+
+        Raises
+        ------
+        InputError
+            For a scene with a Python function otherwise.
+        """
         sections = {name: getattr(self, name) for name in SECTIONS if name != "rigid" or self.rigid}
+        if not names_of_functions:
+            for name, section in sections.items():
+                _refuse_functions(name, section)
         return json.dumps({**sections, "directory": str(Path(self.directory).resolve())}, default=_plain)
 
 
@@ -255,6 +270,22 @@ def _several(name: str, value: Any) -> tuple[Table, ...]:
         )
         for k, entry in enumerate(value)
     )
+
+
+def _refuse_functions(where: str, value: Any) -> None:
+    """InputError for a Python function among the values of a table."""
+    if isinstance(value, Mapping):
+        for key, inner in value.items():
+            _refuse_functions(f"{where}.{key}", inner)
+    elif isinstance(value, list | tuple):
+        for number, inner in enumerate(value):
+            _refuse_functions(f"{where}[{number}]", inner)
+    elif callable(value):
+        name = getattr(value, "__qualname__", type(value).__name__)
+        raise InputError(
+            f"{where} is the Python function {name!r}: such a scene can be neither printed nor farmed.",
+            "Give a number or key frames [[time, value], ...], or simulate in this program.",
+        )
 
 
 def _plain(value: Any) -> Any:

@@ -88,7 +88,9 @@ def predicted(model: DrapeModel, scene: Scene) -> Floats:
 
 def family(scene: Scene, varied: Sequence[str]) -> str:
     """sha256 of garment and body without the varied keys, files by their content."""
-    sections = {name: table for name, table in json.loads(scene.to_text()).items() if name in FAMILY}
+    sections = {
+        name: table for name, table in json.loads(scene.to_text(names_of_functions=True)).items() if name in FAMILY
+    }
     for path in varied:
         if paths.parts_of(path)[0] not in FAMILY:
             continue

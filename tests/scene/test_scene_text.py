@@ -1,0 +1,46 @@
+"""Scenes as text: what cannot be written says so."""
+
+import json
+
+import pytest
+
+from clothsim import Air, Pressure, Scene
+from clothsim.base.errors import InputError
+from clothsim.scene.scene import scene_from_text
+from clothsim.study.farm.identity import content_id
+from clothsim.study.farm.plan import plan
+from clothsim.study.farm.recipe import Recipe
+
+CLOTH = {"mesh": "rectangle", "cells": [2, 2]}
+
+
+def breath(time):
+    return 5.0 * time
+
+
+@pytest.mark.parametrize(
+    ("effects", "key"),
+    [
+        ([Pressure(value=breath)], r"effects\.pressure\.value"),
+        ([Air(wind=lambda points, time: 0 * points)], r"effects\.air\.wind"),
+        (
+            {"springs": {"spring": [{"select": "left", "stiffness": breath}]}},
+            r"effects\.springs\.spring\[0\]\.stiffness",
+        ),
+    ],
+)
+def test_a_scene_with_a_function_is_neither_printed_nor_farmed(tmp_path, effects, key):
+    scene = Scene(cloth=CLOTH, effects=effects)
+    with pytest.raises(InputError, match=key):
+        scene.to_text()
+    with pytest.raises(InputError, match=key):
+        content_id(scene, 1)
+    with pytest.raises(InputError, match=key):
+        plan(Recipe(scene, 1), tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_record_of_a_run_has_the_name_of_the_function():
+    text = Scene(cloth=CLOTH, effects=[Pressure(value=breath)]).to_text(names_of_functions=True)
+    assert json.loads(text)["effects"]["pressure"]["value"] == {"function": "breath"}
+    assert json.loads(scene_from_text(text).to_text()) == json.loads(text)
