@@ -59,7 +59,7 @@ class ShapedScene:
     def with_numbers(self, values: Mapping[str, float], scene: Scene | None = None) -> Scene:
         """Return a scene with the cloth cut to other numbers of the pattern."""
         scene = self.scene if scene is None else scene
-        tables = list(scene.cloths)
+        tables: list[Any] = list(scene.cloths)
         arrays: MeshArrays = tables[self.cloth]["mesh"]
         rest = self.numbers.material_coordinates(values) / float(tables[self.cloth].get("scale", 1.0))
         tables[self.cloth] = {**tables[self.cloth], "mesh": replace(arrays, rest=rest)}
@@ -97,7 +97,7 @@ def shaped_scene(scene: Scene, mesh: PatternMesh | None = None) -> ShapedScene:
     keys, where = dict(scene.cloths[number]), "cloth" if len(scene.cloths) == 1 else f"cloth[{number}]"
     shape = cloth_shape(keys, where, scene.directory)
     given = MeshArrays.checked(where, shape.positions, shape.triangles, shape.texture)
-    tables = list(scene.cloths)
+    tables: list[Any] = list(scene.cloths)
     tables[number] = {key: value for key, value in keys.items() if key not in OF_FILE} | {"mesh": given}
     changed: dict[str, Any] = {"cloth": tables}
     return _of_arrays(replace(scene, **changed), number, mesh_of_file(scene.directory / keys["mesh"], keys, where))

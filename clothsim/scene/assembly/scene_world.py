@@ -189,7 +189,7 @@ def build_effects(
             continue
         supplied = {"backend": backend, "contacts": contacts, "built": energies}
         where = f"effects.{name}"
-        keys = effect.keys_class.parsed(where, with_arrays(where, scene.effects[name], scene.directory))
+        keys = with_arrays(where, scene.effects[name], scene.directory)
         try:
             made = effect.build(world, keys, supplied)
         except (TypeError, ValueError) as error:
@@ -272,13 +272,13 @@ def _world(scene: Scene) -> tuple[World, list[str]]:
         cloth, cloth_notes = cloth_of(shape, keys, where, start)
         cloths.append(cloth)
         notes.extend(cloth_notes)
-    for k, keys in enumerate(scene.bodies):
-        body, body_notes = body_of(keys, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
+    for k, given in enumerate(scene.bodies):
+        body, body_notes = body_of(given, "body" if len(scene.bodies) == 1 else f"body[{k}]", scene.directory)
         bodies.append(body)
         notes.extend(body_notes)
     rigid = []
-    for k, keys in enumerate(scene.rigid_bodies):
-        solid, body_notes = _rigid_body(keys, "rigid" if len(scene.rigid_bodies) == 1 else f"rigid[{k}]", scene)
+    for k, solid_keys in enumerate(scene.rigid_bodies):
+        solid, body_notes = _rigid_body(solid_keys, "rigid" if len(scene.rigid_bodies) == 1 else f"rigid[{k}]", scene)
         rigid.append(solid)
         notes.extend(body_notes)
     world = make_world(cloths, bodies, rigid)
