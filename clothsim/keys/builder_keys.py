@@ -45,7 +45,7 @@ def keys_of_builder(builder: Callable[..., Any], name: str = "") -> type[EffectK
     for key, parameter in signature_of(builder).parameters.items():
         if parameter.kind is parameter.KEYWORD_ONLY and key not in SUPPLIED:
             kind = Any if parameter.annotation is parameter.empty else parameter.annotation
-            annotation = Annotated[kind, Key(*meanings.get(key, ("", "-")))]
+            annotation = Annotated[kind, Key(*meanings.get(key, ("", "-")))]  # type: ignore[valid-type]
             declared.append((f"{key}_", annotation, *_default(parameter)))  # no field hides a method of the section
     name = name or getattr(builder, "__name__", "own")
     namespace = {"section": f"effects.{name}"}
@@ -74,7 +74,7 @@ def _default(parameter: inspect.Parameter) -> tuple[Any, ...]:
     if parameter.default is parameter.empty:
         return ()
     value = frozen(parameter.default)
-    return (field(default=value if type(value).__hash__ else content_of(value)),)
+    return (field(default=value if type(value).__hash__ is not None else content_of(value)),)
 
 
 def _parameters(docstring: str) -> dict[str, tuple[str, str]]:
