@@ -123,7 +123,7 @@ def garment_of(cloth: Any, weld: float) -> Garment:
     given = cloth if isinstance(cloth, Cloth) else Cloth(cloth)
     table = check_cloth("cloth", given.as_table() | ({"weld": weld} if weld else {}))
     made, notes = cloth_of(cloth_shape(table, "cloth", Path()), table, "cloth")
-    sewn_already = bool(table.get("weld") or table.get("sewn"))
+    sewn_already = bool(table.weld or table.sewn)
     return Garment(made.name, made.positions, made.triangles, notes, sewn=sewn_already)
 
 

@@ -1,7 +1,6 @@
 """Canonical garments of a run: its frames brought back to the rest pose of the body model, and their inverse."""
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -146,15 +145,14 @@ def unposed(run: "Run", scene: Scene, field: bool = False) -> CanonicalGarments:
 
 def character_of_scene(scene: Scene) -> tuple[PlacedCharacter, str]:
     """The only body model of a scene and its name. InputError where it has none or several."""
-    tables = [scene.body] if isinstance(scene.body, Mapping) else list(scene.body)
-    models = [(k, keys) for k, keys in enumerate(tables) if "model" in keys]
+    models: list[Any] = [(k, keys) for k, keys in enumerate(scene.bodies) if "model" in keys]
     if len(models) != 1:
         raise InputError(
             f"The scene has {len(models)} body models.", 'It takes one: [[body]] model = "mannequin", for instance.'
         )
     k, keys = models[0]
-    where = "body" if len(tables) == 1 else f"body[{k}]"
-    return placed_character(keys, where, scene.directory), str(keys.get("name", where))
+    where = "body" if len(scene.bodies) == 1 else f"body[{k}]"
+    return placed_character(keys, where, scene.directory), keys.name or where
 
 
 def skinning(made: PlacedCharacter, time: float, reference: Floats) -> PosedBody:

@@ -51,6 +51,9 @@ class KeyTable(Locked, Mapping[str, Any]):
     def __len__(self) -> int:
         return len(self._table)
 
+    def __bool__(self) -> bool:
+        return True  # also where no key was given
+
     def __eq__(self, other: object) -> bool:
         if isinstance(other, KeyTable) and other.section != self.section:
             return False

@@ -157,10 +157,10 @@ def located(scene: Scene, path: str) -> tuple[str, str | int | None, list[str | 
     return str(section), *entry_of(path, names_of(str(section), tables), keys)
 
 
-def names_of(section: str, tables: Sequence[Mapping[str, Any]]) -> list[str]:
+def names_of(section: str, entries: Sequence[Any]) -> list[str]:
     """The names of the entries of a section; of one without a name "cloth", or "cloth[1]" where there are several."""
-    several = len(tables) > 1
-    return [str(keys.get("name", f"{section}[{k}]" if several else section)) for k, keys in enumerate(tables)]
+    several = len(entries) > 1
+    return [keys.name or (f"{section}[{k}]" if several else section) for k, keys in enumerate(entries)]
 
 
 def entry_of(path: str, names: Sequence[str], keys: list[str | int]) -> tuple[int, list[str | int]]:
@@ -220,10 +220,14 @@ def _changed(path: str, where: str, old: Any, keys: Sequence[str | int], value: 
         return entries
     if not isinstance(old, Mapping):
         raise InputError(f"{path}: {where} is no table of keys, but {shown(old)}.", f"Set {where} itself.")
-    inner = old.get(first)
-    if inner is None and isinstance(old, KeyTable) and first in keys_of(type(old)):
-        inner = getattr(old, keys_of(type(old))[first].field)
+    inner = old.get(first, _default(old, first))
     return {**old, first: _changed(path, f"{where}.{first}", {} if inner is None else inner, others, value)}
+
+
+def _default(section: Mapping[str, Any], key: str) -> Any:
+    """The default of a key of a section; None of another table."""
+    known = keys_of(type(section)) if isinstance(section, KeyTable) else {}
+    return getattr(section, known[key].field) if key in known else None
 
 
 def _with_mesh(section: str, new: dict[str, Any], old: Mapping[str, Any]) -> dict[str, Any]:

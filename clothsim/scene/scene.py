@@ -166,6 +166,13 @@ class Scene:
         """[contact]."""
         return self.contact
 
+    @property
+    def up(self) -> tuple[float, ...]:
+        """Unit vector against gravity; z where there is none."""
+        acceleration = np.array(self.effects["gravity"].acceleration if "gravity" in self.effects else (), np.float64)
+        length = float(np.linalg.norm(acceleration))
+        return tuple((-acceleration / length).tolist()) if length else (0.0, 0.0, 1.0)
+
     def to_text(self, names_of_functions: bool = False) -> str:
         """The scene as JSON text, which `scene_from_text` reads back; meshes in memory are in it.
 

@@ -122,7 +122,7 @@ def _jittered(scene: Any, seed: int, folder: Path) -> dict[str, Any]:
     shapes = [cloth_shape(keys, f"cloth[{k}]", scene.directory) for k, keys in enumerate(scene.cloths)]
     given = initial_positions(scene, [len(shape.positions) for shape in shapes])
     starts = [
-        placed(keys, "cloth", shape.positions) if start is None else start
+        placed(keys, shape.positions) if start is None else start
         for keys, shape, start in zip(scene.cloths, shapes, given, strict=True)
     ]
     start = np.concatenate(starts)

@@ -69,7 +69,8 @@ def test_attributes_have_the_defaults_and_the_table_has_what_was_given():
     assert SCENE.cloths[1].group == "sleeve"
     assert SCENE.cloths[2].density == 0.2
     assert SCENE.effects["gravity"].acceleration == (0.0, 0.0, -9.81)
-    assert not SCENE.effects["gravity"]
+    assert SCENE.effects["gravity"] == {}
+    assert SCENE.effects["gravity"]
     assert "integrator" not in SCENE.solver
     assert {**SCENE.solver, "dt": 2} == {"dt": 2}
     assert Scene(cloth={"mesh": "x.json"}).cloth.size == PatternFile().size == 0.02

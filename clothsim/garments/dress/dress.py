@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from clothsim import Run
+from clothsim import Cloth, Run
 from clothsim.base.errors import InputError
 from clothsim.engine import Announcement, Listener, make_directory, refuse_earlier_run
 from clothsim.files import read_pattern
@@ -81,7 +81,7 @@ def dress(
     output: str | Path | None = None,
     *,
     size: float = 0.02,
-    fabric: str = "cotton",
+    fabric: str | None = None,
     fabrics: Mapping[str, str] | None = None,
     cut_for: str | Path | Any | None = None,
     grade: Mapping[str, float] | None = None,
@@ -108,8 +108,8 @@ def dress(
         Directory for the run, `garment.obj`, the pattern and the summary; None: a new temporary one.
     size : float
         Distance of neighbouring vertices [m].
-    fabric : str
-        A named fabric.
+    fabric : str, optional
+        A named fabric; None: cotton.
     fabrics : mapping of str to str, optional
         Named fabrics of panels with one of their own, by name; `*` stands for any letters: {"*cuff*": "denim"}.
     cut_for : str, Path, Body or mesh object, optional
@@ -152,7 +152,7 @@ def dress(
     'completed'
     """
     started = perf_counter()
-    chosen = Fabrics(fabric, fabrics or {})
+    chosen = Fabrics(fabric or Cloth.fabric, fabrics or {})
     directory = _directory(output, overwrite)
     if not isinstance(pattern, str | Path | Pattern):
         raise InputError(f"pattern is of the type {type(pattern).__name__}.", "Give a file or a Pattern.")

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from clothsim.base.arrays import Floats, Ints
 from clothsim.base.errors import InputError
+from clothsim.keys.rigid_keys import RigidTable
 from clothsim.mesh.local_origin import with_local_origin
 from clothsim.mesh.rigid_body import RigidBody
 from clothsim.mesh.world import World, make_world
@@ -251,7 +252,7 @@ def _take_over(
         off[name] = before.off[name]
 
 
-def _rigid_body(keys: Mapping[str, Any], where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
+def _rigid_body(keys: RigidTable, where: str, scene: Scene) -> tuple[RigidBody, tuple[str, ...]]:
     from clothsim.scene.assembly.rigid_bodies import rigid_body_of
 
     return rigid_body_of(keys, where, scene)
